@@ -1,0 +1,1 @@
+"""cnnum: an emulator of the cellular-wave computer that processes tactile scenes."""

@@ -1,0 +1,78 @@
+"""Every error that cnnum raises on purpose: one sentence, what was expected, what came, what to do.
+
+Each leaf is also the builtin that a caller would reach for, so ``except ValueError`` works.
+"""
+from collections.abc import Iterable
+
+
+
+class CnnumError(Exception):
+    """Base of all errors of this package."""
+
+
+class ArrayError(CnnumError, ValueError):
+    """An array has the wrong shape, type or content (NaN, infinity)."""
+
+
+class TemplateError(CnnumError, ValueError):
+    """A template is not well formed."""
+
+
+class ProgramError(CnnumError, ValueError):
+    """An analogic program can not be traced or compiled."""
+
+
+class SceneError(CnnumError, ValueError):
+    """A scene file is not well formed."""
+
+
+class UnknownNameError(CnnumError, LookupError):
+    """A name (template, method, engine, driver, need…) is not among the known ones."""
+
+
+class MethodError(CnnumError, ValueError):
+    """An integration method can not be used as asked (step outside its stability bound…)."""
+
+
+class DeviceError(CnnumError, RuntimeError):
+    """No compute device, or not one as asked for."""
+
+
+class NotSupportedError(CnnumError, RuntimeError):
+    """An engine does not do what was asked; the sentence says why."""
+
+
+class CodecError(CnnumError, ValueError):
+    """Bytes or text from an array or a recording can not be decoded."""
+
+
+class PortError(CnnumError, OSError):
+    """A port can not be opened, or went away."""
+
+
+class RecordingError(CnnumError, OSError):
+    """A recording can not be read or written."""
+
+
+class PhysicsError(CnnumError, ValueError):
+    """A physical parameter is outside the range of its closed form."""
+
+
+class MissingExtraError(CnnumError, ImportError):
+    """An optional dependency is not installed; the sentence names the extra."""
+
+
+def name_error(kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
+    """Return the error for an unknown name, with the valid choices in it.
+
+    Parameters
+    ----------
+    kind : str
+        What the name is of: "template", "method"…
+    name : str
+        The name that came.
+    known : iterable of str
+        The valid names.
+    """
+    choices = ", ".join(f"'{item}'" for item in known)
+    return UnknownNameError(f"Unknown {kind} '{name}': expected one of {choices}.")

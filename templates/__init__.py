@@ -1,0 +1,1 @@
+"""The template library: one TOML file a template; `tactile` holds the analogic programs."""
