@@ -2,8 +2,8 @@
 
 Each leaf is also the builtin that a caller would reach for, so ``except ValueError`` works.
 """
-from collections.abc import Iterable
 
+from collections.abc import Iterable
 
 
 class CnnumError(Exception):

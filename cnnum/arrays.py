@@ -1,0 +1,93 @@
+"""What comes in as an array is checked once, here: finite numbers of the promised shape."""
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cnnum.errors import ArrayError
+
+Floats = NDArray[np.float64]
+"""Any array of real numbers inside the house; float64 until an engine rounds it."""
+
+Shape = tuple[int, int]
+"""Rows and columns of a cell array."""
+
+
+def finite(name: str, value: ArrayLike) -> Floats:
+    """Return `value` as a float64 array, refusing what is not finite real numbers.
+
+    Raises
+    ------
+    ArrayError
+        If `value` is not numeric, or holds NaN or infinity.
+    """
+    try:
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ArrayError(
+            f"'{name}' must be an array of real numbers, got {type(value).__name__}."
+        ) from None
+    if not np.isfinite(array).all():
+        bad = int(array.size - np.isfinite(array).sum())
+        raise ArrayError(
+            f"'{name}' must be finite, got {bad} NaN or infinite of {array.size} values; "
+            "replace them, or mark those cells with a fixed-state mask."
+        )
+    return array
+
+
+def maps(name: str, value: ArrayLike, shape: Shape, layers: int) -> Floats:
+    """Return `value` as (..., layers, rows, cols); one layer may come without its axis.
+
+    Raises
+    ------
+    ArrayError
+        If the trailing axes are not the array's.
+    """
+    array = finite(name, value)
+    if array.ndim >= 2 and array.shape[-2:] == shape and layers == 1:
+        return array[..., np.newaxis, :, :]
+    if array.ndim >= 3 and array.shape[-3:] == (layers, *shape):
+        return array
+    wanted = (
+        f"(..., {layers}, {shape[0]}, {shape[1]})"
+        if layers > 1
+        else f"(..., {shape[0]}, {shape[1]})"
+    )
+    raise ArrayError(f"'{name}' must have the shape {wanted}, got {array.shape}.")
+
+
+def as_shape(value: Sequence[int]) -> Shape:
+    """Return rows and columns as a tuple of two positive integers.
+
+    Raises
+    ------
+    ArrayError
+        If there are not two of them, or one is below 1.
+    """
+    dims = tuple(int(n) for n in value)
+    if len(dims) != 2 or min(dims) < 1:
+        raise ArrayError(f"A cell array has two positive dimensions (rows, columns), got {dims}.")
+    return dims[0], dims[1]
+
+
+def frozen(array: ArrayLike) -> Floats:
+    """Return a read-only float64 copy."""
+    copy = np.array(array, dtype=np.float64)
+    copy.setflags(write=False)
+    return copy
+
+
+def digest(*parts: object) -> str:
+    """Return a short content hash of arrays and printable values, for caches and interning."""
+    sha = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            array = np.asarray(part, dtype=np.float64)
+            sha.update(repr(array.shape).encode() + array.tobytes())
+        else:
+            sha.update(repr(part).encode())
+        sha.update(b"\0")
+    return sha.hexdigest()[:24]

@@ -1,0 +1,84 @@
+"""What a cell at the rim sees where its neighbourhood leaves the array."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Shape
+from cnnum.errors import TemplateError
+
+
+@dataclass(frozen=True, slots=True)
+class Boundary:
+    """A rule that gives every virtual cell beyond the rim its state.
+
+    Attributes
+    ----------
+    name : str or float
+        As template files say it: "zero-flux", "periodic", or the constant itself.
+    pad_mode : str
+        The `numpy.pad` mode that fills a rim in this way.
+    constant : float or None
+        The state of all virtual cells (Dirichlet), None where they copy a cell of the array.
+    """
+
+    name: str | float
+    pad_mode: Literal["constant", "symmetric", "wrap"]
+    constant: float | None = None
+
+    def __str__(self) -> str:
+        return self.name if isinstance(self.name, str) else f"{self.name:g}"
+
+
+ZERO_FLUX = Boundary("zero-flux", "symmetric")
+"""Mirrors the array about its rim, so nothing flows across it (Neumann). The mirror line lies
+between cells, which makes it the boundary of the DCT-II; at radius 1 it repeats the rim."""
+
+PERIODIC = Boundary("periodic", "wrap")
+"""The array is a torus."""
+
+_NAMED = {str(boundary.name): boundary for boundary in (ZERO_FLUX, PERIODIC)}
+
+
+def parse_boundary(value: float | str | Boundary) -> Boundary:
+    """Return the boundary that a number or a name stands for.
+
+    Raises
+    ------
+    TemplateError
+        If it is neither a finite number, nor "zero-flux", nor "periodic".
+    """
+    if isinstance(value, Boundary):
+        return value
+    if isinstance(value, str):
+        if value not in _NAMED:
+            raise TemplateError(
+                f"Unknown boundary '{value}': expected a number, 'zero-flux' or 'periodic'."
+            )
+        return _NAMED[value]
+    if not np.isfinite(value):
+        raise TemplateError(f"A fixed boundary needs a finite value, got {value}.")
+    return Boundary(float(value), "constant", float(value))
+
+
+def halo_sources(boundary: Boundary, shape: Shape, radius: int) -> NDArray[np.int64]:
+    """Return for each cell of the padded array the index of the cell it copies, −1 for a constant.
+
+    Parameters
+    ----------
+    boundary : Boundary
+    shape : (rows, cols)
+    radius : int
+        Width of the rim of virtual cells; it may exceed the array, mirrors then repeat.
+
+    Returns
+    -------
+    (rows + 2·radius, cols + 2·radius) int
+        Row-major index of a cell.
+    """
+    cells = np.arange(shape[0] * shape[1]).reshape(shape)
+    if boundary.pad_mode == "constant":
+        return np.pad(cells, radius, mode="constant", constant_values=-1)
+    return np.pad(cells, radius, mode=boundary.pad_mode)

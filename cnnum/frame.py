@@ -1,0 +1,97 @@
+"""A frame: one scan of a tactile array, as its driver hands it on."""
+
+from dataclasses import dataclass, field
+from enum import IntFlag
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.errors import ArrayError
+
+FORCE_AXES = ("shear_x", "shear_y", "normal")
+"""The channels of a three-axial frame, in the order of its last axis."""
+
+
+class Quality(IntFlag):
+    """What a driver knows to be wrong with a frame; 0 is a good one."""
+
+    GOOD = 0
+    DROPPED_BEFORE = 1
+    """Frames between the one before and this one never arrived."""
+    REPEATED = 2
+    """The same scan as the one before: the log is faster than the sensor."""
+    SATURATED = 4
+    """A taxel stands at an end of its range."""
+    CORRUPT = 8
+    """The check over the bytes failed; the values can not be trusted."""
+
+
+BAD = Quality.CORRUPT
+"""Flags under which a frame must not become an event."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What a simulated or labelled source knows about a frame (ground truth).
+
+    Attributes
+    ----------
+    values : mapping of str to float
+        Names are the source's: "contact", "slip", "stick_radius" (m), "contact_radius" (m),
+        "twist" (rad), "normal_force" (N), "shear_x" and "shear_y" (N), "torque" (N m)…
+    """
+
+    values: dict[str, float] = field(default_factory=dict[str, float])
+
+    def __getitem__(self, name: str) -> float:
+        return self.values[name]
+
+    def get(self, name: str, default: float = 0.0) -> float:
+        """Return the value of that name, or `default`."""
+        return self.values.get(name, default)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """One scan of an array.
+
+    Attributes
+    ----------
+    values : (rows, cols, channels) float
+        Raw counts, volts or calibrated quantities: the unit says which.
+    channels : tuple of str
+        Names of the last axis: ("shear_x", "shear_y", "normal"), or a bridge's sides.
+    unit : str
+        "count", "V", "Pa", "N"…
+    sequence : int
+        Number of the scan, counted by the device where it counts.
+    time : float
+        s, on the device's clock where it has one, else on the host's, from the first frame.
+    quality : Quality
+    truth : Truth or None
+    """
+
+    values: NDArray[np.float64]
+    channels: tuple[str, ...]
+    unit: str
+    sequence: int
+    time: float
+    quality: Quality = Quality.GOOD
+    truth: Truth | None = None
+
+    def __post_init__(self) -> None:
+        if self.values.ndim != 3 or self.values.shape[2] != len(self.channels):
+            raise ArrayError(
+                f"A frame with the channels {self.channels} must have the shape "
+                f"(rows, cols, {len(self.channels)}), got {self.values.shape}."
+            )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.values.shape[0], self.values.shape[1]
+
+    @property
+    def bad(self) -> bool:
+        """Whether the frame must not become an event."""
+        return bool(self.quality & BAD)

@@ -1,0 +1,234 @@
+"""A template: the numbers that tell every cell what to do, and all that travels with them.
+
+State equation (Chua & Yang 1988), per layer l, with ∗ a correlation (no kernel flip):
+
+    τ_l dx_l/dt = −x_l + Σ_m A_lm ∗ f(x_m) + Σ_m B_lm ∗ u_m + z_l,    y = f(x)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Floats, digest, finite, frozen
+from cnnum.boundary import Boundary, parse_boundary
+from cnnum.errors import TemplateError
+from cnnum.outputs import OutputFunction, output_function
+
+Duration = float | Literal["settle"]
+Initial = float | Literal["input"]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """The check that a template must pass: the name of a closed form, and its parameters."""
+
+    name: str
+    parameters: tuple[tuple[str, float | str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False, init=False)
+class Template:
+    """A CNN template with its boundary, initial state and duration.
+
+    Parameters
+    ----------
+    name : str
+    A : (k, k) or (layers, layers, k, k) float
+        Feedback, as [to, from]; k odd. Correlation: element (0, 0) weighs the north-west neighbour.
+    B : (k, k) or (layers, inputs, k, k) float, optional
+        Control. Without it the template has no input.
+    z : float or (layers,) float
+        Bias.
+    tau : float or (layers,) float
+        Time constant of a layer, in the unit of time of the template.
+    boundary : float, "zero-flux" or "periodic"
+        State of the virtual cells beyond the rim.
+    input_boundary : float, "zero-flux" or "periodic", optional
+        Input of the virtual cells; the state's boundary unless given.
+    initial : float or "input"
+        Initial state where a run does not give one; "input" copies the input, layer by layer.
+    duration : float or "settle"
+        Run time in time constants, or until nothing changes any more.
+    output : str
+        Output function: "standard", "linear", "tanh" or "full-range".
+    description, source : str
+        What it does, and where the numbers come from.
+    check : Check, optional
+        The closed form it is checked against.
+
+    Raises
+    ------
+    TemplateError
+        If the parts do not fit together.
+    UnknownNameError
+        If there is no such output function.
+    """
+
+    name: str
+    A: Floats
+    B: Floats
+    z: Floats
+    tau: Floats
+    boundary: Boundary
+    input_boundary: Boundary
+    initial: Initial
+    duration: Duration
+    output: OutputFunction
+    description: str
+    source: str
+    check: Check | None
+    digest: str
+
+    def __init__(
+        self,
+        name: str,
+        A: ArrayLike,
+        B: ArrayLike | None = None,
+        z: float | Sequence[float] = 0.0,
+        *,
+        tau: float | Sequence[float] = 1.0,
+        boundary: float | str | Boundary = 0.0,
+        input_boundary: float | str | Boundary | None = None,
+        initial: Initial = 0.0,
+        duration: Duration = "settle",
+        output: str | OutputFunction = "standard",
+        description: str = "",
+        source: str = "",
+        check: Check | None = None,
+    ) -> None:
+        feedback = _couplings(name, "A", A)
+        layers = feedback.shape[0]
+        if feedback.shape[1] != layers:
+            raise TemplateError(
+                f"Template '{name}': A couples layers to layers, got {feedback.shape[1]} "
+                f"columns for {layers} layers."
+            )
+        state_boundary = parse_boundary(boundary)
+        parts: dict[str, object] = {
+            "name": name,
+            "A": feedback,
+            "B": _control(name, B, layers),
+            "z": _per_layer(name, "z", z, layers),
+            "tau": _positive(name, _per_layer(name, "tau", tau, layers)),
+            "boundary": state_boundary,
+            "input_boundary": (
+                state_boundary if input_boundary is None else parse_boundary(input_boundary)
+            ),
+            "initial": _initial(name, initial),
+            "duration": _duration(name, duration),
+            "output": output if isinstance(output, OutputFunction) else output_function(output),
+            "description": description,
+            "source": source,
+            "check": check,
+        }
+        for key, value in parts.items():
+            object.__setattr__(self, key, value)
+        if self.initial == "input" and self.inputs not in (0, layers):
+            raise TemplateError(
+                f"Template '{name}': initial = 'input' needs one input a layer, got "
+                f"{self.inputs} inputs for {layers} layers."
+            )
+        object.__setattr__(self, "digest", digest(*self._physics()))
+
+    def _physics(self) -> tuple[object, ...]:
+        """Return all that changes a run; two templates with the same of it are the same."""
+        return (
+            self.A,
+            self.B,
+            self.z,
+            self.tau,
+            self.boundary,
+            self.input_boundary,
+            self.initial,
+            self.duration,
+            self.output.name,
+        )
+
+    @property
+    def layers(self) -> int:
+        """Number of layers."""
+        return int(self.A.shape[0])
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs; 0 where there is no control template."""
+        return int(self.B.shape[1])
+
+    @property
+    def radius(self) -> int:
+        """Neighbourhood radius of the wider of A and B."""
+        return int(max(self.A.shape[-1], self.B.shape[-1])) // 2
+
+    @property
+    def uncoupled(self) -> bool:
+        """Whether A is zero, so that every cell decays on its own towards B∗u + z."""
+        return not self.A.any()
+
+    def __repr__(self) -> str:
+        return (
+            f"Template('{self.name}', layers={self.layers}, inputs={self.inputs}, "
+            f"radius={self.radius}, boundary={self.boundary}, duration={self.duration})"
+        )
+
+
+def _couplings(template: str, part: str, value: ArrayLike) -> Floats:
+    kernel = finite(f"{part} of template '{template}'", value)
+    if kernel.ndim == 2:
+        kernel = kernel[np.newaxis, np.newaxis]
+    if kernel.ndim != 4 or kernel.shape[-1] != kernel.shape[-2] or kernel.shape[-1] % 2 == 0:
+        raise TemplateError(
+            f"Template '{template}': {part} must be (k, k) or (layers, from, k, k) with k odd, "
+            f"got the shape {np.shape(value)}."
+        )
+    return frozen(kernel)
+
+
+def _control(template: str, value: ArrayLike | None, layers: int) -> Floats:
+    if value is None:
+        return frozen(np.zeros((layers, 0, 1, 1)))
+    control = _couplings(template, "B", value)
+    if control.shape[0] != layers:
+        raise TemplateError(
+            f"Template '{template}': B must serve the {layers} layers of A, got {control.shape[0]}."
+        )
+    return control
+
+
+def _per_layer(template: str, part: str, value: float | Sequence[float], layers: int) -> Floats:
+    numbers = finite(f"{part} of template '{template}'", value)
+    if numbers.ndim > 1 or numbers.size not in (1, layers):
+        raise TemplateError(
+            f"Template '{template}': {part} must be one number or one a layer ({layers}), "
+            f"got the shape {numbers.shape}."
+        )
+    return frozen(np.broadcast_to(numbers, (layers,)))
+
+
+def _positive(template: str, tau: Floats) -> Floats:
+    if (tau <= 0).any():
+        raise TemplateError(f"Template '{template}': tau must be positive, got {tau.tolist()}.")
+    return tau
+
+
+def _initial(template: str, value: Initial) -> Initial:
+    if value == "input":
+        return "input"
+    if isinstance(value, str) or not np.isfinite(value):
+        raise TemplateError(
+            f"Template '{template}': initial must be a finite number or 'input', got {value!r}."
+        )
+    return float(value)
+
+
+def _duration(template: str, value: Duration) -> Duration:
+    if value == "settle":
+        return "settle"
+    if isinstance(value, str) or not np.isfinite(value) or value < 0:
+        raise TemplateError(
+            f"Template '{template}': duration must be a number of time constants from 0 up, or "
+            f"'settle', got {value!r}."
+        )
+    return float(value)
