@@ -1,0 +1,118 @@
+"""Local arithmetic and local logic of a cell: one record an operation, shared by every engine.
+
+A logic value is 0 or 1 in the engine's own number type, so that masks multiply and add up.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class ElementOp:
+    """An operation on the values of one cell.
+
+    Attributes
+    ----------
+    name : str
+    arity : int
+        Number of arguments, called a, b, c in the OpenCL text.
+    numpy : callable
+        The operation on float64 arrays; logic in and out as 0 and 1.
+    opencl : str
+        The operation as an expression of a, b, c; `PICK(c, t, f)` is t where c holds, else f.
+    logic : bool
+        The result is a logic value.
+    """
+
+    name: str
+    arity: int
+    numpy: Callable[..., Floats]
+    opencl: str
+    logic: bool = False
+
+    def __post_init__(self) -> None:
+        missing = [letter for letter in "abc"[: self.arity] if letter not in self.opencl]
+        if missing:
+            raise ValueError(f"The OpenCL form of '{self.name}' does not use {missing}.")
+
+
+def _divide(a: Floats, b: Floats) -> Floats:
+    # 0 where nothing can be divided: a cell without load has no friction, not a NaN
+    return np.divide(a, b, out=np.zeros(np.broadcast_shapes(a.shape, b.shape)), where=b != 0)
+
+
+def _root(a: Floats) -> Floats:
+    return np.sqrt(np.maximum(a, 0.0))
+
+
+def _invert(a: Floats) -> Floats:
+    return 1.0 - a
+
+
+def _select(a: Floats, b: Floats, c: Floats) -> Floats:
+    return np.where(np.asarray(a != 0.0), b, c)
+
+
+ADD = ElementOp("add", 2, np.add, "a + b")
+SUBTRACT = ElementOp("subtract", 2, np.subtract, "a - b")
+MULTIPLY = ElementOp("multiply", 2, np.multiply, "a * b")
+DIVIDE = ElementOp("divide", 2, _divide, "PICK(b != ZERO, a / b, ZERO)")
+NEGATE = ElementOp("negate", 1, np.negative, "-a")
+ABSOLUTE = ElementOp("absolute", 1, np.abs, "fabs(a)")
+ROOT = ElementOp("root", 1, _root, "sqrt(fmax(a, ZERO))")
+EXPONENTIAL = ElementOp("exponential", 1, np.exp, "exp(a)")
+MINIMUM = ElementOp("minimum", 2, np.minimum, "fmin(a, b)")
+MAXIMUM = ElementOp("maximum", 2, np.maximum, "fmax(a, b)")
+GREATER = ElementOp("greater", 2, np.greater, "PICK(a > b, ONE, ZERO)", logic=True)
+AT_LEAST = ElementOp("at_least", 2, np.greater_equal, "PICK(a >= b, ONE, ZERO)", logic=True)
+EQUAL = ElementOp("equal", 2, np.equal, "PICK(a == b, ONE, ZERO)", logic=True)
+AND = ElementOp("and", 2, np.multiply, "a * b", logic=True)
+OR = ElementOp("or", 2, np.maximum, "fmax(a, b)", logic=True)
+XOR = ElementOp("xor", 2, np.not_equal, "PICK(a != b, ONE, ZERO)", logic=True)
+NOT = ElementOp("not", 1, _invert, "ONE - a", logic=True)
+SELECT = ElementOp("select", 3, _select, "PICK(a != ZERO, b, c)")
+
+
+@dataclass(frozen=True, slots=True)
+class ReduceOp:
+    """A read-out of the whole array: one number a frame.
+
+    Attributes
+    ----------
+    name : str
+    numpy : callable
+        The reduction over the last two axes of float64 arrays.
+    start, step : str
+        OpenCL expressions: the value before the first cell, and the value after cell `a`.
+    logic : bool
+        The result is a logic value (global OR, global AND).
+    """
+
+    name: str
+    numpy: Callable[[Floats], Floats]
+    start: str
+    step: str
+    logic: bool = False
+
+
+def _sum(a: Floats) -> Floats:
+    return np.asarray(a.sum(axis=(-2, -1)))
+
+
+def _largest(a: Floats) -> Floats:
+    return np.asarray(a.max(axis=(-2, -1)))
+
+
+def _smallest(a: Floats) -> Floats:
+    return np.asarray(a.min(axis=(-2, -1)))
+
+
+SUM = ReduceOp("sum", _sum, "ZERO", "total + a")
+LARGEST = ReduceOp("largest", _largest, "-HUGE", "fmax(total, a)")
+SMALLEST = ReduceOp("smallest", _smallest, "HUGE", "fmin(total, a)")
+ANY = ReduceOp("any", _largest, "ZERO", "fmax(total, a)", logic=True)
+ALL = ReduceOp("all", _smallest, "ONE", "fmin(total, a)", logic=True)

@@ -1,0 +1,227 @@
+"""The graph of an analogic program: interned nodes, so that equal operations are one node."""
+
+from dataclasses import dataclass, field
+
+from cnnum.arrays import Floats, Shape, digest, frozen
+from cnnum.graph.elementwise import ElementOp, ReduceOp
+from cnnum.template import Duration, Template
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """One channel of the frame."""
+
+    channel: str
+
+    def __str__(self) -> str:
+        return f"channel {self.channel}"
+
+
+@dataclass(frozen=True, slots=True)
+class FirstFrame:
+    """A flag that holds on the first frame of a stream, when memories hold nothing yet."""
+
+    def __str__(self) -> str:
+        return "first frame?"
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """The same number in every cell of every frame."""
+
+    value: float
+
+    def __str__(self) -> str:
+        return f"{self.value:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantMap:
+    """A map of numbers that is the same in every frame; told apart by content."""
+
+    content: str
+    values: Floats = field(compare=False)
+
+    @classmethod
+    def of(cls, values: Floats) -> "ConstantMap":
+        """Return the operation for (rows, cols) values."""
+        return cls(digest(values), frozen(values))
+
+    def __str__(self) -> str:
+        return "constant map"
+
+
+@dataclass(frozen=True, slots=True)
+class Apply:
+    """Local arithmetic or logic."""
+
+    function: ElementOp
+
+    def __str__(self) -> str:
+        return self.function.name
+
+
+@dataclass(frozen=True, slots=True)
+class Reduce:
+    """A global read-out: a map becomes one number."""
+
+    function: ReduceOp
+
+    def __str__(self) -> str:
+        return f"global {self.function.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class Read:
+    """What a memory held at the end of the frame before (0 on the first)."""
+
+    memory: int
+
+    def __str__(self) -> str:
+        return f"memory {self.memory}"
+
+
+@dataclass(frozen=True, slots=True)
+class RunSpec:
+    """How long and how exactly a template runs; `None` leaves it to the template or the engine.
+
+    Attributes
+    ----------
+    duration : float, "settle" or None
+        In time constants.
+    method : str
+        Name of an integration method, or "auto".
+    rtol, atol : float
+        Wanted relative and absolute error of the state.
+    dt : float or None
+        Fixed step in time constants.
+    settle_limit : float
+        Time constants after which a run to equilibrium gives up and says so.
+    """
+
+    duration: Duration | None = None
+    method: str = "auto"
+    rtol: float = 1e-4
+    atol: float = 1e-5
+    dt: float | None = None
+    settle_limit: float = 1000.0
+
+
+@dataclass(frozen=True, slots=True)
+class Transient:
+    """A template's transient. Arguments: its inputs, then state, bias (one a layer) and mask."""
+
+    template: Template = field(compare=False)
+    content: str
+    spec: RunSpec
+    has_state: bool
+    has_bias: bool
+    has_mask: bool
+
+    def __str__(self) -> str:
+        return f"template {self.template.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class Pick:
+    """One layer's output or state, or one figure of a transient's run.
+
+    `what` is "output", "state", or a figure: "time", "steps", "settled", "error".
+    """
+
+    what: str
+    layer: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.what} {self.layer}"
+
+
+Operation = Input | FirstFrame | Constant | ConstantMap | Apply | Reduce | Read | Transient | Pick
+
+FIGURES = ("time", "steps", "settled", "error")
+"""The figures of a run that `Pick` can ask for: one number a frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Node:
+    """One operation on the values of other nodes; equal nodes of a graph are the same object.
+
+    Attributes
+    ----------
+    index : int
+        Place in the graph; arguments come before their users.
+    scalar : bool
+        One number a frame instead of a map.
+    logic : bool
+        Values are 0 or 1.
+    """
+
+    index: int
+    operation: Operation
+    arguments: tuple["Node", ...]
+    scalar: bool
+    logic: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Memory:
+    """A local memory that outlives the frame: what is read first and what is stored last."""
+
+    read: Node
+    store: Node
+
+
+@dataclass(slots=True, eq=False)
+class Graph:
+    """A program while and after it is traced.
+
+    Attributes
+    ----------
+    shape : (rows, cols)
+    nodes : list of Node
+        In an order in which they can run.
+    outputs : dict of str to Node
+    memories : list of Memory
+        By the number that `Read` names.
+    shared : int
+        How often an operation was asked for that the graph already had.
+    """
+
+    shape: Shape
+    nodes: list[Node] = field(default_factory=list[Node])
+    outputs: dict[str, Node] = field(default_factory=dict[str, Node])
+    memories: dict[int, Memory] = field(default_factory=dict[int, Memory])
+    shared: int = 0
+    _interned: dict[tuple[Operation, tuple[int, ...]], Node] = field(
+        default_factory=dict[tuple[Operation, tuple[int, ...]], Node]
+    )
+
+    def add(
+        self, operation: Operation, *arguments: Node, scalar: bool = False, logic: bool = False
+    ) -> Node:
+        """Return the node for an operation, the one that is there if it is there."""
+        key = (operation, tuple(argument.index for argument in arguments))
+        known = self._interned.get(key)
+        if known is not None:
+            self.shared += isinstance(operation, Apply | Reduce | Transient)
+            return known
+        node = Node(len(self.nodes), operation, arguments, scalar, logic)
+        self.nodes.append(node)
+        self._interned[key] = node
+        return node
+
+    def apply(self, function: ElementOp, *arguments: Node) -> Node:
+        """Return local arithmetic or logic on nodes; scalars stand for the same in every cell."""
+        scalar = all(argument.scalar for argument in arguments)
+        logic = function.logic or (
+            function.name == "select" and all(argument.logic for argument in arguments[1:])
+        )
+        return self.add(Apply(function), *arguments, scalar=scalar, logic=logic)
+
+    def reduce(self, function: ReduceOp, argument: Node) -> Node:
+        """Return a global read-out of a map."""
+        return self.add(Reduce(function), argument, scalar=True, logic=function.logic)
+
+    def constant(self, value: float) -> Node:
+        """Return the node of a number."""
+        return self.add(Constant(float(value)), scalar=True)

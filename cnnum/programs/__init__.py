@@ -1,0 +1,73 @@
+"""Analogic programs: Python functions of a frame's maps, traced once into a graph.
+
+    @cnnum.program
+    def touched(frame):
+        return {"contact": (frame.normal > 0.1).any()}
+
+Inside, `frame` and all that is computed from it are `Field`s: they record what is asked of them
+and hold no numbers, so a Python `if` on one of them is refused.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from cnnum.arrays import as_shape
+from cnnum.errors import ProgramError
+from cnnum.frame import FORCE_AXES
+from cnnum.graph.nodes import Graph
+from cnnum.programs.fields import Field, as_field
+from cnnum.programs.machine import FrameFields
+
+Traced = Callable[..., Mapping[str, Field]]
+
+
+@dataclass(frozen=True, slots=True)
+class Program:
+    """An analogic program: a function of a frame's maps that names what comes out.
+
+    Attributes
+    ----------
+    function : callable
+        Takes the frame's fields and keyword parameters, returns a mapping of names to fields.
+    name : str
+    parameters : tuple of (str, value)
+        Keyword parameters given with `bind`.
+    """
+
+    function: Traced
+    name: str
+    parameters: tuple[tuple[str, object], ...] = ()
+
+    def bind(self, **parameters: object) -> "Program":
+        """Return the program with keyword parameters of its function set."""
+        merged = {**dict(self.parameters), **parameters}
+        return Program(self.function, self.name, tuple(merged.items()))
+
+    def __call__(self, frame: FrameFields) -> Mapping[str, Field]:
+        """Use the program inside another one."""
+        return self.function(frame, **dict(self.parameters))
+
+    def trace(self, shape: Sequence[int], channels: Sequence[str] = FORCE_AXES) -> Graph:
+        """Return the program's graph for an array of that shape.
+
+        Raises
+        ------
+        ProgramError
+            If the function returns no mapping of names to fields.
+        """
+        graph = Graph(as_shape(shape))
+        frame = FrameFields(graph, channels)
+        returned = self(frame)
+        items = returned.items() if hasattr(returned, "items") else ()
+        if not items:
+            raise ProgramError(
+                f"Program '{self.name}' must return a dict of named fields, got "
+                f"{type(returned).__name__}."
+            )
+        graph.outputs.update({name: as_field(graph, value).node for name, value in items})
+        return graph
+
+
+def program(function: Traced) -> Program:
+    """Make an analogic program of a function; it is traced when an engine compiles it."""
+    return Program(function, getattr(function, "__name__", "program"))

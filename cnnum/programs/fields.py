@@ -1,0 +1,215 @@
+"""Fields: the maps and numbers of a program while it is traced; they record what is asked of them."""
+
+from collections.abc import Sequence
+from typing import NoReturn
+
+from cnnum.arrays import finite
+from cnnum.errors import ArrayError, ProgramError
+from cnnum.graph import elementwise as op
+from cnnum.graph.nodes import ConstantMap, Graph, Node
+
+
+class Field:
+    """A map of cells, or one number a frame (`scalar`), inside a program that is being traced."""
+
+    __slots__ = ("_graph", "_node")
+    # numpy must not take a Field for an array of objects: let the Field's own operator run
+    __array_ufunc__ = None
+
+    def __init__(self, graph: Graph, node: Node) -> None:
+        self._graph = graph
+        self._node = node
+
+    @property
+    def node(self) -> Node:
+        """The graph's node behind it."""
+        return self._node
+
+    @property
+    def graph(self) -> Graph:
+        """The graph that it belongs to."""
+        return self._graph
+
+    @property
+    def scalar(self) -> bool:
+        """Whether it is one number a frame."""
+        return self._node.scalar
+
+    @property
+    def logic(self) -> bool:
+        """Whether it is a flag or a logic map."""
+        return self._node.logic
+
+    def __bool__(self) -> NoReturn:
+        raise ProgramError(
+            "A program is traced once and has no values yet: use cnnum.where(condition, a, b) "
+            "instead of 'if', and & | ~ instead of 'and', 'or', 'not'."
+        )
+
+    def __add__(self, other: object) -> "Field":
+        return combine(op.ADD, self, other)
+
+    def __radd__(self, other: object) -> "Field":
+        return combine(op.ADD, self, other)
+
+    def __sub__(self, other: object) -> "Field":
+        return combine(op.SUBTRACT, self, other)
+
+    def __rsub__(self, other: object) -> "Field":
+        return combine(op.SUBTRACT, other, self)
+
+    def __mul__(self, other: object) -> "Field":
+        return combine(op.MULTIPLY, self, other)
+
+    def __rmul__(self, other: object) -> "Field":
+        return combine(op.MULTIPLY, self, other)
+
+    def __truediv__(self, other: object) -> "Field":
+        return combine(op.DIVIDE, self, other)
+
+    def __rtruediv__(self, other: object) -> "Field":
+        return combine(op.DIVIDE, other, self)
+
+    def __neg__(self) -> "Field":
+        return combine(op.NEGATE, self)
+
+    def __abs__(self) -> "Field":
+        return combine(op.ABSOLUTE, self)
+
+    def __gt__(self, other: object) -> "Field":
+        return combine(op.GREATER, self, other)
+
+    def __ge__(self, other: object) -> "Field":
+        return combine(op.AT_LEAST, self, other)
+
+    def __lt__(self, other: object) -> "Field":
+        return combine(op.GREATER, other, self)
+
+    def __le__(self, other: object) -> "Field":
+        return combine(op.AT_LEAST, other, self)
+
+    def equals(self, other: object) -> "Field":
+        """Return where the values are exactly equal (`==` is Python's own identity)."""
+        return combine(op.EQUAL, self, other)
+
+    def __and__(self, other: object) -> "Field":
+        return combine(op.AND, self, other)
+
+    def __or__(self, other: object) -> "Field":
+        return combine(op.OR, self, other)
+
+    def __xor__(self, other: object) -> "Field":
+        return combine(op.XOR, self, other)
+
+    def __invert__(self) -> "Field":
+        return combine(op.NOT, self)
+
+    def picture(self) -> "Field":
+        """Return a logic map as a picture for templates: +1 (black) where it holds, else −1."""
+        return where(self, 1.0, -1.0)
+
+    def black(self) -> "Field":
+        """Return the logic map of a picture's black cells."""
+        return self > 0.0
+
+    def sum(self) -> "Field":
+        """Return the sum over the array."""
+        return self._reduce(op.SUM)
+
+    def count(self) -> "Field":
+        """Return the number of cells where a logic map holds."""
+        return self._reduce(op.SUM)
+
+    def max(self) -> "Field":
+        """Return the largest value of the array."""
+        return self._reduce(op.LARGEST)
+
+    def min(self) -> "Field":
+        """Return the smallest value of the array."""
+        return self._reduce(op.SMALLEST)
+
+    def mean(self) -> "Field":
+        """Return the mean over the array."""
+        rows, cols = self._graph.shape
+        return self.sum() / (rows * cols)
+
+    def any(self) -> "Field":
+        """Return whether a logic map holds anywhere (global OR)."""
+        return self._reduce(op.ANY)
+
+    def all(self) -> "Field":
+        """Return whether a logic map holds everywhere (global AND)."""
+        return self._reduce(op.ALL)
+
+    def _reduce(self, function: op.ReduceOp) -> "Field":
+        if self.scalar:
+            raise ProgramError(f"'{function.name}' reads a whole map, got one number a frame.")
+        if function.logic and not self.logic:
+            raise ProgramError(f"'{function.name}' reads a logic map; compare the values first.")
+        return Field(self._graph, self._graph.reduce(function, self._node))
+
+
+def graph_of(operands: Sequence[object]) -> Graph:
+    for operand in operands:
+        if isinstance(operand, Field):
+            return operand.graph
+    raise ProgramError("At least one argument must come from the frame of a program.")
+
+
+def as_field(graph: Graph, operand: object) -> Field:
+    if isinstance(operand, Field):
+        if operand.graph is not graph:
+            raise ProgramError("Fields of two different programs can not be mixed.")
+        return operand
+    return constant(graph, operand)
+
+
+def combine(function: op.ElementOp, *operands: object) -> Field:
+    graph = graph_of(operands)
+    nodes = [as_field(graph, operand).node for operand in operands]
+    if function.name in ("and", "or", "xor", "not") and not all(node.logic for node in nodes):
+        raise ProgramError(f"'{function.name}' joins logic values; compare the numbers first.")
+    return Field(graph, graph.apply(function, *nodes))
+
+
+def where(condition: Field, yes: object, no: object) -> Field:
+    """Return `yes` in the cells where `condition` holds, `no` elsewhere."""
+    if not condition.logic:
+        raise ProgramError("cnnum.where needs a logic condition; compare the values first.")
+    return combine(op.SELECT, condition, yes, no)
+
+
+def minimum(a: object, b: object) -> Field:
+    """Return the smaller of two values in every cell."""
+    return combine(op.MINIMUM, a, b)
+
+
+def maximum(a: object, b: object) -> Field:
+    """Return the larger of two values in every cell."""
+    return combine(op.MAXIMUM, a, b)
+
+
+def sqrt(a: Field) -> Field:
+    """Return the root of every cell, 0 for what is below 0."""
+    return combine(op.ROOT, a)
+
+
+def exp(a: Field) -> Field:
+    """Return e to the power of every cell."""
+    return combine(op.EXPONENTIAL, a)
+
+
+def constant(graph: Graph, values: object) -> Field:
+    """Return the field of a number, or of a map (rows, cols), that is the same in every frame.
+
+    Raises
+    ------
+    ArrayError
+        If it is not finite, or not the array's shape.
+    """
+    array = finite("constant", values)  # type: ignore[arg-type]
+    if array.ndim == 0:
+        return Field(graph, graph.constant(float(array)))
+    if array.shape != graph.shape:
+        raise ArrayError(f"A constant map must be {graph.shape}, got {array.shape}.")
+    return Field(graph, graph.add(ConstantMap.of(array)))

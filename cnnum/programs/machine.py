@@ -1,0 +1,96 @@
+"""What a program sees of the machine: the frame's channels, its geometry, and local memories."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Shape
+from cnnum.errors import ProgramError, name_error
+from cnnum.graph.nodes import FirstFrame, Graph, Input, Memory, Read
+from cnnum.programs.fields import Field, constant, where
+
+
+class LocalMemory:
+    """A local memory of every cell (or of the frame, for a number) that outlives the frame."""
+
+    __slots__ = ("_graph", "_number", "value")
+
+    def __init__(self, graph: Graph, *, scalar: bool, logic: bool) -> None:
+        self._graph = graph
+        self._number = len(graph.memories)
+        read = graph.add(Read(self._number), scalar=scalar, logic=logic)
+        graph.memories[self._number] = Memory(read, read)
+        self.value = Field(graph, read)
+        """What was stored at the end of the frame before; 0 on the first frame."""
+
+    def store(self, value: Field) -> None:
+        """Say what the memory holds at the end of the frame.
+
+        Raises
+        ------
+        ProgramError
+            If it was said before, or a map is stored where one number is held.
+        """
+        memory = self._graph.memories[self._number]
+        if memory.store is not memory.read:
+            raise ProgramError(f"Memory {self._number} is stored twice in one frame.")
+        if value.scalar != memory.read.scalar:
+            raise ProgramError(
+                f"Memory {self._number} holds {'one number' if memory.read.scalar else 'a map'}, "
+                f"got {'one number' if value.scalar else 'a map'}; give scalar= where it is made."
+            )
+        self._graph.memories[self._number] = Memory(memory.read, value.node)
+
+
+class FrameFields:
+    """The frame inside a program: its channels as attributes, its geometry and its memories."""
+
+    def __init__(self, graph: Graph, channels: Sequence[str]) -> None:
+        self._graph = graph
+        self.channels = tuple(channels)
+
+    def __getattr__(self, name: str) -> Field:
+        if name.startswith("_") or name not in self.channels:
+            raise ProgramError(str(name_error("channel", name, self.channels)))
+        return self.channel(name)
+
+    def channel(self, name: str) -> Field:
+        """Return one channel of the frame as a map."""
+        if name not in self.channels:
+            raise name_error("channel", name, self.channels)
+        return Field(self._graph, self._graph.add(Input(name)))
+
+    @property
+    def shape(self) -> Shape:
+        """Rows and columns that the program is compiled for."""
+        return self._graph.shape
+
+    @property
+    def first(self) -> Field:
+        """A flag that holds on the first frame of a stream."""
+        return Field(self._graph, self._graph.add(FirstFrame(), scalar=True, logic=True))
+
+    @property
+    def row(self) -> Field:
+        """The row number of every cell."""
+        return self.constant(np.indices(self.shape)[0])
+
+    @property
+    def column(self) -> Field:
+        """The column number of every cell."""
+        return self.constant(np.indices(self.shape)[1])
+
+    def constant(self, values: ArrayLike) -> Field:
+        """Return a map (rows, cols), or a number, that is the same in every frame."""
+        return constant(self._graph, values)
+
+    def memory(self, *, scalar: bool = False, logic: bool = False) -> LocalMemory:
+        """Return a new memory that outlives the frame; it holds 0 before the first store."""
+        return LocalMemory(self._graph, scalar=scalar, logic=logic)
+
+    def previous(self, value: Field) -> Field:
+        """Return what `value` was on the frame before; on the first frame, what it is."""
+        memory = self.memory(scalar=value.scalar, logic=value.logic)
+        memory.store(value)
+        return where(self.first, value, memory.value)

@@ -1,0 +1,132 @@
+"""Templates inside a program."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from cnnum.errors import ProgramError
+from cnnum.graph.nodes import Graph, Node, Pick, RunSpec, Transient
+from cnnum.programs.fields import Field, as_field, graph_of
+from cnnum.template import Duration, Template
+
+
+@dataclass(frozen=True, slots=True)
+class Applied:
+    """What a template made of its maps: outputs and states by layer, and figures of the run."""
+
+    outputs: tuple[Field, ...]
+    states: tuple[Field, ...]
+    settled: Field
+    error: Field
+    time: Field
+    steps: Field
+
+
+def transient(
+    template: Template,
+    *,
+    input: Field | Sequence[Field] | None = None,
+    state: Field | Sequence[Field] | None = None,
+    bias: Field | Sequence[Field] | None = None,
+    mask: Field | None = None,
+    spec: RunSpec | None = None,
+) -> Applied:
+    """Run a template inside a program and return all that can be read of it.
+
+    Parameters
+    ----------
+    template : Template
+    input : Field or sequence of Field, optional
+        One map an input of the template.
+    state : Field or sequence of Field, optional
+        Initial state, one map a layer; the template's own where it is left out.
+    bias : Field or sequence of Field, optional
+        Space-variant bias added to z, one map a layer.
+    mask : logic Field, optional
+        Fixed-state mask: where it holds, the state stays what it was.
+    spec : RunSpec, optional
+        Duration, method and tolerances.
+
+    Raises
+    ------
+    ProgramError
+        If the number of maps is not the template's.
+    """
+    given = [
+        *_several(template, "input", input, template.inputs),
+        *_several(template, "state", state, template.layers),
+        *_several(template, "bias", bias, template.layers),
+    ]
+    if not given and mask is None:
+        raise ProgramError(f"Template '{template.name}' needs at least one map of the frame.")
+    if template.inputs and input is None:
+        raise ProgramError(f"Template '{template.name}' needs {template.inputs} input map(s).")
+    if mask is not None:
+        given.append(mask)
+    graph = graph_of(given)
+    operation = Transient(
+        template,
+        template.digest,
+        spec or RunSpec(),
+        has_state=state is not None,
+        has_bias=bias is not None,
+        has_mask=mask is not None,
+    )
+    node = graph.add(operation, *(as_field(graph, item).node for item in given))
+    return _applied(graph, node, template.layers)
+
+
+def _applied(graph: Graph, node: Node, layers: int) -> Applied:
+    def pick(what: str, layer: int = 0, *, scalar: bool = False) -> Field:
+        logic = what == "settled"
+        return Field(graph, graph.add(Pick(what, layer), node, scalar=scalar, logic=logic))
+
+    return Applied(
+        outputs=tuple(pick("output", layer) for layer in range(layers)),
+        states=tuple(pick("state", layer) for layer in range(layers)),
+        settled=pick("settled", scalar=True),
+        error=pick("error", scalar=True),
+        time=pick("time", scalar=True),
+        steps=pick("steps", scalar=True),
+    )
+
+
+def _several(
+    template: Template, role: str, value: Field | Sequence[Field] | None, count: int
+) -> list[Field]:
+    if value is None:
+        return []
+    fields = [value] if isinstance(value, Field) else list(value)
+    if len(fields) != count:
+        raise ProgramError(
+            f"Template '{template.name}' takes {count} map(s) as {role}, got {len(fields)}."
+        )
+    return fields
+
+
+def apply(
+    template: Template,
+    *,
+    input: Field | Sequence[Field] | None = None,
+    state: Field | Sequence[Field] | None = None,
+    bias: Field | Sequence[Field] | None = None,
+    mask: Field | None = None,
+    duration: Duration | None = None,
+) -> Field:
+    """Run a template of one layer inside a program and return its output map.
+
+    Arguments are those of `transient`, which also gives states, layers and figures of the run.
+
+    Raises
+    ------
+    ProgramError
+        If the template has several layers.
+    """
+    if template.layers != 1:
+        raise ProgramError(
+            f"Template '{template.name}' has {template.layers} layers: use cnnum.transient, "
+            "whose result names them."
+        )
+    run = transient(
+        template, input=input, state=state, bias=bias, mask=mask, spec=RunSpec(duration=duration)
+    )
+    return run.outputs[0]
