@@ -18,6 +18,10 @@ class TemplateError(CnnumError, ValueError):
     """A template is not well formed."""
 
 
+class TemplateFileError(CnnumError, OSError):
+    """A template file can not be opened or written."""
+
+
 class ProgramError(CnnumError, ValueError):
     """An analogic program can not be traced or compiled."""
 
