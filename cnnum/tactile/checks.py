@@ -1,0 +1,86 @@
+"""Refuse physical parameters that are outside the range of a closed form."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cnnum.errors import ArrayError, PhysicsError
+
+Array = NDArray[np.float64]
+
+
+def finite(name: str, value: ArrayLike) -> Array:
+    """Return `value` as float64, refused if any of it is NaN or infinite.
+
+    Raises
+    ------
+    PhysicsError
+        If a number is NaN or infinite, or not a number at all.
+    """
+    array = _numbers(name, value)
+    if not np.isfinite(array).all():
+        raise PhysicsError(
+            f"'{name}' holds NaN or infinity: expected finite numbers, remove the bad ones first."
+        )
+    return array
+
+
+def positive(name: str, value: ArrayLike) -> Array:
+    """Return `value` as finite float64 above zero, or raise `PhysicsError`."""
+    array = finite(name, value)
+    if not (array > 0).all():
+        raise PhysicsError(f"'{name}': expected numbers above 0, got {array.min():g}.")
+    return array
+
+
+def not_negative(name: str, value: ArrayLike) -> Array:
+    """Return `value` as finite float64 of zero or more, or raise `PhysicsError`."""
+    array = finite(name, value)
+    if not (array >= 0).all():
+        raise PhysicsError(f"'{name}': expected numbers of 0 or more, got {array.min():g}.")
+    return array
+
+
+def poisson_ratio(value: ArrayLike) -> Array:
+    """Return Poisson's ratio as float64 within (-1, 0.5], or raise `PhysicsError`."""
+    array = finite("poisson", value)
+    if not ((array > -1) & (array <= 0.5)).all():
+        raise PhysicsError(
+            "'poisson': expected Poisson's ratio above -1 and at most 0.5, "
+            f"got {array.min():g} to {array.max():g}."
+        )
+    return array
+
+
+def vector(name: str, value: ArrayLike, length: int = 3) -> Array:
+    """Return `value` as finite float64 whose last axis has `length` components.
+
+    Raises
+    ------
+    PhysicsError
+        If a number is NaN or infinite.
+    ArrayError
+        If the last axis has another length.
+    """
+    array = finite(name, value)
+    if array.ndim == 0 or array.shape[-1] != length:
+        raise ArrayError(
+            f"'{name}': expected {length} components in the last axis, got shape {array.shape}."
+        )
+    return array
+
+
+def scalar(name: str, value: Array) -> float:
+    """Return the one number of `value`, or raise `ArrayError` if it has an axis."""
+    if value.ndim != 0:
+        raise ArrayError(f"'{name}': expected one number, got an array of shape {value.shape}.")
+    return float(value)
+
+
+def _numbers(name: str, value: ArrayLike) -> Array:
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind not in "biuf":
+            raise TypeError
+        return array.astype(np.float64)
+    except (TypeError, ValueError):
+        raise PhysicsError(f"'{name}': expected real numbers, got {value!r:.60}.") from None

@@ -1,0 +1,239 @@
+"""From a map of surface tractions to the stress or strain that taxels under the cover see."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import fft
+
+from cnnum.errors import ArrayError, UnknownNameError, name_error
+from cnnum.tactile import checks
+from cnnum.tactile.checks import Array
+from cnnum.tactile.grid import Grid, make_grid
+from cnnum.tactile.halfspace import influence
+from cnnum.tactile.halfspace.influence import AXES, COMPONENTS
+from cnnum.tactile.halfspace.rectangle import rectangle_functions
+
+TAXEL = ("xz", "yz", "zz")
+_CHUNK_BYTES = 64e6
+
+
+@dataclass(frozen=True, slots=True)
+class SurfaceToDepth:
+    """The map from surface tractions to stress or strain at one depth, kernels computed once.
+
+    Every cell carries a uniform traction; its exact influence (Love, Cerruti) on the point
+    below each cell's centre is summed by a zero-padded FFT, so the surface around the map is
+    free and nothing wraps around.
+
+    Parameters
+    ----------
+    shape : (rows, cols) int
+        Cells of the map; columns run along x, rows along y.
+    spacing : float or (dy, dx) float, m
+        Size of a cell.
+    depth : float, m
+        Depth of the plane that is looked at, 0 or more.
+    poisson : float
+        Poisson's ratio, above -1 and at most 0.5. It does not enter σ_xz, σ_yz, σ_zz.
+    components : sequence of str
+        Which of "xx", "yy", "zz", "yz", "xz", "xy" to compute, in the order of the result.
+    youngs_modulus : float, Pa, or None
+        None for stress; a number for the tensor strain of a solid of that modulus.
+
+    Raises
+    ------
+    ArrayError
+        If the shape or spacing is not that of a grid.
+    PhysicsError
+        If a spacing, the depth, Poisson's ratio or Young's modulus is out of range.
+    UnknownNameError
+        If a component is not one of the six.
+    """
+
+    shape: tuple[int, int]
+    spacing: float | tuple[float, float]
+    depth: float
+    poisson: float = 0.5
+    components: Sequence[str] = TAXEL
+    youngs_modulus: float | None = None
+    _kernels: NDArray[np.complex128] = field(init=False, repr=False, compare=False)
+    _padded: tuple[int, int] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        _check_components(self.components)
+        object.__setattr__(self, "components", tuple(self.components))
+        grid = make_grid(self.shape, self.spacing)
+        rows, cols = (fft.next_fast_len(2 * n - 1, real=True) for n in grid.shape)
+        object.__setattr__(self, "_padded", (rows, cols))
+        kernels = _wrapped(self._influence(grid), (rows, cols))
+        object.__setattr__(self, "_kernels", fft.rfft2(kernels))
+
+    def __call__(self, traction: ArrayLike) -> Array:
+        """Return the chosen components at the grid's points.
+
+        Parameters
+        ----------
+        traction : (..., rows, cols, 3) float, Pa
+            (q_x, q_y, p) of each cell, the pressure p pushing into the material.
+
+        Returns
+        -------
+        (..., rows, cols, len(components)) float
+            Stress, Pa (tension positive), or strain.
+
+        Raises
+        ------
+        ArrayError
+            If the map has another shape.
+        PhysicsError
+            If a traction is not finite.
+        """
+        load = self._checked(traction)
+        frames = load.reshape(-1, *load.shape[-3:])
+        result = np.empty((*frames.shape[:-1], len(self.components)))
+        step = self._frames_at_once()
+        for start in range(0, len(frames), step):
+            part = slice(start, start + step)
+            result[part] = self._convolve(frames[part])
+        return result.reshape(*load.shape[:-1], len(self.components))
+
+    def _convolve(self, frames: Array) -> Array:
+        rows, cols = self.shape
+        waves = fft.rfft2(frames, s=self._padded, axes=(1, 2))
+        mixed = np.stack(
+            [sum(kernel[k] * waves[..., k] for k in range(3)) for kernel in self._kernels], axis=-1
+        )
+        return fft.irfft2(mixed, s=self._padded, axes=(1, 2))[:, :rows, :cols]
+
+    def _frames_at_once(self) -> int:
+        return max(1, int(_CHUNK_BYTES // (8 * 6 * math.prod(self._padded))))
+
+    def _influence(self, grid: Grid) -> Array:
+        """Return the influence of one cell at every offset, (component, load, rows, cols)."""
+        depth = checks.not_negative("depth", checks.scalar("depth", np.asarray(self.depth)))
+        ratio = checks.poisson_ratio(checks.scalar("poisson", np.asarray(self.poisson)))
+        x = np.arange(1 - grid.cols, grid.cols, dtype=np.float64) * grid.dx
+        y = np.arange(1 - grid.rows, grid.rows, dtype=np.float64)[:, None] * grid.dy
+        evaluate = partial(rectangle_functions, x=x, y=y, z=depth, width_x=grid.dx, width_y=grid.dy)
+        table = self._table(evaluate, ratio)
+        parts = [table(ij, k) for ij in self.components for k in AXES]
+        return np.stack(parts).reshape(len(self.components), 3, *parts[0].shape)
+
+    def _table(self, evaluate: influence.Evaluate, ratio: Array) -> influence.Influence:
+        if self.youngs_modulus is None:
+            return influence.stress_table(self.components, evaluate, ratio)
+        modulus = checks.positive("youngs_modulus", self.youngs_modulus)
+        return influence.strain_table(self.components, evaluate, modulus, ratio)
+
+    def _checked(self, traction: ArrayLike) -> Array:
+        load = checks.finite("traction", traction)
+        if load.ndim < 3 or load.shape[-3:] != (*self.shape, 3):
+            rows, cols = self.shape
+            raise ArrayError(
+                f"'traction': expected shape (..., {rows}, {cols}, 3), got {load.shape}."
+            )
+        return load
+
+
+def surface_load_stress(
+    traction: ArrayLike,
+    *,
+    spacing: float | tuple[float, float],
+    depth: float,
+    poisson: float = 0.5,
+) -> Array:
+    """Return the full stress tensor under a map of surface tractions.
+
+    Parameters
+    ----------
+    traction : (..., rows, cols, 3) float, Pa
+        (q_x, q_y, p), uniform on each cell; columns run along x, rows along y.
+    spacing : float or (dy, dx) float, m
+        Size of a cell.
+    depth : float, m
+        Depth below the surface, 0 or more.
+    poisson : float
+        Poisson's ratio, above -1 and at most 0.5.
+
+    Returns
+    -------
+    (..., rows, cols, 3, 3) float, Pa
+        Stress below the centre of each cell, tension positive. `SurfaceToDepth` gives chosen
+        components, and keeps its kernels from frame to frame.
+
+    Raises
+    ------
+    ArrayError, PhysicsError
+        As `SurfaceToDepth`.
+    """
+    load = _map(traction)
+    shape = (load.shape[-3], load.shape[-2])
+    cover = SurfaceToDepth(shape, spacing, depth, poisson, COMPONENTS)
+    return _as_tensor(cover(load))
+
+
+def surface_load_strain(
+    traction: ArrayLike,
+    *,
+    spacing: float | tuple[float, float],
+    depth: float,
+    youngs_modulus: float,
+    poisson: float = 0.5,
+) -> Array:
+    """Return the full strain tensor under a map of surface tractions.
+
+    Parameters
+    ----------
+    traction, spacing, depth, poisson
+        As in `surface_load_stress`.
+    youngs_modulus : float, Pa
+        Young's modulus.
+
+    Returns
+    -------
+    (..., rows, cols, 3, 3) float
+        Strain below the centre of each cell, tensor shear strains.
+
+    Raises
+    ------
+    ArrayError, PhysicsError
+        As `SurfaceToDepth`.
+    """
+    load = _map(traction)
+    shape = (load.shape[-3], load.shape[-2])
+    cover = SurfaceToDepth(shape, spacing, depth, poisson, COMPONENTS, youngs_modulus)
+    return _as_tensor(cover(load))
+
+
+def _as_tensor(values: Array) -> Array:
+    return influence.tensor({ij: values[..., n] for n, ij in enumerate(COMPONENTS)})
+
+
+def _map(traction: ArrayLike) -> Array:
+    load = checks.vector("traction", traction)
+    if load.ndim < 3:
+        raise ArrayError(f"'traction': expected (..., rows, cols, 3), got shape {load.shape}.")
+    return load
+
+
+def _wrapped(kernels: Array, padded: tuple[int, int]) -> Array:
+    """Put offset zero first and negative offsets last, with zeros between."""
+    rows, cols = kernels.shape[-2:]
+    result = np.zeros((*kernels.shape[:-2], *padded))
+    result[..., :rows, :cols] = kernels
+    return np.roll(result, (-(rows // 2), -(cols // 2)), axis=(-2, -1))
+
+
+def _check_components(components: Sequence[str]) -> None:
+    unknown: UnknownNameError | None = None
+    for name in components:
+        if name not in COMPONENTS:
+            unknown = name_error("component", name, COMPONENTS)
+    if unknown is not None:
+        raise unknown
+    if not components:
+        raise ArrayError(f"'components': expected one or more of {', '.join(COMPONENTS)}.")
