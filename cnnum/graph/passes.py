@@ -1,0 +1,110 @@
+"""From a graph to what has to run: only what a wanted output or a live memory depends on."""
+
+from collections.abc import Iterable, Sequence
+
+from cnnum.errors import name_error
+from cnnum.graph.cost import node_flops
+from cnnum.graph.nodes import Apply, Constant, Graph, Input, Node, Read, Reduce, Transient
+from cnnum.graph.schedule import LeftOut, Schedule
+
+
+def reached(graph: Graph, roots: Iterable[Node]) -> set[int]:
+    """Return the indices of all nodes that the roots depend on.
+
+    A memory that is read keeps alive what is stored in it. The walk is iterative: a program may
+    be deeper than Python's stack.
+    """
+    seen: set[int] = set()
+    stack = list(roots)
+    while stack:
+        node = stack.pop()
+        if node.index in seen:
+            continue
+        seen.add(node.index)
+        stack.extend(node.arguments)
+        if isinstance(node.operation, Read):
+            stack.append(graph.memories[node.operation.memory].store)
+    return seen
+
+
+def schedule(graph: Graph, channels: Sequence[str], needs: Sequence[str] | None) -> Schedule:
+    """Return what runs for the wanted outputs, and what is left out and why.
+
+    Parameters
+    ----------
+    graph : Graph
+    channels : sequence of str
+        Channels of a frame, in the order of its last axis.
+    needs : sequence of str or None
+        Names of wanted outputs; None wants all.
+
+    Raises
+    ------
+    UnknownNameError
+        If a need is not an output of the program.
+    """
+    wanted = tuple(dict.fromkeys(graph.outputs if needs is None else needs))
+    for name in wanted:
+        if name not in graph.outputs:
+            raise name_error("output", name, graph.outputs)
+    outputs = {name: graph.outputs[name] for name in wanted}
+    live = reached(graph, outputs.values())
+    nodes = tuple(node for node in graph.nodes if node.index in live)
+    read = {node.operation.channel for node in nodes if isinstance(node.operation, Input)}
+    memories = {
+        number: memory for number, memory in graph.memories.items() if memory.read.index in live
+    }
+    return Schedule(
+        shape=graph.shape,
+        nodes=nodes,
+        outputs=outputs,
+        memories=memories,
+        channels=tuple(channels),
+        channels_read=tuple(name for name in channels if name in read),
+        left_out=_left_out(graph, live, channels, wanted),
+        shared=graph.shared,
+    )
+
+
+def _left_out(
+    graph: Graph, live: set[int], channels: Sequence[str], wanted: Sequence[str]
+) -> tuple[LeftOut, ...]:
+    whole = reached(graph, graph.outputs.values())
+    dead = [node for node in graph.nodes if node.index in whole - live]
+    unread = {str(n.operation.channel) for n in dead if isinstance(n.operation, Input)}
+    unread |= set(channels) - {
+        n.operation.channel for n in graph.nodes if isinstance(n.operation, Input)
+    }
+    rows, cols = graph.shape
+    items = [
+        LeftOut(f"output {name}", "nothing asked for it", _map_bytes(graph.outputs[name], graph), 0)
+        for name in graph.outputs
+        if name not in wanted
+    ]
+    items += [
+        LeftOut(f"channel {name}", "no wanted output reads it", 4 * rows * cols, 0)
+        for name in channels
+        if name in unread
+    ]
+    items += [
+        LeftOut(
+            str(node.operation), "no wanted output reaches it", 0, node_flops(node, graph.shape)
+        )
+        for node in dead
+        if isinstance(node.operation, Transient)
+    ]
+    local = [node for node in dead if isinstance(node.operation, Apply | Reduce)]
+    if local:
+        flops = sum(node_flops(node, graph.shape) for node in local)
+        what = f"{len(local)} local and global operations"
+        items.append(LeftOut(what, "no wanted output reaches them", 0, flops))
+    if graph.shared:
+        what = f"{graph.shared} repeated operations"
+        items.append(LeftOut(what, "an equal operation is there already", 0, 0))
+    return tuple(items)
+
+
+def _map_bytes(node: Node, graph: Graph) -> int:
+    if isinstance(node.operation, Constant):
+        return 0
+    return 4 if node.scalar else 4 * graph.shape[0] * graph.shape[1]

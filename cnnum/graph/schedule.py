@@ -1,0 +1,72 @@
+"""A schedule: the operations that run for one frame, in order, and what was left out."""
+
+from dataclasses import dataclass
+
+from cnnum.arrays import Shape
+from cnnum.graph.nodes import Memory, Node, Transient
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """Something that a program could do and a plan does not.
+
+    Attributes
+    ----------
+    what, why : str
+    bytes : int
+        Traffic to or from the device that is saved a frame.
+    flops : int
+        Arithmetic that is saved a frame; for a transient, of one step.
+    """
+
+    what: str
+    why: str
+    bytes: int
+    flops: int
+
+    @property
+    def saves(self) -> str:
+        """What is saved a frame, in words."""
+        parts = [f"{self.bytes} B"] if self.bytes else []
+        parts += [f"{self.flops} flops"] if self.flops else []
+        return " and ".join(parts) or "a repeated run"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Schedule:
+    """What an engine builds.
+
+    Attributes
+    ----------
+    shape : (rows, cols)
+    nodes : tuple of Node
+        In the order in which they run; only what is needed.
+    outputs : dict of str to Node
+    memories : dict of int to Memory
+    channels : tuple of str
+        Channels of a frame, in the order of its last axis.
+    channels_read : tuple of str
+        Those that anything reads; only they travel to the device.
+    left_out : tuple of LeftOut
+    shared : int
+        Operations that were asked for again and run once.
+    """
+
+    shape: Shape
+    nodes: tuple[Node, ...]
+    outputs: dict[str, Node]
+    memories: dict[int, Memory]
+    channels: tuple[str, ...]
+    channels_read: tuple[str, ...]
+    left_out: tuple[LeftOut, ...]
+    shared: int
+
+    @property
+    def cells(self) -> int:
+        """Number of cells of the array."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def transients(self) -> tuple[Node, ...]:
+        """The nodes that run a template."""
+        return tuple(node for node in self.nodes if isinstance(node.operation, Transient))

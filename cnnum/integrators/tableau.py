@@ -1,0 +1,157 @@
+"""Explicit Runge–Kutta methods as data: a new method is one record here."""
+
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+
+from cnnum.errors import MethodError, name_error
+
+Row = tuple[Fraction, ...]
+
+
+def _row(text: str) -> Row:
+    return tuple(Fraction(number) for number in text.split())
+
+
+@dataclass(frozen=True)
+class ButcherTableau:
+    """An explicit Runge–Kutta method.
+
+        k_i = F(x + h Σ_j a_ij k_j),   x⁺ = x + h Σ_i b_i k_i,   error ≈ h Σ_i e_i k_i
+
+    Attributes
+    ----------
+    name : str
+    a : tuple of rows
+        Row i has i numbers; the first stage has none.
+    b : row
+    order : int
+    error : row, optional
+        b − b̂ of the embedded method; without it steps are fixed.
+
+    Raises
+    ------
+    ValueError
+        If the coefficients do not satisfy the conditions of their order.
+    """
+
+    name: str
+    a: tuple[Row, ...]
+    b: Row
+    order: int
+    error: Row = ()
+
+    def __post_init__(self) -> None:
+        if any(len(row) != i for i, row in enumerate(self.a)) or len(self.b) != len(self.a):
+            raise ValueError(f"The tableau of '{self.name}' is not explicit.")
+        b, a, c = self.b, self.a, [sum(row) for row in self.a]
+        stages = range(len(b))
+        conditions = [  # Hairer, Nørsett & Wanner, Solving ODEs I, table II.2.1
+            (1, sum(b), 1),
+            (2, sum(b[i] * c[i] for i in stages), Fraction(1, 2)),
+            (3, sum(b[i] * c[i] ** 2 for i in stages), Fraction(1, 3)),
+            (3, sum(b[i] * a[i][j] * c[j] for i in stages for j in range(i)), Fraction(1, 6)),
+            (4, sum(b[i] * c[i] ** 3 for i in stages), Fraction(1, 4)),
+        ]
+        wrong = [at for at, got, wanted in conditions if at <= self.order and got != wanted]
+        if wrong or (self.error and sum(self.error) != 0):
+            raise ValueError(f"'{self.name}' misses the conditions of order {wrong or 'error'}.")
+
+    @property
+    def stages(self) -> int:
+        """Evaluations of dx/dt a step."""
+        return len(self.b)
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether it estimates its own error."""
+        return bool(self.error)
+
+    @property
+    def first_same_as_last(self) -> bool:
+        """Whether the last stage is the first of the next step."""
+        return self.a[-1] == self.b[:-1] and self.b[-1] == 0
+
+    @cached_property
+    def real_stability(self) -> float:
+        """Length of the interval of the negative real axis where |R(z)| ≤ 1."""
+        polynomial = self._stability_polynomial()
+        z = np.linspace(0.0, -8.0, 80_001)
+        outside = np.abs(np.polyval(polynomial, z)) > 1.0 + 1e-12
+        return float(-z[np.argmax(outside)])
+
+    def _stability_polynomial(self) -> list[float]:
+        # R(z) = 1 + Σ_s z^s bᵀ A^{s−1} 1, highest power first
+        n = self.stages
+        a = np.array([[float(x) for x in row] + [0.0] * (n - len(row)) for row in self.a])
+        b = np.array([float(x) for x in self.b])
+        powers = [1.0]
+        vector = np.ones(n)
+        for _ in range(n):
+            powers.append(float(b @ vector))
+            vector = a @ vector
+        return powers[::-1]
+
+
+EULER = ButcherTableau("euler", (_row(""),), _row("1"), 1)
+HEUN = ButcherTableau("heun", (_row(""), _row("1")), _row("1/2 1/2"), 2)
+RK4 = ButcherTableau(
+    "rk4",
+    (_row(""), _row("1/2"), _row("0 1/2"), _row("0 0 1")),
+    _row("1/6 1/3 1/3 1/6"),
+    4,
+)
+# Bogacki & Shampine 1989, 3(2)
+BOGACKI_SHAMPINE = ButcherTableau(
+    "bogacki-shampine",
+    (_row(""), _row("1/2"), _row("0 3/4"), _row("2/9 1/3 4/9")),
+    _row("2/9 1/3 4/9 0"),
+    3,
+    error=_row("-5/72 1/12 1/9 -1/8"),
+)
+# Dormand & Prince 1980, 5(4)
+DORMAND_PRINCE = ButcherTableau(
+    "dormand-prince",
+    (
+        _row(""),
+        _row("1/5"),
+        _row("3/40 9/40"),
+        _row("44/45 -56/15 32/9"),
+        _row("19372/6561 -25360/2187 64448/6561 -212/729"),
+        _row("9017/3168 -355/33 46732/5247 49/176 -5103/18656"),
+        _row("35/384 0 500/1113 125/192 -2187/6784 11/84"),
+    ),
+    _row("35/384 0 500/1113 125/192 -2187/6784 11/84 0"),
+    5,
+    error=_row("71/57600 0 -71/16695 71/1920 -17253/339200 22/525 -1/40"),
+)
+
+TABLEAUX = {t.name: t for t in (EULER, HEUN, RK4, BOGACKI_SHAMPINE, DORMAND_PRINCE)}
+
+
+def tableau(name: str) -> ButcherTableau:
+    """Return the Runge–Kutta method of that name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none.
+    """
+    if name not in TABLEAUX:
+        raise name_error("method", name, ("auto", "propagator", *TABLEAUX))
+    return TABLEAUX[name]
+
+
+def stable_step(method: ButcherTableau, fastest_rate: float) -> float:
+    """Return the longest step at which a decay of that rate does not grow, in units of time.
+
+    Raises
+    ------
+    MethodError
+        If the rate is not positive.
+    """
+    if fastest_rate <= 0:
+        raise MethodError(f"A stability bound needs a positive rate, got {fastest_rate}.")
+    return method.real_stability / fastest_rate

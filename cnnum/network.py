@@ -1,0 +1,113 @@
+"""A template on an array of given size: its couplings cell by cell, and the bounds that follow."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.boundary import Boundary, halo_sources
+from cnnum.template import Template
+
+
+@dataclass(frozen=True, slots=True)
+class Tap:
+    """One non-zero weight: from a layer (or input), at an offset, into a layer."""
+
+    source: int
+    row: int
+    col: int
+    weight: float
+
+
+def taps(kernels: Floats, layer: int) -> tuple[Tap, ...]:
+    """Return the non-zero weights of A or B into a layer, row by row.
+
+    Parameters
+    ----------
+    kernels : (layers, sources, k, k) float
+    layer : int
+    """
+    radius = kernels.shape[-1] // 2
+    return tuple(
+        Tap(
+            int(source),
+            int(row) - radius,
+            int(col) - radius,
+            float(kernels[layer, source, row, col]),
+        )
+        for source, row, col in np.argwhere(kernels[layer])
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearSystem:
+    """dx/dt = M x + S (w + g) of an array in its linear range, layers stacked, cells row-major.
+
+    Attributes
+    ----------
+    matrix : (n, n) float
+        M = S (A − 1) with the state's boundary folded in.
+    rates : (n,) float
+        Diagonal of S: 1/τ of every cell's layer.
+    rim : (n,) float
+        g: what virtual cells of a fixed boundary add through A.
+    """
+
+    matrix: Floats
+    rates: Floats
+    rim: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Network:
+    """A template on an array of rows × cols cells."""
+
+    template: Template
+    shape: Shape
+
+    @property
+    def cells(self) -> int:
+        """Cells of one layer."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def states(self) -> int:
+        """Cells of all layers."""
+        return self.cells * self.template.layers
+
+    def linear_system(self) -> LinearSystem:
+        """Return the array's equations while every output is its state (f(x) = x)."""
+        template, n = self.template, self.cells
+        matrix = np.zeros((self.states, self.states))
+        rim = np.zeros(self.states)
+        for layer in range(template.layers):
+            rows = slice(layer * n, (layer + 1) * n)
+            for tap in taps(template.A, layer):
+                columns = slice(tap.source * n, (tap.source + 1) * n)
+                coupling, outside = _shift(self.shape, template.boundary, tap.row, tap.col)
+                matrix[rows, columns] += tap.weight * coupling
+                rim[rows] += tap.weight * outside
+        rates = np.repeat(1.0 / template.tau, n)
+        return LinearSystem((matrix - np.eye(self.states)) * rates[:, None], rates, rim)
+
+    def fastest_rate(self) -> float:
+        """Return a bound on |λ| of the array's Jacobian, in 1/time, whatever cells saturate.
+
+        Gershgorin: row sums of |A| plus the decay, where f' lies in [0, 1].
+        """
+        off = np.abs(self.template.A).sum(axis=(1, 2, 3))
+        return float(((1.0 + off) / self.template.tau).max())
+
+
+def _shift(shape: Shape, boundary: Boundary, row: int, col: int) -> tuple[Floats, Floats]:
+    """Return the matrix that fetches every cell's neighbour, and what the rim adds to it."""
+    radius = max(abs(row), abs(col))
+    sources = halo_sources(boundary, shape, radius)
+    window = sources[
+        radius + row : radius + row + shape[0], radius + col : radius + col + shape[1]
+    ].ravel()
+    inside = np.flatnonzero(window >= 0)
+    matrix = np.zeros((window.size, window.size))
+    matrix[inside, window[inside]] = 1.0
+    outside = np.where(window < 0, boundary.constant or 0.0, 0.0)
+    return matrix, outside
