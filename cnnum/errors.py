@@ -62,6 +62,10 @@ class PhysicsError(CnnumError, ValueError):
     """A physical parameter is outside the range of its closed form."""
 
 
+class CalibrationError(CnnumError, ValueError):
+    """A calibration (or its file) is not well formed, or can not be fitted from a scan."""
+
+
 class MissingExtraError(CnnumError, ImportError):
     """An optional dependency is not installed; the sentence names the extra."""
 

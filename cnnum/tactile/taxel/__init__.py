@@ -1,0 +1,26 @@
+"""Piezoresistive three-axial taxels: strain to bridge voltages, and back.
+
+Forward: `Coupling` (cover to silicon), `Bridge` (silicon), `Readout` (electronics), together a
+`Taxel`. Back: `Calibration`, fitted from a scan of point loads by `fit_calibration`.
+"""
+
+from cnnum.tactile.taxel.bridge import Bridge
+from cnnum.tactile.taxel.calibration import Calibration
+from cnnum.tactile.taxel.coupling import Coupling
+from cnnum.tactile.taxel.readout import Heat, Reading, Readout
+from cnnum.tactile.taxel.sensor import Taxel
+from cnnum.tactile.taxel.signals import SIDES
+from cnnum.tactile.taxel.silicon import Piezoresistor, von_mises
+
+__all__ = [
+    "SIDES",
+    "Bridge",
+    "Calibration",
+    "Coupling",
+    "Heat",
+    "Piezoresistor",
+    "Reading",
+    "Readout",
+    "Taxel",
+    "von_mises",
+]

@@ -1,0 +1,182 @@
+"""One taxel of bare silicon: four suspended bridges, the force on their centre to voltages."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cnnum.arrays import Floats, finite
+from cnnum.errors import PhysicsError
+from cnnum.tactile.taxel.signals import SIDES, apply_matrix, trailing
+from cnnum.tactile.taxel.silicon import Piezoresistor
+
+_TABLE_FORCE = 10e-3  # N, the load of Table 3.I
+
+
+@dataclass(frozen=True, slots=True)
+class Bridge:
+    """Four piezoresistive bridges in half-bridge circuits.
+
+    The defaults are Table 3.I: stresses at 10 mN, per newton. A positive normal force pushes
+    into the silicon and shortens all four bridges; a positive shear shortens the one in front
+    of it.
+
+    Attributes
+    ----------
+    normal : float, Pa/N
+        α_ln: σ_l − σ_t in each bridge under a normal force.
+    shear : float, Pa/N
+        α_ls: σ_l − σ_t in the bridges along a shear force.
+    transversal : float, Pa/N
+        α_ts: the same in the bridges across it; the dissertation neglects it.
+    supply : float, V
+        Bias of the half bridges.
+    piezoresistor : Piezoresistor
+    linear : bool
+        ΔV = (V/4) ΔR/R; otherwise the half bridge's own (V/4) δ/(1 + δ/2).
+    von_mises_normal, von_mises_shear : float, Pa/N
+        Largest equivalent stress of a normal and of a shear force.
+    yield_stress : float, Pa
+        Of silicon.
+
+    References
+    ----------
+    Vásárhelyi 2007, (3.8)–(3.11), Table 3.I, Fig. 3.13. (3.11) lacks the factor 1/4 of the half
+    bridge, without which the 2.9 mV/mN/V of the text does not follow.
+    """
+
+    normal: float = (-203.5e6 + 38.2e6) / _TABLE_FORCE
+    shear: float = -(290e6 - 55.6e6) / _TABLE_FORCE
+    transversal: float = 0.0
+    supply: float = 5.0
+    piezoresistor: Piezoresistor = field(default_factory=Piezoresistor)
+    linear: bool = True
+    von_mises_normal: float = 203.8e6 / _TABLE_FORCE
+    von_mises_shear: float = 293.2e6 / _TABLE_FORCE
+    yield_stress: float = 250e6
+
+    def __post_init__(self) -> None:
+        singular = self.normal == 0.0 or abs(self.shear) == abs(self.transversal)
+        if singular or not np.isfinite([self.normal, self.shear, self.transversal]).all():
+            raise PhysicsError(
+                "A bridge needs a finite 'normal' that is not zero and a 'shear' larger than its "
+                f"'transversal', got {self.normal}, {self.shear}, {self.transversal} Pa/N."
+            )
+        if not min(self.supply, self.yield_stress) > 0.0:
+            raise PhysicsError(
+                "'supply' and 'yield_stress' must be positive, got "
+                f"{self.supply} V and {self.yield_stress} Pa."
+            )
+
+    @property
+    def matrix(self) -> Floats:
+        """(4, 3) float, 1/N: ΔR/R of left, right, top, bottom from (F_x, F_y, F_z), (3.8)."""
+        s, t, n = self.shear, self.transversal, self.normal
+        stress = np.array([[-s, t, n], [s, -t, n], [-t, s, n], [t, -s, n]])
+        return 0.5 * self.piezoresistor.pi_44 * stress
+
+    def resistance_change(self, force: ArrayLike) -> Floats:
+        """Return ΔR/R of the four bridges (3.8).
+
+        Parameters
+        ----------
+        force : (..., 3) float, N
+            Force on the centre of the taxel.
+
+        Returns
+        -------
+        (..., 4) float
+            Left, right, top, bottom.
+
+        Raises
+        ------
+        ArrayError
+            If the last axis does not hold three components.
+        """
+        load = trailing("force", finite("force", force), 3, "(F_x, F_y, F_z)")
+        return apply_matrix(self.matrix, load)
+
+    def voltages(self, force: ArrayLike) -> Floats:
+        """Return the change of the four half-bridge voltages, before any amplifier.
+
+        Parameters
+        ----------
+        force : (..., 3) float, N
+
+        Returns
+        -------
+        (..., 4) float, V
+
+        Raises
+        ------
+        ArrayError
+            If the last axis does not hold three components.
+        """
+        change = self.resistance_change(force)
+        scale = 1.0 if self.linear else 1.0 / (1.0 + 0.5 * change)
+        return 0.25 * self.supply * change * scale
+
+    def force(self, voltages: ArrayLike) -> Floats:
+        """Return the force behind four half-bridge voltages, (3.11) with the half-bridge factor.
+
+        Parameters
+        ----------
+        voltages : (..., 4) float, V
+            Before the amplifier; what no force explains (a mismatch of opposite pairs) is
+            left out in the least-squares sense.
+
+        Returns
+        -------
+        (..., 3) float, N
+
+        Raises
+        ------
+        ArrayError
+            If the last axis does not hold four bridges.
+        """
+        volts = trailing("voltages", finite("voltages", voltages), 4, f"bridges {SIDES}")
+        change = 4.0 * volts / self.supply
+        if not self.linear:
+            change = change / (1.0 - 0.5 * change)
+        return apply_matrix(np.asarray(np.linalg.pinv(self.matrix), dtype=np.float64), change)
+
+    def von_mises_bound(self, force: ArrayLike) -> Floats:
+        """Return an upper bound of the von Mises stress.
+
+        Equivalent stress is a norm, so normal and shear parts add at most; a shear along a
+        bridge is the worst direction (Table 3.I: 293 against 270 MPa).
+
+        Parameters
+        ----------
+        force : (..., 3) float, N
+
+        Returns
+        -------
+        (...) float, Pa
+
+        Raises
+        ------
+        ArrayError
+            If the last axis does not hold three components.
+        """
+        load = trailing("force", finite("force", force), 3, "(F_x, F_y, F_z)")
+        sideways = np.hypot(load[..., 0], load[..., 1])
+        return self.von_mises_normal * np.abs(load[..., 2]) + self.von_mises_shear * sideways
+
+    def overloaded(self, force: ArrayLike) -> NDArray[np.bool_]:
+        """Return where a force may break the bridges: its stress bound passes the yield stress.
+
+        Parameters
+        ----------
+        force : (..., 3) float, N
+
+        Returns
+        -------
+        (...) bool
+
+        Raises
+        ------
+        ArrayError
+            If the last axis does not hold three components.
+        """
+        return np.asarray(self.von_mises_bound(force) > self.yield_stress)

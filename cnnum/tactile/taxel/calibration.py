@@ -1,0 +1,244 @@
+"""The way back: amplified bridge voltages to signals (4.14) and strain (4.15)."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cnnum.arrays import Floats, finite, frozen
+from cnnum.errors import CalibrationError, CnnumError
+from cnnum.frame import FORCE_AXES
+from cnnum.tactile.taxel import calibration_file
+from cnnum.tactile.taxel.readout import Heat, frame_times
+from cnnum.tactile.taxel.signals import COMBINE, SIDES, rows_of, trailing
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Calibration:
+    """What turns the voltages of an array into strain at its taxels.
+
+    Attributes
+    ----------
+    alpha_normal : float, 1/V
+        α_n: −ε_zz for one volt of S_n.
+    beta_ns : float
+        Normal-to-shear sensitivity α_s/α_n (4.19), 1.5 in general.
+    offsets : (4,) or (rows, cols, 4) float, V
+        Of the bridges without load, warm, at time 0.
+    cross : (3, 3) or (rows, cols, 3, 3) float
+        Signals read = cross · signals of an ideal taxel; its diagonal holds what one taxel is
+        more sensitive than the next.
+    drift : (4,) or (rows, cols, 4) float, V/s
+        Of the offsets.
+    heat : Heat
+        Transient after switch-on.
+    limit : float, V
+        A voltage at or beyond ± this is saturated.
+    depth : float or None, m
+        Thickness of the cover that the strain stands for, where it is known.
+
+    References
+    ----------
+    Vásárhelyi 2007, (4.14), (4.15), (4.19).
+    """
+
+    alpha_normal: float
+    beta_ns: float = 1.5
+    offsets: Floats = field(default_factory=lambda: np.zeros(4))
+    cross: Floats = field(default_factory=lambda: np.eye(3))
+    drift: Floats = field(default_factory=lambda: np.zeros(4))
+    heat: Heat = field(default_factory=Heat)
+    limit: float = float("inf")
+    depth: float | None = None
+    _decoder: Floats = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("alpha_normal", "beta_ns", "limit"):
+            _positive(name, getattr(self, name))
+        if self.depth is not None:
+            _positive("depth", self.depth)
+        for name, tail in (("offsets", (4,)), ("drift", (4,)), ("cross", (3, 3))):
+            object.__setattr__(self, name, _per_taxel(name, getattr(self, name), tail))
+        object.__setattr__(self, "_decoder", frozen(_inverse(self.cross) @ COMBINE))
+
+    @property
+    def alpha_shear(self) -> float:
+        """α_s, 1/V: −ε_xz for one volt of T_x."""
+        return self.alpha_normal * self.beta_ns
+
+    def bridges(self, wanted: Sequence[str] = FORCE_AXES) -> tuple[str, ...]:
+        """Return the bridges that the wanted channels read; the others need no scanning."""
+        used = np.any(self._decoder[..., rows_of(wanted), :].reshape(-1, 4), axis=0).tolist()
+        return tuple(side for i, side in enumerate(SIDES) if used[i])
+
+    def saturated(self, volts: ArrayLike) -> NDArray[np.bool_]:
+        """Return where a voltage stands at an end of the range.
+
+        Parameters
+        ----------
+        volts : (..., rows, cols, 4) float, V
+
+        Returns
+        -------
+        (..., rows, cols, 4) bool
+        """
+        return np.asarray(np.abs(finite("volts", volts)) >= self.limit)
+
+    def to_signals(
+        self,
+        volts: ArrayLike,
+        wanted: Sequence[str] = FORCE_AXES,
+        *,
+        time: ArrayLike | None = None,
+    ) -> Floats:
+        """Return T_x, T_y and S_n (4.14), without offsets, drift, heat and cross sensitivity.
+
+        Parameters
+        ----------
+        volts : (..., rows, cols, 4) float, V
+            Amplified: left, right, top, bottom.
+        wanted : sequence of str
+            The channels to compute, in that order: "shear_x" (T_x), "shear_y", "normal" (S_n).
+        time : (...) float, s, optional
+            Since switch-on, one a frame; without it the sensor is taken as warm and undrifted.
+
+        Returns
+        -------
+        (..., rows, cols, len(wanted)) float, V
+
+        Raises
+        ------
+        ArrayError
+            If the last axis does not hold four bridges, or a value is not finite.
+        UnknownNameError
+            If a wanted channel is not one of the three.
+        """
+        return self._decode(volts, self._decoder[..., rows_of(wanted), :], time)
+
+    def to_strain(
+        self,
+        volts: ArrayLike,
+        wanted: Sequence[str] = FORCE_AXES,
+        *,
+        time: ArrayLike | None = None,
+    ) -> Floats:
+        """Return the strain rows ε_xz, ε_yz, ε_zz at the taxels (4.15).
+
+        Parameters
+        ----------
+        volts : (..., rows, cols, 4) float, V
+        wanted : sequence of str
+            The channels to compute: "shear_x" (ε_xz), "shear_y" (ε_yz), "normal" (ε_zz).
+        time : (...) float, s, optional
+
+        Returns
+        -------
+        (..., rows, cols, len(wanted)) float
+            Tension positive.
+
+        Raises
+        ------
+        ArrayError
+            If the last axis does not hold four bridges, or a value is not finite.
+        UnknownNameError
+            If a wanted channel is not one of the three.
+        """
+        rows = rows_of(wanted)
+        alpha = self.strain_per_volt[rows]
+        return self._decode(volts, alpha[:, np.newaxis] * self._decoder[..., rows, :], time)
+
+    @property
+    def strain_per_volt(self) -> Floats:
+        """(3,) float, 1/V: −α_s, −α_s, −α_n."""
+        return -self.alpha_normal * np.array([self.beta_ns, self.beta_ns, 1.0])
+
+    def strain_noise(self, volts: float) -> tuple[float, float]:
+        """Return what a white noise on each bridge is in strain, shear and normal.
+
+        Parameters
+        ----------
+        volts : float, V
+            RMS, after the amplifier (Table 3.II: 2–3 mV).
+
+        Returns
+        -------
+        shear, normal : float
+            RMS; of the least sensitive taxel.
+        """
+        spread = np.linalg.norm(self._decoder, axis=-1) * np.abs(self.strain_per_volt) * volts
+        worst = spread.reshape(-1, 3).max(axis=0)
+        return float(worst[:2].max()), float(worst[2])
+
+    def _decode(self, volts: ArrayLike, weights: Floats, time: ArrayLike | None) -> Floats:
+        """Return weights · (volts − offsets), reading only the bridges that have a weight."""
+        raw = trailing("volts", finite("volts", volts), 4, f"bridges {SIDES}")
+        used = np.flatnonzero(weights.reshape(-1, 4).any(axis=0))
+        clean = raw[..., used] - self.offsets[..., used]
+        if time is not None:
+            clean = clean - self._wander(time, used)
+        kept = weights[..., used]
+        if kept.ndim == 2:
+            return np.asarray(clean @ kept.T, dtype=np.float64)
+        return np.asarray(np.einsum("...ij,...j->...i", kept, clean), dtype=np.float64)
+
+    def _wander(self, time: ArrayLike, used: NDArray[np.intp]) -> Floats:
+        """Return what time has added to the offsets of the used bridges, V."""
+        wander = self.heat.at(time)
+        if self.drift.any():
+            wander = wander + self.drift[..., used] * frame_times(time)
+        return wander
+
+    def save(self, path: str | Path) -> None:
+        """Write the calibration as TOML; the file is whole or not there.
+
+        Raises
+        ------
+        CalibrationError
+            If the file can not be written.
+        """
+        values = {name: getattr(self, name) for name in calibration_file.KEYS}
+        calibration_file.save(Path(path), values)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Calibration":
+        """Return the calibration of a TOML file.
+
+        Raises
+        ------
+        CalibrationError
+            If the file can not be read, or a key of it is missing, unknown or wrong.
+        """
+        values = calibration_file.load(Path(path))
+        try:
+            return cls(**values)
+        except CnnumError as error:
+            raise CalibrationError(f"Calibration '{path}': {error}") from None
+
+
+def _positive(name: str, value: float) -> None:
+    if not value > 0.0 or (name != "limit" and not np.isfinite(value)):
+        raise CalibrationError(f"'{name}' must be a positive number, got {value}.")
+
+
+def _per_taxel(name: str, value: ArrayLike, tail: tuple[int, ...]) -> Floats:
+    """Return a read-only array with that tail, the same for all taxels or one each."""
+    array = frozen(finite(name, value))
+    if array.ndim not in (len(tail), len(tail) + 2) or array.shape[-len(tail) :] != tail:
+        size = ", ".join(str(n) for n in tail)
+        raise CalibrationError(
+            f"'{name}' must have the shape ({size}) or (rows, cols, {size}), got {array.shape}."
+        )
+    return array
+
+
+def _inverse(cross: Floats) -> Floats:
+    """Return the inverse of the cross sensitivity."""
+    worst = float(np.max(np.linalg.cond(cross)))
+    if not worst < 1e6:  # volts carry 12 bits; beyond this nothing of the signals is left
+        raise CalibrationError(
+            f"'cross' can not be undone: its condition is {worst:.3g}, expected below 1e6; "
+            "leave out the taxel, or fit it again."
+        )
+    return np.asarray(np.linalg.inv(cross), dtype=np.float64)

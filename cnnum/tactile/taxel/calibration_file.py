@@ -1,0 +1,139 @@
+"""Calibrations as TOML files."""
+
+import contextlib
+import os
+import tempfile
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.errors import CalibrationError, CnnumError
+from cnnum.tactile.taxel.readout import Heat
+
+_KIND = "taxel calibration"
+_REQUIRED = ("kind", "alpha_normal")
+_NUMBERS = ("alpha_normal", "beta_ns", "limit", "depth")
+_ARRAYS = ("offsets", "drift", "cross")
+_HEAT = ("amplitude", "time_constant")
+KEYS = (*_NUMBERS, *_ARRAYS, "heat")
+"""What a calibration file holds."""
+
+
+def save(path: Path, values: Mapping[str, Any]) -> None:
+    """Write the values of a calibration beside their place, then move them there in one step.
+
+    Raises
+    ------
+    CalibrationError
+        If the folder or the file can not be written.
+    """
+    try:
+        _replace(path, _text(values))
+    except OSError as error:
+        raise CalibrationError(
+            f"Calibration '{path}' can not be written: {error.strerror}; choose a folder that "
+            "exists and is writable."
+        ) from None
+
+
+def load(path: Path) -> dict[str, Any]:
+    """Return the values of a calibration file, by the names of its attributes.
+
+    Raises
+    ------
+    CalibrationError
+        If the file can not be read, or a key of it is missing, unknown or wrong.
+    """
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise CalibrationError(f"Calibration '{path}' can not be read: {error.strerror}.") from None
+    except ValueError as error:
+        raise CalibrationError(f"Calibration '{path}' is not a TOML file: {error}.") from None
+    _check_keys(path, data)
+    values: dict[str, Any] = {name: _number(path, data, name) for name in _NUMBERS if name in data}
+    values |= {name: _array(path, data, name) for name in _ARRAYS if name in data}
+    return values | {"heat": _heat(path, data)}
+
+
+def _check_keys(path: Path, data: Mapping[str, object]) -> None:
+    for name in _REQUIRED:
+        if name not in data:
+            raise CalibrationError(f"Calibration '{path}' has no key '{name}', which it needs.")
+    if data["kind"] != _KIND:
+        raise CalibrationError(
+            f"Calibration '{path}': key 'kind' must be \"{_KIND}\", got {data['kind']!r}."
+        )
+    known = ("kind", *KEYS)
+    for name in data:
+        if name not in known:
+            raise CalibrationError(
+                f"Calibration '{path}' has an unknown key '{name}'; known are {', '.join(known)}."
+            )
+
+
+def _number(path: Path, data: Mapping[str, object], name: str) -> float:
+    value = data[name]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise CalibrationError(
+            f"Calibration '{path}': key '{name}' must be a number, got {value!r}."
+        )
+    return float(value)
+
+
+def _array(path: Path, data: Mapping[str, object], name: str) -> Floats:
+    try:
+        return np.asarray(data[name], dtype=np.float64)
+    except (TypeError, ValueError):
+        raise CalibrationError(
+            f"Calibration '{path}': key '{name}' must be a list of numbers (nested for an array)."
+        ) from None
+
+
+def _heat(path: Path, data: Mapping[str, object]) -> Heat:
+    table = data.get("heat", {})
+    if not isinstance(table, dict):
+        raise CalibrationError(f"Calibration '{path}': key 'heat' must be a table, got {table!r}.")
+    entries = cast("dict[str, object]", table)
+    for name in entries:
+        if name not in _HEAT:
+            raise CalibrationError(
+                f"Calibration '{path}' has an unknown key 'heat.{name}'; known are "
+                f"{', '.join(_HEAT)}."
+            )
+    try:
+        return Heat(**{name: _number(path, entries, name) for name in entries})
+    except CnnumError as error:
+        raise CalibrationError(f"Calibration '{path}': key 'heat': {error}") from None
+
+
+def _text(values: Mapping[str, Any]) -> str:
+    """Return the TOML text; repr keeps every digit of a float."""
+    lines = [f'kind = "{_KIND}"']
+    for name in _NUMBERS:
+        value = values[name]
+        if value is not None:
+            lines.append(f"{name} = {float(value)!r}")
+    lines += [f"{name} = {values[name].tolist()!r}" for name in _ARRAYS]
+    lines.append("\n[heat]")
+    lines += [f"{name} = {float(getattr(values['heat'], name))!r}" for name in _HEAT]
+    return "\n".join(lines) + "\n"
+
+
+def _replace(path: Path, text: str) -> None:
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).chmod(0o644)
+        Path(name).replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            Path(name).unlink()
+        raise
