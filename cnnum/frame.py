@@ -95,3 +95,8 @@ class Frame:
     def bad(self) -> bool:
         """Whether the frame must not become an event."""
         return bool(self.quality & BAD)
+
+    @property
+    def repeated(self) -> bool:
+        """Whether this is the scan before once more."""
+        return bool(self.quality & Quality.REPEATED)

@@ -1,0 +1,116 @@
+"""What every array driver offers: where its frames come from is its own affair."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Protocol, Self
+
+from cnnum.arrays import Shape
+from cnnum.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class Counters:
+    """What a driver has seen so far: a snapshot, which does not change any more.
+
+    Of an array that numbers its scans, ``frames + skipped + dropped`` is the number it has sent.
+
+    Attributes
+    ----------
+    frames : int
+        New scans handed on.
+    bad : int
+        Packets or rows whose check failed.
+    dropped : int
+        Scans that never arrived whole, as the device's own numbers show; the bad ones are among
+        them, and so are those that a full queue pushed out.
+    repeated : int
+        Scans that came again and were marked so.
+    skipped : int
+        Good scans passed over because a newer one was already there (mode "latest").
+    resyncs : int
+        Times the stream's beat was lost and found again.
+    discarded : int
+        Bytes that belonged to no good packet.
+    gaps : int
+        Breaks of which nobody knows how many scans they cost: unplugged, or the device restarted.
+    """
+
+    frames: int = 0
+    bad: int = 0
+    dropped: int = 0
+    repeated: int = 0
+    skipped: int = 0
+    resyncs: int = 0
+    discarded: int = 0
+    gaps: int = 0
+
+
+class Driver(Protocol):
+    """A source of frames: an array at a port, a recording, a simulation."""
+
+    @property
+    def shape(self) -> Shape:
+        """Rows and columns of every frame."""
+        ...
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of a frame's last axis."""
+        ...
+
+    @property
+    def unit(self) -> str:
+        """Unit of the values: "count", "V"…"""
+        ...
+
+    @property
+    def rate(self) -> float:
+        """Scans a second, Hz; 0 where nobody knows."""
+        ...
+
+    @property
+    def counters(self) -> Counters:
+        """What has been seen so far."""
+        ...
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames in the order of their scans, until the source ends or is closed."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the source; a second call does nothing."""
+        ...
+
+    def __enter__(self) -> Self:
+        """Return the driver itself."""
+        ...
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the driver."""
+        ...
+
+
+class Closing:
+    """The context manager that all drivers share: leaving the block closes the driver."""
+
+    def close(self) -> None:
+        """Let go of the source; nothing to let go of here."""
+
+    def __enter__(self) -> Self:
+        """Return the driver itself."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close the driver."""
+        self.close()

@@ -1,0 +1,123 @@
+"""From the table of a scene file to a driver's record of options, checked key by key."""
+
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from pathlib import Path
+from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
+
+from cnnum.errors import SceneError
+
+Record = TypeVar("Record")
+
+
+def read_options(record: type[Record], table: Mapping[str, object], base: Path) -> Record:
+    """Return the record that a table of options describes.
+
+    Parameters
+    ----------
+    record : dataclass
+        Its fields are the options; a field without a default must be in the table.
+    table : mapping of str to object
+        As a TOML file gives it: strings, numbers, lists, tables.
+    base : Path
+        Folder that relative paths start from: the scene file's own.
+
+    Raises
+    ------
+    SceneError
+        If an option is unknown, missing or of the wrong type; the record itself refuses values
+        outside its range.
+    """
+    hints = get_type_hints(record)
+    known = {field.name: field for field in fields(cast(Any, record)) if field.init}
+    for key in table:
+        if key not in known:
+            choices = ", ".join(f"'{name}'" for name in known)
+            raise SceneError(f"Unknown option '{key}': expected one of {choices}.")
+    for name, field in known.items():
+        required = field.default is MISSING and field.default_factory is MISSING
+        if required and name not in table:
+            raise SceneError(f"The option '{name}' is missing: this driver can not do without it.")
+    values = {key: convert(key, value, hints[key], base) for key, value in table.items()}
+    return record(**values)
+
+
+def convert(key: str, value: object, kind: Any, base: Path) -> Any:
+    """Return `value` as the type that the field's annotation names.
+
+    Raises
+    ------
+    SceneError
+        If it is of another type; the sentence names the key.
+    """
+    origin = get_origin(kind)
+    if origin is Literal:
+        return _choice(key, value, get_args(kind))
+    if origin in (Union, types.UnionType):
+        return _either(key, value, get_args(kind), base)
+    if origin is tuple:
+        return _items(key, value, get_args(kind), base)
+    if isinstance(kind, type) and is_dataclass(kind):
+        if not isinstance(value, Mapping):
+            raise _wrong(key, "a table", value)
+        return read_options(kind, cast(Mapping[str, object], value), base)
+    return _scalar(key, value, kind, base)
+
+
+def _scalar(key: str, value: object, kind: type, base: Path) -> object:
+    if kind is Path and isinstance(value, str | Path):
+        return base / Path(value).expanduser()
+    if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
+        return value
+    names = {int: "a whole number", float: "a number", str: "a string", bool: "true or false"}
+    raise _wrong(key, names.get(kind, "a path"), value)
+
+
+def _choice(key: str, value: object, choices: tuple[object, ...]) -> object:
+    for choice in choices:
+        if value == choice and type(value) is type(choice):
+            return value
+    raise _wrong(key, "one of " + ", ".join(repr(choice) for choice in choices), value)
+
+
+def _either(key: str, value: object, kinds: tuple[Any, ...], base: Path) -> object:
+    if value is None and type(None) in kinds:
+        return None
+    rest = [kind for kind in kinds if kind is not type(None)]
+    for kind in rest[:-1]:
+        try:
+            return convert(key, value, kind, base)
+        except SceneError:
+            continue
+    return convert(key, value, rest[-1], base)
+
+
+def _items(key: str, value: object, kinds: tuple[Any, ...], base: Path) -> tuple[object, ...]:
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        raise _wrong(key, "a list", value)
+    items = cast(Sequence[object], value)
+    if len(kinds) == 2 and kinds[1] is Ellipsis:
+        return tuple(convert(f"{key}[{i}]", v, kinds[0], base) for i, v in enumerate(items))
+    if len(items) != len(kinds):
+        raise _wrong(key, f"a list of {len(kinds)} items", value)
+    pairs = enumerate(zip(items, kinds, strict=True))
+    return tuple(convert(f"{key}[{i}]", v, kind, base) for i, (v, kind) in pairs)
+
+
+def _wrong(key: str, expected: str, value: object) -> SceneError:
+    return SceneError(f"The option '{key}' must be {expected}, got {value!r}.")
+
+
+def require(key: str, holds: bool, expected: str, value: object) -> None:
+    """Refuse an option's value unless `holds`: for the checks of a record's ``__post_init__``.
+
+    Raises
+    ------
+    SceneError
+        ``The option '{key}' must be {expected}, got {value}.``
+    """
+    if not holds:
+        raise _wrong(key, expected, value)

@@ -1,0 +1,127 @@
+"""A tactile array at a serial port that speaks the open protocol (``docs/serial-protocol.md``)."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+from cnnum.arrays import Shape
+from cnnum.drivers.driver import Closing, Counters
+from cnnum.drivers.mailbox import Mailbox
+from cnnum.drivers.options import require
+from cnnum.drivers.serial_packet import UNITS
+from cnnum.drivers.serial_reader import SerialReader
+from cnnum.errors import PortError
+from cnnum.frame import Frame
+
+
+@dataclass(frozen=True, slots=True)
+class SerialOptions:
+    """Options of the driver "serial".
+
+    Attributes
+    ----------
+    port : str
+        "/dev/ttyACM0", "COM3"…
+    baud : int
+        Bits a second.
+    mode : "every" or "latest"
+        Hand on every scan in order (to record), or the newest one only (to watch).
+    timeout : float
+        s without a good packet after which the array counts as gone.
+    reconnects : int
+        Times that a lost array is looked for before `PortError`; 0 gives up at once.
+    backoff : float
+        s before the first of these times; doubled each time, up to `longest_backoff`.
+    longest_backoff : float
+        s.
+    depth : int
+        Scans that may wait for a slow reader in mode "every"; beyond it the oldest are dropped
+        and counted.
+    """
+
+    port: str
+    baud: int = 921_600
+    mode: Literal["every", "latest"] = "every"
+    timeout: float = 2.0
+    reconnects: int = 5
+    backoff: float = 0.25
+    longest_backoff: float = 4.0
+    depth: int = 4096
+
+    def __post_init__(self) -> None:
+        require("port", bool(self.port), "the name of a port", self.port)
+        require("baud", self.baud > 0, "bits a second above 0", self.baud)
+        require("timeout", 0 < self.timeout < 3600, "seconds above 0, below 3600", self.timeout)
+        require("reconnects", self.reconnects >= 0, "a number of times, or 0", self.reconnects)
+        require("backoff", self.backoff > 0, "seconds above 0", self.backoff)
+        longest = self.longest_backoff
+        require("longest_backoff", longest >= self.backoff, "at least 'backoff'", longest)
+        require("depth", self.depth > 0, "a number of frames above 0", self.depth)
+
+    def open(self) -> "SerialArray":
+        """Open the port and wait for the first scan.
+
+        Raises
+        ------
+        PortError
+            If the port does not open, or brings no good packet within `timeout`.
+        """
+        return SerialArray(self)
+
+
+class SerialArray(Closing):
+    """An array at a port: a thread reads and decodes, `frames` hands on.
+
+    Raises
+    ------
+    PortError
+        If the port does not open, or brings no good packet in time.
+    """
+
+    def __init__(self, options: SerialOptions) -> None:
+        self._options = options
+        self._mail = Mailbox(1 if options.mode == "latest" else options.depth)
+        self._reader = SerialReader(options, self._mail)
+        self._handed_on = 0
+        try:
+            first = self._reader.first()
+        except PortError:
+            self._reader.close()
+            raise
+        self.shape: Shape = (first.geometry.rows, first.geometry.cols)
+        self.channels = first.geometry.names
+        self.unit = UNITS[first.geometry.unit]
+        self.rate = 1e6 / first.period_us if first.period_us else 0.0
+
+    @property
+    def counters(self) -> Counters:
+        """What has been seen so far."""
+        seen = self._reader.counters
+        pushed_out = self._mail.pushed_out
+        latest = self._options.mode == "latest"
+        return Counters(
+            frames=self._handed_on,
+            bad=seen.bad,
+            dropped=seen.dropped + (0 if latest else pushed_out),
+            repeated=seen.repeated,
+            skipped=pushed_out if latest else 0,
+            resyncs=seen.resyncs,
+            discarded=seen.discarded,
+            gaps=seen.gaps,
+        )
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield frames as they come, until `close`.
+
+        Raises
+        ------
+        PortError
+            If the array went away and did not come back in the attempts that the options allow.
+        """
+        while (frame := self._mail.get()) is not None:
+            self._handed_on += not frame.repeated
+            yield frame
+
+    def close(self) -> None:
+        """Stop reading and let go of the port."""
+        self._reader.close()

@@ -1,0 +1,96 @@
+"""Tables of numbers in CSV files: read whole, and refused with the file and the line."""
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.errors import CodecError, RecordingError
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TextTable:
+    """The rows of a CSV file under its header.
+
+    Attributes
+    ----------
+    path : Path
+    header : tuple of str
+    rows : tuple of tuple of str
+        As they stand in the file, all as long as the header.
+    lines : tuple of int
+        Number of the line of each row, from 1.
+    """
+
+    path: Path
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...]
+
+    def numbers(self, columns: Sequence[str]) -> Floats:
+        """Return columns as numbers, (rows, columns).
+
+        Raises
+        ------
+        CodecError
+            If a column is missing, or a field is not a finite number.
+        """
+        places = [self._place(name) for name in columns]
+        values = np.empty((len(self.rows), len(places)))
+        for i, row in enumerate(self.rows):
+            for j, place in enumerate(places):
+                values[i, j] = self._number(row[place], i, columns[j])
+        return values
+
+    def _place(self, column: str) -> int:
+        if column not in self.header:
+            raise CodecError(f"'{self.path}', line 1: expected a column '{column}', found none.")
+        return self.header.index(column)
+
+    def _number(self, text: str, row: int, column: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise CodecError(
+                f"'{self.path}', line {self.lines[row]}: expected a finite number in the column "
+                f"'{column}', got '{text}'."
+            )
+        return value
+
+
+def read_table(path: Path) -> TextTable:
+    """Read a CSV file with a header.
+
+    Raises
+    ------
+    RecordingError
+        If the file can not be read.
+    CodecError
+        If it is empty, has a row longer or shorter than the header, or is not text.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            reader = csv.reader(file)
+            found = [(reader.line_num, tuple(row)) for row in reader if row]
+    except OSError as error:
+        raise RecordingError(f"'{path}' can not be read: {error.strerror}.") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise CodecError(f"'{path}' is not a CSV text file in UTF-8: {error}.") from None
+    if not found:
+        raise CodecError(f"'{path}' is empty: expected a header and rows of numbers.")
+    (_, header), *rest = found
+    for line, row in rest:
+        if len(row) != len(header):
+            raise CodecError(
+                f"'{path}', line {line}: expected {len(header)} fields as in the header, "
+                f"got {len(row)}."
+            )
+    if not rest:
+        raise CodecError(f"'{path}' has a header and no rows: expected rows of numbers.")
+    return TextTable(path, header, tuple(row for _, row in rest), tuple(n for n, _ in rest))

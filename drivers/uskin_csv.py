@@ -1,0 +1,193 @@
+"""Replay of a trial of two XELA uSkin pads that was written to CSV files.
+
+The layout is that of the public data set of imanlab/proactive-slip-control: a folder a trial,
+with ``xela_sensor1.csv`` and ``xela_sensor2.csv`` (raw counts of 4×4 three-axial taxels, one
+after the other, row by row), ``robot_state.csv`` (its last column is the time in s),
+``slip_label.csv`` (slip, fail) and ``meta_data.csv`` (the rate).
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.drivers.driver import Closing, Counters
+from cnnum.drivers.options import require
+from cnnum.drivers.text_table import TextTable, read_table
+from cnnum.errors import CodecError, RecordingError
+from cnnum.frame import FORCE_AXES, Frame, Quality, Truth
+
+SIDE = 4
+"""Rows and columns of a pad."""
+
+HEADER = tuple(f"txl{n}_{axis}" for n in range(1, SIDE * SIDE + 1) for axis in "xyz")
+"""Columns of a pad's file."""
+
+ENDS = (0.0, 65535.0)
+"""Range of a count: unsigned, 16 bits."""
+
+
+@dataclass(frozen=True, slots=True)
+class UskinCsvOptions:
+    """Options of the driver "uskin-csv".
+
+    Attributes
+    ----------
+    path : Path
+        Folder of the trial.
+    pad : 1, 2 or "both"
+        One pad gives frames of (4, 4); both give (4, 8), pad 1 in the columns 0–3 and pad 2 in
+        4–7, so that one frame is one instant of the grasp and every program runs on it as it
+        is. The pads are not neighbours in space: they lie on opposite fingers, so a neighbourhood
+        that reaches over the seam between the columns 3 and 4 means nothing there, nor does a sum
+        of both pads' shear. Name one pad where that matters.
+    rate : float, optional
+        Hz, for a trial that has neither ``robot_state.csv`` nor ``meta_data.csv``.
+    """
+
+    path: Path
+    pad: Literal[1, 2, "both"] = "both"
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        require("rate", self.rate is None or self.rate > 0, "Hz above 0", self.rate)
+        if not self.path.is_dir():
+            raise RecordingError(
+                f"The option 'path' must name the folder of a trial, but there is no folder "
+                f"'{self.path}'."
+            )
+
+    def open(self) -> "UskinCsv":
+        """Read the trial.
+
+        Raises
+        ------
+        RecordingError
+            If a file is missing or can not be read.
+        CodecError
+            If a file is not what it should be; the sentence names the file and the line.
+        """
+        return UskinCsv(self)
+
+
+class UskinCsv(Closing):
+    """A trial, read whole; every row becomes a frame, a row that repeats the last one too.
+
+    The log is faster than the sensor: such a row is flagged `Quality.REPEATED`, keeps the
+    sequence number of the scan that it repeats, and is counted apart.
+    """
+
+    def __init__(self, options: UskinCsvOptions) -> None:
+        pads = (1, 2) if options.pad == "both" else (options.pad,)
+        tables = [read_table(options.path / f"xela_sensor{pad}.csv") for pad in pads]
+        rows = len(tables[0].rows)
+        self._values = np.concatenate([_counts(t) for t in _same_length(tables, rows)], axis=2)
+        self._repeats = _repeats(self._values)
+        self._times, self.rate = _clock(options, rows)
+        self._truths = _labels(options.path / "slip_label.csv", rows)
+        self.shape: Shape = (SIDE, SIDE * len(pads))
+        self.channels = FORCE_AXES
+        self.unit = "count"
+        self._counters = Counters()
+
+    @property
+    def counters(self) -> Counters:
+        """What has been seen so far."""
+        return self._counters
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield a frame a row, as fast as they are fetched; a second call starts again."""
+        self._counters = Counters()
+        numbers = np.cumsum(~self._repeats) - 1
+        for row, values in enumerate(self._values):
+            again = bool(self._repeats[row])
+            seen = self._counters
+            self._counters = replace(
+                seen, frames=seen.frames + (not again), repeated=seen.repeated + again
+            )
+            yield Frame(
+                values=values,
+                channels=self.channels,
+                unit=self.unit,
+                sequence=int(numbers[row]),
+                time=float(self._times[row]),
+                quality=_quality(values, again=again),
+                truth=self._truths[row] if self._truths else None,
+            )
+
+
+def _counts(table: TextTable) -> Floats:
+    """Return (rows, 4, 4, 3) counts."""
+    if table.header != HEADER:
+        raise CodecError(
+            f"'{table.path}', line 1: expected the {len(HEADER)} columns "
+            f"'{HEADER[0]}' to '{HEADER[-1]}', got {len(table.header)} from '{table.header[0]}'."
+        )
+    return table.numbers(HEADER).reshape(-1, SIDE, SIDE, len(FORCE_AXES))
+
+
+def _same_length(tables: list[TextTable], rows: int) -> list[TextTable]:
+    for table in tables:
+        if len(table.rows) != rows:
+            raise CodecError(
+                f"'{table.path}', line {table.lines[-1]}: expected {rows} rows as in the other "
+                f"files of the trial, got {len(table.rows)}."
+            )
+    return tables
+
+
+def _repeats(values: Floats) -> np.ndarray:
+    """Return for each row whether it is the one before once more, on every pad."""
+    same = (values[1:] == values[:-1]).all(axis=(1, 2, 3))
+    return np.concatenate([[False], same])
+
+
+def _quality(values: Floats, *, again: bool) -> Quality:
+    saturated = bool(np.isin(values, ENDS).any())
+    flags = Quality.SATURATED if saturated else Quality.GOOD
+    return flags | Quality.REPEATED if again else flags
+
+
+def _clock(options: UskinCsvOptions, rows: int) -> tuple[Floats, float]:
+    """Return the rows' times from the first one (s), and the rate (Hz)."""
+    states, meta = options.path / "robot_state.csv", options.path / "meta_data.csv"
+    if states.exists():
+        (table,) = _same_length([read_table(states)], rows)
+        times = table.numbers(table.header[-1:])[:, 0]
+        if (np.diff(times) < 0).any():
+            line = table.lines[int(np.argmax(np.diff(times) < 0)) + 1]
+            raise CodecError(f"'{states}', line {line}: expected a time after the one before.")
+        return times - times[0], _rate(options, meta, times)
+    rate = _rate(options, meta, np.zeros(1))
+    if rate == 0.0:
+        raise RecordingError(
+            f"'{options.path}' has neither 'robot_state.csv' nor 'meta_data.csv' to tell the "
+            "time from: give the option 'rate'."
+        )
+    return np.arange(rows) / rate, rate
+
+
+def _rate(options: UskinCsvOptions, meta: Path, times: Floats) -> float:
+    """Return the rate that was asked for, written down, or seen; 0 if there is none."""
+    if options.rate is not None:
+        return options.rate
+    if meta.exists():
+        table = read_table(meta)
+        rate = float(table.numbers(["frequency_hz"])[0, 0])
+        if rate <= 0:
+            raise CodecError(f"'{meta}', line 2: expected a 'frequency_hz' above 0, got {rate}.")
+        return rate
+    span = float(times[-1] - times[0])
+    return (len(times) - 1) / span if span > 0 else 0.0
+
+
+def _labels(path: Path, rows: int) -> list[Truth]:
+    """Return a truth a row, or none where nobody labelled the trial."""
+    if not path.exists():
+        return []
+    (table,) = _same_length([read_table(path)], rows)
+    names = ("slip", "fail")
+    return [Truth(dict(zip(names, row.tolist(), strict=True))) for row in table.numbers(names)]
