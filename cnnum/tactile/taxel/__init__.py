@@ -7,7 +7,9 @@ Forward: `Coupling` (cover to silicon), `Bridge` (silicon), `Readout` (electroni
 from cnnum.tactile.taxel.bridge import Bridge
 from cnnum.tactile.taxel.calibration import Calibration
 from cnnum.tactile.taxel.coupling import Coupling
+from cnnum.tactile.taxel.fit import CalibrationFit, fit_calibration
 from cnnum.tactile.taxel.readout import Heat, Reading, Readout
+from cnnum.tactile.taxel.receptive_field import ReceptiveField, receptive_field
 from cnnum.tactile.taxel.sensor import Taxel
 from cnnum.tactile.taxel.signals import SIDES
 from cnnum.tactile.taxel.silicon import Piezoresistor, von_mises
@@ -16,11 +18,15 @@ __all__ = [
     "SIDES",
     "Bridge",
     "Calibration",
+    "CalibrationFit",
     "Coupling",
     "Heat",
     "Piezoresistor",
     "Reading",
     "Readout",
+    "ReceptiveField",
     "Taxel",
+    "fit_calibration",
+    "receptive_field",
     "von_mises",
 ]

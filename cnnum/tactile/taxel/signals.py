@@ -9,7 +9,10 @@ from cnnum.errors import ArrayError, name_error
 from cnnum.frame import FORCE_AXES
 
 SIDES = ("left", "right", "top", "bottom")
-"""Order of the bridges in the last axis of volts: by their place, seen from above."""
+"""Order of the bridges in the last axis of volts: at −x, +x, +y, −y (Fig. 3.16).
+
+On a map whose rows run along y, "top" is the side of the larger row number.
+"""
 
 COMBINE = frozen([[1.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 1.0], [-0.5, -0.5, -0.5, -0.5]])
 """(T_x, T_y, S_n) = COMBINE @ volts (4.14); the sign makes a push read positive."""

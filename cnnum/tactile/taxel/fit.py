@@ -1,0 +1,232 @@
+"""A calibration from a scan: known point loads on the cover, and the voltages they gave."""
+
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import optimize
+
+from cnnum.arrays import Floats
+from cnnum.errors import CalibrationError
+from cnnum.tactile.taxel.calibration import Calibration
+from cnnum.tactile.taxel.readout import Heat
+from cnnum.tactile.taxel.receptive_field import ReceptiveField, receptive_field
+from cnnum.tactile.taxel.scan import Scan, make_scan
+from cnnum.tactile.taxel.signals import COMBINE
+
+_DEPTHS = np.geomspace(
+    20e-6, 20e-3, 31
+)  # m, any cover; 1.26 apart, inside the width of the minimum
+_WEAK = 1e-4  # a strain component this small beside the normal one was not excited by the scan
+_ILL = 1e8  # condition of the scan beyond which its answer is rounding
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CalibrationFit:
+    """A fitted calibration and how well it explains its scan.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        With offsets, drift and cross sensitivity of every taxel.
+    depth : float, m
+        Thickness of the half-space cover that explains the scan best, or as given.
+    residual : float, V
+        RMS of what the fit leaves; near the noise if the model holds.
+    field : ReceptiveField or None
+        W, A and β_ns by (4.20), where the scan has a line across a taxel.
+    """
+
+    calibration: Calibration
+    depth: float
+    residual: float
+    field: ReceptiveField | None
+
+
+def fit_calibration(
+    positions: ArrayLike,
+    forces: ArrayLike,
+    volts: ArrayLike,
+    *,
+    youngs_modulus: float,
+    depth: float | None = None,
+    taxels: ArrayLike | None = None,
+    times: ArrayLike | None = None,
+    heat_time: float | None = None,
+    limit: float = float("inf"),
+) -> CalibrationFit:
+    """Return the calibration that explains a scan of point loads best.
+
+    For one thickness of the cover the voltages are linear in what is sought: offsets, drift,
+    and a gain for each strain component (4.16). Least squares over all points replaces reading
+    β_ns off two extrema (4.20), and gives the cross sensitivity with it.
+
+    Parameters
+    ----------
+    positions : (n, 2) float, m
+        Place of the load on the cover.
+    forces : (n,) or (n, 3) float, N
+        Normal force, or (Q, R, F), of each load; zero for an unloaded frame.
+    volts : (n, 4) or (n, rows, cols, 4) float, V
+        Amplified bridge voltages of one taxel or of the array.
+    youngs_modulus : float, Pa
+        Of the cover; α_n scales with its inverse.
+    depth : float, m, optional
+        Thickness of the cover; fitted if not given.
+    taxels : (rows, cols, 2) float, m, optional
+        Places of the taxels; one taxel is at the origin.
+    times : (n,) float, s, optional
+        Since switch-on; with it a linear drift of the offsets is fitted.
+    heat_time : float, s, optional
+        Time constant of the heat transient; with it (and `times`) its amplitude is fitted.
+    limit : float, V
+        Frames of a taxel with a voltage at or beyond ± this are left out.
+
+    Returns
+    -------
+    CalibrationFit
+
+    Raises
+    ------
+    CalibrationError
+        If the shapes do not fit, or the scan does not determine the sensitivities.
+
+    References
+    ----------
+    Vásárhelyi 2007, (4.14)–(4.20).
+    """
+    scan = make_scan(positions, forces, volts, taxels, times, heat_time, limit, youngs_modulus)
+    z = _best_depth(scan) if depth is None else float(depth)
+    if not 0.0 < z < np.inf:
+        raise CalibrationError(f"'depth' must be a positive thickness in metres, got {z}.")
+    heat = _heat(scan, z)
+    warm = scan if heat is None else scan.without_heat(heat.amplitude)
+    found, squares = _solve(warm, z)
+    _check(warm, z, found)
+    calibration = _assemble(warm, found, z, Heat() if heat is None else heat)
+    residual = float(np.sqrt(squares / (4.0 * scan.count)))
+    return CalibrationFit(calibration, z, residual, _line(warm, calibration, z))
+
+
+def _heat(scan: Scan, depth: float) -> Heat | None:
+    """Return the transient common to all bridges: the mean of what each shows alone."""
+    if "heat" not in scan.extras:
+        return None
+    found, _ = _solve(scan, depth)
+    return Heat(float(found[:, 3 + scan.extras.index("heat")].mean()), scan.heat_time)
+
+
+def _solve(scan: Scan, depth: float) -> tuple[Floats, float]:
+    """Return (taxels, 3 + extras, 4) coefficients and the sum of squares of what they leave."""
+    found: list[Floats] = []
+    squares = 0.0
+    for i in range(scan.taxel_count):
+        use = scan.usable[:, i]
+        design = scan.design(i, depth)[use]
+        scale = np.linalg.norm(design, axis=0)
+        scale[scale == 0.0] = 1.0
+        least = cast(Any, np.linalg.lstsq(design / scale, scan.volts[use, i], rcond=1e-10))
+        solution = np.asarray(least[0], dtype=np.float64)
+        squares += float(np.sum((scan.volts[use, i] - (design / scale) @ solution) ** 2))
+        found.append(solution / scale[:, np.newaxis])
+    return np.stack(found), squares
+
+
+def _best_depth(scan: Scan) -> float:
+    """Return the thickness with the least squares left: a coarse search, then Brent's."""
+
+    def left(log_depth: float) -> float:
+        return _solve(scan, float(np.exp(log_depth)))[1]
+
+    grid = np.log(_DEPTHS)
+    costs = np.array([left(value) for value in grid])
+    best = int(np.argmin(costs))
+    if best in (0, len(grid) - 1) or not costs.max() > costs.min():
+        raise CalibrationError(
+            "The scan does not determine the thickness of the cover: expected one between "
+            f"{_DEPTHS[1]:.3g} m and {_DEPTHS[-2]:.3g} m; pass 'depth', or scan more places."
+        )
+    bounds = (grid[best - 1], grid[best + 1])
+    result = cast(
+        Any,
+        optimize.minimize_scalar(left, bounds=bounds, method="bounded", options={"xatol": 1e-9}),
+    )
+    return float(np.exp(result.x))
+
+
+def _excited(scan: Scan, depth: float) -> tuple[bool, bool]:
+    """Return whether the loads made shear strain along x and along y at some taxel."""
+    squares = [np.sum(scan.strain(i, depth) ** 2, axis=0) for i in range(scan.taxel_count)]
+    sizes = np.sqrt(np.sum(np.stack(squares), axis=0))
+    return bool(sizes[0] > _WEAK * sizes[2]), bool(sizes[1] > _WEAK * sizes[2])
+
+
+def _check(scan: Scan, depth: float, found: Floats) -> None:
+    """Refuse a scan that leaves a sensitivity open, or turns it round."""
+    along_x, along_y = _excited(scan, depth)
+    if not (along_x or along_y):
+        raise CalibrationError(
+            "The scan has no shear strain: expected loads beside the taxels' centres; "
+            "scan a line or a field."
+        )
+    kept = [j for j, used in enumerate((along_x, along_y, True)) if used]
+    for i in range(scan.taxel_count):
+        design = scan.design(i, depth)[scan.usable[:, i]]
+        design = design[:, [*kept, *range(3, design.shape[1])]]
+        sizes = np.linalg.norm(design, axis=0)
+        if not (sizes > 0.0).all() or np.linalg.cond(design / sizes) > _ILL:
+            raise CalibrationError(
+                f"The scan does not determine taxel {scan.name(i)}: expected loads at several "
+                "places around it; add some, or leave the taxel out."
+            )
+        gain = -(COMBINE @ found[i, :3].T)
+        if any(gain[j, j] <= 0.0 for j in kept):
+            raise CalibrationError(
+                f"Taxel {scan.name(i)} answers a push with the wrong sign: expected bridges in the "
+                "order left, right, top, bottom, and a load in newtons that pushes; check both."
+            )
+
+
+def _assemble(scan: Scan, found: Floats, depth: float, heat: Heat) -> Calibration:
+    """Return the calibration: mean sensitivities, and each taxel's departure as its cross."""
+    gains = -(COMBINE @ np.swapaxes(found[:, :3], 1, 2))  # (taxels, signals, −strain), V
+    used = [j for j, excited in enumerate(_excited(scan, depth)) if excited]
+    normal = float(gains[:, 2, 2].mean())
+    shear = float(np.mean([gains[:, j, j].mean() for j in used]))
+    cross = gains / np.array([shear, shear, normal])
+    for j in {0, 1} - set(used):
+        cross[:, :, j] = np.eye(3)[j]
+    extras = {name: found[:, 3 + k] for k, name in enumerate(scan.extras)}
+    rows, cols = scan.shape
+    return Calibration(
+        alpha_normal=1.0 / normal,
+        beta_ns=normal / shear,
+        offsets=extras["offset"].reshape(rows, cols, 4),
+        cross=cross.reshape(rows, cols, 3, 3),
+        drift=extras.get("drift", np.zeros((rows * cols, 4))).reshape(rows, cols, 4),
+        heat=heat,
+        limit=scan.limit,
+        depth=depth,
+    )
+
+
+def _line(scan: Scan, calibration: Calibration, depth: float) -> ReceptiveField | None:
+    """Return the figures of merit of the best line of normal loads across a taxel along x."""
+    for i in scan.by_signal():
+        use = scan.usable[:, i] & scan.on_line(i, 0.05 * depth)
+        if np.count_nonzero(use) < 10:
+            continue
+        scale = scan.forces[use, 2] / scan.forces[use, 2].mean()
+        background = scan.design(i, depth)[use, 3:]
+        known = {
+            "offset": calibration.offsets.reshape(-1, 4)[i],
+            "drift": calibration.drift.reshape(-1, 4)[i],
+        }
+        clean = scan.volts[use, i] - background @ np.stack([known[name] for name in scan.extras])
+        signals = (clean @ COMBINE.T) / scale[:, np.newaxis]
+        try:
+            return receptive_field(scan.positions[use, 0], signals[:, 0], signals[:, 2])
+        except CalibrationError:
+            continue
+    return None

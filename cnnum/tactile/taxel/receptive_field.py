@@ -1,0 +1,139 @@
+"""Figures of merit of one covered taxel, read from the curves of a point load drawn across it."""
+
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Floats, finite
+from cnnum.errors import CalibrationError
+
+EXTREMA_RATIO = 25.0 * sqrt(5.0) / 24.0
+"""|u_zz| below the load over the largest |u_xz|, at x = z/2 (4.20)."""
+
+_TOP = 0.6  # share of an extremum above which its shape is fitted
+_DEGREE = 4  # enough for 1e-3 of the height over that range, and still averages noise out
+
+
+@dataclass(frozen=True, slots=True)
+class ReceptiveField:
+    """What (4.17)–(4.20) call for.
+
+    Attributes
+    ----------
+    centre : float, m
+        Where the normal signal is largest.
+    amplitude : float, V
+        A: the largest normal signal S_n.
+    width : float, m
+        W: between the zeros of S_n; 2√2 z on a half-space.
+    inhibition : float
+        Largest over most negative S_n; 5^{5/2} = 55.9 on a half-space, about 19 measured.
+    shear : float, V
+        The largest |T_x|.
+    beta_ns : float
+        α_s/α_n by (4.20).
+    """
+
+    centre: float
+    amplitude: float
+    width: float
+    inhibition: float
+    shear: float
+    beta_ns: float
+
+
+def receptive_field(x: ArrayLike, shear: ArrayLike, normal: ArrayLike) -> ReceptiveField:
+    """Return the figures of merit of one line scan of a constant normal load.
+
+    No model of the cover enters, but for the ratio of (4.20) behind `beta_ns`.
+
+    Parameters
+    ----------
+    x : (n,) float, m
+        Place of the load along a line through the centre of the taxel, in any order.
+    shear, normal : (n,) float, V
+        T_x and S_n, without offsets.
+
+    Returns
+    -------
+    ReceptiveField
+
+    Raises
+    ------
+    CalibrationError
+        If the scan has too few points or does not reach past the zeros of S_n.
+
+    References
+    ----------
+    Vásárhelyi 2007, (4.17)–(4.20).
+    """
+    place, tangential, vertical = _sorted(x, shear, normal)
+    centre, amplitude = _extremum(place, vertical)
+    left, right = _zeros(place, vertical)
+    sides = [_extremum(place, sign * tangential)[1] for sign in (1.0, -1.0)]
+    lowest = -float(vertical.min())
+    sideways = float(np.mean(sides))
+    return ReceptiveField(
+        centre=centre,
+        amplitude=amplitude,
+        width=right - left,
+        inhibition=amplitude / lowest if lowest > 0.0 else float("inf"),
+        shear=sideways,
+        beta_ns=amplitude / (sideways * EXTREMA_RATIO),
+    )
+
+
+def _sorted(x: ArrayLike, shear: ArrayLike, normal: ArrayLike) -> tuple[Floats, Floats, Floats]:
+    """Return the scan in the order of x."""
+    place, tangential, vertical = finite("x", x), finite("shear", shear), finite("normal", normal)
+    if place.ndim != 1 or not place.shape == tangential.shape == vertical.shape:
+        raise CalibrationError(
+            "'x', 'shear' and 'normal' must be one line scan, three (n,) arrays, got "
+            f"{place.shape}, {tangential.shape} and {vertical.shape}."
+        )
+    if place.size < 10:
+        raise CalibrationError(
+            f"A line scan needs 10 points or more, got {place.size}; scan in smaller steps."
+        )
+    order = np.argsort(place, kind="stable")
+    return place[order], tangential[order], vertical[order]
+
+
+def _extremum(x: Floats, y: Floats) -> tuple[float, float]:
+    """Return place and height of the maximum, from a polynomial over its top."""
+    peak = int(np.argmax(y))
+    low, high = peak, peak
+    while low > 0 and y[low - 1] > _TOP * y[peak]:
+        low -= 1
+    while high < len(y) - 1 and y[high + 1] > _TOP * y[peak]:
+        high += 1
+    if high - low < _DEGREE or x[high] == x[low]:
+        return float(x[peak]), float(y[peak])
+    half = 0.5 * (x[high] - x[low])
+    middle = 0.5 * (x[high] + x[low])
+    span = slice(low, high + 1)
+    shape = np.polyfit((x[span] - middle) / half, y[span], _DEGREE)
+    fine = np.linspace(-1.0, 1.0, 2001)
+    values = np.polyval(shape, fine)
+    best = int(np.argmax(values))
+    return float(middle + half * fine[best]), float(values[best])
+
+
+def _zeros(x: Floats, y: Floats) -> tuple[float, float]:
+    """Return where y falls to zero on either side of its peak."""
+    peak = int(np.argmax(y))
+    before = np.flatnonzero(y[:peak] <= 0.0)
+    after = np.flatnonzero(y[peak:] <= 0.0)
+    if not (before.size and after.size):
+        raise CalibrationError(
+            "The normal signal has no zero on both sides of its peak: expected a scan past "
+            "√2 times the cover's thickness on either side; scan farther, or take the offset off."
+        )
+    return _crossing(x, y, int(before[-1])), _crossing(x, y, peak + int(after[0]) - 1)
+
+
+def _crossing(x: Floats, y: Floats, i: int) -> float:
+    """Return the zero of the line through points i and i + 1."""
+    return float(x[i] - y[i] * (x[i + 1] - x[i]) / (y[i + 1] - y[i]))
