@@ -58,21 +58,26 @@ def convert(key: str, value: object, kind: Any, base: Path) -> Any:
         return _either(key, value, get_args(kind), base)
     if origin is tuple:
         return _items(key, value, get_args(kind), base)
-    if isinstance(kind, type) and is_dataclass(kind):
+    if is_dataclass(kind):
         if not isinstance(value, Mapping):
             raise _wrong(key, "a table", value)
-        return read_options(kind, cast(Mapping[str, object], value), base)
+        return read_options(cast(type[Any], kind), cast(Mapping[str, object], value), base)
     return _scalar(key, value, kind, base)
 
 
-def _scalar(key: str, value: object, kind: type, base: Path) -> object:
+def _scalar(key: str, value: object, kind: Any, base: Path) -> object:
     if kind is Path and isinstance(value, str | Path):
         return base / Path(value).expanduser()
     if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
         return value
-    names = {int: "a whole number", float: "a number", str: "a string", bool: "true or false"}
+    names: dict[Any, str] = {
+        int: "a whole number",
+        float: "a number",
+        str: "a string",
+        bool: "true or false",
+    }
     raise _wrong(key, names.get(kind, "a path"), value)
 
 
@@ -96,13 +101,13 @@ def _either(key: str, value: object, kinds: tuple[Any, ...], base: Path) -> obje
 
 
 def _items(key: str, value: object, kinds: tuple[Any, ...], base: Path) -> tuple[object, ...]:
-    if isinstance(value, str) or not isinstance(value, Sequence):
-        raise _wrong(key, "a list", value)
     items = cast(Sequence[object], value)
+    if isinstance(value, str) or not isinstance(value, Sequence):
+        raise _wrong(key, "a list", items)
     if len(kinds) == 2 and kinds[1] is Ellipsis:
         return tuple(convert(f"{key}[{i}]", v, kinds[0], base) for i, v in enumerate(items))
     if len(items) != len(kinds):
-        raise _wrong(key, f"a list of {len(kinds)} items", value)
+        raise _wrong(key, f"a list of {len(kinds)} items", items)
     pairs = enumerate(zip(items, kinds, strict=True))
     return tuple(convert(f"{key}[{i}]", v, kind, base) for i, (v, kind) in pairs)
 

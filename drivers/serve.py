@@ -5,7 +5,9 @@ import time
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cnnum.arrays import Floats
 from cnnum.drivers.serial_packet import (
     CELL_TYPES,
     LAYOUTS,
@@ -37,7 +39,8 @@ def geometry_of(frame: Frame, cell: str = "<f4") -> Geometry:
             f"{', '.join(cells)}, got '{frame.unit}' in '{cell}'."
         )
     layout = layouts.get(frame.channels, 0)
-    return Geometry(*frame.values.shape, cells[cell], layout, units[frame.unit])
+    rows, cols = frame.shape
+    return Geometry(rows, cols, len(frame.channels), cells[cell], layout, units[frame.unit])
 
 
 def packets(frames: Iterable[Frame], rate: float, cell: str = "<f4") -> Iterator[bytes]:
@@ -69,11 +72,12 @@ def packets(frames: Iterable[Frame], rate: float, cell: str = "<f4") -> Iterator
         yield encode(packet)
 
 
-def _cells(values: np.ndarray, dtype: np.dtype[np.generic]) -> np.ndarray:
+def _cells(values: Floats, dtype: np.dtype[np.generic]) -> NDArray[np.generic]:
     if dtype.kind == "f":
         return values.astype(dtype)
-    ends = np.iinfo(dtype)
-    return np.clip(np.rint(values), ends.min, ends.max).astype(dtype)
+    bits = 8 * dtype.itemsize
+    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if dtype.kind == "i" else (0, 2**bits - 1)
+    return np.clip(np.rint(values), low, high).astype(dtype)
 
 
 def serve(
