@@ -1,0 +1,245 @@
+"""The map of tractions that a sphere leaves on the surface: pressed, pulled and twisted."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from cnnum.tactile import checks
+from cnnum.tactile.checks import Array
+from cnnum.tactile.contact.cells import inverse_average, root_average, twist_average
+from cnnum.tactile.contact.combined import partial_shear, sliding_shear
+from cnnum.tactile.contact.hertz import hertz
+from cnnum.tactile.contact.swirl import swirl_average
+from cnnum.tactile.contact.torsion import TorsionSlip, sliding_torque, torsion_slip
+from cnnum.tactile.grid import Grid, make_grid
+
+Regime = Literal["none", "stick", "partial", "sliding"]
+
+
+@dataclass(frozen=True, slots=True)
+class ContactState:
+    """What a sphere's contact does.
+
+    Parameters
+    ----------
+    contact_radius : float, m
+        Radius a of the contact, 0 without load.
+    stick_radius : float, m
+        Radius c of what sticks; under force and torque together the smaller of the two taken
+        alone, an upper bound.
+    peak_pressure : float, Pa
+        Pressure at the centre.
+    regime : str
+        "none" (no load), "stick" (neither force nor torque, or unlimited friction), "partial",
+        or "sliding".
+    """
+
+    contact_radius: float
+    stick_radius: float
+    peak_pressure: float
+    regime: Regime
+
+
+@dataclass(frozen=True, slots=True)
+class _Load:
+    """The checked loads of one sphere."""
+
+    normal: float
+    tangential: tuple[float, float]
+    torque: float
+    friction: float
+    centre: tuple[float, float]
+
+    @property
+    def pull(self) -> float:
+        return math.hypot(*self.tangential)
+
+    @property
+    def direction(self) -> Array:
+        return np.asarray(self.tangential) / self.pull
+
+
+def sphere_traction(
+    shape: tuple[int, int],
+    spacing: float | tuple[float, float],
+    *,
+    load: float,
+    sphere_radius: float,
+    modulus: float,
+    friction: float,
+    centre: tuple[float, float] = (0.0, 0.0),
+    tangential: tuple[float, float] = (0.0, 0.0),
+    torque: float = 0.0,
+) -> tuple[Array, ContactState]:
+    """Return the tractions that a sphere leaves on the cells of a map, and its state.
+
+    The loads are taken to have grown together from zero with the normal load held (no history).
+    Under a force alone or a torque alone the cells hold the exact averages of the
+    Cattaneo-Mindlin and the Lubkin traction. *Under both, the result is an approximation*: the
+    two tractions are scaled, added and cut to friction times pressure cell by cell, so that
+    both loads are carried; when the contact slides, friction points along the motion about the
+    pole that the ratio of the loads asks for.
+
+    Parameters
+    ----------
+    shape : (rows, cols) int
+        Cells of the map; columns along x, rows along y, the origin in its middle.
+    spacing : float or (dy, dx) float, m
+        Size of a cell.
+    load : float, N
+        Normal load P, 0 or more.
+    sphere_radius : float, m
+        Radius R of the sphere.
+    modulus : float, Pa
+        Contact modulus E*, see `contact_modulus`.
+    friction : float
+        Coefficient of friction μ; 0 for a slippery sphere, infinity for one that can not slip.
+    centre : (x, y) float, m
+        Where the sphere touches; what lies outside the map is left out.
+    tangential : (Q_x, Q_y) float, N
+        Tangential force on the surface; from μP on the contact slides and carries μP.
+    torque : float, N m
+        Torque on the surface about z, turning x towards y; from 3πμPa/16 on the contact slides
+        and carries that.
+
+    Returns
+    -------
+    traction : (rows, cols, 3) float, Pa
+        Cell averages of (q_x, q_y, p).
+    state : ContactState
+        Radii and regime.
+
+    Raises
+    ------
+    PhysicsError
+        If the load or friction is negative, a radius, modulus or spacing not positive, or a
+        number not finite (friction aside).
+    ArrayError
+        If the shape, centre or force has the wrong number of entries.
+
+    References
+    ----------
+    Johnson, Contact Mechanics, 4.2, 7.2; Lubkin (1951).
+    """
+    grid = make_grid(shape, spacing)
+    loads = _checked(load, tangential, torque, friction, centre)
+    contact = hertz(loads.normal, sphere_radius, modulus)
+    a, peak = float(contact.contact_radius), float(contact.peak_pressure)
+    if a == 0:
+        return np.zeros((*grid.shape, 3)), ContactState(0.0, 0.0, 0.0, "none")
+    pressure = peak / a * root_average(grid, loads.centre, a)
+    state = _state(loads, a, peak)
+    return np.concatenate(
+        [_shear(grid, loads, state, pressure), pressure[..., None]], axis=-1
+    ), state
+
+
+def _state(loads: _Load, a: float, peak: float) -> ContactState:
+    if math.isinf(loads.friction) or (loads.pull == 0 and loads.torque == 0):
+        return ContactState(a, a, peak, "stick")
+    if loads.friction == 0:
+        return ContactState(a, 0.0, peak, "sliding")
+    pull, twist = _shares(loads, a)
+    # the pair that slides lies close to this ellipse (Howe & Cutkosky 1996)
+    if math.hypot(pull, twist) >= 1:
+        return ContactState(a, 0.0, peak, "sliding")
+    c = min(a * (1 - pull) ** (1 / 3), _twisted(loads, a).stick_radius)
+    return ContactState(a, c, peak, "partial")
+
+
+def _shear(grid: Grid, loads: _Load, state: ContactState, pressure: Array) -> Array:
+    if loads.friction == 0:
+        return np.zeros((*grid.shape, 2))
+    if math.isinf(loads.friction):
+        return _stuck_shear(grid, loads, state.contact_radius)
+    if loads.torque == 0:
+        return _pulled_shear(grid, loads, state, pressure)
+    if loads.pull == 0:
+        return _twisted_shear(grid, loads, state)
+    return _combined_shear(grid, loads, state, pressure)
+
+
+def _stuck_shear(grid: Grid, loads: _Load, a: float) -> Array:
+    pulled = inverse_average(grid, loads.centre, a)[..., None] * np.asarray(loads.tangential)
+    twisted = loads.torque * twist_average(grid, loads.centre, a)
+    return np.asarray(pulled / (2 * math.pi * a) + 3 / (4 * math.pi * a**3) * twisted)
+
+
+def _pulled_shear(grid: Grid, loads: _Load, state: ContactState, pressure: Array) -> Array:
+    if loads.pull == 0:
+        return np.zeros((*grid.shape, 2))
+    a = state.contact_radius
+    c = a * (1 - _shares(loads, a)[0]) ** (1 / 3)
+    stuck = state.peak_pressure / a * root_average(grid, loads.centre, c)
+    return np.asarray(loads.friction * (pressure - stuck)[..., None] * loads.direction)
+
+
+def _twisted_shear(grid: Grid, loads: _Load, state: ContactState) -> Array:
+    slip = _twisted(loads, state.contact_radius)
+    radii = (slip.contact_radius, slip.stick_radius)
+    swirl = swirl_average(slip.potential, grid, loads.centre, radii)
+    return np.asarray(math.copysign(1.0, loads.torque) * swirl)
+
+
+def _combined_shear(grid: Grid, loads: _Load, state: ContactState, pressure: Array) -> Array:
+    if not (pressure > 0).any():
+        return np.zeros((*grid.shape, 2))
+    # the loads are balanced over the whole contact, so the map must hold all of it
+    a = state.contact_radius
+    rows, cols = (
+        _missing(loads.centre[1], a, grid.y_edges),
+        _missing(loads.centre[0], a, grid.x_edges),
+    )
+    whole = Grid(grid.rows + 2 * rows, grid.cols + 2 * cols, grid.dy, grid.dx)
+    shear = _balanced_shear(whole, loads, state)
+    return shear[rows : rows + grid.rows, cols : cols + grid.cols]
+
+
+def _balanced_shear(grid: Grid, loads: _Load, state: ContactState) -> Array:
+    a = state.contact_radius
+    pressure = state.peak_pressure / a * root_average(grid, loads.centre, a)
+    limit = loads.friction * pressure
+    x, y = np.broadcast_arrays(grid.x - loads.centre[0], grid.y[:, None] - loads.centre[1])
+    arm = np.stack([-y, x], axis=-1)
+    if state.regime == "sliding":
+        return sliding_shear(loads.direction, loads.torque / loads.pull, limit, arm, a)
+    pulled = _pulled_shear(grid, loads, state, pressure)
+    return partial_shear(pulled, _twisted_shear(grid, loads, state), limit, arm)
+
+
+def _missing(centre: float, a: float, edges: Array) -> int:
+    """Return how many cells a side needs so that the contact lies inside."""
+    beyond = abs(centre) + a - float(edges[-1])
+    return max(0, math.ceil(beyond / float(edges[1] - edges[0])))
+
+
+def _shares(loads: _Load, a: float) -> tuple[float, float]:
+    """Return force and torque over what makes each slide alone, at most 1."""
+    limit = float(sliding_torque(loads.normal, a, loads.friction))
+    pull = loads.pull / (loads.friction * loads.normal)
+    return min(pull, 1.0), min(abs(loads.torque) / limit, 1.0)
+
+
+def _twisted(loads: _Load, a: float) -> TorsionSlip:
+    return torsion_slip(loads.normal, a, abs(loads.torque), loads.friction)
+
+
+def _checked(
+    load: float,
+    tangential: tuple[float, float],
+    torque: float,
+    friction: float,
+    centre: tuple[float, float],
+) -> _Load:
+    q_x, q_y = checks.vector("tangential", tangential, 2)
+    x, y = checks.vector("centre", centre, 2)
+    grip = math.inf if friction == math.inf else float(checks.not_negative("friction", friction))
+    return _Load(
+        normal=float(checks.not_negative("load", load)),
+        tangential=(float(q_x), float(q_y)),
+        torque=float(checks.finite("torque", torque)),
+        friction=grip,
+        centre=(float(x), float(y)),
+    )

@@ -1,0 +1,238 @@
+"""A sphere twisted about its normal: stuck (Reissner-Sagoci) and with partial slip (Lubkin).
+
+While a torque grows, the outer ring slides and the inner disc of radius t turns as a whole, so
+each step adds the stuck disc's traction ρ/√(t² - ρ²) with some weight g(t), t shrinking from a
+to c. That the ring carries μp is Abel's equation for g, and its solution is
+
+    g(t) = (2μp₀/π) E(√(1 - t²/a²)) / t,    E the complete elliptic integral.
+
+Torque and twist are integrals of g, and the traction's integral is Lubkin's (1951) closed form.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.chebyshev import chebfit, chebpts1, chebval
+from numpy.polynomial.legendre import leggauss
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
+
+from cnnum.tactile import checks
+from cnnum.tactile.checks import Array
+from cnnum.tactile.contact.hertz import inverse_root
+
+# The integrand is smooth but for t² log t at 0: 40 points reach 1e-12 of the full torque.
+_NODES, _WEIGHTS = leggauss(40)
+_SERIES = 24
+
+
+def stuck_torsion_traction(rho: ArrayLike, torque: ArrayLike, radius: ArrayLike) -> Array:
+    """Return the circumferential traction of a twisted disc that can not slip.
+
+    Parameters
+    ----------
+    rho : (...) float, m
+        Distance from the axis.
+    torque : (...) float, N m
+        Torque T about the normal; the traction has its sign.
+    radius : (...) float, m
+        Radius a of the contact.
+
+    Returns
+    -------
+    (...) float, Pa
+        3Tρ / (4πa³ √(a² - ρ²)) inside, 0 outside; infinite on the rim.
+
+    Raises
+    ------
+    PhysicsError
+        If a distance is negative, the radius not positive, or a number not finite.
+
+    References
+    ----------
+    Reissner & Sagoci (1944); Johnson, Contact Mechanics, 3.112.
+    """
+    distance = checks.not_negative("rho", rho)
+    a = checks.positive("radius", radius)
+    moment = checks.finite("torque", torque)
+    return 3 * moment * distance / (4 * math.pi * a**3) * inverse_root(a, distance)
+
+
+def stuck_twist(torque: ArrayLike, radius: ArrayLike, shear_modulus: ArrayLike) -> Array:
+    """Return the angle that a stuck disc turns by, β = 3T / (16 G a³), rad.
+
+    Parameters
+    ----------
+    torque : (...) float, N m
+        Torque about the normal.
+    radius : (...) float, m
+        Radius of the contact.
+    shear_modulus : (...) float, Pa
+        Shear modulus G = E / (2 (1 + ν)).
+
+    Raises
+    ------
+    PhysicsError
+        If the radius or modulus is not positive or the torque not finite.
+
+    References
+    ----------
+    Reissner & Sagoci (1944).
+    """
+    a = checks.positive("radius", radius)
+    stiffness = checks.positive("shear_modulus", shear_modulus)
+    return 3 * checks.finite("torque", torque) / (16 * stiffness * a**3)
+
+
+def sliding_torque(load: ArrayLike, radius: ArrayLike, friction: ArrayLike) -> Array:
+    """Return the torque at which a Hertz contact turns as a whole, 3πμPa/16, N m.
+
+    Parameters
+    ----------
+    load : (...) float, N
+        Normal load P, 0 or more.
+    radius : (...) float, m
+        Radius a of the contact.
+    friction : (...) float
+        Coefficient of friction μ.
+
+    Raises
+    ------
+    PhysicsError
+        If the load is negative, or the radius or friction not positive.
+    """
+    force = checks.not_negative("load", load)
+    a = checks.positive("radius", radius)
+    return 3 * math.pi / 16 * checks.positive("friction", friction) * force * a
+
+
+@dataclass(frozen=True, slots=True)
+class TorsionSlip:
+    """A twisted Hertz contact whose inner disc sticks, under a torque that only grew.
+
+    Parameters
+    ----------
+    contact_radius : float, m
+        Radius a of the contact.
+    stick_radius : float, m
+        Radius c of the part that sticks, 0 when all slides.
+    peak_traction : float, Pa
+        Friction times peak pressure, μp₀.
+    """
+
+    contact_radius: float
+    stick_radius: float
+    peak_traction: float
+
+    def traction(self, rho: ArrayLike) -> Array:
+        """Return the circumferential traction, Pa, at the distance `rho` (...) float, m."""
+        distance = checks.not_negative("rho", rho)
+        a, c = self.contact_radius, self.stick_radius
+        sliding = self.peak_traction / a * np.sqrt(np.maximum(a**2 - distance**2, 0.0))
+        if c == 0:
+            return np.asarray(sliding)
+        inner = np.minimum(distance, c)
+        angle = np.arcsin(a / c * np.sqrt((c - inner) * (c + inner) / ((a - inner) * (a + inner))))
+        m, n = (a - c) * (a + c) / a**2, (c / a) ** 2
+        missing = ellipk(m) * ellipeinc(angle, n) - (ellipk(m) - ellipe(m)) * ellipkinc(angle, n)
+        return np.asarray(sliding * np.where(distance < c, 1 - 2 / math.pi * missing, 1.0))
+
+    def potential(self, rho: Array) -> Array:
+        """Return the integral of the traction from `rho`, m, to the rim, N/m."""
+        a, c = self.contact_radius, self.stick_radius
+        inside = np.minimum(rho, a)
+        root = np.sqrt((a - inside) * (a + inside))
+        sliding = self.peak_traction / (2 * a) * (a * a * np.arctan2(root, inside) - inside * root)
+        if c == 0:
+            return np.asarray(sliding)
+        w = np.sqrt(np.maximum(c * c - rho * rho, 0.0))
+        inner = chebval(2 * w / c - 1, self._stuck_series())
+        return np.asarray(np.where(rho < c, inner, sliding), dtype=np.float64)
+
+    def _stuck_series(self) -> Array:
+        """Return the potential inside the stick radius as a Chebyshev series in √(c² - ρ²).
+
+        It is analytic in that variable, nearest singularity at ±ic: 24 terms give 1e-15.
+        """
+        a, c = self.contact_radius, self.stick_radius
+        unit = chebpts1(_SERIES + 1)
+        rho = c * np.sqrt(1 - ((unit + 1) / 2) ** 2)[:, None]
+        low, high = np.arccosh(c / rho), np.arccosh(a / rho)
+        t = rho * np.cosh(low + (high - low) * (_NODES + 1) / 2)
+        added = self._weight(t) * (t * t - rho * rho) * (high - low) / 2 * _WEIGHTS
+        return np.asarray(chebfit(unit, added.sum(axis=-1), _SERIES), dtype=np.float64)
+
+    def _weight(self, t: Array) -> Array:
+        """Return g(t), Pa, of the stuck disc of radius t that the torque's growth added."""
+        return 2 * self.peak_traction / math.pi * _elliptic(t / self.contact_radius) / t
+
+    def twist(self, shear_modulus: float) -> float:
+        """Return the angle of the stuck disc, rad, for the shear modulus G, Pa.
+
+        At full sliding (c = 0) the closed form diverges as log(1/c): infinity is returned.
+        """
+        stiffness = float(checks.positive("shear_modulus", shear_modulus))
+        if self.stick_radius == 0:
+            return math.inf
+        low, high = math.log(self.stick_radius), math.log(self.contact_radius)
+        t = np.exp(low + (high - low) * (_NODES + 1) / 2)
+        total = float((self._weight(t) * t * _WEIGHTS).sum()) * (high - low) / 2
+        return math.pi / (4 * stiffness) * total
+
+
+def torsion_slip(load: float, radius: float, torque: float, friction: float) -> TorsionSlip:
+    """Return the partial slip of a Hertz contact under a torque about its normal.
+
+    Parameters
+    ----------
+    load : float, N
+        Normal load P, above 0.
+    radius : float, m
+        Contact radius a under it.
+    torque : float, N m
+        Size T of the torque, 0 or more; from 3πμPa/16 on everything slides.
+    friction : float
+        Coefficient of friction μ, above 0.
+
+    Returns
+    -------
+    TorsionSlip
+        The stick radius is found from T = (8μp₀/3) ∫ t² E(√(1 - t²/a²)) dt from c to a.
+
+    Raises
+    ------
+    PhysicsError
+        If the load, radius or friction is not positive or the torque negative.
+
+    References
+    ----------
+    Lubkin, J. Appl. Mech. 18 (1951) 183; Johnson, Contact Mechanics, 7.5.
+    """
+    force = float(checks.positive("load", load))
+    a = float(checks.positive("radius", radius))
+    limit = float(sliding_torque(force, a, friction))
+    share = float(checks.not_negative("torque", torque)) / limit
+    peak = float(checks.positive("friction", friction)) * 3 * force / (2 * math.pi * a * a)
+    return TorsionSlip(a, a * stick_ratio(share), peak)
+
+
+def stick_ratio(share: float) -> float:
+    """Return c/a for a torque of `share` times the sliding one; 0 from a share of 1 on."""
+    if share <= 0:
+        return 1.0
+    if share >= 1:
+        return 0.0
+    return float(brentq(lambda c: _torque_share(c) - share, 0.0, 1.0, xtol=1e-14, rtol=1e-13))
+
+
+def _torque_share(c: float) -> float:
+    """Return the torque of the stick ratio c over the sliding one."""
+    t = c + (1 - c) * (_NODES + 1) / 2
+    total = float((t * t * _elliptic(t) * _WEIGHTS).sum()) * (1 - c) / 2
+    return total / (3 * math.pi**2 / 64)
+
+
+def _elliptic(ratio: Array) -> Array:
+    return np.asarray(ellipe(1 - ratio * ratio), dtype=np.float64)
