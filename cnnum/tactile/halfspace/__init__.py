@@ -4,6 +4,9 @@ x and y lie in the surface, z points into the material; forces and pressures are
 the material, stress is positive in tension. On maps, columns run along x and rows along y.
 """
 
+from cnnum.tactile.halfspace.circle import circle_axis_stress
+from cnnum.tactile.halfspace.line import line_load_stress
+from cnnum.tactile.halfspace.material import strain_from_stress
 from cnnum.tactile.halfspace.point import displacement, strain, strain_energy_density, stress
 from cnnum.tactile.halfspace.rectangle import (
     rectangle_displacement,
@@ -15,16 +18,31 @@ from cnnum.tactile.halfspace.surface import (
     surface_load_strain,
     surface_load_stress,
 )
+from cnnum.tactile.halfspace.transfer import (
+    band_pass,
+    harmonic_extension,
+    low_pass,
+    strain_transfer,
+    stress_transfer,
+)
 
 __all__ = [
     "SurfaceToDepth",
+    "band_pass",
+    "circle_axis_stress",
     "displacement",
+    "harmonic_extension",
+    "line_load_stress",
+    "low_pass",
     "rectangle_displacement",
     "rectangle_strain",
     "rectangle_stress",
     "strain",
     "strain_energy_density",
+    "strain_from_stress",
+    "strain_transfer",
     "stress",
+    "stress_transfer",
     "surface_load_strain",
     "surface_load_stress",
 ]
