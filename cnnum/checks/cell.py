@@ -56,7 +56,8 @@ def _time_to(goal: Floats, state: Floats, rate: Floats | float, drift: Floats) -
     """Return when x' = rate·x + drift reaches the goal, infinite where it does not."""
     speed = rate * state + drift
     with np.errstate(divide="ignore", invalid="ignore"):
-        curved = np.log((rate * goal + drift) / speed) / rate
+        # log1p, because a rate near 0 leaves only roundings of the quotient of the speeds
+        curved = np.log1p(rate * (goal - state) / speed) / rate
         time = np.where(np.equal(rate, 0.0), (goal - state) / speed, curved)
     return np.where(np.isfinite(time) & (time >= 0.0), time, np.inf)
 

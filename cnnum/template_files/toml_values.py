@@ -77,7 +77,7 @@ def per_layer(file: str, key: str, value: object) -> float | list[float]:
     return number(file, key, value)
 
 
-def matrix(file: str, key: str, value: object) -> list[Any]:
+def matrix(file: str, key: str, value: object) -> list[object]:
     """Return a matrix as lists of equal length, two or four deep.
 
     Raises
@@ -87,7 +87,7 @@ def matrix(file: str, key: str, value: object) -> list[Any]:
     """
     if not isinstance(value, list):
         raise _wrong(file, key, "a matrix, as a list of rows", value)
-    rows: list[Any] = value
+    rows = cast("list[object]", value)
     shape = _shape(file, key, rows)
     if len(shape) not in (2, 4):
         raise TemplateError(

@@ -1,0 +1,94 @@
+"""Every template of the library passes its check, and no template with a wrong weight does."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+import cnnum.library as library
+from cnnum.arrays import Floats
+from cnnum.checks import closed_form_names, form_of, run_check
+from cnnum.template import Template
+
+NAMES = library.template_names()
+SHAPES = [(8, 8), (12, 12), (5, 9), (1, 7), (9, 1)]
+
+# x' = -x + f(x) - 2u and x' = -x - f(x) - 2u both end at -u: LOGNOT does not need its feedback.
+EQUIVALENT = {("LOGNOT", "A", (0, 0, 1, 1))}
+
+# 1.05 times a weight moves an analog answer by more than its tolerance, a digital one not at all.
+ANALOG_FORMS = {"diffusion", "coupled", "band-pass", "filter", "uncoupled-cell"}
+ANALOG = [name for name in NAMES if form_of(library.get_template(name)).name in ANALOG_FORMS]
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=str)
+@pytest.mark.parametrize("name", NAMES)
+def test_template_passes_its_check(name: str, shape: tuple[int, int], simulator: Any) -> None:
+    result = run_check(library.get_template(name), simulator, shape=shape, repeats=1)
+    assert result.passed, result
+
+
+@pytest.mark.parametrize("name", ["HOLE", "RECALL", "CCD_HOR", "SHADOW", "CONNECTI"])
+def test_waves_cross_an_array_of_sixteen(name: str, simulator: Any) -> None:
+    result = run_check(library.get_template(name), simulator, shape=(16, 16), seed=5, repeats=1)
+    assert result.passed, result
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_template_with_a_negated_weight_fails_its_check(name: str, hasty_simulator: Any) -> None:
+    template = library.get_template(name)
+    for part, index, broken in altered(template, -1.0):
+        passes = error_of(broken, hasty_simulator) <= form_of(template).tolerance
+        assert passes == ((name, part, index) in EQUIVALENT), (part, index)
+
+
+@pytest.mark.parametrize("name", ANALOG)
+def test_analog_template_with_a_weight_off_by_5_percent_fails(
+    name: str, hasty_simulator: Any
+) -> None:
+    template = library.get_template(name)
+    for part, index, broken in altered(template, 1.05):
+        assert error_of(broken, hasty_simulator) > form_of(template).tolerance, (part, index)
+
+
+@pytest.mark.parametrize("name", ["HOLE", "RECALL", "CCD_HOR", "CCD_VERT"])
+def test_boundary_zero_of_the_original_headers_gives_wrong_cells(
+    name: str, hasty_simulator: Any
+) -> None:
+    gray_rim = changed(library.get_template(name), boundary=0.0)
+    assert error_of(gray_rim, hasty_simulator, shape=(12, 12)) > 0.5
+
+
+def test_every_closed_form_serves_some_template() -> None:
+    used = {form_of(library.get_template(name)).name for name in NAMES}
+    assert used == set(closed_form_names())
+
+
+def altered(template: Template, factor: float) -> Iterator[tuple[str, tuple[int, ...], Template]]:
+    """Yield the template with each weight that is not 0 multiplied by the factor, one at a time."""
+    for part in ("A", "B", "z"):
+        weights: Floats = getattr(template, part)
+        for position in np.argwhere(weights):
+            index = tuple(int(n) for n in position)
+            wrong = weights.copy()
+            wrong[index] *= factor
+            yield part, index, changed(template, **{part: wrong})
+
+
+def changed(template: Template, **parts: Any) -> Template:
+    same = ("A", "z", "boundary", "input_boundary", "initial", "duration", "output", "check")
+    kept = {part: getattr(template, part) for part in same}
+    kept["B"] = template.B if template.inputs else None
+    return Template(template.name, **{**kept, **parts})
+
+
+def error_of(template: Template, simulator: Any, shape: tuple[int, int] = (8, 8)) -> float:
+    form = form_of(template)
+    case = form.cases(template, np.random.default_rng(1), shape)
+    with np.errstate(over="ignore", invalid="ignore"):  # a broken linear template may diverge
+        run = simulator.run(
+            template, input=case.input, state=case.state, bias=case.bias, duration=case.duration
+        )
+        error = np.abs(getattr(run, form.compares) - form.expected(template, case)).max()
+    return float(error) if np.isfinite(error) else np.inf

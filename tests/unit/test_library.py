@@ -1,0 +1,68 @@
+"""The template library: every name finds its template, and every file is in order."""
+
+import subprocess
+import sys
+
+import pytest
+
+import cnnum.library as library
+from cnnum.checks import form_of
+from cnnum.errors import UnknownNameError
+from cnnum.template_files import load_entry
+
+NAMES = library.template_names()
+BUILDING_BLOCKS = {"tactile_diffusion", "tactile_edge", "gradient_x", "gradient_y", "shear_curl"}
+
+
+def test_names_are_sorted_and_hold_the_classics_and_the_tactile_ones() -> None:
+    assert list(NAMES) == sorted(NAMES, key=str.lower)
+    assert {"EDGE", "HOLE", "CCD_HOR", "RECALL", "DIFFUS", *BUILDING_BLOCKS} <= set(NAMES)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_file_is_named_as_its_template_and_says_what_it_is(name: str) -> None:
+    path = library.template_path(name)
+    template = library.get_template(name)
+    assert path.stem == name.lower()
+    assert template.name == name
+    assert len(template.description) > 40
+    assert template.source
+    assert form_of(template).name
+
+
+@pytest.mark.parametrize("spelling", ["EDGE", "edge", "Edge", "EdgeDetector", "EDGEDETECTION"])
+def test_case_does_not_matter_and_aliases_count(spelling: str) -> None:
+    assert library.get_template(spelling).name == "EDGE"
+
+
+def test_no_name_means_two_templates() -> None:
+    owners: dict[str, str] = {}
+    for name in NAMES:
+        entry = load_entry(library.template_path(name))
+        for spelling in {name.lower(), *(alias.lower() for alias in entry.aliases)}:
+            assert owners.setdefault(spelling, name) == name
+
+
+def test_unknown_name_offers_the_nearest_ones() -> None:
+    with pytest.raises(UnknownNameError, match=r"Unknown template 'EDGY': .*'EDGE'"):
+        library.get_template("EDGY")
+    with pytest.raises(LookupError, match=r"cnnum\.template_names\(\) lists all"):
+        library.template_path("qqqqqq")
+
+
+def test_same_template_comes_back_each_time() -> None:
+    assert library.get_template("hole") is library.get_template("HOLE")
+
+
+def test_one_name_reads_one_file_and_needs_no_heavy_library() -> None:
+    script = (
+        "import sys; from cnnum import library; library.get_template('EDGE');"
+        "assert library._load.cache_info().currsize == 1;"
+        "assert not {'scipy', 'pyopencl', 'numba'} & sys.modules.keys()"
+    )
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=60)
+
+
+def test_hole_and_component_templates_have_a_white_frame() -> None:
+    for name in ("HOLE", "RECALL", "CCD_HOR", "CCD_VERT", "CCD_DIAG", "SHADOW", "CONNECTI"):
+        assert library.get_template(name).boundary.constant == -1.0

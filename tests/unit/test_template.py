@@ -1,0 +1,110 @@
+"""A template refuses to exist when its parts do not fit together."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cnnum.errors import ArrayError, CnnumError, TemplateError, UnknownNameError
+from cnnum.template import Check, Template
+
+CENTRE = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]
+
+
+def two_layers(k: int = 3) -> np.ndarray:
+    return np.zeros((2, 2, k, k))
+
+
+def test_single_layer_parts_get_their_layer_axes() -> None:
+    template = Template("t", A=CENTRE, B=[[2.0]], z=-0.5)
+    assert template.A.shape == (1, 1, 3, 3)
+    assert template.B.shape == (1, 1, 1, 1)
+    assert (template.layers, template.inputs, template.radius) == (1, 1, 1)
+    assert template.z.tolist() == [-0.5]
+    assert template.tau.tolist() == [1.0]
+
+
+def test_input_boundary_is_the_states_unless_given() -> None:
+    assert Template("t", A=CENTRE, boundary="periodic").input_boundary.name == "periodic"
+    both = Template("t", A=CENTRE, boundary=-1, input_boundary="zero-flux")
+    assert (both.boundary.constant, both.input_boundary.name) == (-1.0, "zero-flux")
+
+
+def test_radius_is_that_of_the_wider_of_a_and_b() -> None:
+    assert Template("t", A=[[1.0]], B=np.ones((5, 5))).radius == 2
+
+
+def test_layers_have_their_own_bias_and_time_constant() -> None:
+    template = Template("t", A=two_layers(), z=[1.0, -1.0], tau=[1.0, 10.0])
+    assert template.layers == 2
+    assert template.tau.tolist() == [1.0, 10.0]
+
+
+def test_arrays_are_copies_that_can_not_be_written() -> None:
+    weights = np.array(CENTRE)
+    template = Template("t", A=weights)
+    weights[1, 1] = 7.0
+    assert template.A[0, 0, 1, 1] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        template.A[0, 0, 1, 1] = 2.0
+
+
+def test_digest_depends_on_all_that_changes_a_run_and_on_nothing_else() -> None:
+    parts: dict[str, Any] = {"A": CENTRE, "B": CENTRE, "z": 0.5}
+    plain = Template("t", **parts)
+    same = Template("u", **parts, description="other words", check=Check("edge"))
+    assert plain.digest == same.digest
+    changes: list[dict[str, Any]] = [
+        {"z": 0.25},
+        {"B": [[1.0]]},
+        {"A": [[1.0]]},
+        {"tau": 2.0},
+        {"boundary": 1.0},
+        {"input_boundary": "periodic"},
+        {"initial": "input"},
+        {"duration": 3.0},
+        {"output": "tanh"},
+    ]
+    digests = {Template("t", **{**parts, **change}).digest for change in changes}
+    assert len(digests | {plain.digest}) == len(changes) + 1
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({"A": [[1.0, 0.0], [0.0, 1.0]]}, r"A must be .* with k odd, got the shape \(2, 2\)"),
+        ({"A": [[1.0, 0.0, 1.0]]}, r"A must be .* got the shape \(1, 3\)"),
+        ({"A": np.zeros((1, 2, 3, 3))}, "A couples layers to layers, got 2 columns for 1 layers"),
+        ({"A": CENTRE, "B": np.zeros((2, 1, 3, 3))}, "B must serve the 1 layers of A, got 2"),
+        ({"A": CENTRE, "z": [1.0, 2.0]}, "z must be one number or one a layer"),
+        ({"A": CENTRE, "tau": 0.0}, "tau must be positive"),
+        ({"A": CENTRE, "initial": "output"}, "initial must be a finite number or 'input'"),
+        ({"A": CENTRE, "duration": -1.0}, "duration must be a number of time constants"),
+        ({"A": CENTRE, "duration": "long"}, "duration must be a number of time constants"),
+        ({"A": CENTRE, "boundary": "open"}, "Unknown boundary 'open'"),
+        (
+            {"A": two_layers(), "B": np.ones((2, 1, 1, 1)), "initial": "input"},
+            "needs one input a layer, got 1 inputs for 2 layers",
+        ),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(parts: dict[str, Any], message: str) -> None:
+    with pytest.raises(TemplateError, match=message):
+        Template("t", **parts)
+
+
+def test_weights_that_are_not_finite_are_refused() -> None:
+    with pytest.raises(ArrayError, match="'A of template 't'' must be finite"):
+        Template("t", A=[[np.nan]])
+
+
+def test_unknown_output_function_names_the_known_ones() -> None:
+    with pytest.raises(UnknownNameError, match="expected one of 'standard', 'linear'"):
+        Template("t", A=CENTRE, output="relu")
+
+
+def test_errors_are_also_the_fitting_builtins() -> None:
+    with pytest.raises(ValueError, match="tau must be positive"):
+        Template("t", A=CENTRE, tau=-1.0)
+    with pytest.raises(CnnumError):
+        Template("t", A=CENTRE, tau=-1.0)

@@ -1,0 +1,155 @@
+"""Template files: what is read, and the one sentence for each thing that is wrong."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.template import Check, Template
+from cnnum.template_files import load_entry, load_template, save_template
+
+GOOD = """
+name = "mine"
+aliases = ["My Template"]
+A = [[0, 1, 0], [1, 2, 1], [0, 1, 0]]
+B = [[4.5]]
+z = -1
+boundary = "zero-flux"
+input_boundary = -1
+initial = "input"
+duration = "settle"
+output = "tanh"
+description = "what it does"
+source = "me"
+
+[check]
+name = "shadow"
+direction = "west"
+margin = 2
+"""
+
+
+def write(folder: Path, text: str, name: str = "mine.toml") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_every_key_reaches_the_template(tmp_path: Path) -> None:
+    entry = load_entry(write(tmp_path, GOOD))
+    template = entry.template
+    assert entry.aliases == ("My Template",)
+    assert template.name == "mine"
+    assert template.A[0, 0].tolist() == [[0.0, 1.0, 0.0], [1.0, 2.0, 1.0], [0.0, 1.0, 0.0]]
+    assert template.B.item() == 4.5
+    assert template.z.item() == -1.0
+    assert template.boundary.name == "zero-flux"
+    assert template.input_boundary.constant == -1.0
+    assert (template.initial, template.duration) == ("input", "settle")
+    assert template.output.name == "tanh"
+    assert (template.description, template.source) == ("what it does", "me")
+    assert template.check == Check("shadow", (("direction", "west"), ("margin", 2.0)))
+
+
+def test_name_and_feedback_are_enough(tmp_path: Path) -> None:
+    template = load_template(write(tmp_path, 'name = "t"\nA = [[1]]'))
+    assert template.inputs == 0
+    assert template.digest == Template("t", A=[[1.0]]).digest
+
+
+def test_layers_are_nested_as_to_from_row_column(tmp_path: Path) -> None:
+    text = 'name = "t"\ntau = [1, 10]\nA = [[[[1]], [[2]]], [[[3]], [[4]]]]'
+    template = load_template(write(tmp_path, text))
+    assert template.A.shape == (2, 2, 1, 1)
+    assert template.A[0, 1].item() == 2.0  # to layer 0 from layer 1
+    assert template.tau.tolist() == [1.0, 10.0]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("z = -1", "zz = -1", "unknown key 'zz', expected one of name, A, B"),
+        ('name = "mine"', "", "the key 'name' is missing"),
+        ("A = [[0, 1, 0], [1, 2, 1], [0, 1, 0]]", "", "the key 'A' is missing"),
+        ("[1, 2, 1]", "[1, 2]", "the key 'A' must have rows of equal length"),
+        ("[1, 2, 1]", '[1, "2", 1]', "the key 'A' must be a number, got '2'"),
+        ("[[4.5]]", "[[4, 5], [6, 7]]", r"B must be .* with k odd, got the shape \(2, 2\)"),
+        ("[[4.5]]", "[[]]", "the key 'B' must have rows of equal length, got a ragged or empty"),
+        ("[[4.5]]", "4.5", "the key 'B' must be a matrix, as a list of rows, got 4.5"),
+        ("[[4.5]]", "[4.5]", "the key 'B' must be a matrix of rows, .* got lists nested 1 deep"),
+        ("[[4.5]]", "[[nan]]", "'B of template 'mine'' must be finite"),
+        ("z = -1", "z = true", "the key 'z' must be a number, got True"),
+        ("z = -1", 'z = ["a"]', "the key 'z' must be a number, got 'a'"),
+        ("z = -1", f"z = 1{'0' * 400}", "the key 'z' must be a number within the range"),
+        ('name = "mine"', "name = 7", "the key 'name' must be a text, got 7"),
+        ('["My Template"]', '"My Template"', "the key 'aliases' must be a list of names"),
+        ('boundary = "zero-flux"', 'boundary = "open"', "Unknown boundary 'open'"),
+        ('boundary = "zero-flux"', "boundary = []", "'boundary' must be a number or a text"),
+        ('output = "tanh"', 'output = "relu"', "Unknown output function 'relu'"),
+        ('"settle"', "-3", "duration must be a number of time constants"),
+        ('name = "shadow"', "", "the table 'check' needs the key 'name'"),
+        ("margin = 2", "margin = [2]", "the key 'check.margin' must be a number or a text"),
+        ("[check]", "[[check]]", "the key 'check' must be a table"),
+        ("z = -1", "z = = 1", "must be TOML, got an error: .*line 6"),
+        ("z = -1", f"z = {'[' * 5000}", "must be TOML"),
+    ],
+)
+def test_error_names_the_file_and_the_key(old: str, new: str, message: str, tmp_path: Path) -> None:
+    assert old in GOOD
+    path = write(tmp_path, GOOD.replace(old, new))
+    with pytest.raises(TemplateError, match=message) as caught:
+        load_template(path)
+    assert str(caught.value).startswith(f"'{path}'")
+    assert caught.value.__cause__ is None
+
+
+def test_missing_file_is_an_os_error_with_its_path(tmp_path: Path) -> None:
+    with pytest.raises(TemplateFileError, match=r"nothing\.toml' can not be read: No such file"):
+        load_template(tmp_path / "nothing.toml")
+    with pytest.raises(OSError, match="check the path"):
+        load_template(tmp_path / "nothing.toml")
+
+
+def test_unknown_suffix_names_the_known_ones(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD, "mine.yaml")
+    with pytest.raises(TemplateError, match=r"known suffix \('\.toml'\), got '\.yaml'"):
+        load_template(path)
+    with pytest.raises(TemplateError, match="known suffix"):
+        save_template(Template("t", A=[[1.0]]), path)
+    assert path.read_text(encoding="utf-8") == GOOD
+
+
+def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b'name = "\xff"')
+    with pytest.raises(TemplateError, match="must be UTF-8 text"):
+        load_template(path)
+
+
+def test_saving_replaces_the_file_whole_and_leaves_nothing_else(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD)
+    template = Template("other", A=np.ones((3, 3)))
+    save_template(template, path, aliases=["Another"])
+    entry = load_entry(path)
+    assert (entry.template.digest, entry.aliases) == (template.digest, ("Another",))
+    assert [item.name for item in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_failed_saving_leaves_the_old_file(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD)
+    with pytest.raises(TemplateError, match="surrogates not allowed"):
+        save_template(Template("\ud800", A=[[1.0]]), path)
+    with pytest.raises(TemplateError, match="none of them 'name'"):
+        save_template(Template("t", A=[[1.0]], check=Check("x", (("name", 1.0),))), path)
+    assert path.read_text(encoding="utf-8") == GOOD
+    assert [item.name for item in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_saving_over_a_folder_or_into_none_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "folder.toml"
+    folder.mkdir()
+    for target in (folder, tmp_path / "none" / "mine.toml"):
+        with pytest.raises(TemplateFileError, match="can not be written"):
+            save_template(Template("t", A=[[1.0]]), target)
+    assert [item.name for item in tmp_path.iterdir()] == ["folder.toml"]
