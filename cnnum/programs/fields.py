@@ -1,4 +1,4 @@
-"""Fields: the maps and numbers of a program while it is traced; they record what is asked of them."""
+"""Fields: the maps and numbers of a program under trace; they record what is asked of them."""
 
 from collections.abc import Sequence
 from typing import NoReturn
@@ -150,6 +150,7 @@ class Field:
 
 
 def graph_of(operands: Sequence[object]) -> Graph:
+    """Return the graph that the first field among the operands belongs to."""
     for operand in operands:
         if isinstance(operand, Field):
             return operand.graph
@@ -157,6 +158,7 @@ def graph_of(operands: Sequence[object]) -> Graph:
 
 
 def as_field(graph: Graph, operand: object) -> Field:
+    """Return the operand as a field of this graph; numbers and maps become constants."""
     if isinstance(operand, Field):
         if operand.graph is not graph:
             raise ProgramError("Fields of two different programs can not be mixed.")
@@ -165,6 +167,7 @@ def as_field(graph: Graph, operand: object) -> Field:
 
 
 def combine(function: op.ElementOp, *operands: object) -> Field:
+    """Return local arithmetic or logic on fields, numbers and maps."""
     graph = graph_of(operands)
     nodes = [as_field(graph, operand).node for operand in operands]
     if function.name in ("and", "or", "xor", "not") and not all(node.logic for node in nodes):

@@ -36,7 +36,8 @@ def transient(
     ----------
     template : Template
     input : Field or sequence of Field, optional
-        One map an input of the template.
+        One map an input of the template. A template that has none and starts from its input
+        takes it as the initial state.
     state : Field or sequence of Field, optional
         Initial state, one map a layer; the template's own where it is left out.
     bias : Field or sequence of Field, optional
@@ -51,6 +52,8 @@ def transient(
     ProgramError
         If the number of maps is not the template's.
     """
+    if template.inputs == 0 and template.initial == "input" and state is None:
+        state, input = input, None
     given = [
         *_several(template, "input", input, template.inputs),
         *_several(template, "state", state, template.layers),
@@ -58,6 +61,8 @@ def transient(
     ]
     if not given and mask is None:
         raise ProgramError(f"Template '{template.name}' needs at least one map of the frame.")
+    if template.initial == "input" and input is None and state is None:
+        raise ProgramError(f"Template '{template.name}' starts from its input: give it.")
     if template.inputs and input is None:
         raise ProgramError(f"Template '{template.name}' needs {template.inputs} input map(s).")
     if mask is not None:

@@ -1,0 +1,300 @@
+"""The engine as users see it: it runs single templates and compiles programs."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Floats, Shape, as_shape, maps
+from cnnum.engines.backend import Backend, open_backend
+from cnnum.errors import ArrayError
+from cnnum.frame import FORCE_AXES
+from cnnum.graph.nodes import Graph, RunSpec, Transient
+from cnnum.graph.passes import schedule
+from cnnum.integrators.choice import choose
+from cnnum.plan import Plan
+from cnnum.programs import Program
+from cnnum.programs.fields import Field
+from cnnum.programs.machine import FrameFields
+from cnnum.programs.transients import Applied, transient
+from cnnum.template import Duration, Template
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """What a template made of its maps.
+
+    Attributes
+    ----------
+    output, state : (..., rows, cols) or (..., layers, rows, cols) float
+    time : (...) float
+        Time constants reached.
+    steps : (...) int
+        Steps taken, rejected ones counted; 0 where none were needed.
+    settled : (...) bool
+        Whether |dx/dt|·τ is below the tolerance in every cell.
+    error : (...) float
+        Estimated error of the state: the sum of the steps' local errors. NaN would hide that a
+        method does not know, so such a method gives infinity.
+    method : str
+    """
+
+    output: Floats
+    state: Floats
+    time: Floats
+    steps: np.ndarray
+    settled: np.ndarray
+    error: Floats
+    method: str
+
+
+@dataclass(slots=True, eq=False, init=False)
+class Engine:
+    """Runs templates and programs on one device.
+
+    Parameters
+    ----------
+    name : str
+        "opencl" (the default), "numba" or "reference".
+    device : str, optional
+        Part of a device's or platform's name; the fastest unless given.
+    precision : str, optional
+        "float32" or "float64"; the engine's own unless given.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such engine or precision.
+    DeviceError
+        If there is no such device.
+    """
+
+    _backend: Backend
+    _plans: dict[tuple[object, ...], Plan] = field(default_factory=dict[tuple[object, ...], Plan])
+
+    def __init__(
+        self, name: str = "opencl", *, device: str | None = None, precision: str | None = None
+    ) -> None:
+        self._backend = open_backend(name, device, precision)
+        self._plans = {}
+
+    @property
+    def name(self) -> str:
+        """Name of the engine."""
+        return self._backend.name
+
+    @property
+    def device(self) -> str:
+        """The device in words."""
+        return self._backend.device
+
+    @property
+    def precision(self) -> str:
+        """Either "float32" or "float64"."""
+        return self._backend.precision
+
+    def __repr__(self) -> str:
+        return f"Engine('{self.name}', device='{self.device}', precision='{self.precision}')"
+
+    def compile(
+        self,
+        program: Program,
+        shape: Sequence[int],
+        needs: Sequence[str] | None = None,
+        *,
+        channels: Sequence[str] = FORCE_AXES,
+    ) -> Plan:
+        """Return a plan that runs what the wanted outputs need, and nothing else.
+
+        Parameters
+        ----------
+        program : Program
+            A function decorated with `cnnum.program`.
+        shape : (rows, cols)
+        needs : sequence of str, optional
+            Names of wanted outputs; all unless given.
+        channels : sequence of str
+            Channels of a frame, in the order of its last axis.
+
+        Raises
+        ------
+        ProgramError
+            If the program can not be traced.
+        UnknownNameError
+            If a need is not among its outputs.
+        NotSupportedError
+            If this engine does not do something in it.
+        """
+        return self._build(program.name, program.trace(shape, channels), channels, needs)
+
+    def _build(
+        self, name: str, graph: Graph, channels: Sequence[str], needs: Sequence[str] | None
+    ) -> Plan:
+        thinned = schedule(graph, channels, needs)
+        solvers = {
+            node.index: choose(node.operation, graph.shape)
+            for node in thinned.transients
+            if isinstance(node.operation, Transient)
+        }
+        executable = self._backend.build(thinned, solvers)
+        return Plan(name, self.name, self.device, self.precision, thinned, solvers, executable)
+
+    def run(
+        self,
+        template: Template,
+        *,
+        input: ArrayLike | None = None,
+        state: ArrayLike | None = None,
+        bias: ArrayLike | None = None,
+        mask: ArrayLike | None = None,
+        duration: Duration | None = None,
+        method: str = "auto",
+        rtol: float = 1e-4,
+        atol: float = 1e-5,
+        dt: float | None = None,
+    ) -> Result:
+        """Run one template's transient.
+
+        Parameters
+        ----------
+        template : Template
+        input : (..., rows, cols) or (..., inputs, rows, cols) float, optional
+            Where the template has no control template and starts from its input, this is the
+            initial state.
+        state : (..., rows, cols) or (..., layers, rows, cols) float, optional
+            Initial state; the template's own unless given.
+        bias : like `state`, optional
+            Space-variant bias map, added to z.
+        mask : (..., rows, cols) bool, optional
+            Fixed-state mask: the state stays what it was where it is true.
+        duration : float or "settle", optional
+            In time constants; the template's own unless given.
+        method : str
+            "auto", "propagator", or the name of a Runge–Kutta method.
+        rtol, atol : float
+            Wanted error of the state.
+        dt : float, optional
+            Fixed step, in time constants; Euler's method unless `method` says otherwise.
+
+        Returns
+        -------
+        Result
+            Leading axes are the batch that the arguments broadcast to.
+
+        Raises
+        ------
+        ArrayError
+            If shapes do not fit, or values are not finite.
+        MethodError
+            If the method can not run this template, or does not reach the end.
+        """
+        given = _given(template, input, state, bias, mask)
+        names, stack, shape, lead = _stack(given)
+        spec = RunSpec(duration, method, rtol, atol, dt)
+        key = (template.digest, shape, names, spec)
+        if key not in self._plans:
+            self._plans[key] = self._transient_plan(template, shape, names, spec)
+        plan = self._plans[key]
+        outputs = plan(stack)
+        (solver,) = plan.solvers.values()
+        return _result(template, outputs, lead, solver.method)
+
+    def _transient_plan(
+        self, template: Template, shape: Shape, names: tuple[str, ...], spec: RunSpec
+    ) -> Plan:
+        graph = Graph(shape)
+        applied = _applied(FrameFields(graph, names), template, spec)
+        for layer in range(template.layers):
+            graph.outputs[f"output {layer}"] = applied.outputs[layer].node
+            graph.outputs[f"state {layer}"] = applied.states[layer].node
+        for figure in ("time", "steps", "settled", "error"):
+            graph.outputs[figure] = getattr(applied, figure).node
+        return self._build(template.name, graph, names, None)
+
+
+def _given(
+    template: Template,
+    input: ArrayLike | None,
+    state: ArrayLike | None,
+    bias: ArrayLike | None,
+    mask: ArrayLike | None,
+) -> dict[str, Floats]:
+    """Return what was given as (..., maps, rows, cols) by role."""
+    if template.inputs == 0 and template.initial == "input" and state is None:
+        state, input = input, None
+    roles = {"input": (input, template.inputs), "state": (state, template.layers)}
+    roles |= {"bias": (bias, template.layers), "mask": (mask, 1)}
+    shape = _common_shape([value for value, _ in roles.values() if value is not None])
+    given = {
+        role: maps(role, value, shape, count)
+        for role, (value, count) in roles.items()
+        if value is not None and (count or role != "input")
+    }
+    if template.inputs and input is None:
+        raise ArrayError(f"Template '{template.name}' needs an input.")
+    if template.initial == "input" and "input" not in given and "state" not in given:
+        raise ArrayError(f"Template '{template.name}' starts from its input: give input or state.")
+    if not given:
+        raise ArrayError(f"Template '{template.name}' needs a state: its shape is the array's.")
+    return given
+
+
+def _common_shape(values: Sequence[ArrayLike]) -> Shape:
+    shapes = {np.shape(value)[-2:] for value in values}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+        raise ArrayError(
+            f"Input, state, bias and mask must share their rows and columns, got {sorted(shapes)}."
+        )
+    return as_shape(next(iter(shapes)))
+
+
+def _stack(given: dict[str, Floats]) -> tuple[tuple[str, ...], Floats, Shape, tuple[int, ...]]:
+    """Return channel names and all maps as one frame (..., rows, cols, channels)."""
+    try:
+        lead = np.broadcast_shapes(*(array.shape[:-3] for array in given.values()))
+    except ValueError:
+        shapes = {role: array.shape for role, array in given.items()}
+        raise ArrayError(f"The batches of {shapes} do not broadcast.") from None
+    names: list[str] = []
+    planes: list[Floats] = []
+    for role, array in given.items():
+        full = np.broadcast_to(array, (*lead, *array.shape[-3:]))
+        names += [f"{role} {number}" for number in range(array.shape[-3])]
+        planes += [full[..., number, :, :] for number in range(array.shape[-3])]
+    return tuple(names), np.stack(planes, axis=-1), as_shape(planes[0].shape[-2:]), lead
+
+
+def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
+    def role(name: str) -> list[Field] | None:
+        return [frame.channel(c) for c in frame.channels if c.startswith(name)] or None
+
+    mask = role("mask")
+    return transient(
+        template,
+        input=role("input"),
+        state=role("state"),
+        bias=role("bias"),
+        mask=mask[0] > 0.5 if mask else None,
+        spec=spec,
+    )
+
+
+def _result(
+    template: Template, outputs: dict[str, Floats], lead: tuple[int, ...], method: str
+) -> Result:
+    def layers(what: str) -> Floats:
+        planes = [outputs[f"{what} {layer}"] for layer in range(template.layers)]
+        return planes[0] if template.layers == 1 else np.stack(planes, axis=len(lead))
+
+    error = outputs["error"]
+    return Result(
+        output=layers("output"),
+        state=layers("state"),
+        time=outputs["time"],
+        steps=outputs["steps"].astype(np.int64),
+        settled=outputs["settled"].astype(bool),
+        error=np.where(error < 0, math.inf, error),
+        method=method,
+    )

@@ -1,0 +1,115 @@
+"""What every engine offers, and the registry that imports only the one that is asked for."""
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Protocol, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.errors import name_error
+from cnnum.graph.schedule import Schedule
+from cnnum.integrators.choice import Solver
+
+Solvers = Mapping[int, Solver]
+"""How each transient runs, by the index of its node."""
+
+
+class Executable(Protocol):
+    """A schedule that is built and can run."""
+
+    @property
+    def source(self) -> str:
+        """The exact text of the kernels, or the operations in words."""
+        ...
+
+    @property
+    def launches(self) -> int:
+        """Kernel launches a batch."""
+        ...
+
+    def new_memory(self, batch: int) -> object:
+        """Return cleared memories for a batch of streams, in a form of the engine's own."""
+        ...
+
+    def run(
+        self, frames: NDArray[np.floating], memory: object, *, first: bool
+    ) -> dict[str, Floats]:
+        """Run a batch.
+
+        Parameters
+        ----------
+        frames : (batch, rows, cols, channels read) float
+        memory : object
+            What `new_memory` gave; it holds what was stored at the end of the frame before, and
+            is brought up to date in place.
+        first : bool
+            Whether this is the first frame of the streams.
+
+        Returns
+        -------
+        dict of str to (batch, rows, cols) or (batch,) float
+
+        Raises
+        ------
+        MethodError
+            If a transient did not reach its end within its steps.
+        """
+        ...
+
+
+class Backend(Protocol):
+    """An engine behind `cnnum.Engine`."""
+
+    @property
+    def name(self) -> str:
+        """As the user says it."""
+        ...
+
+    @property
+    def device(self) -> str:
+        """The device in words."""
+        ...
+
+    @property
+    def precision(self) -> str:
+        """Either "float32" or "float64"."""
+        ...
+
+    def build(self, schedule: Schedule, solvers: Solvers) -> Executable:
+        """Return the schedule ready to run.
+
+        Raises
+        ------
+        NotSupportedError
+            If this engine does not do something in it; the sentence says why.
+        """
+        ...
+
+
+_FACTORIES = {
+    "opencl": ("cnnum.engines.opencl", "OpenCLBackend"),
+    "reference": ("cnnum.engines.reference", "ReferenceBackend"),
+}
+
+
+def backend_names() -> tuple[str, ...]:
+    """Return the names of the engines."""
+    return tuple(_FACTORIES)
+
+
+def open_backend(name: str, device: str | None, precision: str | None) -> Backend:
+    """Return the engine of that name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such engine.
+    DeviceError
+        If its device can not be had.
+    """
+    if name not in _FACTORIES:
+        raise name_error("engine", name, _FACTORIES)
+    module, factory = _FACTORIES[name]
+    return cast(Backend, getattr(import_module(module), factory)(device, precision))

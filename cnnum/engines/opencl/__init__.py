@@ -1,0 +1,44 @@
+"""The OpenCL engine: a plan becomes one kernel, generated for its templates and its array."""
+
+import numpy as np
+import pyopencl as cl
+
+from cnnum.engines.backend import Solvers
+from cnnum.engines.opencl.devices import choose_device
+from cnnum.engines.opencl.executable import OpenCLExecutable
+from cnnum.errors import DeviceError, name_error
+from cnnum.graph.schedule import Schedule
+
+_TYPES: dict[str, np.dtype[np.floating]] = {
+    "float32": np.dtype(np.float32),
+    "float64": np.dtype(np.float64),
+}
+
+
+class OpenCLBackend:
+    """Holds a device's context and queue, and builds schedules for it."""
+
+    name = "opencl"
+
+    def __init__(self, device: str | None, precision: str | None) -> None:
+        self._device = choose_device(device)
+        self.precision = precision or "float32"
+        if self.precision not in _TYPES:
+            raise name_error("precision", self.precision, _TYPES)
+        if self.precision == "float64" and not self._device.double:
+            raise DeviceError(
+                f"Device '{self._device.label}' has no double precision; use 'float32'."
+            )
+        self._context = cl.Context([self._device.handle])
+        self._queue = cl.CommandQueue(self._context)
+
+    @property
+    def device(self) -> str:
+        """The device in words."""
+        return self._device.label
+
+    def build(self, schedule: Schedule, solvers: Solvers) -> OpenCLExecutable:
+        """Return the schedule ready to run on this device."""
+        dtype = _TYPES[self.precision]
+        lanes = min(16, self._device.lanes) if self._device.kind != "GPU" else 1
+        return OpenCLExecutable(schedule, solvers, self._queue, dtype, max(1, lanes))

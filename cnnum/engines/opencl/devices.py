@@ -1,0 +1,98 @@
+"""OpenCL platforms and devices: which there are, and which one is used."""
+
+from dataclasses import dataclass
+
+import pyopencl as cl
+
+from cnnum.errors import DeviceError
+
+INSTALL = (
+    "No OpenCL platform was found: install PoCL with \"pip install 'pyopencl[pocl]'\", or use "
+    "cnnum.Engine('reference')."
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Device:
+    """An OpenCL device with what chooses between devices."""
+
+    platform: str
+    name: str
+    version: str
+    kind: str
+    units: int
+    clock_mhz: int
+    lanes: int
+    double: bool
+    handle: cl.Device
+
+    @property
+    def label(self) -> str:
+        """The device in words."""
+        return f"{self.name} ({self.platform})"
+
+    @property
+    def promise(self) -> float:
+        """Arithmetic a second that its figures promise: units · clock · lanes.
+
+        A GPU's unit issues whole warps, which its vector width (1) does not say.
+        """
+        width = 64 if self.kind == "GPU" else self.lanes
+        return float(self.units * max(self.clock_mhz, 1) * width)
+
+
+def _describe(platform: cl.Platform, device: cl.Device) -> Device:
+    return Device(
+        platform=str(platform.name),
+        name=str(device.name).strip(),
+        version=f"{device.version.strip()}, driver {device.driver_version.strip()}",
+        kind="GPU" if device.type & cl.device_type.GPU else "CPU",
+        units=int(device.max_compute_units),
+        clock_mhz=int(device.max_clock_frequency),
+        lanes=int(device.native_vector_width_float) or 1,
+        double="cl_khr_fp64" in device.extensions,
+        handle=device,
+    )
+
+
+def list_devices() -> tuple[Device, ...]:
+    """Return all OpenCL devices of all platforms.
+
+    Raises
+    ------
+    DeviceError
+        If there is none; the sentence says what to install.
+    """
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:
+        raise DeviceError(INSTALL) from None
+    found = tuple(_describe(p, d) for p in platforms for d in _devices_of(p))
+    if not found:
+        raise DeviceError(INSTALL)
+    return found
+
+
+def _devices_of(platform: cl.Platform) -> list[cl.Device]:
+    try:
+        return list(platform.get_devices())
+    except cl.Error:  # a platform whose driver finds no hardware
+        return []
+
+
+def choose_device(name: str | None) -> Device:
+    """Return the device whose platform or name contains `name`, or the one that promises most.
+
+    Raises
+    ------
+    DeviceError
+        If there is none of that name.
+    """
+    devices = list_devices()
+    if name is not None:
+        matching = [d for d in devices if name.lower() in d.label.lower()]
+        if not matching:
+            known = ", ".join(f"'{d.label}'" for d in devices)
+            raise DeviceError(f"No OpenCL device matches '{name}': there are {known}.")
+        devices = tuple(matching)
+    return max(devices, key=lambda device: device.promise)

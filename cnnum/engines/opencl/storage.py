@@ -1,0 +1,137 @@
+"""Where values live while a plan's kernel runs: arrays, their slots, and constant data."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.boundary import Boundary, halo_sources
+from cnnum.engines.opencl.text import number
+from cnnum.graph.nodes import Constant, ConstantMap, Node
+
+PRIVATE_CELLS = 32 * 32
+"""Largest array that lives in private memory, so that a whole program is one launch."""
+
+
+@dataclass(slots=True)
+class Arena:
+    """Hands out arrays of `real`: private ones, or pieces of global scratch for large arrays."""
+
+    private: bool
+    size: int = 0
+    _top: int = 0
+
+    def array(self, name: str, length: int) -> str:
+        """Return the declaration of an array."""
+        if self.private:
+            return f"real {name}[{length}];"
+        start = self._top
+        self._top += length
+        self.size = max(self.size, self._top)
+        return f"__global real *const {name} = mine + {start};"
+
+    def mark(self) -> int:
+        """Return a mark to release to at the end of a block."""
+        return self._top
+
+    def release(self, mark: int) -> None:
+        """Give back what was handed out since the mark."""
+        self._top = mark
+
+    def keep_all(self) -> None:
+        """Hand out from beyond all that was ever handed out."""
+        self._top = self.size
+
+
+@dataclass(slots=True)
+class Tables:
+    """Index tables in constant memory and numbers in the data buffer, each stored once."""
+
+    dtype: np.dtype[np.floating]
+    _tables: dict[str, str] = field(default_factory=dict[str, str])
+    _data: list[Floats] = field(default_factory=list[Floats])
+    _length: int = 0
+    _places: dict[bytes, int] = field(default_factory=dict[bytes, int])
+
+    def halo(self, boundary: Boundary, shape: tuple[int, int], radius: int) -> tuple[str, str, int]:
+        """Return the names of two tables (padded cell, padded source) and their length."""
+        name = f"halo_{boundary.pad_mode}_{shape[0]}x{shape[1]}_{radius}"
+        sources = halo_sources(boundary, shape, radius)
+        inside = np.zeros(sources.shape, dtype=bool)
+        inside[radius : radius + shape[0], radius : radius + shape[1]] = True
+        rim = np.flatnonzero(~inside)
+        pitch = sources.shape[1]
+        row, col = np.divmod(sources.ravel()[rim], shape[1])
+        self._index(f"{name}_to", rim)
+        self._index(f"{name}_from", (row + radius) * pitch + col + radius)
+        return f"{name}_to", f"{name}_from", rim.size
+
+    def _index(self, name: str, values: NDArray[np.int64]) -> None:
+        body = ", ".join(str(int(value)) for value in values)
+        self._tables[name] = f"__constant int {name}[{values.size}] = {{{body}}};"
+
+    def data(self, values: Floats) -> int:
+        """Return the offset of these numbers in the data buffer."""
+        key = values.tobytes()
+        if key not in self._places:
+            self._places[key] = self._length
+            self._data.append(values.ravel())
+            self._length += values.size
+        return self._places[key]
+
+    @property
+    def text(self) -> str:
+        """The index tables as OpenCL C."""
+        return "\n".join(self._tables.values())
+
+    def buffer(self) -> NDArray[np.floating]:
+        """Return the data buffer's contents (one number if there is nothing)."""
+        flat = np.concatenate(self._data) if self._data else np.zeros(1)
+        return flat.astype(self.dtype)
+
+
+@dataclass(slots=True)
+class Values:
+    """The text that reads a node's value in cell `i`; maps share slots once they are dead."""
+
+    tables: Tables
+    _texts: dict[int, str] = field(default_factory=dict[int, str])
+    _slots: dict[int, int] = field(default_factory=dict[int, int])
+    _free: list[int] = field(default_factory=list[int])
+    slots: int = 0
+
+    def read(self, node: Node) -> str:
+        """Return the expression for a node's value in cell `i`."""
+        operation = node.operation
+        if isinstance(operation, Constant):
+            return number(operation.value, self.tables.dtype)
+        if isinstance(operation, ConstantMap):
+            return f"R(data[{self.tables.data(operation.values)} + i])"
+        return self._texts[node.index]
+
+    def name_scalar(self, node: Node) -> str:
+        """Return the name of a new variable for one number a frame."""
+        self._texts[node.index] = f"n{node.index}"
+        return self._texts[node.index]
+
+    def alias(self, node: Node, text: str) -> None:
+        """Say that a node's value is read by this expression."""
+        self._texts[node.index] = text
+
+    def take_slot(self, node: Node) -> str:
+        """Return the name of the array that holds this map from now on."""
+        if self._free:
+            slot = self._free.pop()
+        else:
+            slot = self.slots
+            self.slots += 1
+        self._slots[node.index] = slot
+        self._texts[node.index] = f"s{slot}[i]"
+        return f"s{slot}"
+
+    def free_slot(self, node: Node) -> None:
+        """Give back the array of a map that nothing reads any more."""
+        slot = self._slots.pop(node.index, None)
+        if slot is not None:
+            self._free.append(slot)

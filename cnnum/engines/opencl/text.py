@@ -1,0 +1,54 @@
+"""Filling kernel texts: real OpenCL C in `kernels/*.cl` with `$names`, filled strictly."""
+
+import re
+from functools import cache
+from importlib import resources
+from string import Template as Text
+
+import numpy as np
+
+
+@cache
+def _kernel_text(name: str) -> Text:
+    return Text((resources.files("cnnum.engines.opencl") / "kernels" / f"{name}.cl").read_text())
+
+
+def fill(name: str, **values: object) -> str:
+    """Return the kernel text of that file with its names filled in.
+
+    Raises
+    ------
+    KeyError
+        If a name of the text gets no value.
+    ValueError
+        If a value has no place in the text.
+    """
+    text = _kernel_text(name)
+    unused = set(values) - set(text.get_identifiers())
+    if unused:
+        raise ValueError(f"Kernel text '{name}.cl' has no place for {sorted(unused)}.")
+    return text.substitute({key: str(value) for key, value in values.items()})
+
+
+def number(value: float, dtype: np.dtype[np.floating]) -> str:
+    """Return the shortest literal that is exactly the value rounded to the kernel's type."""
+    rounded = dtype.type(value)
+    digits = repr(float(value)) if dtype == np.float64 else repr(float(str(rounded)))
+    if "." not in digits and "e" not in digits:
+        digits += ".0"
+    return f"R({digits}{'' if dtype == np.float64 else 'f'})"
+
+
+def indented(lines: list[str], depth: int) -> str:
+    """Return the lines joined, each indented by `depth` levels of four spaces."""
+    pad = "    " * depth
+    return "\n".join(pad + line if line else line for line in lines)
+
+
+def rename(expression: str, names: dict[str, str]) -> str:
+    """Return the expression with whole words replaced."""
+    return re.sub(
+        r"\b[a-z]+\b",
+        lambda word: f"({names[word[0]]})" if word[0] in names else word[0],
+        expression,
+    )

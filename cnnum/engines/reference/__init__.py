@@ -1,0 +1,172 @@
+"""The reference engine: float64 NumPy and SciPy, operation by operation; slow, plain, trusted."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.engines.backend import Solvers
+from cnnum.engines.reference.transient import Settings, solve_transient
+from cnnum.errors import DeviceError, name_error
+from cnnum.graph.nodes import (
+    Apply,
+    Constant,
+    ConstantMap,
+    FirstFrame,
+    Input,
+    Node,
+    Pick,
+    Read,
+    Reduce,
+    Transient,
+)
+from cnnum.graph.schedule import Schedule
+
+
+@dataclass(slots=True, eq=False)
+class ReferenceMemory:
+    """What the memories of a batch of streams hold, by number."""
+
+    values: dict[int, Floats] = field(default_factory=dict[int, Floats])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ReferenceExecutable:
+    """Walks a schedule node by node; every value is (batch, rows, cols), a number (batch, 1, 1)."""
+
+    schedule: Schedule
+    solvers: Solvers
+
+    @property
+    def launches(self) -> int:
+        """There is no device to launch on."""
+        return 0
+
+    @property
+    def source(self) -> str:
+        """The operations in words."""
+        lines = [
+            f"{node.index}: {node.operation} of {[a.index for a in node.arguments]}"
+            for node in self.schedule.nodes
+        ]
+        return "\n".join(lines)
+
+    def new_memory(self, batch: int) -> object:
+        """Return cleared memories."""
+        rows, cols = self.schedule.shape
+        return ReferenceMemory(
+            {
+                number: np.zeros((batch, 1, 1) if memory.read.scalar else (batch, rows, cols))
+                for number, memory in self.schedule.memories.items()
+            }
+        )
+
+    def run(
+        self, frames: NDArray[np.floating], memory: object, *, first: bool
+    ) -> dict[str, Floats]:
+        """Run every operation on the whole batch."""
+        assert isinstance(memory, ReferenceMemory)
+        inputs = {
+            name: np.asarray(frames[..., place], dtype=np.float64)
+            for place, name in enumerate(self.schedule.channels_read)
+        }
+        values: dict[int, Floats] = {}
+        transients: dict[int, dict[str, Floats]] = {}
+        for node in self.schedule.nodes:
+            arguments = [values[a.index] for a in node.arguments if a.index in values]
+            operation = node.operation
+            if isinstance(operation, Input):
+                values[node.index] = inputs[operation.channel]
+            elif isinstance(operation, Read):
+                values[node.index] = memory.values[operation.memory]
+            elif isinstance(operation, FirstFrame):
+                values[node.index] = np.full((1, 1, 1), float(first))
+            elif isinstance(operation, Transient):
+                transients[node.index] = self._transient(node, operation, arguments, len(frames))
+            elif isinstance(operation, Pick):
+                source = transients[node.arguments[0].index]
+                values[node.index] = _picked(operation, source)
+            else:
+                values[node.index] = _local(operation, arguments)
+        for number, kept in self.schedule.memories.items():
+            shape = memory.values[number].shape
+            memory.values[number] = np.broadcast_to(values[kept.store.index], shape).copy()
+        return self._outputs(values, len(frames))
+
+    def _outputs(self, values: dict[int, Floats], batch: int) -> dict[str, Floats]:
+        rows, cols = self.schedule.shape
+        outputs: dict[str, Floats] = {}
+        for name, node in self.schedule.outputs.items():
+            value = values[node.index]
+            if node.scalar:
+                outputs[name] = np.broadcast_to(value, (batch, 1, 1))[:, 0, 0].copy()
+            else:
+                outputs[name] = np.broadcast_to(value, (batch, rows, cols)).copy()
+        return outputs
+
+    def _transient(
+        self, node: Node, operation: Transient, arguments: list[Floats], batch: int
+    ) -> dict[str, Floats]:
+        """Solve frame by frame; answers by name, maps as (batch, layers, rows, cols)."""
+        template, shape = operation.template, self.schedule.shape
+        stacked = [np.broadcast_to(a, (batch, *shape)) for a in arguments]
+
+        def take(count: int) -> Floats | None:
+            taken = [stacked.pop(0) for _ in range(count)]
+            return np.stack(taken, axis=1) if taken else None
+
+        inputs = take(template.inputs)
+        states = take(template.layers if operation.has_state else 0)
+        biases = take(template.layers if operation.has_bias else 0)
+        masks = take(1 if operation.has_mask else 0)
+        settings = Settings.of(self.solvers[node.index])
+        answers = [
+            solve_transient(
+                template,
+                shape,
+                settings,
+                None if inputs is None else inputs[frame],
+                None if states is None else states[frame],
+                None if biases is None else biases[frame],
+                None if masks is None else masks[frame, 0] != 0.0,
+            )
+            for frame in range(batch)
+        ]
+        return {name: np.array([answer[name] for answer in answers]) for name in answers[0]}
+
+
+def _picked(operation: Pick, source: dict[str, Floats]) -> Floats:
+    if operation.what in ("output", "state"):
+        return source[operation.what][:, operation.layer]
+    return source[operation.what][:, np.newaxis, np.newaxis]
+
+
+def _local(operation: object, arguments: list[Floats]) -> Floats:
+    if isinstance(operation, Constant):
+        return np.full((1, 1, 1), operation.value)
+    if isinstance(operation, ConstantMap):
+        return operation.values[np.newaxis]
+    if isinstance(operation, Apply):
+        return np.asarray(operation.function.numpy(*arguments), dtype=np.float64)
+    assert isinstance(operation, Reduce)
+    reduced = np.asarray(operation.function.numpy(arguments[0]), dtype=np.float64)
+    return reduced[:, np.newaxis, np.newaxis]
+
+
+class ReferenceBackend:
+    """Needs no device; always float64."""
+
+    name = "reference"
+    device = "NumPy and SciPy on the host"
+    precision = "float64"
+
+    def __init__(self, device: str | None, precision: str | None) -> None:
+        if device is not None:
+            raise DeviceError(f"The reference engine runs on the host, got device='{device}'.")
+        if precision not in (None, "float64"):
+            raise name_error("precision", str(precision), ("float64",))
+
+    def build(self, schedule: Schedule, solvers: Solvers) -> ReferenceExecutable:
+        """Return the schedule ready to run."""
+        return ReferenceExecutable(schedule, solvers)

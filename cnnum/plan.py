@@ -1,0 +1,227 @@
+"""A plan: a program that is compiled for an array, and what can be asked of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Floats, Shape, finite
+from cnnum.engines.backend import Executable, Solvers
+from cnnum.errors import ArrayError
+from cnnum.graph.cost import node_flops
+from cnnum.graph.nodes import Constant, ConstantMap, Pick, Transient
+from cnnum.graph.schedule import LeftOut, Schedule
+from cnnum.integrators.choice import FixedSteps
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """What a plan runs for one frame, what it leaves out, and what that costs.
+
+    Attributes
+    ----------
+    program, engine, device, precision : str
+    shape : (rows, cols)
+    ops : int
+        Operations that run.
+    launches : int
+        Kernel launches a batch.
+    channels_read : tuple of str
+    maps_read_back : tuple of str
+        Wanted outputs that are maps; flags and numbers are not among them.
+    transients : tuple of str
+        Every template with its method and why it was chosen.
+    flops : int
+        Arithmetic a frame; a transient of adaptive steps counts one step.
+    bytes_in, bytes_out : int
+        Traffic to and from the device a frame.
+    left_out : tuple of LeftOut
+    """
+
+    program: str
+    engine: str
+    device: str
+    precision: str
+    shape: Shape
+    ops: int
+    launches: int
+    channels_read: tuple[str, ...]
+    maps_read_back: tuple[str, ...]
+    transients: tuple[str, ...]
+    flops: int
+    bytes_in: int
+    bytes_out: int
+    left_out: tuple[LeftOut, ...]
+
+    def __str__(self) -> str:
+        lines = [
+            f"{self.program} on {self.shape[0]}×{self.shape[1]} cells, {self.engine} "
+            f"({self.precision}) on {self.device}",
+            f"  {self.ops} operations in {self.launches} launch(es), {self.flops} flops, "
+            f"{self.bytes_in} B in, {self.bytes_out} B out a frame",
+            f"  reads {', '.join(self.channels_read) or 'no channel'}; "
+            f"reads back {', '.join(self.maps_read_back) or 'no map'}",
+        ]
+        lines += [f"  runs {text}" for text in self.transients]
+        lines += [f"  leaves out {x.what}: {x.why}, saves {x.saves}" for x in self.left_out]
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """A compiled program; call it with a frame or a batch of frames.
+
+    Attributes
+    ----------
+    program, engine, device, precision : str
+    schedule : Schedule
+    solvers : mapping of int to Solver
+        How each transient runs.
+    executable : Executable
+    """
+
+    program: str
+    engine: str
+    device: str
+    precision: str
+    schedule: Schedule
+    solvers: Solvers
+    executable: Executable
+
+    @property
+    def source(self) -> str:
+        """The exact text of the kernels."""
+        return self.executable.source
+
+    def __call__(self, frame: ArrayLike) -> dict[str, Floats]:
+        """Run the program on a frame, or on a batch of independent frames.
+
+        Parameters
+        ----------
+        frame : (..., rows, cols, channels) float
+            Leading axes are a batch; the channels are those the plan was compiled for, and a
+            single channel may come without its axis.
+
+        Returns
+        -------
+        dict of str to (..., rows, cols) or (...) float
+            Maps and numbers by name; flags are 0 or 1.
+
+        Raises
+        ------
+        ArrayError
+            If the frame has another shape, or holds NaN or infinity.
+        MethodError
+            If a transient does not reach its end.
+        """
+        frames, lead = self._frames(frame)
+        memory = self.executable.new_memory(len(frames))
+        return self._run(frames, lead, memory, first=True)
+
+    def stream(self, batch: Sequence[int] = ()) -> "Stream":
+        """Return a stream of frames whose memories outlive each frame.
+
+        Parameters
+        ----------
+        batch : sequence of int
+            Leading axes: so many arrays are streamed side by side.
+        """
+        return Stream(self, tuple(batch))
+
+    def _frames(self, frame: ArrayLike) -> tuple[Floats, tuple[int, ...]]:
+        array, channels = finite("frame", frame), self.schedule.channels
+        shape = self.schedule.shape
+        if len(channels) == 1 and array.shape[-2:] == shape and array.shape[-3:] != (*shape, 1):
+            array = array[..., np.newaxis]
+        if array.shape[-3:] != (*shape, len(channels)):
+            raise ArrayError(
+                f"A frame for this plan has the shape (..., {shape[0]}, {shape[1]}, "
+                f"{len(channels)}) with the channels {', '.join(channels)}, got {array.shape}."
+            )
+        lead = array.shape[:-3]
+        frames = array.reshape(-1, *array.shape[-3:])
+        if len(frames) == 0:
+            raise ArrayError("A batch needs at least one frame, got none.")
+        read = [channels.index(name) for name in self.schedule.channels_read]
+        return (frames if len(read) == len(channels) else frames[..., read]), lead
+
+    def _run(
+        self, frames: Floats, lead: tuple[int, ...], memory: object, *, first: bool
+    ) -> dict[str, Floats]:
+        outputs = self.executable.run(frames, memory, first=first)
+        for name, values in outputs.items():
+            if not np.isfinite(values).all():
+                raise ArrayError(f"Output '{name}' of program '{self.program}' is not finite.")
+        return {
+            name: values.reshape((*lead, *values.shape[1:])) for name, values in outputs.items()
+        }
+
+    def explain(self) -> Explanation:
+        """Return what runs, what was left out and why, and what it costs."""
+        schedule, cells = self.schedule, self.schedule.cells
+        free = (Constant, ConstantMap, Pick)
+        runs = [node for node in schedule.nodes if not isinstance(node.operation, free)]
+        maps = tuple(name for name, node in schedule.outputs.items() if not node.scalar)
+        numbers = len(schedule.outputs) - len(maps)
+        width = 8 if self.precision == "float64" else 4
+        return Explanation(
+            program=self.program,
+            engine=self.engine,
+            device=self.device,
+            precision=self.precision,
+            shape=schedule.shape,
+            ops=len(runs),
+            launches=self.executable.launches,
+            channels_read=schedule.channels_read,
+            maps_read_back=maps,
+            transients=tuple(self._transients()),
+            flops=sum(node_flops(n, schedule.shape, self._steps(n.index)) for n in runs),
+            bytes_in=width * cells * len(schedule.channels_read),
+            bytes_out=width * (cells * len(maps) + numbers),
+            left_out=schedule.left_out,
+        )
+
+    def _steps(self, index: int) -> int:
+        solver = self.solvers.get(index)
+        return solver.scheme.count if solver and isinstance(solver.scheme, FixedSteps) else 1
+
+    def _transients(self) -> list[str]:
+        texts: list[str] = []
+        for node in self.schedule.transients:
+            assert isinstance(node.operation, Transient)
+            solver = self.solvers[node.index]
+            name = node.operation.template.name
+            texts.append(f"template {name} by {solver.method} ({solver.reason})")
+        return texts
+
+
+@dataclass(slots=True, eq=False)
+class Stream:
+    """Frames of one array (or of a batch of arrays) in time; owns their memories."""
+
+    plan: Plan
+    batch: tuple[int, ...]
+    frames: int = 0
+    _memory: object = field(default=None)
+
+    def push(self, frame: ArrayLike) -> dict[str, Floats]:
+        """Run the program on the next frame of every array and bring the memories up to date.
+
+        Raises
+        ------
+        ArrayError
+            If the frame's leading axes are not those of the stream.
+        """
+        frames, lead = self.plan._frames(frame)  # pyright: ignore[reportPrivateUsage]
+        if lead != self.batch:
+            raise ArrayError(
+                f"A frame of this stream has the leading axes {self.batch}, got {lead}."
+            )
+        if self._memory is None:
+            self._memory = self.plan.executable.new_memory(len(frames))
+        outputs = self.plan._run(  # pyright: ignore[reportPrivateUsage]
+            frames, lead, self._memory, first=self.frames == 0
+        )
+        self.frames += 1
+        return outputs

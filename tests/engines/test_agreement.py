@@ -1,0 +1,98 @@
+"""Random networks give the same answer on every engine, within a derived tolerance."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cnnum.engine import Engine
+from cnnum.template import Template
+
+OPENCL, DOUBLE, REFERENCE = Engine(), Engine(precision="float64"), Engine("reference")
+RTOL, ATOL = 1e-4, 1e-5
+
+
+@st.composite
+def networks(draw):
+    """A random linear template with all that it can be given, contracting so that errors do not grow."""
+    layers, inputs = draw(st.integers(1, 3)), draw(st.integers(0, 2))
+    radius = draw(st.integers(0, 2))
+    shape = (draw(st.integers(1, 9)), draw(st.integers(1, 9)))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    k = 2 * radius + 1
+    feedback = rng.normal(size=(layers, layers, k, k)) * (rng.random((layers, layers, k, k)) < 0.6)
+    # ‖A‖∞ ≤ 0.9 < 1: the Jacobian's logarithmic norm is below −0.1/τ, local errors die out
+    feedback *= 0.9 / max(1e-9, np.abs(feedback).sum(axis=(1, 2, 3)).max())
+    boundaries = [
+        draw(st.sampled_from([0.0, -1.0, 0.5, "zero-flux", "periodic"])) for _ in range(2)
+    ]
+    template = Template(
+        "random",
+        feedback,
+        rng.normal(size=(layers, inputs, k, k)) if inputs else None,
+        rng.normal(size=layers).tolist(),
+        tau=rng.uniform(0.5, 2.0, layers).tolist(),
+        boundary=boundaries[0],
+        input_boundary=boundaries[1],
+        initial=0.25,
+        duration=draw(st.floats(0.0, 3.0)),
+        output=draw(st.sampled_from(["standard", "linear", "tanh", "full-range"])),
+    )
+    batch = draw(st.sampled_from([(), (1,), (2, 3), (17,)]))
+    maps = {}
+    if inputs:
+        maps["input"] = rng.uniform(-1, 1, (*batch, inputs, *shape))
+    if draw(st.booleans()) or not maps:
+        maps["state"] = rng.uniform(-1, 1, (*batch, layers, *shape))
+    if draw(st.booleans()):
+        maps["bias"] = rng.uniform(-1, 1, (layers, *shape))
+    if draw(st.booleans()):
+        maps["mask"] = rng.random(shape) < 0.3
+    return template, maps
+
+
+def tolerance(reference):
+    """Local errors of a contracting array add up to at most (steps kept ≤ tol each) a few tol.
+
+    The logarithmic norm −0.1/τ damps them; 20 tolerances cover 3 time constants of steps.
+    """
+    return 20 * (ATOL + RTOL * np.abs(reference).max())
+
+
+@settings(max_examples=25, deadline=None)
+@given(networks())
+def test_opencl_agrees_with_reference(case):
+    template, maps = case
+    expected = REFERENCE.run(template, **maps)
+    for engine in (OPENCL, DOUBLE):
+        got = engine.run(template, rtol=RTOL, atol=ATOL, **maps)
+        assert got.state.shape == expected.state.shape
+        assert np.abs(got.state - expected.state).max() <= tolerance(expected.state)
+
+
+@settings(max_examples=10, deadline=None)
+@given(networks(), st.sampled_from(["euler", "heun", "rk4"]))
+def test_fixed_steps_are_the_same_steps(case, method):
+    """In float64 the same steps of the same method agree to rounding: 300 steps · 2⁻⁵² · values."""
+    template, maps = case
+    expected = REFERENCE.run(template, method=method, dt=0.05, **maps)
+    got = DOUBLE.run(template, method=method, dt=0.05, **maps)
+    np.testing.assert_array_equal(got.steps, expected.steps)
+    assert np.abs(got.state - expected.state).max() <= 1e-12 * (1 + np.abs(expected.state).max())
+
+
+@pytest.mark.parametrize("shape", [(33, 40), (70, 3)])
+def test_large_arrays_agree_too(shape):
+    """Beyond 32×32 cells values live in global memory."""
+    rng = np.random.default_rng(5)
+    template = Template(
+        "large",
+        rng.normal(size=(3, 3)) * 0.1,
+        rng.normal(size=(5, 5)),
+        0.1,
+        boundary="zero-flux",
+        duration=2.0,
+    )
+    u = rng.uniform(-1, 1, (2, *shape))
+    expected = REFERENCE.run(template, input=u).state
+    assert np.abs(OPENCL.run(template, input=u).state - expected).max() <= tolerance(expected)
