@@ -10,7 +10,7 @@ from cnnum.drivers.options import read_options
 from cnnum.errors import SceneError, name_error
 
 DRIVERS: Mapping[str, str] = {
-    "simulated": "cnnum.drivers.simulated.options:SimulatedOptions",
+    "simulated": "cnnum.drivers.simulated.array:SimulatedOptions",
     "serial": "cnnum.drivers.serial_array:SerialOptions",
     "uskin-csv": "cnnum.drivers.uskin_csv:UskinCsvOptions",
 }

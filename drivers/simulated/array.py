@@ -1,0 +1,188 @@
+"""The driver of the simulated array."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import islice
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.drivers.driver import Closing, Counters
+from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
+from cnnum.drivers.simulated.motion import commands, largest_load
+from cnnum.drivers.simulated.settings import Settings
+from cnnum.drivers.simulated.springs import Pair, Springs, State
+from cnnum.drivers.simulated.tractions import Tractions
+from cnnum.drivers.simulated.truth import truth_of
+from cnnum.errors import PhysicsError
+from cnnum.frame import Frame, Quality, Truth
+from cnnum.tactile.taxel import SIDES, Calibration, Coupling, Reading, Readout, Taxel
+
+CHUNK = 32
+"""Scans worked out at once."""
+
+WIDEST = 0.3
+"""Contact radius over the sphere's from which Hertz's theory is left."""
+
+
+class SimulatedArray(Closing):
+    """Frames of four bridge voltages a taxel, with the ground truth beside each.
+
+    Attributes
+    ----------
+    calibration : Calibration
+        The exact way back from voltages to strain at the taxels.
+
+    Raises
+    ------
+    PhysicsError
+        If the contact gets too wide for the sphere.
+    """
+
+    def __init__(self, options: Settings) -> None:
+        self._options = options
+        self.shape: Shape = options.shape
+        self.channels = SIDES
+        self.unit = "V"
+        self.rate = options.rate
+        self._springs = _springs(options)
+        layout = Layout(options.shape, options.pitch)
+        self._surface = layout.surface
+        self._tractions = Tractions(self._springs, layout.surface)
+        self._influence = _influence(options, layout)
+        self._rng = np.random.default_rng(options.seed)
+        self._taxel = _taxel(options, self._rng)
+        self._noise = self._rng.bit_generator.state
+        self.calibration: Calibration = self._taxel.calibration(options.thickness)
+        self._counters = Counters()
+        self._closed = False
+
+    @property
+    def counters(self) -> Counters:
+        """What has been handed on so far."""
+        return self._counters
+
+    def close(self) -> None:
+        """End the frames."""
+        self._closed = True
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the scans of the script; a second call starts again, with the same noise.
+
+        Raises
+        ------
+        PhysicsError
+            If the contact leaves the surface.
+        """
+        self._rng.bit_generator.state = self._noise
+        self._counters = Counters()
+        scans = self.scans()
+        first = 0
+        while chunk := list(islice(scans, CHUNK)):
+            reading = self.read([state for state, _ in chunk])
+            for n, (_, truth) in enumerate(chunk):
+                if self._closed:
+                    return
+                yield self._frame(first + n, reading, n, truth)
+            first += len(chunk)
+
+    def scans(self) -> Iterator[tuple[State, Truth]]:
+        """Yield the contact and the ground truth at every scan, without what the array reads."""
+        state, turned = self._springs.rest(self._options.start), 0.0
+        for command in commands(self._options.script, self.rate):
+            state = self._springs.step(state, command)
+            turn = command.turn if state.load > 0 else 0.0
+            turned = turned + turn if state.load > 0 else 0.0
+            yield state, truth_of(self._springs, state, turned, turn, self.rate)
+
+    def strain(self, states: list[State]) -> Floats:
+        """Return ε_xz, ε_yz, ε_zz at the taxels, (states, rows, cols, 3).
+
+        Raises
+        ------
+        PhysicsError
+            If a contact reaches beyond the surface.
+        """
+        self._check_inside(states)
+        window = self._tractions.window(states)
+        traction = self._tractions(states, window)
+        influence = self._influence[:, :, window.rows, window.cols]
+        return np.tensordot(traction, influence, axes=([1, 2, 3], [2, 3, 4]))
+
+    def read(self, states: list[State]) -> Reading:
+        """Return the voltages of contacts, with noise if there is any."""
+        rng = self._rng if self._options.noise > 0 else None
+        return self._taxel.read(self.strain(states), rng=rng)
+
+    def _frame(self, number: int, reading: Reading, place: int, truth: Truth) -> Frame:
+        self._counters = replace(self._counters, frames=self._counters.frames + 1)
+        saturated = bool(reading.saturated[place].any())
+        return Frame(
+            values=reading.volts[place],
+            channels=self.channels,
+            unit=self.unit,
+            sequence=number,
+            time=number / self.rate,
+            quality=Quality.SATURATED if saturated else Quality.GOOD,
+            truth=truth,
+        )
+
+    def _check_inside(self, states: list[State]) -> None:
+        edge = np.array([self._surface.x_edges[-1], self._surface.y_edges[-1]])
+        for state in states:
+            if (np.abs(state.position) + state.contact_radius > edge).any():
+                x, y = state.position * 1e3
+                raise PhysicsError(
+                    f"The contact has left the array: radius {state.contact_radius * 1e3:.2f} mm "
+                    f"around ({x:.2f}, {y:.2f}) mm, expected within ±{edge[0] * 1e3:.2f} and "
+                    f"±{edge[1] * 1e3:.2f} mm; pull or roll less far, or start elsewhere."
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class SimulatedOptions(Settings):
+    """Options of the driver "simulated": all that `Settings` lists."""
+
+    def open(self) -> SimulatedArray:
+        """Return the driver; its frames are computed as they are fetched.
+
+        Raises
+        ------
+        PhysicsError
+            If the contact gets so wide that it is none of a sphere on a half-space.
+        """
+        return SimulatedArray(self)
+
+
+def _springs(options: Settings) -> Springs:
+    pair = Pair(options.radius, options.youngs_modulus, options.friction)
+    widest = pair.contact_radius(largest_load(options.script))
+    if widest > WIDEST * options.radius:
+        raise PhysicsError(
+            f"The contact's radius reaches {widest * 1e3:.2f} mm, expected at most {WIDEST:g} of "
+            f"the sphere's {options.radius * 1e3:.2f} mm: lower 'load', or raise 'radius' or "
+            "'youngs_modulus'."
+        )
+    return Springs(pair, reach=1.02 * widest)
+
+
+def _influence(options: Settings, layout: Layout) -> Floats:
+    cover = (layout, options.thickness, options.youngs_modulus)
+    if options.cover == "bumpy":
+        return bumpy_influence(*cover, options.bump_radius)
+    return flat_influence(*cover)
+
+
+def _taxel(options: Settings, rng: np.random.Generator) -> Taxel:
+    coupling = Coupling.nominal(
+        depth=options.thickness,
+        youngs_modulus=options.youngs_modulus,
+        reduction=options.loss,
+    )
+    readout = Readout(
+        gain=options.gain,
+        noise=options.noise,
+        bits=options.bits or None,
+        offsets=rng.normal(0.0, options.offset, (*options.shape, 4)),
+    )
+    return Taxel(coupling, readout=readout)

@@ -1,0 +1,94 @@
+"""What the hand does, phase by phase."""
+
+from dataclasses import dataclass
+from math import isfinite
+from typing import Literal
+
+from cnnum.drivers.options import require
+
+Kind = Literal["press", "hold", "pull", "relax", "twist", "grip", "roll", "vibrate", "release"]
+
+NEEDS: dict[Kind, tuple[str, ...]] = {
+    "press": ("load",),
+    "hold": (),
+    "pull": ("speed",),
+    "relax": (),
+    "twist": ("angle",),
+    "grip": ("load",),
+    "roll": ("speed",),
+    "vibrate": ("frequency", "amplitude"),
+    "release": (),
+}
+"""The amounts that a kind of phase can not do without."""
+
+
+@dataclass(frozen=True, slots=True)
+class Phase:
+    """One thing that the hand does for a while.
+
+    Attributes
+    ----------
+    kind : str
+        "press": the sphere comes down at a constant speed until `load` is reached;
+        "hold": nothing moves;
+        "pull": it is dragged sideways at `speed` towards `direction`;
+        "relax": the hand gives way until neither shear nor torque is left;
+        "twist": it turns about the normal by `angle`, at a constant rate;
+        "grip": the load changes to `load`, linearly;
+        "roll": it rolls without slip, the contact moving at `speed` towards `direction`;
+        "vibrate": the load swings by `amplitude` (a share of it) at `frequency`;
+        "release": it goes up at a constant speed until nothing touches.
+    duration : float, s
+    load : float, N
+    speed : float, m/s
+    direction : float, rad
+        On the array: 0 along x (columns), π/2 along y (rows, downwards).
+    angle : float, rad
+        Positive turns x towards y: clockwise, seen from above.
+    frequency : float, Hz
+    amplitude : float
+    """
+
+    kind: Kind
+    duration: float
+    load: float = 0.0
+    speed: float = 0.0
+    direction: float = 0.0
+    angle: float = 0.0
+    frequency: float = 0.0
+    amplitude: float = 0.0
+
+    def __post_init__(self) -> None:
+        amounts = ("load", "speed", "direction", "angle", "frequency", "amplitude")
+        for name in amounts:
+            require(name, isfinite(getattr(self, name)), "a finite number", getattr(self, name))
+        require("duration", 0 < self.duration < 1e6, "seconds above 0", self.duration)
+        for name in ("load", "speed", "frequency", "amplitude"):
+            value: float = getattr(self, name)
+            require(name, value >= 0, "0 or more", value)
+        require("amplitude", self.amplitude < 1, "a share of the load below 1", self.amplitude)
+        used = NEEDS[self.kind]
+        for name in used:
+            value = getattr(self, name)
+            require(name, value != 0, f"given for a '{self.kind}', and not 0", value)
+        allowed = (*used, "direction") if "speed" in used else used
+        for name in set(amounts) - set(allowed):
+            value = getattr(self, name)
+            require(name, value == 0, f"left out of a '{self.kind}'", value)
+
+
+DEFAULT = (
+    Phase("hold", 0.4),
+    Phase("press", 0.6, load=1.0),
+    Phase("hold", 0.6),
+    Phase("pull", 2.4, speed=0.8e-3, direction=0.5),
+    Phase("relax", 0.6),
+    Phase("grip", 0.8, load=1.6),
+    Phase("hold", 0.6),
+    Phase("twist", 2.0, angle=0.6),
+    Phase("relax", 0.6),
+    Phase("hold", 0.4),
+    Phase("release", 0.6),
+    Phase("hold", 0.4),
+)
+"""Ten seconds: a touch, a pull that ends in gross slip, a firmer grip, a twist, a release."""

@@ -1,0 +1,96 @@
+"""What a scene can set about the simulated array."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from cnnum.drivers.options import require
+from cnnum.drivers.simulated.motion import largest_load
+from cnnum.drivers.simulated.script import DEFAULT, Phase
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """What the driver "simulated" is told: the array, its cover, the sphere and the hand.
+
+    The default cover is 1 mm of the silicone that the dissertation computes with: thick enough
+    for taxels 1.5 mm apart to see whatever lies between them, thin enough to tell them apart.
+    The default sphere (Ø 50 mm) makes a contact of 5 mm at 1 N, three to four taxels wide.
+
+    Attributes
+    ----------
+    seed : int
+        Of offsets and noise: the same seed gives the same frames, bit for bit.
+    shape : (rows, cols)
+    rate : float, Hz
+    pitch : float, m
+    cover : "flat" or "bumpy"
+    thickness : float, m
+        Of the cover; with bumps, of the layer under them.
+    bump_radius : float, m
+        At most half the pitch.
+    youngs_modulus : float, Pa
+        0.87 MPa is that of the dissertation's calculations; its final cover has 2.4 MPa.
+    friction : float
+    radius : float, m
+        Of the sphere.
+    start : (x, y), m
+        Where the sphere comes down; the origin is the middle of the array.
+    noise : float, V
+        RMS after the amplifier (Table 3.II: 2–3 mV); 0 for none.
+    offset : float, V
+        RMS of the bridges' offsets, after the amplifier.
+    bits : int
+        Of the converter; 0 for no rounding.
+    gain : float
+        Of the amplifier (Table 3.II: 50–60).
+    reduction : float, optional
+        How many times less a point load above a taxel reads than on bare silicon. Unless given
+        it is 30 at 0.5 mm, as measured, and grows as the 1.45th power of the thickness, as the
+        measured amplitude falls (dissertation, 4.3.2 and 4.3.3).
+    script : list of Phase
+        What the hand does.
+    """
+
+    seed: int = 0
+    shape: tuple[int, int] = (8, 8)
+    rate: float = 200.0
+    pitch: float = 1.5e-3
+    cover: Literal["flat", "bumpy"] = "flat"
+    thickness: float = 1.0e-3
+    bump_radius: float = 0.6e-3
+    youngs_modulus: float = 0.87e6
+    friction: float = 0.6
+    radius: float = 25e-3
+    start: tuple[float, float] = (-0.9e-3, -0.4e-3)
+    noise: float = 2.5e-3
+    offset: float = 50e-3
+    bits: int = 12
+    gain: float = 55.0
+    reduction: float | None = None
+    script: tuple[Phase, ...] = DEFAULT
+
+    def __post_init__(self) -> None:
+        require("seed", self.seed >= 0, "0 or more", self.seed)
+        require("shape", all(1 <= n <= 64 for n in self.shape), "1 to 64 a side", self.shape)
+        for name, top in (("pitch", 0.1), ("thickness", 0.1), ("radius", 10.0), ("rate", 1e5)):
+            value: float = getattr(self, name)
+            require(name, 0 < value < top, f"above 0, below {top:g}", value)
+        for name in ("youngs_modulus", "friction", "gain"):
+            value = getattr(self, name)
+            require(name, 0 < value < 1e12, "above 0", value)
+        reduction = self.reduction
+        require("reduction", reduction is None or reduction > 0, "above 0", reduction)
+        half = 0 < self.bump_radius <= self.pitch / 2
+        require("bump_radius", half, "above 0, at most half the pitch", self.bump_radius)
+        for name in ("noise", "offset"):
+            value = getattr(self, name)
+            require(name, 0 <= value < 1e3, "0 or more volts", value)
+        require("bits", 0 <= self.bits <= 32, "1 to 32, or 0 for no rounding", self.bits)
+        require("script", largest_load(self.script) > 0, "phases with a press", self.script)
+
+    @property
+    def loss(self) -> float:
+        """The reduction, given or by the thickness."""
+        return (
+            30.0 * (self.thickness / 0.5e-3) ** 1.45 if self.reduction is None else self.reduction
+        )

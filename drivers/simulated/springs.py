@@ -1,0 +1,188 @@
+"""Friction between a sphere and the cover, with its whole history.
+
+A sphere on an elastic half-space is the same as a row of independent springs (the method of
+dimensionality reduction): one at each distance s from the centre, with a shear deflection u(s)
+and a twist F(s) of its own, each of which slips at its own limit. Under a force that only grows
+this is Cattaneo and Mindlin's solution, under a torque Lubkin's, exactly; under any other
+history, Jäger's. The tractions on the surface follow by Abel's transform::
+
+    q(ρ) = -(1/π) ∫ G* u'(s) / √(s² - ρ²) ds,    τ(ρ) = -(4Gρ/π) ∫ F'(s) / √(s² - ρ²) ds
+
+from ρ to a, and the limits are those whose transform is friction times Hertz's pressure::
+
+    u_lim(s) = μ E*/G* (a² - s²)/R,              F_lim(s) = μ p₀/(2G) (K(k) - E(k)), k² = 1 - s²/a²
+
+Where shear and twist act together each spring keeps (u/u_lim)² + (F/F_lim)² ≤ 1: each limit is
+exact alone, and between them friction turns towards the sliding direction. That is a model.
+
+References
+----------
+Popov & Heß, Method of Dimensionality Reduction in Contact Mechanics and Friction (2015);
+Jäger, Arch. Appl. Mech. 65 (1995) 478; Lubkin, J. Appl. Mech. 18 (1951) 183.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import ellipe, ellipkm1
+
+from cnnum.arrays import Floats
+from cnnum.drivers.simulated.motion import Command
+from cnnum.tactile.contact.hertz import contact_modulus, hertz
+
+
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """A rigid sphere and an elastic cover.
+
+    Attributes
+    ----------
+    radius : float, m
+    youngs_modulus : float, Pa
+    poisson : float
+    friction : float
+    """
+
+    radius: float
+    youngs_modulus: float
+    friction: float
+    poisson: float = 0.5
+
+    @property
+    def normal_modulus(self) -> float:
+        """E* = E / (1 - ν²), Pa."""
+        return float(contact_modulus(self.youngs_modulus, self.poisson))
+
+    @property
+    def shear_modulus(self) -> float:
+        """G, Pa."""
+        return self.youngs_modulus / (2 * (1 + self.poisson))
+
+    @property
+    def tangential_modulus(self) -> float:
+        """G* = 4G / (2 - ν), Pa."""
+        return 4 * self.shear_modulus / (2 - self.poisson)
+
+    def contact_radius(self, load: float) -> float:
+        """Return the contact's radius under a load (N), m."""
+        return float(hertz(load, self.radius, self.normal_modulus).contact_radius)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """The contact at one scan.
+
+    Attributes
+    ----------
+    load : float, N
+    contact_radius, stick_radius : float, m
+    shear : (2, springs) float, m
+        Deflection along x and y.
+    twist : (springs,) float, rad
+    position : (2,) float, m
+        Centre of the contact on the cover.
+    slipped : (2,) float, m
+        How far the sphere slid over the cover since the scan before.
+    """
+
+    load: float
+    contact_radius: float
+    stick_radius: float
+    shear: Floats
+    twist: Floats
+    position: Floats
+    slipped: Floats
+
+
+class Springs:
+    """The springs of one pair, at fixed distances from the centre.
+
+    Parameters
+    ----------
+    pair : Pair
+    reach : float, m
+        Distance of the last spring; contacts must stay inside.
+    count : int
+        Number of springs: the stick radius is known to ``reach / (count - 1)``.
+    """
+
+    def __init__(self, pair: Pair, reach: float, count: int = 257) -> None:
+        self.pair = pair
+        self.s: Floats = np.linspace(0.0, reach, count)
+        self.spacing = reach / (count - 1)
+
+    def rest(self, position: tuple[float, float]) -> State:
+        """Return the state in which nothing touches."""
+        zero = np.zeros(self.s.size)
+        where = np.array(position, dtype=np.float64)
+        return State(0.0, 0.0, 0.0, np.stack([zero, zero]), zero, where, np.zeros(2))
+
+    def step(self, before: State, command: Command) -> State:
+        """Return the state after one command."""
+        a = self.pair.contact_radius(command.load)
+        if a == 0.0:
+            return self.rest((float(before.position[0]), float(before.position[1])))
+        inside = self.s < a
+        shear, twist = self._moved(before, command, a)
+        rest_shear, rest_twist = self._limits(command.load, a)
+        use = np.hypot(np.hypot(*shear) / rest_shear, twist / rest_twist)
+        keep = np.where(inside, 1 / np.maximum(use, 1.0), 0.0)
+        slipped = (1 - keep[0]) * shear[:, 0]
+        return State(
+            load=command.load,
+            contact_radius=a,
+            stick_radius=self._stick_radius(use, a),
+            shear=keep * shear,
+            twist=keep * twist,
+            position=before.position + slipped + np.array(command.roll),
+            slipped=slipped,
+        )
+
+    def force(self, state: State) -> Floats:
+        """Return the shear force of the sphere on the cover, (2,) N."""
+        line = self.pair.tangential_modulus * state.shear
+        return np.asarray(2 * np.trapezoid(line, self.s, axis=1))
+
+    def torque(self, state: State) -> float:
+        """Return the torque of the sphere on the cover, N m: 16 G ∫ s² F ds."""
+        return float(16 * self.pair.shear_modulus * np.trapezoid(self.s**2 * state.twist, self.s))
+
+    def _moved(self, before: State, command: Command, a: float) -> tuple[Floats, Floats]:
+        """Return the deflections if nothing slipped."""
+        rolled = np.exp(-np.hypot(*command.roll) / a)
+        push, turn = self._given(before, command, a)
+        move = np.array(command.move) + push
+        shear = rolled * before.shear + move[:, None]
+        return shear, rolled * before.twist + command.turn + turn
+
+    def _given(self, before: State, command: Command, a: float) -> tuple[Floats, float]:
+        """Return how the sphere moves back when the hand gives way, as far as it would spring."""
+        if command.give == 0.0:
+            return np.zeros(2), 0.0
+        push = self.force(before) / (2 * self.pair.tangential_modulus * a)
+        turn = 3 * self.torque(before) / (16 * self.pair.shear_modulus * a**3)
+        return -command.give * push, -command.give * turn
+
+    def _limits(self, load: float, a: float) -> tuple[Floats, Floats]:
+        """Return the deflections at which each spring slips; tiny, not 0, outside the contact."""
+        pair = self.pair
+        ratio = np.minimum(np.maximum(self.s, self.spacing / 4) / a, 1.0)
+        stiffness = pair.normal_modulus / pair.tangential_modulus
+        shear = pair.friction * stiffness * a * a * (1 - ratio**2) / pair.radius
+        peak = 1.5 * load / (np.pi * a * a)
+        twist = pair.friction * peak / (2 * pair.shear_modulus) * _k_less_e(ratio)
+        tiny = np.finfo(np.float64).tiny
+        return np.maximum(shear, tiny), np.maximum(twist, tiny)
+
+    def _stick_radius(self, use: Floats, a: float) -> float:
+        """Return where the sticking disc ends: the first spring at its limit."""
+        first = int(np.argmax((use >= 1 - 1e-9) | (self.s >= a)))
+        if self.s[first] >= a and use[max(first - 1, 0)] < 1 - 1e-9:
+            return a
+        return max(0.0, float(self.s[first]) - self.spacing / 2)
+
+
+def _k_less_e(ratio: Floats) -> Floats:
+    """Return K(k) - E(k) for k² = 1 - ratio²; `ellipkm1` takes ratio², exact for small ones."""
+    square = ratio * ratio
+    return np.asarray(ellipkm1(square) - ellipe(1 - square), dtype=np.float64)
