@@ -114,9 +114,11 @@ def _extremum(x: Floats, y: Floats) -> tuple[float, float]:
     half = 0.5 * (x[high] - x[low])
     middle = 0.5 * (x[high] + x[low])
     span = slice(low, high + 1)
-    shape = np.polyfit((x[span] - middle) / half, y[span], _DEGREE)
+    powers = np.arange(_DEGREE + 1)
     fine = np.linspace(-1.0, 1.0, 2001)
-    values = np.polyval(shape, fine)
+    columns = ((x[span, np.newaxis] - middle) / half) ** powers
+    fit = np.asarray(np.linalg.pinv(columns) @ y[span], dtype=np.float64)
+    values = np.asarray(fine[:, np.newaxis] ** powers @ fit, dtype=np.float64)
     best = int(np.argmax(values))
     return float(middle + half * fine[best]), float(values[best])
 

@@ -1,0 +1,26 @@
+"""The way back from strain at taxels to the load on the cover (dissertation, chapter 5).
+
+One taxel: `locate` (strain), `locate_stress`, `locate_signals` (bridge signals). Several:
+`locate_load`, a load in three directions. A whole frame: `LoadMap`, tractions all over.
+"""
+
+from cnnum.tactile.inverse.load_map import LoadMap, SurfaceLoad
+from cnnum.tactile.inverse.moments import force_from_moments, largest_spacing, sliding_force
+from cnnum.tactile.inverse.point import PointLoad, locate, locate_signals, locate_stress
+from cnnum.tactile.inverse.resolution import resolution_limit
+from cnnum.tactile.inverse.spatial import SpatialLoad, locate_load
+
+__all__ = [
+    "LoadMap",
+    "PointLoad",
+    "SpatialLoad",
+    "SurfaceLoad",
+    "force_from_moments",
+    "largest_spacing",
+    "locate",
+    "locate_load",
+    "locate_signals",
+    "locate_stress",
+    "resolution_limit",
+    "sliding_force",
+]

@@ -1,0 +1,230 @@
+"""The traction all over the cover from a whole frame: regularised least squares."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.errors import ArrayError, PhysicsError, name_error
+from cnnum.frame import FORCE_AXES
+from cnnum.tactile import checks, halfspace
+from cnnum.tactile.checks import Array
+from cnnum.tactile.grid import Grid, make_grid
+from cnnum.tactile.inverse.noise import NORMAL_95, Noise, shear_and_normal
+
+_BISECTIONS = 60
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurfaceLoad:
+    """A map of tractions, and how it was regularised.
+
+    Attributes
+    ----------
+    traction : (..., rows, cols, loads) float, Pa
+        The wanted ones of (q_x, q_y, p).
+    regularisation : (...) float, Pa
+        RMS traction that was taken as likely before looking: what is finer or weaker than
+        noise / regularisation was left out.
+    residual : (...) float
+        RMS of what the map does not explain, in units of the noise.
+    """
+
+    traction: Array
+    regularisation: Array
+    residual: Array
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadMap:
+    """Inverse of the cover, for one array; factored once, then applied to many frames.
+
+    Attributes
+    ----------
+    taxels : (n, 2) float, m
+        Places of the taxels, in the frame of the grid: its middle is the origin.
+    shape : (rows, cols) int
+        Cells of the map.
+    spacing : float or (dy, dx) float, m
+        Size of a cell.
+    depth : float, m
+    youngs_modulus : float, Pa
+    noise : float or (float, float)
+        RMS of the shear and the normal strain; above 0, for it sets how much can be told.
+    loads : sequence of str
+        Tractions to look for: "shear_x", "shear_y", "normal".
+    channels : sequence of str
+        Strains that are measured.
+
+    Notes
+    -----
+    A uniform pressure makes no strain on an incompressible half-space: its mean over the map is
+    seen by the map's edges only.
+    """
+
+    taxels: Array
+    shape: tuple[int, int]
+    spacing: float | tuple[float, float]
+    depth: float
+    youngs_modulus: float
+    noise: Noise
+    loads: Sequence[str] = FORCE_AXES
+    channels: Sequence[str] = FORCE_AXES
+    _left: Array = field(init=False, repr=False)
+    _sizes: Array = field(init=False, repr=False)
+    _right: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        place = checks.vector("taxels", self.taxels, 2).reshape(-1, 2)
+        object.__setattr__(self, "taxels", place)
+        if min(shear_and_normal(self.noise)) <= 0.0:
+            raise PhysicsError(
+                f"A load map needs a 'noise' above 0, got {self.noise}; it decides how fine the "
+                "map may be."
+            )
+        matrix = self._influence() / self._spread()[:, np.newaxis]
+        left, sizes, right = np.linalg.svd(matrix, full_matrices=False)
+        for name, value in (("_left", left), ("_sizes", sizes), ("_right", right)):
+            object.__setattr__(self, name, value)
+
+    @property
+    def grid(self) -> Grid:
+        """Places of the cells."""
+        return make_grid(self.shape, self.spacing)
+
+    def __call__(self, strain: ArrayLike, regularisation: ArrayLike | None = None) -> SurfaceLoad:
+        """Return the traction that explains the strain within its noise and no more.
+
+        Parameters
+        ----------
+        strain : (..., n, channels) float
+            Strain rows at the taxels, tension positive.
+        regularisation : (...) float, Pa, optional
+            RMS traction taken as likely; if not given, it is chosen so that the residual is the
+            noise (discrepancy principle).
+
+        Returns
+        -------
+        SurfaceLoad
+
+        Raises
+        ------
+        ArrayError
+            If the strain is not that of the taxels.
+        PhysicsError
+            If a value is not finite, or the regularisation is not positive.
+        """
+        target, lead = self._target(strain)
+        amount = target @ self._left
+        outside = np.maximum(np.sum(target**2, axis=-1) - np.sum(amount**2, axis=-1), 0.0)
+        if regularisation is None:
+            prior = self._discrepancy(amount, outside, target.shape[-1])
+        else:
+            given = checks.positive("regularisation", regularisation)
+            prior = np.broadcast_to(given, lead).reshape(-1)
+        kept = self._kept(prior)
+        traction = (amount * kept / self._sizes) @ self._right
+        left = np.sum(((1.0 - kept) * amount) ** 2, axis=-1) + outside
+        return SurfaceLoad(
+            traction.reshape(*lead, *self.shape, len(self.loads)),
+            prior.reshape(lead),
+            np.sqrt(left / target.shape[-1]).reshape(lead),
+        )
+
+    def noise_error(self, regularisation: float) -> Array:
+        """Return the half-width that holds what noise does to each cell in 95 % of cases.
+
+        What the regularisation smooths away is not in it: see `resolution`.
+
+        Parameters
+        ----------
+        regularisation : float, Pa
+
+        Returns
+        -------
+        (rows, cols, loads) float, Pa
+        """
+        gain = self._kept(np.array([float(regularisation)]))[0] / self._sizes
+        spread = np.sqrt(np.sum((gain[:, np.newaxis] * self._right) ** 2, axis=0))
+        return np.asarray(NORMAL_95 * spread.reshape(*self.shape, len(self.loads)))
+
+    def resolution(self, regularisation: float) -> Array:
+        """Return the width over which the load on a cell is smeared.
+
+        Parameters
+        ----------
+        regularisation : float, Pa
+
+        Returns
+        -------
+        (rows, cols, loads) float, m
+            Side of the square that shares the answer to a load on one cell: the cell's own side
+            where the map is sharp, infinite where the taxels see nothing.
+        """
+        kept = self._kept(np.array([float(regularisation)]))[0]
+        own = np.sum(kept[:, np.newaxis] * self._right**2, axis=0)
+        area = np.divide(self.grid.cell_area, own, out=np.full_like(own, np.inf), where=own > 1e-12)
+        return np.asarray(np.sqrt(area).reshape(*self.shape, len(self.loads)), dtype=np.float64)
+
+    def _kept(self, prior: Array) -> Array:
+        """Return (frames, k) Tikhonov filter factors; an infinite prior keeps what is there."""
+        strength = (prior[:, np.newaxis] * self._sizes) ** 2
+        return np.asarray(strength / (1.0 + strength), dtype=np.float64)
+
+    def _discrepancy(self, amount: Array, outside: Array, count: int) -> Array:
+        """Return the prior for which the residual is the noise, by bisection of its logarithm."""
+        largest, smallest = self._sizes[0], self._sizes[0] * 1e-10
+        low = np.full(len(amount), np.log(1e-6 / largest))
+        high = np.full(len(amount), np.log(1e3 / smallest))
+        for _ in range(_BISECTIONS):
+            middle = 0.5 * (low + high)
+            kept = self._kept(np.exp(middle))
+            left = np.sum(((1.0 - kept) * amount) ** 2, axis=-1) + outside
+            low = np.where(left > count, middle, low)
+            high = np.where(left > count, high, middle)
+        return np.asarray(np.exp(0.5 * (low + high)), dtype=np.float64)
+
+    def _target(self, strain: ArrayLike) -> tuple[Array, tuple[int, ...]]:
+        rows = checks.finite("strain", strain)
+        wanted = (len(self.taxels), len(self.channels))
+        if rows.ndim < 2 or rows.shape[-2:] != wanted:
+            raise ArrayError(
+                f"'strain' must have the shape (..., {wanted[0]}, {wanted[1]}), one row a taxel, "
+                f"got {rows.shape}."
+            )
+        lead = rows.shape[:-2]
+        return rows.reshape(-1, wanted[0] * wanted[1]) / self._spread(), lead
+
+    def _spread(self) -> Array:
+        """Return the noise of each row."""
+        shear, normal = shear_and_normal(self.noise)
+        each = [normal if name == "normal" else shear for name in self.channels]
+        return np.tile(np.array(each), len(self.taxels))
+
+    def _influence(self) -> Array:
+        """Return strain rows per traction of a cell (Love, Cerruti), both flat."""
+        channels, loads = _indices(self.channels), _indices(self.loads)
+        grid = self.grid
+        y, x = np.meshgrid(grid.y, grid.x, indexing="ij")
+        matrix = np.empty((len(self.taxels), len(channels), grid.rows, grid.cols, len(loads)))
+        for k, load in enumerate(loads):
+            tensor = halfspace.rectangle_strain(
+                self.taxels[:, 0, np.newaxis, np.newaxis] - x,
+                self.taxels[:, 1, np.newaxis, np.newaxis] - y,
+                self.depth,
+                np.eye(3)[load],
+                size=(grid.dx, grid.dy),
+                youngs_modulus=self.youngs_modulus,
+            )
+            matrix[..., k] = np.moveaxis(tensor[..., 2, channels], -1, 1)
+        return matrix.reshape(len(self.taxels) * len(channels), -1)
+
+
+def _indices(names: Sequence[str]) -> list[int]:
+    for name in names:
+        if name not in FORCE_AXES:
+            raise name_error("channel", name, FORCE_AXES)
+    if not names:
+        raise ArrayError(f"Expected one or more channels of {', '.join(FORCE_AXES)}, got none.")
+    return [FORCE_AXES.index(name) for name in names]

@@ -1,0 +1,141 @@
+"""From Qx + Ry + Fz seen at several taxels to the three components of a load, (5.8)–(5.13)."""
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.errors import ArrayError
+from cnnum.tactile import checks
+from cnnum.tactile.checks import Array
+
+_COLLINEAR = 1e-9  # spread across a line, as a share of that along it, that is rounding
+
+
+def force_from_moments(offsets: ArrayLike, moments: ArrayLike, *, depth: float) -> Array:
+    """Return the load (Q, R, F) from what three or more taxels at one depth see of it.
+
+    Parameters
+    ----------
+    offsets : (..., n, 2) float, m
+        Places of the taxels relative to the load.
+    moments : (..., n) float, N m
+        M = Qx + Ry + Fz at each (5.12).
+    depth : float, m
+
+    Returns
+    -------
+    (..., 3) float, N
+        The solution (5.13) for three taxels, least squares for more. Taxels on one line leave a
+        direction open: then the smallest load that fits.
+
+    Raises
+    ------
+    ArrayError
+        If the shapes do not belong together.
+    PhysicsError
+        If the depth is not positive or a value is not finite.
+
+    References
+    ----------
+    Vásárhelyi 2007, (5.12), (5.13).
+    """
+    place = checks.vector("offsets", offsets, 2)
+    seen = checks.finite("moments", moments)
+    z = checks.scalar("depth", checks.positive("depth", depth))
+    if place.ndim < 2 or seen.ndim < 1 or place.shape[-2] != seen.shape[-1] or seen.shape[-1] < 1:
+        raise ArrayError(
+            "'offsets' (..., n, 2) and 'moments' (..., n) must be of the same taxels, got "
+            f"{place.shape} and {seen.shape}."
+        )
+    rows = np.concatenate([place, np.full((*place.shape[:-1], 1), z)], axis=-1)
+    inverse = np.linalg.pinv(rows, rcond=_COLLINEAR)
+    return np.asarray((inverse @ seen[..., np.newaxis])[..., 0], dtype=np.float64)
+
+
+def largest_spacing(depth: ArrayLike) -> Array:
+    """Return the pitch of a square array below which three taxels always see a load inside √2 z.
+
+    Parameters
+    ----------
+    depth : (...) float, m
+
+    Returns
+    -------
+    (...) float, m
+        √(8/5) z: the third-nearest taxel is never farther than (√5/2) times the pitch.
+
+    Raises
+    ------
+    PhysicsError
+        If the depth is not positive.
+
+    References
+    ----------
+    Vásárhelyi 2007, (5.11), whose (1 + √2)/2 z is sufficient but not necessary.
+    """
+    return np.sqrt(1.6) * checks.positive("depth", depth)
+
+
+def sliding_force(
+    moment: ArrayLike, offset: ArrayLike, *, depth: float, friction: ArrayLike, direction: ArrayLike
+) -> Array:
+    """Return the load (Q, R, F) that one taxel sees, if it is known to slide.
+
+    Parameters
+    ----------
+    moment : (...) float, N m
+        Qx + Ry + Fz.
+    offset : (..., 2) float, m
+        Place of the taxel relative to the load.
+    depth : float, m
+    friction : (...) float
+        μ: |(Q, R)| = μF.
+    direction : (...) float, rad
+        Of the friction force on the cover, from x towards y.
+
+    Returns
+    -------
+    (..., 3) float, N
+        Zero where no such load pushes (F would not be positive).
+
+    Raises
+    ------
+    PhysicsError
+        If the depth is not positive, the friction negative, or a value not finite.
+
+    References
+    ----------
+    Vásárhelyi 2007, the remark after (5.8).
+    """
+    place = checks.vector("offset", offset, 2)
+    mu = checks.not_negative("friction", friction)
+    angle = checks.finite("direction", direction)
+    z = checks.scalar("depth", checks.positive("depth", depth))
+    along_x, along_y = mu * np.cos(angle), mu * np.sin(angle)
+    lever = along_x * place[..., 0] + along_y * place[..., 1] + z
+    seen = checks.finite("moment", moment)
+    normal = np.divide(seen, lever, out=np.zeros(np.broadcast(seen, lever).shape), where=lever != 0)
+    normal = np.maximum(normal, 0.0)
+    return np.stack(np.broadcast_arrays(along_x * normal, along_y * normal, normal), axis=-1)
+
+
+def open_direction(taxels: Array) -> Array | None:
+    """Return (normal_x, normal_y, −distance) of the line that all taxels are on, if they are.
+
+    Parameters
+    ----------
+    taxels : (n, 2) float, m
+
+    Returns
+    -------
+    (3,) float or None
+        With a unit normal: normal · taxel = distance. A load at ℓ then can change along
+        (z normal, normal · ℓ − distance) without any taxel seeing it.
+    """
+    middle = taxels.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(taxels - middle, full_matrices=True)
+    spread = np.zeros(2)
+    spread[: sizes.size] = sizes
+    if spread[1] > _COLLINEAR * spread[0]:
+        return None
+    across = axes[1]
+    return np.array([across[0], across[1], -across @ middle], dtype=np.float64)

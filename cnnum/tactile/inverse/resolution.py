@@ -1,0 +1,61 @@
+"""How fine a load map can be: the cover is a low-pass, and what falls under the noise is lost."""
+
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy import special
+
+from cnnum.errors import name_error
+from cnnum.tactile import checks
+from cnnum.tactile.checks import Array
+
+QUANTITIES = ("strain", "stress")
+
+
+def resolution_limit(
+    depth: ArrayLike,
+    signal_to_noise: ArrayLike,
+    *,
+    quantity: str = "strain",
+    pitch: ArrayLike = 0.0,
+) -> Array:
+    """Return the smallest half period of a pressure pattern that taxels under a cover can see.
+
+    The normal strain under a pressure wave of wave number k falls as kz e^{−kz}, the stress as
+    (1 + kz) e^{−kz}. Where that is below the noise, nothing is left of the wave; and a wave
+    shorter than twice the pitch of the taxels is mistaken for a longer one.
+
+    Parameters
+    ----------
+    depth : (...) float, m
+        Thickness z of the cover.
+    signal_to_noise : (...) float
+        Of the wave that the cover hands on best (kz = 1 for strain, uniform for stress); above 1.
+    quantity : {"strain", "stress"}
+        What the taxels measure.
+    pitch : (...) float, m
+        Of the taxels.
+
+    Returns
+    -------
+    (...) float, m
+        π/k, not below the pitch.
+
+    Raises
+    ------
+    PhysicsError
+        If the depth is not positive or the signal-to-noise ratio not above 1.
+    UnknownNameError
+        If the quantity is not one of the two.
+    """
+    if quantity not in QUANTITIES:
+        raise name_error("quantity", quantity, QUANTITIES)
+    z, spacing = checks.positive("depth", depth), checks.not_negative("pitch", pitch)
+    ratio = (
+        checks.positive("signal_to_noise - 1", checks.finite("snr", signal_to_noise) - 1.0) + 1.0
+    )
+    lambert = cast(Any, special.lambertw(-1.0 / (np.e * ratio), k=-1))
+    product = -np.real(np.asarray(lambert)).astype(np.float64)  # kz, or 1 + kz
+    wave = product if quantity == "strain" else product - 1.0
+    return np.asarray(np.maximum(np.pi * z / wave, spacing), dtype=np.float64)
