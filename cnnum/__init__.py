@@ -1,1 +1,99 @@
-"""cnnum: an emulator of the cellular-wave computer that processes tactile scenes."""
+"""cnnum: an emulator of the cellular-wave computer that processes tactile scenes.
+
+Names are imported when they are first used, so that `import cnnum` is quick and needs NumPy alone.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from cnnum import tactile
+    from cnnum.engine import Engine, Result
+    from cnnum.errors import CnnumError
+    from cnnum.events import Event
+    from cnnum.frame import Frame, Quality
+    from cnnum.graph.nodes import RunSpec
+    from cnnum.library import get_template, template_names
+    from cnnum.pipeline import load_scene
+    from cnnum.plan import Plan
+    from cnnum.program_library import get_program, program_names
+    from cnnum.programs import Program, program
+    from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
+    from cnnum.programs.transients import apply, transient
+    from cnnum.template import Check, Template
+    from cnnum.template_files import load_template, save_template
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Engine": "cnnum.engine",
+    "Result": "cnnum.engine",
+    "CnnumError": "cnnum.errors",
+    "Event": "cnnum.events",
+    "Frame": "cnnum.frame",
+    "Quality": "cnnum.frame",
+    "RunSpec": "cnnum.graph.nodes",
+    "get_template": "cnnum.library",
+    "template_names": "cnnum.library",
+    "load_scene": "cnnum.pipeline",
+    "Plan": "cnnum.plan",
+    "get_program": "cnnum.program_library",
+    "program_names": "cnnum.program_library",
+    "Program": "cnnum.programs",
+    "program": "cnnum.programs",
+    "Field": "cnnum.programs.fields",
+    "exp": "cnnum.programs.fields",
+    "maximum": "cnnum.programs.fields",
+    "minimum": "cnnum.programs.fields",
+    "sqrt": "cnnum.programs.fields",
+    "where": "cnnum.programs.fields",
+    "apply": "cnnum.programs.transients",
+    "transient": "cnnum.programs.transients",
+    "Check": "cnnum.template",
+    "Template": "cnnum.template",
+    "load_template": "cnnum.template_files",
+    "save_template": "cnnum.template_files",
+}
+
+__all__ = [
+    "Check",
+    "CnnumError",
+    "Engine",
+    "Event",
+    "Field",
+    "Frame",
+    "Plan",
+    "Program",
+    "Quality",
+    "Result",
+    "RunSpec",
+    "Template",
+    "__version__",
+    "apply",
+    "exp",
+    "get_program",
+    "get_template",
+    "load_scene",
+    "load_template",
+    "maximum",
+    "minimum",
+    "program",
+    "program_names",
+    "save_template",
+    "sqrt",
+    "tactile",
+    "template_names",
+    "transient",
+    "where",
+]
+
+
+def __getattr__(name: str) -> object:
+    """Import a public name from its room when it is first asked for."""
+    if name == "tactile":
+        return import_module("cnnum.tactile")
+    if name not in _HOME:
+        raise AttributeError(f"module 'cnnum' has no attribute '{name}'")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value

@@ -218,6 +218,19 @@ class Stream:
             raise ArrayError(
                 f"A frame of this stream has the leading axes {self.batch}, got {lead}."
             )
+        return self._advance(frames, lead)
+
+    def push_read(self, values: Floats) -> dict[str, Floats]:
+        """Run the program on the next frame of one array, of which only what is read is at hand.
+
+        Parameters
+        ----------
+        values : (rows, cols, channels read) float
+            In the order of `plan.schedule.channels_read`.
+        """
+        return self._advance(values[np.newaxis], ())
+
+    def _advance(self, frames: Floats, lead: tuple[int, ...]) -> dict[str, Floats]:
         if self._memory is None:
             self._memory = self.plan.executable.new_memory(len(frames))
         outputs = self.plan._run(  # pyright: ignore[reportPrivateUsage]

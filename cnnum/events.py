@@ -1,0 +1,181 @@
+"""Events: what is reported when a flag rises or falls, with where, which way and how much."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Outputs = Mapping[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that began or ended in a scene.
+
+    Attributes
+    ----------
+    t : float
+        s, on the clock of the frames.
+    kind : str
+        "contact", "release", "edge", "slip", "twist"…
+    frame : int
+        Number of the frame, from 0.
+    phase : str or None
+        Of a slip: "incipient" or "gross".
+    where : (row, column) or None
+        In cells.
+    direction : float or None
+        rad, from x (to the right, along columns) towards y (downwards, along rows).
+    strength : float or None
+        In the unit of the program's output.
+    sense : int or None
+        Of a twist: +1 from x towards y, −1 the other way.
+    """
+
+    t: float
+    kind: str
+    frame: int
+    phase: str | None = None
+    where: tuple[float, float] | None = None
+    direction: float | None = None
+    strength: float | None = None
+    sense: int | None = None
+
+    def record(self) -> dict[str, object]:
+        """Return the event as a JSON object; what it does not have is left out."""
+        values: dict[str, object] = {
+            "t": round(self.t, 6),
+            "kind": self.kind,
+            "phase": self.phase,
+            "where": self.where and [round(number, 3) for number in self.where],
+            "direction": None if self.direction is None else round(self.direction, 4),
+            "strength": self.strength,
+            "sense": self.sense,
+            "frame": self.frame,
+        }
+        return {name: value for name, value in values.items() if value is not None}
+
+    def __str__(self) -> str:
+        parts = [f"{self.t:8.3f} s  {self.phase + ' ' if self.phase else ''}{self.kind}"]
+        if self.where:
+            parts.append(f"at row {self.where[0]:.1f}, column {self.where[1]:.1f}")
+        if self.direction is not None:
+            parts.append(f"towards {math.degrees(self.direction):.0f}°")
+        if self.sense:
+            parts.append("from x to y" if self.sense > 0 else "from y to x")
+        return ", ".join(parts)
+
+
+@dataclass(frozen=True, slots=True)
+class EventRule:
+    """Which outputs of a program become which event.
+
+    Attributes
+    ----------
+    kind : str
+        Of the event when the flag rises.
+    flag : str
+        Output whose value above 0 means that it holds.
+    ends : str
+        Kind of the event when the flag falls; none where empty.
+    phase : str
+    where, direction : (str, str) or None
+        Outputs: row and column, x and y.
+    strength, sense : str
+        Outputs; none where empty.
+    """
+
+    kind: str
+    flag: str
+    ends: str = ""
+    phase: str = ""
+    where: tuple[str, str] | None = None
+    direction: tuple[str, str] | None = None
+    strength: str = ""
+    sense: str = ""
+
+    @property
+    def needs(self) -> tuple[str, ...]:
+        """Outputs that the rule reads."""
+        pairs = (*(self.where or ()), *(self.direction or ()))
+        return tuple(name for name in (self.flag, *pairs, self.strength, self.sense) if name)
+
+    def event(self, kind: str, t: float, frame: int, outputs: Outputs) -> Event:
+        """Return the event of a flag that has just changed."""
+        began = kind == self.kind
+        pair = self.direction if began else None
+        return Event(
+            t=t,
+            kind=kind,
+            frame=frame,
+            phase=self.phase or None,
+            where=self.where and (_number(outputs, self.where[0]), _number(outputs, self.where[1])),
+            direction=pair and math.atan2(_number(outputs, pair[1]), _number(outputs, pair[0])),
+            strength=_number(outputs, self.strength) if self.strength and began else None,
+            sense=int(np.sign(_number(outputs, self.sense))) if self.sense and began else None,
+        )
+
+
+def _number(outputs: Outputs, name: str) -> float:
+    return float(outputs[name])
+
+
+EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
+    "contact": (
+        EventRule(
+            "contact",
+            "contact",
+            ends="release",
+            where=("contact_row", "contact_column"),
+            strength="load_normal",
+        ),
+    ),
+    "slip": (
+        EventRule(
+            "slip",
+            "incipient_slip",
+            phase="incipient",
+            direction=("slip_x", "slip_y"),
+            strength="slip_strength",
+        ),
+        EventRule(
+            "slip",
+            "gross_slip",
+            phase="gross",
+            direction=("slip_x", "slip_y"),
+            strength="slip_strength",
+        ),
+    ),
+    "twist": (
+        EventRule(
+            "twist",
+            "twist",
+            where=("twist_row", "twist_column"),
+            strength="twist_strength",
+            sense="twist_sense",
+        ),
+    ),
+    "edge": (EventRule("edge", "edge_count", where=("edge_row", "edge_column")),),
+}
+"""What a scene can want as events: name to rules."""
+
+
+@dataclass(slots=True)
+class EventDetector:
+    """Follows flags from frame to frame and says which have changed."""
+
+    rules: tuple[EventRule, ...]
+    _held: tuple[bool, ...] = ()
+
+    def update(self, t: float, frame: int, outputs: Outputs) -> tuple[Event, ...]:
+        """Return the events of one frame, in the order of the rules."""
+        before = self._held or (False,) * len(self.rules)
+        self._held = tuple(_number(outputs, rule.flag) > 0.0 for rule in self.rules)
+        changed = zip(self.rules, before, self._held, strict=True)
+        return tuple(
+            rule.event(rule.kind if now else rule.ends, t, frame, outputs)
+            for rule, then, now in changed
+            if now != then and (now or rule.ends)
+        )

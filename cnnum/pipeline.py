@@ -1,0 +1,199 @@
+"""The way of a frame: driver, conversion, plan, events; one obvious path."""
+
+import inspect
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.conversion import Conversion, conversion_for
+from cnnum.drivers.driver import Counters, Driver
+from cnnum.drivers.registry import open_driver
+from cnnum.engine import Engine
+from cnnum.errors import SceneError, name_error
+from cnnum.events import EVENT_RULES, Event, EventDetector, EventRule
+from cnnum.frame import Frame, Quality
+from cnnum.plan import Plan
+from cnnum.program_library import get_program
+from cnnum.programs import Program
+from cnnum.scene import SceneSpec, read_scene
+from cnnum.tactile.taxel import Calibration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """One frame on its way through the scene.
+
+    Attributes
+    ----------
+    number : int
+        Of the frame, from 0.
+    frame : Frame
+        As the driver read it.
+    values : (rows, cols, channels read) float or None
+        What went to the program; None where the frame was bad or a repeat.
+    outputs : dict of str to array
+        What came back; empty where the program did not run.
+    events : tuple of Event
+    seconds : float
+        From the frame in host memory to its events.
+    """
+
+    number: int
+    frame: Frame
+    values: Floats | None
+    outputs: dict[str, Floats]
+    events: tuple[Event, ...]
+    seconds: float
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What a scene came to.
+
+    Attributes
+    ----------
+    frames : int
+        Handed on by the driver; bad and repeated ones are among them.
+    bad_frames, repeated : int
+        Frames that were not allowed to become an event, and repeats of the scan before.
+    counters : Counters
+        The driver's own.
+    p50_us, p99_us : float
+        Time from a frame in host memory to its events, µs.
+    """
+
+    frames: int
+    bad_frames: int
+    repeated: int
+    counters: Counters
+    p50_us: float
+    p99_us: float
+
+
+@dataclass(slots=True, eq=False)
+class Scene:
+    """A scene ready to run: the whole path, from its driver to its events.
+
+    Attributes
+    ----------
+    spec : SceneSpec
+    engine : Engine
+    driver : Driver
+    conversion : Conversion
+    plan : Plan
+    rules : tuple of EventRule
+    """
+
+    spec: SceneSpec
+    engine: Engine
+    driver: Driver
+    conversion: Conversion
+    plan: Plan
+    rules: tuple[EventRule, ...]
+    _seconds: list[float] = field(default_factory=list[float])
+    _frames: int = 0
+    _bad: int = 0
+    _repeated: int = 0
+
+    @classmethod
+    def of(cls, spec: SceneSpec, engine: Engine | None = None) -> "Scene":
+        """Open the array of a scene and compile its program for what the scene wants.
+
+        Raises
+        ------
+        CnnumError
+            Whatever is wrong with the file, the array, the program or the device.
+        """
+        rules = tuple(rule for want in spec.wants for rule in EVENT_RULES.get(want, ()))
+        fields = tuple(want for want in spec.wants if want not in EVENT_RULES)
+        needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
+        used = engine or Engine(spec.engine, device=spec.device, precision=spec.precision)
+        driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
+        try:
+            known = cast(Calibration | None, getattr(driver, "calibration", None))
+            conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
+            program = _bound(get_program(spec.program), spec, driver.rate)
+            plan = used.compile(program, driver.shape, needs, channels=conversion.channels)
+        except BaseException:
+            driver.close()
+            raise
+        return cls(spec, used, driver, conversion, plan, rules)
+
+    def moments(self) -> Iterator[Moment]:
+        """Yield every frame with what came of it, until the source ends or the caller stops."""
+        stream, detector = self.plan.stream(), EventDetector(self.rules)
+        wanted = self.plan.schedule.channels_read
+        with self.driver:
+            for number, frame in enumerate(self.driver.frames()):
+                started = time.perf_counter()
+                self._frames += 1
+                if frame.bad or frame.quality & Quality.REPEATED:
+                    self._bad += frame.bad
+                    self._repeated += not frame.bad
+                    yield Moment(number, frame, None, {}, (), 0.0)
+                    continue
+                values = self.conversion.convert(frame, wanted)
+                outputs = stream.push_read(values)
+                events = detector.update(frame.time, number, outputs)
+                seconds = time.perf_counter() - started
+                self._seconds.append(seconds)
+                yield Moment(number, frame, values, outputs, events, seconds)
+
+    def events(self) -> Iterator[Event]:
+        """Yield the events of the scene as they come."""
+        for moment in self.moments():
+            yield from moment.events
+
+    def summary(self) -> Summary:
+        """Return what has been seen so far."""
+        micros = 1e6 * np.array(self._seconds or [0.0])
+        return Summary(
+            frames=self._frames,
+            bad_frames=self._bad + self.driver.counters.bad,
+            repeated=self._repeated,
+            counters=self.driver.counters,
+            p50_us=float(np.percentile(micros, 50)),
+            p99_us=float(np.percentile(micros, 99)),
+        )
+
+
+def _bound(program: Program, spec: SceneSpec, rate: float) -> Program:
+    """Return the program with the scene's parameters, and the array's rate if it takes one."""
+    known = inspect.signature(program.function).parameters
+    for name in spec.parameters:
+        if name not in known:
+            choices = [key for key in known if key != "frame"]
+            raise SceneError(f"Scene '{spec.name}': {name_error('parameter', name, choices)}")
+    if "rate" in known and "rate" not in spec.parameters and rate > 0:
+        program = program.bind(rate=rate)
+    return program.bind(**spec.parameters)
+
+
+def load_scene(
+    scene: str | Path,
+    *,
+    engine: Engine | None = None,
+    changes: Mapping[str, object] | None = None,
+) -> Scene:
+    """Open a scene: the whole path, from its array to its events.
+
+    Parameters
+    ----------
+    scene : str or Path
+        A TOML file, or the name of a scene that comes with the package.
+    engine : Engine, optional
+        To run on instead of the scene's own.
+    changes : mapping of str to object, optional
+        Values to set over those of the file, by dotted key.
+
+    Raises
+    ------
+    CnnumError
+        Whatever is wrong with the file, the array, the program or the device.
+    """
+    return Scene.of(read_scene(scene, changes=changes), engine)

@@ -1,0 +1,160 @@
+"""A scene file: which array, read how, by which program, for which events and fields."""
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, cast
+
+from cnnum.errors import SceneError, name_error
+
+_TABLES = ("array", "calibration", "program", "engine")
+_KEYS = ("name", "wants", *_TABLES)
+
+
+@dataclass(frozen=True, slots=True)
+class SceneSpec:
+    """What a scene file says.
+
+    Attributes
+    ----------
+    name : str
+    wants : tuple of str
+        Events ("contact", "slip", "twist", "edge") and outputs of the program; the rest of the
+        program is left out.
+    driver : str
+    driver_options : mapping
+    calibration : str
+        "driver" (what the driver knows about its array), "none", or the path of a file.
+    program : str
+        Name of a tactile program.
+    parameters : mapping
+        Of the program.
+    engine, device, precision : str or None
+    base : Path
+        Folder that relative paths start from: the file's own.
+    """
+
+    name: str
+    wants: tuple[str, ...]
+    driver: str
+    driver_options: Mapping[str, object] = field(default_factory=dict[str, object])
+    calibration: str = "driver"
+    program: str = "tactile"
+    parameters: Mapping[str, object] = field(default_factory=dict[str, object])
+    engine: str = "opencl"
+    device: str | None = None
+    precision: str | None = None
+    base: Path = Path()
+
+    def __post_init__(self) -> None:
+        if not self.wants:
+            raise SceneError(f"Scene '{self.name}': 'wants' must name at least one event or field.")
+
+
+def scene_names() -> tuple[str, ...]:
+    """Return the names of the scenes that come with the package."""
+    folder = resources.files("cnnum.scenes")
+    return tuple(sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None) -> SceneSpec:
+    """Read a scene file, or one of the scenes that come with the package.
+
+    Parameters
+    ----------
+    scene : str or Path
+        Path of a TOML file, or a name.
+    changes : mapping of str to object, optional
+        Values to set over those of the file, by dotted key: {"array.seed": 3}.
+
+    Raises
+    ------
+    SceneError
+        If the file is not there, is not TOML, or a key is unknown, missing or of a wrong type.
+    """
+    path = Path(scene)
+    packaged = resources.files("cnnum.scenes") / f"{scene}.toml"
+    if path.suffix != ".toml" and packaged.is_file():
+        text, base = packaged.read_text(encoding="utf-8"), Path()
+    elif path.is_file():
+        text, base = _read(path), path.parent
+    else:
+        known = ", ".join(scene_names())
+        raise SceneError(f"There is no scene '{scene}': expected a TOML file or one of {known}.")
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise SceneError(f"Scene '{scene}' is not TOML: {error}.") from None
+    for key, value in (changes or {}).items():
+        _set(table, key, value)
+    return _spec(str(scene), table, base)
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"Scene '{path}' can not be read: {error}.") from None
+
+
+def _set(table: dict[str, Any], key: str, value: object) -> None:
+    *folders, last = key.split(".")
+    for folder in folders:
+        table = table.setdefault(folder, {})
+        if not isinstance(cast(object, table), dict):
+            raise SceneError(f"'{key}' can not be set: '{folder}' is not a table.")
+    table[last] = value
+
+
+def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
+    _known(scene, "", table, _KEYS)
+    tables = {name: _table(scene, table, name) for name in _TABLES}
+    _known(scene, "calibration.", tables["calibration"], ("file", "use"))
+    _known(scene, "program.", tables["program"], ("name", "parameters"))
+    _known(scene, "engine.", tables["engine"], ("name", "device", "precision"))
+    array = dict(tables["array"])
+    calibration, engine = tables["calibration"], tables["engine"]
+    return SceneSpec(
+        name=_text(scene, table, "name", Path(scene).stem),
+        wants=_wants(scene, table),
+        driver=_text(scene, array, "driver", None),
+        driver_options={key: value for key, value in array.items() if key != "driver"},
+        calibration=_text(scene, calibration, "file", _text(scene, calibration, "use", "driver")),
+        program=_text(scene, tables["program"], "name", "tactile"),
+        parameters=_table(scene, tables["program"], "parameters"),
+        engine=_text(scene, engine, "name", "opencl"),
+        device=_text(scene, engine, "device", "") or None,
+        precision=_text(scene, engine, "precision", "") or None,
+        base=base,
+    )
+
+
+def _known(scene: str, prefix: str, table: Mapping[str, Any], keys: tuple[str, ...]) -> None:
+    for key in table:
+        if key not in keys:
+            raise SceneError(f"Scene '{scene}': {name_error('key', prefix + key, keys)}")
+
+
+def _table(scene: str, table: Mapping[str, Any], name: str) -> dict[str, Any]:
+    value = table.get(name, {})
+    if not isinstance(value, dict):
+        raise SceneError(f"Scene '{scene}': '{name}' must be a table, got {value!r}.")
+    return cast(dict[str, Any], value)
+
+
+def _text(scene: str, table: Mapping[str, Any], key: str, default: str | None) -> str:
+    value = table.get(key, default)
+    if not isinstance(value, str):
+        raise SceneError(f"Scene '{scene}': '{key}' must be a string, got {value!r}.")
+    return value
+
+
+def _wants(scene: str, table: Mapping[str, Any]) -> tuple[str, ...]:
+    value = table.get("wants", [])
+    if not isinstance(value, list) or not all(
+        isinstance(v, str) for v in cast(list[object], value)
+    ):
+        raise SceneError(f"Scene '{scene}': 'wants' must be a list of names, got {value!r}.")
+    return tuple(cast(list[str], value))
