@@ -1,0 +1,45 @@
+# Two commands do it all: `make demo` runs the main job, `make test` passes the tests.
+# Each makes .venv and installs from locked versions (requirements.lock); no root, no GPU.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint requirements.lock
+export PIP_CONSTRAINT := requirements.lock
+
+.PHONY: demo test lint bench lock clean
+
+demo: $(VENV)/run.stamp
+	$(BIN)/cnnum demo --out cnnum-demo.html
+
+test: $(VENV)/dev.stamp
+	$(BIN)/python -m pytest
+
+lint: $(VENV)/dev.stamp
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/pyright
+
+bench: $(VENV)/run.stamp
+	$(BIN)/cnnum bench --help
+
+$(VENV)/bin/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/run.stamp: pyproject.toml requirements.lock | $(VENV)/bin/python
+	$(PIP) --editable .
+	touch $@
+
+$(VENV)/dev.stamp: pyproject.toml requirements.lock | $(VENV)/bin/python
+	$(PIP) --editable '.[dev]'
+	touch $@ $(VENV)/run.stamp
+
+# Resolve anew: everything of the run and dev sets, at the newest versions that fit together.
+lock:
+	rm -rf $(VENV)-lock && $(PYTHON) -m venv $(VENV)-lock
+	PIP_CONSTRAINT= $(VENV)-lock/bin/python -m pip install --quiet setuptools '.[dev]'
+	$(VENV)-lock/bin/python -m pip freeze --all --exclude cnnum --exclude pip > requirements.lock
+	rm -rf $(VENV)-lock
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

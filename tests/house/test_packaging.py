@@ -1,0 +1,106 @@
+"""The wheel holds every module and data file, and leaks nothing beside `cnnum`."""
+
+import subprocess
+import sys
+import tomllib
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory):
+    out = tmp_path_factory.mktemp("wheel")
+    # a copy of what git would hand out: no caches, links kept as links
+    source = tmp_path_factory.mktemp("source")
+    for line in subprocess.run(
+        ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stdout.splitlines():
+        target = source / line
+        target.parent.mkdir(parents=True, exist_ok=True)
+        if (ROOT / line).is_symlink():
+            target.symlink_to((ROOT / line).readlink())
+        elif (ROOT / line).exists():
+            target.write_bytes((ROOT / line).read_bytes())
+    subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "--outdir", out, source],
+        check=True,
+        capture_output=True,
+    )
+    (built,) = out.glob("*.whl")
+    return built
+
+
+def modules_in(folder, package):
+    return {
+        f"{package}/{path.relative_to(folder).as_posix()}"
+        for path in folder.rglob("*")
+        if path.suffix in {".py", ".toml", ".cl"} and "__pycache__" not in path.parts
+    }
+
+
+def test_wheel_holds_every_module_and_data_file_once(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    inside = {
+        n for n in names if n.startswith("cnnum/") and Path(n).suffix in {".py", ".toml", ".cl"}
+    }
+    expected = (
+        {
+            n
+            for n in modules_in(ROOT / "cnnum", "cnnum")
+            if n.split("/")[1] not in {"drivers", "templates"}
+        }
+        | modules_in(ROOT / "drivers", "cnnum/drivers")
+        | modules_in(ROOT / "templates", "cnnum/templates")
+    )
+    assert inside == expected
+    assert len(names) == len(set(names))
+
+
+def test_wheel_leaks_no_other_top_level_name(wheel):
+    top = {name.split("/")[0] for name in zipfile.ZipFile(wheel).namelist()}
+    assert {name for name in top if not name.endswith(".dist-info")} == {"cnnum"}
+
+
+def test_installed_wheel_runs_from_any_folder(wheel, tmp_path):
+    """Installed without the checkout, the library and the drivers are found."""
+    home = tmp_path / "env"
+    venv.create(home, with_pip=False, system_site_packages=False)
+    site = next(home.glob("lib/python*/site-packages"))
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    # the dependencies of this environment, without the checkout's own editable install
+    here = next(p for p in map(Path, sys.path) if p.name == "site-packages")
+    (site / "dependencies.pth").write_text(f"{here}\n")
+    code = (
+        "import cnnum, cnnum.drivers.registry as r; "
+        "print(cnnum.__file__); print(len(cnnum.template_names())); print(r.driver_names())"
+    )
+    done = subprocess.run(
+        [home / "bin/python", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    where, count, drivers = done.stdout.splitlines()
+    assert Path(where).is_relative_to(home)
+    assert int(count) >= 12
+    assert "simulated" in drivers
+
+
+def test_lock_file_pins_every_dependency():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    locked = {
+        line.split("==")[0].lower().replace("_", "-")
+        for line in (ROOT / "requirements.lock").read_text().splitlines()
+    }
+    asked = [*project["dependencies"]]
+    for extra in project["optional-dependencies"].values():
+        asked += [item for item in extra if not item.startswith("cnnum[")]
+    names = {item.split(">=")[0].split("[")[0].lower() for item in asked}
+    assert names <= locked
