@@ -8,6 +8,7 @@ sum over a grid that holds the whole contact is the load itself, to rounding.
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.tactile.checks import Array
 from cnnum.tactile.grid import Grid
@@ -31,7 +32,8 @@ def root_average(grid: Grid, centre: tuple[float, float], radius: float) -> Arra
         Averages over the cells, 0 outside the contact.
     """
     x, y = _corners(grid, centre)
-    return _difference(np.sign(x) * np.sign(y) * _root(abs(x), abs(y), radius)) / grid.cell_area
+    total = _difference(np.sign(x) * np.sign(y) * _root(abs(x), abs(y), radius))
+    return np.maximum(total, 0.0) * _touched(x, y, radius) / grid.cell_area
 
 
 def inverse_average(grid: Grid, centre: tuple[float, float], radius: float) -> Array:
@@ -40,7 +42,8 @@ def inverse_average(grid: Grid, centre: tuple[float, float], radius: float) -> A
     Parameters and shape are those of `root_average`.
     """
     x, y = _corners(grid, centre)
-    return _difference(np.sign(x) * np.sign(y) * _inverse(abs(x), abs(y), radius)) / grid.cell_area
+    total = _difference(np.sign(x) * np.sign(y) * _inverse(abs(x), abs(y), radius))
+    return np.maximum(total, 0.0) * _touched(x, y, radius) / grid.cell_area
 
 
 def twist_average(grid: Grid, centre: tuple[float, float], radius: float) -> Array:
@@ -51,12 +54,20 @@ def twist_average(grid: Grid, centre: tuple[float, float], radius: float) -> Arr
     x, y = _corners(grid, centre)
     along_x = -_difference(_moment(y, x, radius))
     along_y = _difference(_moment(x, y, radius))
-    return np.stack([along_x, along_y], axis=-1) / grid.cell_area
+    touched = _touched(x, y, radius)[..., None]
+    return np.stack([along_x, along_y], axis=-1) * touched / grid.cell_area
 
 
 def _corners(grid: Grid, centre: tuple[float, float]) -> tuple[Array, Array]:
     x, y = np.broadcast_arrays(grid.x_edges - centre[0], grid.y_edges[:, None] - centre[1])
     return x, y
+
+
+def _touched(x: Array, y: Array, a: float) -> NDArray[np.bool_]:
+    """Return which cells reach into the contact: only rounding is left in the others."""
+    left, right, top, bottom = x[1:, :-1], x[1:, 1:], y[:-1, 1:], y[1:, 1:]
+    near = np.hypot(np.clip(0.0, left, right), np.clip(0.0, top, bottom))
+    return np.asarray(near < a)
 
 
 def _difference(corners: Array) -> Array:

@@ -24,8 +24,8 @@ def cell_average(
     Each cell is cut by the circle, its sides are set to x = a sin φ, y = √(a² - x²) sin θ,
     which takes a root (or its inverse) at the rim out of the integrand, and what is left is
     summed by Gauss points between the places where the circle crosses the cell. A field that
-    is smooth inside comes back to about 1e-12 of its peak, so the total load does too; a kink
-    inside costs the cells that it crosses about three digits for twelve nodes.
+    is smooth inside comes back to about 1e-8 of its peak, and so does the total load; a kink
+    inside leaves some 1e-3 in the cells that it crosses.
 
     Parameters
     ----------

@@ -133,11 +133,18 @@ class TorsionSlip:
         sliding = self.peak_traction / a * np.sqrt(np.maximum(a**2 - distance**2, 0.0))
         if c == 0:
             return np.asarray(sliding)
-        inner = np.minimum(distance, c)
-        angle = np.arcsin(a / c * np.sqrt((c - inner) * (c + inner) / ((a - inner) * (a + inner))))
+        if c == a:
+            return np.zeros_like(distance)
+        return np.asarray(sliding * np.where(distance < c, self._share(np.minimum(distance, c)), 1))
+
+    def _share(self, rho: Array) -> Array:
+        """Return the traction over the sliding one at `rho` <= c, in Lubkin's closed form."""
+        a, c = self.contact_radius, self.stick_radius
+        sine = a / c * np.sqrt((c - rho) * (c + rho) / ((a - rho) * (a + rho)))
+        angle = np.arcsin(np.minimum(sine, 1.0))
         m, n = (a - c) * (a + c) / a**2, (c / a) ** 2
         missing = ellipk(m) * ellipeinc(angle, n) - (ellipk(m) - ellipe(m)) * ellipkinc(angle, n)
-        return np.asarray(sliding * np.where(distance < c, 1 - 2 / math.pi * missing, 1.0))
+        return np.asarray(1 - 2 / math.pi * missing)
 
     def potential(self, rho: Array) -> Array:
         """Return the integral of the traction from `rho`, m, to the rim, N/m."""
