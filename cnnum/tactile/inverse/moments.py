@@ -72,7 +72,7 @@ def largest_spacing(depth: ArrayLike) -> Array:
     ----------
     Vásárhelyi 2007, (5.11), whose (1 + √2)/2 z is sufficient but not necessary.
     """
-    return np.sqrt(1.6) * checks.positive("depth", depth)
+    return np.asarray(np.sqrt(1.6) * checks.positive("depth", depth), dtype=np.float64)
 
 
 def sliding_force(

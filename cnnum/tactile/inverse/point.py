@@ -249,7 +249,7 @@ def _linear_errors(
     root = np.sqrt(9.0 * n**2 + 8.0 * s**2)
     by_s, by_n = (2.0 * z**2 - radius**2) / (z * root), -3.0 * radius / root
     inside = 4.0 * z / np.where(n > 0.0, root + 3.0 * n, 1.0)
-    across = np.divide(radius, s, out=inside, where=(n <= 0.0) & (s > 0.0))
+    across = np.where(n > 0.0, inside, radius / np.where(s > 0.0, s, 1.0))
     radial = np.hypot(by_s * noise[0], by_n * noise[1])
     slope = 4.0 * radius / (radius**2 + z**2) - radius / (radius**2 + 4.0 * z**2)
     relative = np.hypot((s + slope * by_s) * noise[0], (n + slope * by_n) * noise[1])

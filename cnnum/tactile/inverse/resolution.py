@@ -31,7 +31,8 @@ def resolution_limit(
     depth : (...) float, m
         Thickness z of the cover.
     signal_to_noise : (...) float
-        Of the wave that the cover hands on best (kz = 1 for strain, uniform for stress); above 1.
+        Of the amplitude of the wave that the cover hands on best (kz = 1 for strain, uniform for
+        stress), which n taxels know √(n/2) better than one does; above 1.
     quantity : {"strain", "stress"}
         What the taxels measure.
     pitch : (...) float, m
