@@ -78,6 +78,16 @@ def test_line_integrals_give_the_stuck_twist(case: Any) -> None:
     np.testing.assert_allclose(swirl, contact.twist_average(grid, centre, a), rtol=0, atol=5e-6)
 
 
+@pytest.mark.parametrize("centre", [(10.0, 0.0), (-10.0, 10.0), (2.0, 0.0), (1.9, -2.1)])
+def test_a_twist_across_the_maps_edge(centre: tuple[float, float]) -> None:
+    grid = make_grid((4, 4), 1.0)
+    swirl = contact.swirl_average(
+        lambda rho: np.sqrt(np.maximum(1 - rho * rho, 0.0)), grid, centre, (1.0,)
+    )
+    # as above, with edges that lie further from touching the rim
+    np.testing.assert_allclose(swirl, contact.twist_average(grid, centre, 1.0), atol=1e-7)
+
+
 @pytest.mark.parametrize("share", [0.2, 0.9, 0.999, 1.0])
 def test_line_integrals_give_lubkins_twist(share: float) -> None:
     grid = make_grid((9, 9), 0.25)

@@ -5,7 +5,7 @@ On maps, columns run along x and rows along y, the origin in the middle.
 """
 
 from cnnum.tactile.contact.cells import inverse_average, root_average, twist_average
-from cnnum.tactile.contact.hertz import (
+from cnnum.tactile.contact.normal import (
     Hertz,
     contact_modulus,
     hertz,

@@ -10,7 +10,7 @@ from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
 from cnnum.tactile.contact.cells import inverse_average, root_average, twist_average
 from cnnum.tactile.contact.combined import partial_shear, sliding_shear
-from cnnum.tactile.contact.hertz import hertz
+from cnnum.tactile.contact.normal import hertz
 from cnnum.tactile.contact.swirl import swirl_average
 from cnnum.tactile.contact.torsion import TorsionSlip, sliding_torque, torsion_slip
 from cnnum.tactile.grid import Grid, make_grid

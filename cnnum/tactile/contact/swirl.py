@@ -44,11 +44,22 @@ def swirl_average(
         Averages of (q_x, q_y); positive traction turns x towards y.
     """
     x, y = grid.x_edges - centre[0], grid.y_edges - centre[1]
+    cols, rows = _window(x, max(radii)), _window(y, max(radii))
+    x, y = x[cols.start : cols.stop + 1], y[rows.start : rows.stop + 1]
     along_x = _line_integrals(potential, y, x, radii)
     along_y = _line_integrals(potential, x, y, radii)
-    q_x = np.diff(along_x, axis=0)
-    q_y = -np.diff(along_y, axis=0).T
-    return np.stack([q_x, q_y], axis=-1) / grid.cell_area
+    result = np.zeros((*grid.shape, 2))
+    result[rows, cols, 0] = np.diff(along_x, axis=0)
+    result[rows, cols, 1] = -np.diff(along_y, axis=0).T
+    return result / grid.cell_area
+
+
+def _window(edges: Array, radius: float) -> slice:
+    """Return which cells of a row may reach into the contact."""
+    start = int(np.searchsorted(edges, -radius, side="right")) - 1
+    stop = int(np.searchsorted(edges, radius, side="left"))
+    start, stop = max(start, 0), min(stop, len(edges) - 1)
+    return slice(start, max(start, stop))
 
 
 def _line_integrals(

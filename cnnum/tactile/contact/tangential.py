@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
-from cnnum.tactile.contact.hertz import Hertz, inverse_root
+from cnnum.tactile.contact.normal import Hertz, inverse_root
 
 
 @dataclass(frozen=True, slots=True)

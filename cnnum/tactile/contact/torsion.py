@@ -21,7 +21,7 @@ from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
-from cnnum.tactile.contact.hertz import inverse_root
+from cnnum.tactile.contact.normal import inverse_root
 
 # The integrand is smooth but for t² log t at 0: 40 points reach 1e-12 of the full torque.
 _NODES, _WEIGHTS = leggauss(40)

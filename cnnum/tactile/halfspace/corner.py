@@ -8,7 +8,7 @@ are written so that z >= 0 leaves no cancellation.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.special import xlogy
@@ -18,26 +18,30 @@ from cnnum.tactile.checks import Array
 
 @dataclass(frozen=True, slots=True)
 class Corner:
-    """Distances from one corner of the rectangle to the point, and what is made of them."""
+    """Distances from one corner of the rectangle to the point, and what is made of them.
+
+    Parameters
+    ----------
+    X, Y, z : (...) float
+        From the corner to the point.
+
+    Attributes
+    ----------
+    s, t, r : (...) float
+        Distance from the point to the edge along y, to the edge along x, and to the corner.
+    """
 
     X: Array
     Y: Array
     z: Array
+    s: Array = field(init=False)
+    t: Array = field(init=False)
+    r: Array = field(init=False)
 
-    @property
-    def s(self) -> Array:
-        """Distance from the point to the edge along y."""
-        return np.hypot(self.X, self.z)
-
-    @property
-    def t(self) -> Array:
-        """Distance from the point to the edge along x."""
-        return np.hypot(self.Y, self.z)
-
-    @property
-    def r(self) -> Array:
-        """Distance from the point to the corner."""
-        return np.hypot(self.s, self.Y)
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "s", np.hypot(self.X, self.z))
+        object.__setattr__(self, "t", np.hypot(self.Y, self.z))
+        object.__setattr__(self, "r", np.hypot(self.s, self.Y))
 
     @property
     def r_plus_x(self) -> Array:

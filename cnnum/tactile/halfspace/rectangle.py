@@ -14,9 +14,9 @@ from cnnum.tactile.halfspace.corner import FUNCTIONS, Corner
 from cnnum.tactile.halfspace.influence import Integrals
 from cnnum.tactile.halfspace.point import point_functions
 
-# Corners cancel as (distance/size)², Gauss points converge as (size/distance)^12: they meet here.
-_FAR = 20.0
-_NODES = 6
+# Corners cancel as (distance/size)², n Gauss points converge as (size/distance)^2n: beyond the
+# first distance, in half widths, Gauss points are the better, and further out fewer will do.
+_GAUSS = ((20.0, 6), (60.0, 4))
 
 
 def rectangle_displacement(
@@ -144,14 +144,24 @@ def rectangle_functions(
     scale = max(width_x, width_y) / 2
     place = np.abs(x) / scale, np.abs(y) / scale, z / scale
     half = width_x / 2 / scale, width_y / 2 / scale
-    far = np.hypot(np.hypot(place[0], place[1]), place[2]) > _FAR
+    distance = np.hypot(np.hypot(place[0], place[1]), place[2])
+    tier = np.searchsorted([limit for limit, _ in _GAUSS], distance)
     values = {name: np.empty(x.shape) for name in names}
-    for where, evaluate in ((far, _by_gauss), (~far, _by_corners)):
+    for n in range(len(_GAUSS) + 1):
+        where = tier == n
         if where.any():
-            found = evaluate(names, place[0][where], place[1][where], place[2][where], *half)
+            found = _in_tier(n, names, (place[0][where], place[1][where], place[2][where]), half)
             for name in names:
                 values[name][where] = found[name]
     return {name: _unfold(name, values[name], x, y) * scale ** _power(name) for name in names}
+
+
+def _in_tier(
+    tier: int, names: Collection[str], place: tuple[Array, Array, Array], half: tuple[float, float]
+) -> Integrals:
+    if tier == 0:
+        return _by_corners(names, *place, *half)
+    return _by_gauss(_GAUSS[tier - 1][1], names, *place, *half)
 
 
 def _by_corners(
@@ -171,9 +181,15 @@ def _corner_sum(function: Callable[[Corner], Array], corners: list[tuple[int, Co
 
 
 def _by_gauss(
-    names: Collection[str], x: Array, y: Array, z: Array, half_x: float, half_y: float
+    count: int,
+    names: Collection[str],
+    x: Array,
+    y: Array,
+    z: Array,
+    half_x: float,
+    half_y: float,
 ) -> Integrals:
-    nodes, weights = leggauss(_NODES)
+    nodes, weights = leggauss(count)
     values = point_functions(
         names,
         x[..., None, None] - half_x * nodes[:, None],
@@ -186,11 +202,16 @@ def _by_gauss(
 
 def _unfold(name: str, value: Array, x: Array, y: Array) -> Array:
     """Give the value at (|x|, |y|) the sign that it has at (x, y)."""
-    axes = name.partition("_")[2]
-    odd_x, odd_y = axes.count("x") % 2, axes.count("y") % 2
+    odd_x, odd_y = parity(name)
     if odd_x:
         value = value * np.sign(x)
     return value * np.sign(y) if odd_y else value
+
+
+def parity(name: str) -> tuple[bool, bool]:
+    """Return whether a function is odd in x, and whether it is odd in y."""
+    axes = name.partition("_")[2]
+    return axes.count("x") % 2 == 1, axes.count("y") % 2 == 1
 
 
 def _power(name: str) -> int:

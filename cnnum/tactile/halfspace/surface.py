@@ -1,7 +1,7 @@
 """From a map of surface tractions to the stress or strain that taxels under the cover see."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -15,10 +15,10 @@ from cnnum.tactile.checks import Array
 from cnnum.tactile.grid import Grid, make_grid
 from cnnum.tactile.halfspace import influence
 from cnnum.tactile.halfspace.influence import AXES, COMPONENTS
-from cnnum.tactile.halfspace.rectangle import rectangle_functions
+from cnnum.tactile.halfspace.rectangle import parity, rectangle_functions
 
 TAXEL = ("xz", "yz", "zz")
-_CHUNK_BYTES = 64e6
+_CHUNK_BYTES = 1e6  # what is in work at once stays in the cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,11 +103,15 @@ class SurfaceToDepth:
 
     def _convolve(self, frames: Array) -> Array:
         rows, cols = self.shape
-        waves = fft.rfft2(frames, s=self._padded, axes=(1, 2))
-        mixed = np.stack(
-            [sum(kernel[k] * waves[..., k] for k in range(3)) for kernel in self._kernels], axis=-1
-        )
-        return fft.irfft2(mixed, s=self._padded, axes=(1, 2))[:, :rows, :cols]
+        loads = np.ascontiguousarray(np.moveaxis(frames, -1, 0))
+        waves = fft.rfft2(loads, s=self._padded)
+        result = np.empty((*frames.shape[:-1], len(self.components)))
+        for n, kernel in enumerate(self._kernels):
+            mixed = waves[0] * kernel[0]
+            mixed += waves[1] * kernel[1]
+            mixed += waves[2] * kernel[2]
+            result[..., n] = fft.irfft2(mixed, s=self._padded)[:, :rows, :cols]
+        return result
 
     def _frames_at_once(self) -> int:
         return max(1, int(_CHUNK_BYTES // (8 * 6 * math.prod(self._padded))))
@@ -116,9 +120,7 @@ class SurfaceToDepth:
         """Return the influence of one cell at every offset, (component, load, rows, cols)."""
         depth = checks.not_negative("depth", checks.scalar("depth", np.asarray(self.depth)))
         ratio = checks.poisson_ratio(checks.scalar("poisson", np.asarray(self.poisson)))
-        x = np.arange(1 - grid.cols, grid.cols, dtype=np.float64) * grid.dx
-        y = np.arange(1 - grid.rows, grid.rows, dtype=np.float64)[:, None] * grid.dy
-        evaluate = partial(rectangle_functions, x=x, y=y, z=depth, width_x=grid.dx, width_y=grid.dy)
+        evaluate = partial(_at_all_offsets, grid=grid, depth=depth)
         table = self._table(evaluate, ratio)
         parts = [table(ij, k) for ij in self.components for k in AXES]
         return np.stack(parts).reshape(len(self.components), 3, *parts[0].shape)
@@ -137,6 +139,21 @@ class SurfaceToDepth:
                 f"'traction': expected shape (..., {rows}, {cols}, 3), got {load.shape}."
             )
         return load
+
+
+def _at_all_offsets(names: Collection[str], grid: Grid, depth: Array) -> influence.Integrals:
+    """Return the functions of one cell at the offsets 1 - n to n - 1, from a quarter of them."""
+    x = np.arange(grid.cols, dtype=np.float64) * grid.dx
+    y = np.arange(grid.rows, dtype=np.float64)[:, None] * grid.dy
+    quarter = rectangle_functions(names, x, y, depth, grid.dx, grid.dy)
+    return {name: _mirrored(quarter[name], *parity(name)) for name in names}
+
+
+def _mirrored(quarter: Array, odd_x: bool, odd_y: bool) -> Array:
+    left, sign = quarter[:, :0:-1], -1 if odd_x else 1
+    half = np.concatenate([sign * left, quarter], axis=1)
+    top, sign = half[:0:-1], -1 if odd_y else 1
+    return np.concatenate([sign * top, half], axis=0)
 
 
 def surface_load_stress(
