@@ -10,7 +10,8 @@ from cnnum.tactile.checks import Array
 from cnnum.tactile.inverse.noise import NORMAL_95, Noise, radius_95, shear_and_normal
 
 _SPREAD = 2.447747  # radius, in standard deviations, of the 95 % region of a direction (χ², 2)
-_FAR = 1e-60  # s/H below which, under n ≤ 0, a load would be farther off than numbers reach
+_FAR = 1e-60  # a ratio of components below this puts the load farther off than numbers reach
+_DROWNED = 1e-9  # signal over noise below which it does not matter how far below
 _DIRECTIONS = ((1.0, 0.0), (0.0, 1.0), (0.5**0.5, 0.5**0.5), (0.5**0.5, -(0.5**0.5)))
 
 
@@ -100,7 +101,7 @@ def locate(
     scale = 4.0 * np.pi * modulus / (3.0 * z)
     force = scale * _lever(radius, z) * np.where(seen, size, 0.0)
     x, y = _around(place, rows, shear, radius)
-    spread = [v / safe for v in shear_and_normal(noise)]
+    spread = [v / np.maximum(safe, _DROWNED * v) for v in shear_and_normal(noise)]
     linear = _linear_errors(s, n, radius, z, force, spread)
     bent = _curvature(s, n, radius, z, force, spread)
     errors = linear[0] + bent[0], linear[1] + bent[1]
@@ -179,7 +180,7 @@ def locate_stress(
     Returns
     -------
     PointLoad
-        Without singular ring; not seen only where σ_zz is 0.
+        Without singular ring; not seen only where σ_zz is nothing beside the shear.
 
     Raises
     ------
@@ -194,13 +195,13 @@ def locate_stress(
     """
     rows, place, z = _checked("stress", stress, taxel, depth)
     push = -rows[..., 2]
-    seen = np.asarray(push != 0.0)
+    seen = np.asarray(np.abs(push) > _FAR * np.hypot(rows[..., 0], rows[..., 1]))
     safe = np.where(seen, push, 1.0)
     offset = np.where(seen[..., np.newaxis], z * rows[..., :2] / safe[..., np.newaxis], 0.0)
     radius = np.hypot(offset[..., 0], offset[..., 1])
     squared = radius**2 + z**2
     force = 2.0 * np.pi * push * squared**2.5 / (3.0 * z**3)
-    shear, normal = (v / np.abs(safe) for v in shear_and_normal(noise))
+    shear, normal = (v / np.maximum(np.abs(safe), _DROWNED * v) for v in shear_and_normal(noise))
     radial = np.hypot(z * shear, radius * normal)
     slope = 5.0 * radius / squared
     relative = np.hypot(slope * z * shear, (1.0 - slope * radius) * normal)
