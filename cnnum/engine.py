@@ -146,6 +146,7 @@ class Engine:
         template: Template,
         *,
         input: ArrayLike | None = None,
+        previous: ArrayLike | None = None,
         state: ArrayLike | None = None,
         bias: ArrayLike | None = None,
         mask: ArrayLike | None = None,
@@ -163,6 +164,8 @@ class Engine:
         input : (..., rows, cols) or (..., inputs, rows, cols) float, optional
             Where the template has no control template and starts from its input, this is the
             initial state.
+        previous : like `input`, optional
+            The inputs before the start, which a template with delays sees; `input` unless given.
         state : (..., rows, cols) or (..., layers, rows, cols) float, optional
             Initial state; the template's own unless given.
         bias : like `state`, optional
@@ -190,7 +193,8 @@ class Engine:
         MethodError
             If the method can not run this template, or does not reach the end.
         """
-        given = _given(template, input, state, bias, mask)
+        roles = {"input": input, "previous": previous, "state": state, "bias": bias, "mask": mask}
+        given = _given(template, roles)
         names, stack, shape, lead = _stack(given)
         spec = RunSpec(duration, method, rtol, atol, dt)
         key = (template.digest, shape, names, spec)
@@ -214,34 +218,28 @@ class Engine:
         return self._build(template.name, graph, names, None)
 
 
-def _given(
-    template: Template,
-    input: ArrayLike | None,
-    state: ArrayLike | None,
-    bias: ArrayLike | None,
-    mask: ArrayLike | None,
-) -> dict[str, Floats]:
-    """Return what was given as (..., maps, rows, cols) by role."""
-    if template.inputs == 0 and template.initial == "input" and state is None:
-        state, input = input, None
-    roles = {"input": (input, template.inputs), "state": (state, template.layers)}
-    roles |= {"bias": (bias, template.layers), "mask": (mask, 1)}
-    shape = _common_shape([value for value, _ in roles.values() if value is not None])
-    given = {
-        role: maps(role, value, shape, count)
-        for role, (value, count) in roles.items()
-        if value is not None and (count or role != "input")
-    }
-    if template.inputs and input is None:
+def _given(template: Template, values: dict[str, ArrayLike | None]) -> dict[str, Floats]:
+    """Return what was given as (..., maps, rows, cols) by role, in the order of a transient."""
+    if template.inputs == 0 and template.initial == "input" and values["state"] is None:
+        values = {**values, "state": values["input"], "input": None}
+    if template.inputs == 0 and values["input"] is not None:
+        raise ArrayError(f"Template '{template.name}' has no control template: give no input.")
+    if template.inputs and values["input"] is None:
         raise ArrayError(f"Template '{template.name}' needs an input.")
-    if template.initial == "input" and "input" not in given and "state" not in given:
+    if template.initial == "input" and values["input"] is None and values["state"] is None:
         raise ArrayError(f"Template '{template.name}' starts from its input: give input or state.")
-    if not given:
-        raise ArrayError(f"Template '{template.name}' needs a state: its shape is the array's.")
-    return given
+    shape = _common_shape([value for value in values.values() if value is not None])
+    counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
+    return {
+        role: maps(role, value, shape, counts.get(role, template.layers))
+        for role, value in values.items()
+        if value is not None
+    }
 
 
 def _common_shape(values: Sequence[ArrayLike]) -> Shape:
+    if not values:
+        raise ArrayError("A run needs at least a state: its shape is the array's.")
     shapes = {np.shape(value)[-2:] for value in values}
     if len(shapes) != 1 or len(next(iter(shapes))) != 2:
         raise ArrayError(
@@ -274,6 +272,7 @@ def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
     return transient(
         template,
         input=role("input"),
+        previous=role("previous"),
         state=role("state"),
         bias=role("bias"),
         mask=mask[0] > 0.5 if mask else None,

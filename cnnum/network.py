@@ -95,8 +95,14 @@ class Network:
 
         Gershgorin: row sums of |A| plus the decay, where f' lies in [0, 1].
         """
-        off = np.abs(self.template.A).sum(axis=(1, 2, 3))
-        return float(((1.0 + off) / self.template.tau).max())
+        template = self.template
+        off = np.abs(template.A).sum(axis=(1, 2, 3))
+        for gain in template.gains:
+            weights = np.abs(template.A[gain.to, gain.source]).sum()
+            off[gain.to] += (gain.table.largest - 1.0) * weights if gain.table.largest > 1 else 0.0
+        for coupling in template.nonlinear:
+            off[coupling.to] += coupling.stiffness
+        return float(((1.0 + off) / template.tau).max())
 
 
 def _shift(shape: Shape, boundary: Boundary, row: int, col: int) -> tuple[Floats, Floats]:

@@ -25,6 +25,8 @@ class OutputFunction:
         f(x) = x everywhere, so that the array is a linear system.
     limited : bool
         The state itself is kept within [−1, 1] (full-range model).
+    discrete : bool
+        The array runs in discrete time, one step a time constant (DT-CNN).
     """
 
     name: str
@@ -32,6 +34,7 @@ class OutputFunction:
     opencl: str
     linear: bool = False
     limited: bool = False
+    discrete: bool = False
 
     def __post_init__(self) -> None:
         if "x" not in self.opencl:
@@ -46,6 +49,10 @@ def _identity(x: Floats) -> Floats:
     return x
 
 
+def _sign(x: Floats) -> Floats:
+    return np.where(x >= 0.0, 1.0, -1.0)
+
+
 _ALL = (
     # Chua & Yang 1988: f(x) = (|x + 1| − |x − 1|)/2
     OutputFunction("standard", _clip, "clamp(x, -ONE, ONE)"),
@@ -53,6 +60,8 @@ _ALL = (
     OutputFunction("tanh", np.tanh, "tanh(x)"),
     # Espejo et al. 1996: the state is limited, the output is the state
     OutputFunction("full-range", _clip, "clamp(x, -ONE, ONE)", limited=True),
+    # Harrer & Nossek 1992: discrete-time CNN
+    OutputFunction("sign", _sign, "PICK(x >= ZERO, ONE, -ONE)", discrete=True),
 )
 
 OUTPUT_FUNCTIONS = {function.name: function for function in _ALL}

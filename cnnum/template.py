@@ -3,6 +3,8 @@
 State equation (Chua & Yang 1988), per layer l, with ∗ a correlation (no kernel flip):
 
     τ_l dx_l/dt = −x_l + Σ_m A_lm ∗ f(x_m) + Σ_m B_lm ∗ u_m + z_l,    y = f(x)
+
+and, where a template has them, nonlinear couplings, delayed couplings, and gains on A in time.
 """
 
 from collections.abc import Sequence
@@ -14,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, digest, finite, frozen
 from cnnum.boundary import Boundary, parse_boundary
+from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.errors import TemplateError
 from cnnum.outputs import OutputFunction, output_function
 
@@ -53,7 +56,12 @@ class Template:
     duration : float or "settle"
         Run time in time constants, or until nothing changes any more.
     output : str
-        Output function: "standard", "linear", "tanh" or "full-range".
+        Output function: "standard", "linear", "tanh", "full-range", or "sign", with which the
+        array runs in discrete time (DT-CNN): x ← Σ A ∗ sgn(x) + Σ B ∗ u + z, one step a time
+        constant.
+    nonlinear : sequence of NonlinearCoupling
+    delayed : DelayedCoupling, optional
+    gains : sequence of Gain
     description, source : str
         What it does, and where the numbers come from.
     check : Check, optional
@@ -77,6 +85,9 @@ class Template:
     initial: Initial
     duration: Duration
     output: OutputFunction
+    nonlinear: tuple[NonlinearCoupling, ...]
+    delayed: DelayedCoupling | None
+    gains: tuple[Gain, ...]
     description: str
     source: str
     check: Check | None
@@ -95,6 +106,9 @@ class Template:
         initial: Initial = 0.0,
         duration: Duration = "settle",
         output: str | OutputFunction = "standard",
+        nonlinear: Sequence[NonlinearCoupling] = (),
+        delayed: DelayedCoupling | None = None,
+        gains: Sequence[Gain] = (),
         description: str = "",
         source: str = "",
         check: Check | None = None,
@@ -120,18 +134,43 @@ class Template:
             "initial": _initial(name, initial),
             "duration": _duration(name, duration),
             "output": output if isinstance(output, OutputFunction) else output_function(output),
+            "nonlinear": tuple(nonlinear),
+            "delayed": delayed,
+            "gains": tuple(gains),
             "description": description,
             "source": source,
             "check": check,
         }
         for key, value in parts.items():
             object.__setattr__(self, key, value)
+        self._check_couplings()
         if self.initial == "input" and self.inputs not in (0, layers):
             raise TemplateError(
                 f"Template '{name}': initial = 'input' needs one input a layer, got "
                 f"{self.inputs} inputs for {layers} layers."
             )
         object.__setattr__(self, "digest", digest(*self._physics()))
+
+    def _check_couplings(self) -> None:
+        sizes = {"x": self.layers, "y": self.layers, "u": self.inputs, None: 1}
+        for item in self.nonlinear:
+            fits = 0 <= item.to < self.layers and 0 <= item.source < sizes[item.neighbour]
+            if not (fits and 0 <= item.centre_source < sizes[item.centre]):
+                raise TemplateError(
+                    f"Template '{self.name}': a nonlinear coupling names a layer or input that "
+                    f"is not there ({self.layers} layers, {self.inputs} inputs)."
+                )
+        delayed = self.delayed
+        if delayed is not None and (
+            delayed.A.shape[:2] != (self.layers, self.layers)
+            or delayed.B.shape[:2] != (self.layers, self.inputs)
+        ):
+            raise TemplateError(
+                f"Template '{self.name}': delayed A and B must couple its {self.layers} layers "
+                f"and {self.inputs} inputs."
+            )
+        if any(not (0 <= g.to < self.layers and 0 <= g.source < self.layers) for g in self.gains):
+            raise TemplateError(f"Template '{self.name}': a gain names a layer that is not there.")
 
     def _physics(self) -> tuple[object, ...]:
         """Return all that changes a run; two templates with the same of it are the same."""
@@ -145,6 +184,9 @@ class Template:
             self.initial,
             self.duration,
             self.output.name,
+            *(part for coupling in self.nonlinear for part in coupling.physics),
+            *(self.delayed.physics if self.delayed else ()),
+            self.gains,
         )
 
     @property
@@ -159,13 +201,20 @@ class Template:
 
     @property
     def radius(self) -> int:
-        """Neighbourhood radius of the wider of A and B."""
-        return int(max(self.A.shape[-1], self.B.shape[-1])) // 2
+        """Largest neighbourhood radius of its couplings."""
+        kernels = [self.A, self.B, *(coupling.weights for coupling in self.nonlinear)]
+        kernels += [self.delayed.A, self.delayed.B] if self.delayed else []
+        return max(int(kernel.shape[-1]) for kernel in kernels) // 2
 
     @property
     def uncoupled(self) -> bool:
-        """Whether A is zero, so that every cell decays on its own towards B∗u + z."""
-        return not self.A.any()
+        """Whether every cell decays on its own towards what drives it (A = 0)."""
+        return not self.A.any() and self.plain
+
+    @property
+    def plain(self) -> bool:
+        """Whether all couplings are linear, at once, and constant in time."""
+        return not self.nonlinear and self.delayed is None and not self.gains
 
     def __repr__(self) -> str:
         return (

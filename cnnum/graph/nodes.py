@@ -1,10 +1,14 @@
 """The graph of an analogic program: interned nodes, so that equal operations are one node."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 from cnnum.arrays import Floats, Shape, digest, frozen
 from cnnum.graph.elementwise import ElementOp, ReduceOp
 from cnnum.template import Duration, Template
+
+Argument = TypeVar("Argument")
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,14 +113,38 @@ class RunSpec:
 
 @dataclass(frozen=True, slots=True)
 class Transient:
-    """A template's transient. Arguments: its inputs, then state, bias (one a layer) and mask."""
+    """A template's transient.
+
+    Arguments: its inputs, its inputs before the start, state and bias (one a layer), mask.
+    """
 
     template: Template = field(compare=False)
     content: str
     spec: RunSpec
+    has_previous: bool
     has_state: bool
     has_bias: bool
     has_mask: bool
+
+    def roles(self) -> tuple[tuple[str, int], ...]:
+        """Return the roles of the arguments in their order, and how many maps each takes."""
+        inputs, layers = self.template.inputs, self.template.layers
+        return (
+            ("input", inputs),
+            ("previous", inputs if self.has_previous else 0),
+            ("state", layers if self.has_state else 0),
+            ("bias", layers if self.has_bias else 0),
+            ("mask", 1 if self.has_mask else 0),
+        )
+
+    def by_role(self, arguments: Sequence[Argument]) -> dict[str, tuple[Argument, ...]]:
+        """Return the arguments by role; a role that is not given is an empty tuple."""
+        found: dict[str, tuple[Argument, ...]] = {}
+        at = 0
+        for role, count in self.roles():
+            found[role] = tuple(arguments[at : at + count])
+            at += count
+        return found
 
     def __str__(self) -> str:
         return f"template {self.template.name}"

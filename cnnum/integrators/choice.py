@@ -8,14 +8,25 @@ from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.propagator import DENSE_LIMIT, Decay, Propagator, decay, propagator
 from cnnum.integrators.tableau import (
     BOGACKI_SHAMPINE,
+    EULER,
+    HEUN,
     ButcherTableau,
     stable_step,
     tableau,
 )
 from cnnum.network import Network
+from cnnum.template import Template
 
 MAX_STEPS = 100_000
 """Steps after which an adaptive run gives up and says so."""
+
+DELAY_STEP = 0.05
+"""Longest step of a template with a delay, in time constants: Heun's error a step is then about
+(0.05)³/12 of the state's third derivative."""
+
+JUMP_STEP = 0.01
+"""Step of a template whose rates jump. Its state may slide along a jump and then chatters by a
+step's change; MatCNN's own advice for such a template (MEDIAN) is at most 0.02."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +40,10 @@ class FixedSteps:
     step: float
     count: int
     settle: bool
+    last: float
+    """Length of the last step, so that the run ends on time."""
+    error: float = math.inf
+    """What is known of the error beforehand; infinite where nothing is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +75,8 @@ class Solver:
     settle : bool
         Whether it runs to equilibrium.
     rtol, atol : float
+    asked : bool
+        Whether the method or the step was asked for, not chosen.
     """
 
     method: str
@@ -69,6 +86,7 @@ class Solver:
     settle: bool
     rtol: float
     atol: float
+    asked: bool = False
 
 
 def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
@@ -92,8 +110,10 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
             return Solver("propagator", reason, exact, duration, settle, spec.rtol, spec.atol)
         if spec.method == "propagator":
             raise MethodError(f"Template '{transient.template.name}' has no propagator: {reason}.")
+    asked = spec.method != "auto" or spec.dt is not None
     stepping, reason = _stepping(transient, network, spec, duration, settle)
-    return Solver(stepping.tableau.name, reason, stepping, duration, settle, spec.rtol, spec.atol)
+    name = stepping.tableau.name
+    return Solver(name, reason, stepping, duration, settle, spec.rtol, spec.atol, asked)
 
 
 def _checked(transient: Transient) -> RunSpec:
@@ -111,8 +131,10 @@ def _exact(
     transient: Transient, network: Network, duration: float
 ) -> tuple[Decay | Propagator | None, str]:
     template = transient.template
-    if template.output.limited:
-        return None, "its state is limited"
+    if template.output.limited or template.output.discrete:
+        return None, "its state is limited, or runs in discrete time"
+    if not template.plain:
+        return None, "it has nonlinear, delayed or time-varying couplings"
     if template.uncoupled:
         return decay(template, duration), "A = 0: every cell decays on its own, exactly"
     if not template.output.linear:
@@ -131,20 +153,50 @@ def _stepping(
     transient: Transient, network: Network, spec: RunSpec, duration: float, settle: bool
 ) -> tuple[Stepping, str]:
     template = transient.template
-    rate = network.fastest_rate()
-    name = BOGACKI_SHAMPINE.name if spec.method == "auto" else spec.method
-    method = tableau("euler" if spec.dt is not None and spec.method == "auto" else name)
-    bound = stable_step(method, rate)
-    if spec.dt is None and method.adaptive:
+    if template.output.discrete:
+        count = math.ceil(duration - 1e-9)
+        return FixedSteps(EULER, 1.0, count, settle, 1.0, error=0.0), "it runs in discrete time"
+    method, preset, reason = _preset(template, spec)
+    bound = stable_step(method, network.fastest_rate())
+    if preset is None and method.adaptive and template.delayed is None:
         first = min(0.1 * bound, duration) or 0.1 * bound
         return AdaptiveSteps(method, first, settle), "steps follow the error estimate"
-    step = 0.5 * bound if spec.dt is None else spec.dt
+    step = 0.5 * bound if preset is None else preset
     if step > bound:
         raise MethodError(
             f"dt={step:g} is outside the stability bound {bound:.4g} of '{method.name}' for "
             f"template '{template.name}'; take a shorter step or method='auto'."
         )
-    count = max(1, math.ceil(duration / step - 1e-9)) if duration > 0 else 0
-    even = duration / count if count else step
-    reason = "a fixed step was asked for" if spec.dt else "half of the stability bound"
-    return FixedSteps(method, even, count, settle), reason
+    return _fixed(template, method, step, duration, settle), reason
+
+
+def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau, float | None, str]:
+    """Return the method, the fixed step where there must be one, and the reason for it."""
+    asked = None if spec.method == "auto" else tableau(spec.method)
+    if spec.dt is not None:
+        return asked or (HEUN if template.delayed else EULER), spec.dt, "a fixed step was asked for"
+    if template.delayed is not None:
+        return asked or HEUN, DELAY_STEP, "its delay needs outputs of earlier steps"
+    if any(coupling.jumps for coupling in template.nonlinear):
+        return asked or EULER, JUMP_STEP, "its rates jump, which no error estimate follows"
+    return asked or BOGACKI_SHAMPINE, None, "half of the stability bound"
+
+
+def _fixed(
+    template: Template, method: ButcherTableau, step: float, duration: float, settle: bool
+) -> FixedSteps:
+    """Return steps of that length at most; a delay is a whole number of them."""
+    if template.delayed is not None:
+        if any(c not in (0, 1) for c in (sum(row) for row in method.a)):
+            raise MethodError(
+                f"'{method.name}' needs outputs between the steps, which a delay does not keep: "
+                "use 'euler' or 'heun'."
+            )
+        step = template.delayed.delay / math.ceil(template.delayed.delay / step - 1e-9)
+        count = max(0, math.ceil(duration / step - 1e-9))
+        last = duration - (count - 1) * step
+    else:
+        count = max(1, math.ceil(duration / step - 1e-9)) if duration > 0 else 0
+        step = last = duration / count if count else step
+    error = sum(step * coupling.jump for coupling in template.nonlinear if coupling.jumps)
+    return FixedSteps(method, step, count, settle, last, error=float(error) or math.inf)

@@ -25,6 +25,7 @@ def transient(
     template: Template,
     *,
     input: Field | Sequence[Field] | None = None,
+    previous: Field | Sequence[Field] | None = None,
     state: Field | Sequence[Field] | None = None,
     bias: Field | Sequence[Field] | None = None,
     mask: Field | None = None,
@@ -38,6 +39,8 @@ def transient(
     input : Field or sequence of Field, optional
         One map an input of the template. A template that has none and starts from its input
         takes it as the initial state.
+    previous : Field or sequence of Field, optional
+        The inputs before the start, which a template with delays sees; the inputs unless given.
     state : Field or sequence of Field, optional
         Initial state, one map a layer; the template's own where it is left out.
     bias : Field or sequence of Field, optional
@@ -56,6 +59,7 @@ def transient(
         state, input = input, None
     given = [
         *_several(template, "input", input, template.inputs),
+        *_several(template, "previous", previous, template.inputs),
         *_several(template, "state", state, template.layers),
         *_several(template, "bias", bias, template.layers),
     ]
@@ -72,6 +76,7 @@ def transient(
         template,
         template.digest,
         spec or RunSpec(),
+        has_previous=previous is not None,
         has_state=state is not None,
         has_bias=bias is not None,
         has_mask=mask is not None,

@@ -1,5 +1,6 @@
 """The reference engine: float64 NumPy and SciPy, operation by operation; slow, plain, trusted."""
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -7,7 +8,8 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
-from cnnum.engines.reference.transient import Settings, solve_transient
+from cnnum.engines.reference.equation import Given, StateEquation
+from cnnum.engines.reference.solve import PRECISION, change, solve
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.nodes import (
     Apply,
@@ -22,6 +24,7 @@ from cnnum.graph.nodes import (
     Transient,
 )
 from cnnum.graph.schedule import Schedule
+from cnnum.integrators.choice import FixedSteps, Solver
 
 
 @dataclass(slots=True, eq=False)
@@ -109,31 +112,36 @@ class ReferenceExecutable:
         self, node: Node, operation: Transient, arguments: list[Floats], batch: int
     ) -> dict[str, Floats]:
         """Solve frame by frame; answers by name, maps as (batch, layers, rows, cols)."""
-        template, shape = operation.template, self.schedule.shape
-        stacked = [np.broadcast_to(a, (batch, *shape)) for a in arguments]
+        template, shape, solver = operation.template, self.schedule.shape, self.solvers[node.index]
+        stacked = {
+            role: np.stack([np.broadcast_to(m, (batch, *shape)) for m in maps], axis=1)
+            for role, maps in operation.by_role(arguments).items()
+            if maps
+        }
 
-        def take(count: int) -> Floats | None:
-            taken = [stacked.pop(0) for _ in range(count)]
-            return np.stack(taken, axis=1) if taken else None
-
-        inputs = take(template.inputs)
-        states = take(template.layers if operation.has_state else 0)
-        biases = take(template.layers if operation.has_bias else 0)
-        masks = take(1 if operation.has_mask else 0)
-        settings = Settings.of(self.solvers[node.index])
-        answers = [
-            solve_transient(
-                template,
-                shape,
-                settings,
-                None if inputs is None else inputs[frame],
-                None if states is None else states[frame],
-                None if biases is None else biases[frame],
-                None if masks is None else masks[frame, 0] != 0.0,
+        def answer(frame: int) -> dict[str, Floats]:
+            own = {role: maps[frame] for role, maps in stacked.items()}
+            held = own["mask"][0] != 0.0 if "mask" in own else None
+            given = Given(
+                own.get("input"), own.get("previous"), own.get("state"), own.get("bias"), held
             )
-            for frame in range(batch)
-        ]
-        return {name: np.array([answer[name] for answer in answers]) for name in answers[0]}
+            return _figures(StateEquation(template, shape, given), solver)
+
+        answers = [answer(frame) for frame in range(batch)]
+        return {name: np.array([one[name] for one in answers]) for name in answers[0]}
+
+
+def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
+    found = solve(equation.template, equation.shape, solver, equation.given)
+    known = solver.scheme.error if isinstance(solver.scheme, FixedSteps) else PRECISION
+    return {
+        "output": equation.outputs(found.state),
+        "state": found.state,
+        "time": np.asarray(found.time),
+        "steps": np.asarray(float(found.steps)),
+        "settled": np.asarray(float(change(equation, found, solver) <= 1.0)),
+        "error": np.asarray(-1.0 if math.isinf(known) else known),
+    }
 
 
 def _picked(operation: Pick, source: dict[str, Floats]) -> Floats:

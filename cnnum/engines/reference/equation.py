@@ -1,0 +1,156 @@
+"""The state equation of one frame in NumPy, written from the equation alone.
+
+Shares no neighbourhood code with the other engines (`scipy.ndimage.correlate` and shifted copies
+here), so that agreement means something.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import correlate
+
+from cnnum.arrays import Floats
+from cnnum.boundary import Boundary
+from cnnum.couplings import NonlinearCoupling
+from cnnum.template import Template
+
+_Mode = Literal["constant", "reflect", "grid-wrap"]
+_NDIMAGE_MODES: dict[str, _Mode] = {
+    "constant": "constant",
+    "symmetric": "reflect",
+    "wrap": "grid-wrap",
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Given:
+    """What one frame gives to a transient.
+
+    Attributes
+    ----------
+    inputs, previous, state, bias : (maps, rows, cols) float or None
+    held : (rows, cols) bool or None
+        Fixed-state mask.
+    """
+
+    inputs: Floats | None
+    previous: Floats | None
+    state: Floats | None
+    bias: Floats | None
+    held: NDArray[np.bool_] | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StateEquation:
+    """dx/dt of one frame; states and outputs are (layers, rows, cols), solvers see them flat."""
+
+    template: Template
+    shape: tuple[int, int]
+    given: Given
+
+    def start(self) -> Floats:
+        """Return the initial state."""
+        template = self.template
+        if self.given.state is not None:
+            return np.array(self.given.state)
+        if template.initial == "input":
+            assert self.given.inputs is not None
+            return np.array(self.given.inputs)
+        return np.full((template.layers, *self.shape), float(template.initial))
+
+    def drive(self) -> Floats:
+        """Return what of the rates does not change while the transient runs, delays apart."""
+        template, given = self.template, self.given
+        total = np.zeros((template.layers, *self.shape)) + template.z[:, np.newaxis, np.newaxis]
+        if given.inputs is not None:
+            total += self._inputs_through(template.B, given.inputs)
+            for coupling in template.nonlinear:
+                if coupling.static:
+                    total[coupling.to] += self._nonlinear(coupling, total, total)
+        return total if given.bias is None else total + given.bias
+
+    def delayed_drive(self, *, before: bool) -> Floats | float:
+        """Return what delayed inputs add, while they are still those before the start, or after."""
+        delayed, given = self.template.delayed, self.given
+        if delayed is None or given.inputs is None:
+            return 0.0
+        seen = given.previous if before and given.previous is not None else given.inputs
+        return self._inputs_through(delayed.B, seen)
+
+    def outputs(self, x: Floats) -> Floats:
+        """Return y = f(x)."""
+        return self.template.output.numpy(x)
+
+    def rate(self, drive: Floats, x: Floats, past: Floats | None, time: float) -> Floats:
+        """Return dx/dt of the states `x`; `past` are the outputs a delay ago."""
+        template = self.template
+        y = self.outputs(x)
+        rate = drive - x + self._outputs_through(template.A, y)
+        for gain in template.gains:
+            alone = np.zeros_like(template.A)
+            alone[gain.to, gain.source] = template.A[gain.to, gain.source]
+            factor = float(gain.table(np.asarray(time))) - 1.0
+            rate = rate + factor * self._outputs_through(alone, y)
+        for coupling in template.nonlinear:
+            if not coupling.static:
+                rate[coupling.to] += self._nonlinear(coupling, x, y)
+        if template.delayed is not None and past is not None:
+            rate = rate + self._outputs_through(template.delayed.A, past)
+        rate = rate / template.tau[:, np.newaxis, np.newaxis]
+        if template.output.limited:
+            outward = ((x >= 1.0) & (rate > 0.0)) | ((x <= -1.0) & (rate < 0.0))
+            rate = np.where(outward, 0.0, rate)
+        return rate if self.given.held is None else np.where(self.given.held, 0.0, rate)
+
+    def _inputs_through(self, kernels: Floats, inputs: Floats) -> Floats:
+        boundary = self.template.input_boundary
+        return _correlated(kernels, inputs, boundary, boundary.constant)
+
+    def _outputs_through(self, kernels: Floats, y: Floats) -> Floats:
+        return _correlated(kernels, y, self.template.boundary, self._edge("y"))
+
+    def _edge(self, quantity: str) -> float | None:
+        """Return what virtual cells of a fixed boundary show."""
+        if quantity == "u":
+            return self.template.input_boundary.constant
+        state = self.template.boundary.constant
+        if state is None or quantity == "x":
+            return state
+        return float(self.template.output.numpy(np.asarray(state)))
+
+    def _nonlinear(self, coupling: NonlinearCoupling, x: Floats, y: Floats) -> Floats:
+        maps = {"x": x, "y": y, "u": self.given.inputs}
+        neighbours, centres = maps[coupling.neighbour], maps[coupling.centre or coupling.neighbour]
+        assert neighbours is not None
+        assert centres is not None
+        seen = coupling.neighbour
+        boundary = self.template.input_boundary if seen == "u" else self.template.boundary
+        radius = coupling.weights.shape[0] // 2
+        padded = _padded(neighbours[coupling.source], boundary, radius, self._edge(seen))
+        centre = centres[coupling.centre_source if coupling.centre else coupling.source]
+        rows, cols = self.shape
+        total = np.zeros(self.shape)
+        for r, c in np.argwhere(coupling.weights):
+            neighbour = padded[r : r + rows, c : c + cols]
+            total += coupling.weights[r, c] * coupling.value(centre, neighbour)
+        return total
+
+
+def _padded(values: Floats, boundary: Boundary, radius: int, edge: float | None) -> Floats:
+    if boundary.pad_mode == "constant":
+        return np.pad(values, radius, mode="constant", constant_values=edge or 0.0)
+    return np.pad(values, radius, mode=boundary.pad_mode)
+
+
+def _correlated(kernels: Floats, maps: Floats, boundary: Boundary, edge: float | None) -> Floats:
+    mode = _NDIMAGE_MODES[boundary.pad_mode]
+    total = np.zeros((kernels.shape[0], *maps.shape[1:]))
+    for to in range(kernels.shape[0]):
+        for source in range(kernels.shape[1]):
+            if kernels[to, source].any():
+                total[to] += correlate(
+                    maps[source], kernels[to, source], mode=mode, cval=edge or 0.0
+                )
+    return total

@@ -1,0 +1,135 @@
+"""One transient in float64: SciPy's Dormand–Prince 8(5,3) far below the tolerance asked for.
+
+A delay is solved by the method of steps: each stretch of one delay sees the dense output of the
+stretch before. Where rates jump, or steps were asked for, fixed steps are taken.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.integrate import OdeSolution, solve_ivp
+
+from cnnum.arrays import Floats
+from cnnum.engines.reference.equation import Given, StateEquation
+from cnnum.engines.reference.march import march
+from cnnum.errors import MethodError
+from cnnum.integrators.choice import FixedSteps, Solver
+from cnnum.template import Template
+
+PRECISION = 1e-10
+"""Relative tolerance of the solver; kinks of f cost steps, not accuracy."""
+
+FINER = 16
+"""Where rates jump and no step was asked for, steps are so much shorter than other engines'."""
+
+Past = Callable[[float], Floats]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Answer:
+    """The end of a transient."""
+
+    state: Floats
+    time: float
+    steps: int
+
+
+def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Given) -> Answer:
+    """Return the end of a transient of one frame.
+
+    Raises
+    ------
+    MethodError
+        If SciPy's solver gives up.
+    """
+    equation = StateEquation(template, shape, given)
+    scheme = solver.scheme
+    if isinstance(scheme, FixedSteps) and (solver.asked or template.output.discrete):
+        return Answer(*march(equation, solver, scheme))
+    if any(coupling.jumps for coupling in template.nonlinear) and isinstance(scheme, FixedSteps):
+        finer = replace(
+            scheme, step=scheme.step / FINER, count=scheme.count * FINER, last=scheme.last / FINER
+        )
+        return Answer(*march(equation, solver, finer))
+    if template.delayed is not None:
+        return _by_stretches(equation, solver, template.delayed.delay)
+    return _integrate(equation, solver)
+
+
+def change(equation: StateEquation, answer: Answer, solver: Solver) -> float:
+    """Return the largest rate at the end, in units of the tolerance."""
+    x = answer.state
+    drive = equation.drive() + equation.delayed_drive(before=False)
+    rate = equation.rate(drive, x, equation.outputs(x), answer.time)
+    scale = solver.atol + solver.rtol * np.abs(x)
+    return float((np.abs(float(equation.template.tau.max()) * rate) / scale).max())
+
+
+def _stretch(
+    equation: StateEquation, drive: Floats, x: Floats, time: float, length: float, past: Past | None
+) -> tuple[Floats, int, OdeSolution | None]:
+    """Return the state after a stretch of time, the steps, and the dense output for delays."""
+
+    def right(t: float, flat: Floats) -> Floats:
+        seen = None if past is None else past(t)
+        return equation.rate(drive, flat.reshape(x.shape), seen, t).ravel()
+
+    solution = solve_ivp(
+        right,
+        (time, time + length),
+        x.ravel(),
+        method="DOP853",
+        rtol=PRECISION,
+        atol=PRECISION,
+        dense_output=past is not None,
+    )
+    if not solution.success:
+        raise MethodError(f"The reference solver stopped: {solution.message}")
+    return solution.y[:, -1].reshape(x.shape), len(solution.t) - 1, solution.sol
+
+
+def _integrate(equation: StateEquation, solver: Solver) -> Answer:
+    """Run to the end; to equilibrium in stretches that double."""
+    answer = Answer(equation.start(), 0.0, 0)
+    drive = equation.drive()
+    # settled well below the tolerance that is asked for, so that what is left does not count
+    strict = replace(solver, rtol=1e-3 * solver.rtol, atol=1e-3 * solver.atol)
+    stretch = 4.0 if solver.settle else solver.duration
+    while answer.time < solver.duration:
+        stretch = min(stretch, solver.duration - answer.time)
+        x, steps, _ = _stretch(equation, drive, answer.state, answer.time, stretch, None)
+        answer = Answer(x, answer.time + stretch, answer.steps + steps)
+        if solver.settle and change(equation, answer, strict) <= 1.0:
+            break
+        stretch *= 2.0
+    return answer
+
+
+def _by_stretches(equation: StateEquation, solver: Solver, delay: float) -> Answer:
+    answer = Answer(equation.start(), 0.0, 0)
+    first = equation.outputs(answer.state)
+    dense: OdeSolution | None = None
+    fixed = equation.drive()
+    while answer.time < solver.duration - 1e-12:
+        length = min(delay, solver.duration - answer.time)
+        before = dense
+
+        def past(t: float, before: OdeSolution | None = before) -> Floats:
+            if before is None:
+                return first
+            return equation.outputs(np.asarray(before(t - delay)).reshape(first.shape))
+
+        drive = fixed + equation.delayed_drive(before=answer.time < delay / 2)
+        x, steps, dense = _stretch(equation, drive, answer.state, answer.time, length, past)
+        answer = Answer(x, answer.time + length, answer.steps + steps)
+        if solver.settle and dense is not None and _still(dense, equation, solver, answer):
+            break
+    return answer
+
+
+def _still(dense: OdeSolution, equation: StateEquation, solver: Solver, answer: Answer) -> bool:
+    """Return whether nothing changed over the last delay, so that nothing will."""
+    start = np.asarray(dense(float(dense.ts[0]))).reshape(answer.state.shape)
+    moved = float(np.abs(start - answer.state).max())
+    return moved <= 1e-3 * solver.atol and change(equation, answer, solver) <= 1.0
