@@ -106,7 +106,7 @@ def _feet(layout: Layout, radius: float) -> NDArray[np.bool_]:
     away = [
         (np.arange(n) % CELLS - CELLS // 2) * layout.pitch / CELLS for n in layout.surface.shape
     ]
-    return np.asarray(np.hypot(away[0][:, None], away[1][None, :]) <= radius)
+    return np.asarray(np.hypot(away[0][:, None], away[1][None, :]) <= radius * (1 + 1e-9))
 
 
 def _kernel(surface: Grid, depth: float, youngs_modulus: float) -> Floats:

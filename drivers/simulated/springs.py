@@ -12,8 +12,9 @@ from ρ to a, and the limits are those whose transform is friction times Hertz's
 
     u_lim(s) = μ E*/G* (a² - s²)/R,              F_lim(s) = μ p₀/(2G) (K(k) - E(k)), k² = 1 - s²/a²
 
-Where shear and twist act together each spring keeps (u/u_lim)² + (F/F_lim)² ≤ 1: each limit is
-exact alone, and between them friction turns towards the sliding direction. That is a model.
+Where shear and twist act together each spring keeps (u/u_lim)² + (F/F_lim)² ≤ 1. Each limit is
+exact alone; the mixture is a model: friction turns towards the sliding direction as it should, but
+in sliding and turning at once force and torque may be off by a third of their limits.
 
 References
 ----------
@@ -28,7 +29,7 @@ from scipy.special import ellipe, ellipkm1
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.motion import Command
-from cnnum.tactile.contact.hertz import contact_modulus, hertz
+from cnnum.tactile.contact import contact_modulus, hertz
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.springs import Springs, State
-from cnnum.tactile.contact.hertz import hertz
+from cnnum.tactile.contact import hertz
 from cnnum.tactile.grid import Grid
 
 SUBCELLS = 3
@@ -117,7 +117,7 @@ def abel(s: Floats) -> tuple[Floats, Floats]:
         To be multiplied from the right.
     """
     rho = (s[1:] + s[:-1]) / 2
-    ends = np.arccosh(np.maximum(s[:, None] / rho, 1.0))
+    ends: Floats = np.asarray(np.arccosh(np.maximum(s[:, None] / rho, 1.0)), dtype=np.float64)
     pieces: Floats = (ends[1:] - ends[:-1]) / (np.pi * (s[1] - s[0]))
     matrix = np.zeros((s.size, rho.size))
     matrix[:-1] += pieces
@@ -127,8 +127,8 @@ def abel(s: Floats) -> tuple[Floats, Floats]:
 
 def _span(centres: Floats, reach: Floats, edges: Floats) -> slice:
     """Return the cells between the outermost rims, at least one."""
-    low = int(np.searchsorted(edges, (centres - reach).min(), "right")) - 1
-    high = int(np.searchsorted(edges, (centres + reach).max(), "left"))
+    low = int((edges <= np.min(centres - reach)).sum()) - 1
+    high = int((edges < np.max(centres + reach)).sum())
     low = min(max(low, 0), edges.size - 2)
     return slice(low, max(high, low + 1))
 

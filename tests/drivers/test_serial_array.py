@@ -1,21 +1,19 @@
 """A serial array over a real pseudo-terminal: damage, cuts, an unplug, a plug again."""
 
 import errno
-import os
 import time
-import tty
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
-from threading import Event, Thread
+from threading import Thread
+from typing import Any
 
 import numpy as np
 import pytest
 
-from cnnum.drivers import serial_reader
 from cnnum.drivers.serial_array import SerialArray, SerialOptions
-from cnnum.drivers.serial_port import SerialPort, open_error
-from cnnum.drivers.serve import packets, serve, write_all
+from cnnum.drivers.serial_port import open_error
+from cnnum.drivers.serve import packets
 from cnnum.errors import CodecError, PortError
 from cnnum.frame import FORCE_AXES, Frame, Quality
 
@@ -33,74 +31,6 @@ def frames(count: int, first: int = 0) -> list[Frame]:
     return [frame(n) for n in range(first, first + count)]
 
 
-class Device:
-    """The far end of a pseudo-terminal, which an array's firmware would write to."""
-
-    def __init__(self, link: Path, opened: Event) -> None:
-        opened.clear()
-        self._opened = opened
-        self.master, self._slave = os.openpty()
-        tty.setraw(self._slave)
-        link.unlink(missing_ok=True)
-        link.symlink_to(os.ttyname(self._slave))
-        self._threads: list[Thread] = []
-        self._plugged = True
-
-    def write(self, data: bytes) -> None:
-        """Write from a thread, once the port is open: opening empties what came before."""
-        self._start(lambda: write_all(self.master, data))
-
-    def serve(self, sent: list[Frame], rate: float) -> None:
-        self._start(lambda: serve(sent, self.master, rate))
-
-    def _start(self, work: Callable[[], object]) -> None:
-        def when_open() -> None:
-            if self._opened.wait(WAIT):
-                work()
-
-        self._threads.append(Thread(target=when_open))
-        self._threads[-1].start()
-
-    def written(self) -> None:
-        for thread in self._threads:
-            thread.join(WAIT)
-            assert not thread.is_alive()
-
-    def unplug(self) -> None:
-        self.written()
-        if self._plugged:
-            self._plugged = False
-            os.close(self._slave)
-            os.close(self.master)
-
-
-@pytest.fixture
-def link(tmp_path: Path) -> Path:
-    return tmp_path / "ttyTAXEL"
-
-
-@pytest.fixture
-def opened(monkeypatch: pytest.MonkeyPatch) -> Event:
-    """Set whenever a port has been opened."""
-    event = Event()
-
-    class Watched(SerialPort):
-        def __init__(self, path: str, baud: int) -> None:
-            super().__init__(path, baud)
-            event.set()
-
-    monkeypatch.setattr(serial_reader, "SerialPort", Watched)
-    return event
-
-
-@pytest.fixture
-def device(link: Path, opened: Event) -> Iterator[Device]:
-    device = Device(link, opened)
-    yield device
-    opened.set()
-    device.unplug()
-
-
 def options(link: Path, **changes: object) -> SerialOptions:
     quick = {"timeout": 1.0, "reconnects": 2, "backoff": 0.02, "longest_backoff": 0.05}
     return SerialOptions(str(link), **{**quick, **changes})  # type: ignore[arg-type]
@@ -111,7 +41,7 @@ def take(array: SerialArray, count: int) -> list[Frame]:
     return [next(source) for _ in range(count)]
 
 
-def test_frames_arrive_as_they_were_sent(device: Device, link: Path) -> None:
+def test_frames_arrive_as_they_were_sent(device: Any, link: Path) -> None:
     sent = frames(100)
     device.write(b"".join(packets(sent, RATE)))
     with options(link).open() as array:
@@ -126,7 +56,7 @@ def test_frames_arrive_as_they_were_sent(device: Device, link: Path) -> None:
         assert one.time == pytest.approx(other.time, abs=1e-6)
 
 
-def test_corrupted_and_cut_packets_are_counted_and_overcome(device: Device, link: Path) -> None:
+def test_corrupted_and_cut_packets_are_counted_and_overcome(device: Any, link: Path) -> None:
     data = list(packets(frames(30), RATE))
     data[7] = data[7][:100] + bytes([data[7][100] ^ 0x40]) + data[7][101:]
     data[12] = data[12][:150]
@@ -142,9 +72,7 @@ def test_corrupted_and_cut_packets_are_counted_and_overcome(device: Device, link
     assert seen.discarded == 5 + len(data[7]) + 150 + 20
 
 
-def test_an_unplug_ends_in_one_sentence_after_the_frames_before_it(
-    device: Device, link: Path
-) -> None:
+def test_an_unplug_ends_in_one_sentence_after_the_frames_before_it(device: Any, link: Path) -> None:
     device.write(b"".join(packets(frames(10), RATE)))
     with options(link).open() as array:
         source = array.frames()
@@ -159,14 +87,14 @@ def test_an_unplug_ends_in_one_sentence_after_the_frames_before_it(
 
 
 def test_plugged_in_again_it_goes_on_and_tells_the_gap(
-    device: Device, link: Path, opened: Event
+    device: Any, link: Path, plug: Callable[[], Any]
 ) -> None:
     device.write(b"".join(packets(frames(10), RATE)))
     with options(link, reconnects=200).open() as array:
         source = array.frames()
         before = [next(source) for _ in range(10)]
         device.unplug()
-        again = Device(link, opened)
+        again = plug()
         # the device has started anew: its count and its clock begin at 0
         again.write(b"".join(packets(frames(10), RATE)))
         after = [next(source) for _ in range(10)]
@@ -179,7 +107,7 @@ def test_plugged_in_again_it_goes_on_and_tells_the_gap(
     assert all(b.time > a.time and b.sequence > a.sequence for a, b in pairwise(merged))
 
 
-def test_a_silent_array_is_given_up(device: Device, link: Path) -> None:
+def test_a_silent_array_is_given_up(device: Any, link: Path) -> None:
     device.write(b"".join(packets(frames(3), RATE)))
     with options(link, timeout=0.2, reconnects=1).open() as array:
         assert len(take(array, 3)) == 3
@@ -187,13 +115,13 @@ def test_a_silent_array_is_given_up(device: Device, link: Path) -> None:
             next(array.frames())
 
 
-def test_no_packet_at_all_is_told_on_opening(device: Device, link: Path) -> None:
+def test_no_packet_at_all_is_told_on_opening(device: Any, link: Path) -> None:
     device.write(b"this is another protocol\n" * 20)
     with pytest.raises(PortError, match=r"No good packet came.*speaks the open protocol"):
         options(link, timeout=0.2).open()
 
 
-def test_latest_passes_over_what_is_old_and_counts_it(device: Device, link: Path) -> None:
+def test_latest_passes_over_what_is_old_and_counts_it(device: Any, link: Path) -> None:
     device.write(b"".join(packets(frames(200), RATE)))
     with options(link, mode="latest").open() as array:
         device.written()
@@ -205,7 +133,7 @@ def test_latest_passes_over_what_is_old_and_counts_it(device: Device, link: Path
     assert (seen.frames, seen.skipped, seen.dropped) == (1, 199, 0)
 
 
-def test_a_full_queue_drops_the_oldest_and_counts_it(device: Device, link: Path) -> None:
+def test_a_full_queue_drops_the_oldest_and_counts_it(device: Any, link: Path) -> None:
     device.write(b"".join(packets(frames(50), RATE)))
     with options(link, depth=10).open() as array:
         device.written()
@@ -216,7 +144,7 @@ def test_a_full_queue_drops_the_oldest_and_counts_it(device: Device, link: Path)
         assert (array.counters.frames, array.counters.dropped) == (10, 40)
 
 
-def test_closing_ends_the_frames(device: Device, link: Path) -> None:
+def test_closing_ends_the_frames(device: Any, link: Path) -> None:
     device.write(b"".join(packets(frames(5), RATE)))
     array = options(link).open()
     source = array.frames()
@@ -226,16 +154,14 @@ def test_closing_ends_the_frames(device: Device, link: Path) -> None:
     array.close()
 
 
-def test_a_port_in_use_is_told(device: Device, link: Path) -> None:
+def test_a_port_in_use_is_told(device: Any, link: Path) -> None:
     device.write(b"".join(packets(frames(5), RATE)))
     with options(link).open(), pytest.raises(PortError, match="in use by another program"):
         options(link).open()
 
 
 def test_a_port_that_is_not_there_is_told(tmp_path: Path) -> None:
-    with pytest.raises(
-        PortError, match=r"no port '.*gone': plug the array in; ports here"
-    ):
+    with pytest.raises(PortError, match=r"no port '.*gone': plug the array in; ports here"):
         options(tmp_path / "gone").open()
 
 
@@ -254,7 +180,7 @@ def test_each_system_error_has_its_sentence(code: int, sentence: str) -> None:
     assert "COM9" in str(error)
 
 
-def test_serving_keeps_to_the_rate(device: Device, link: Path) -> None:
+def test_serving_keeps_to_the_rate(device: Any, link: Path) -> None:
     begin = time.monotonic()
     device.serve(frames(21), 100.0)
     with options(link).open() as array:
@@ -263,7 +189,7 @@ def test_serving_keeps_to_the_rate(device: Device, link: Path) -> None:
         assert time.monotonic() - begin >= 0.2
 
 
-def test_whole_cells_are_rounded_and_clipped(device: Device, link: Path) -> None:
+def test_whole_cells_are_rounded_and_clipped(device: Any, link: Path) -> None:
     values = np.array([[[-1.0, 2.4, 70_000.0]]])
     device.write(b"".join(packets([Frame(values, FORCE_AXES, "count", 0, 0.0)], RATE, "<u2")))
     with options(link).open() as array:
