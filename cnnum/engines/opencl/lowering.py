@@ -133,7 +133,7 @@ class Lowering:
         group, self.group = self.group, []
         inside = {node.index for node in group}
         loop: list[str] = []
-        stored: list[str] = []
+        kept: list[tuple[Node, str]] = []
         for node in group:
             arguments = [self.values.read(argument) for argument in node.arguments]
             if isinstance(node.operation, Reduce):
@@ -147,7 +147,9 @@ class Lowering:
             loop.append(f"const real {name} = {_call(node.operation, arguments)};")
             self.values.alias(node, name)
             if self.last_use[node.index] not in inside:
-                stored.append(self._store(node, name))
+                kept.append((node, name))
+        # only now: within the loop a value is read by its name, before its slot is written
+        stored = [self._store(node, name) for node, name in kept]
         self.body.append(f"for (int i = 0; i < {self.schedule.cells}; ++i) {{")
         self.body += [f"    {line}" for line in loop + stored]
         self.body.append("}")
