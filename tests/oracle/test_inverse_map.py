@@ -7,6 +7,7 @@ from cnnum.arrays import Floats
 from cnnum.errors import ArrayError, PhysicsError, UnknownNameError
 from cnnum.tactile import halfspace
 from cnnum.tactile.inverse import LoadMap, resolution_limit
+from cnnum.tactile.inverse.pushing import pushing_only
 
 E, Z, CELL, SIDE = 0.87e6, 200e-6, 200e-6, 8
 LINE = (np.arange(SIDE) - (SIDE - 1) / 2) * CELL
@@ -64,6 +65,36 @@ def test_error_falls_with_the_noise_and_the_place_is_right() -> None:
         assert set(np.argsort(strongest.ravel())[-4:]) == {27, 28, 35, 36}
     assert errors[2] < 0.5 * errors[1] < 0.5 * errors[0]
     assert errors[2] < 0.15
+
+
+@pytest.mark.parametrize("noise", [1e-3, 1e-4, 1e-5])
+def test_pushing_only_brings_the_map_nearer(noise: float) -> None:
+    rng = np.random.default_rng(3)
+    rows = frame(press()) + noise * rng.normal(size=(5, SIDE * SIDE, 3))
+    solver = inverse(noise)
+    plain, pushed = solver(rows), solver(rows, push_only=True)
+    assert pushed.traction[..., 2].min() >= 0.0
+    gaps = [np.sqrt(np.mean((found.traction - press()) ** 2)) for found in (plain, pushed)]
+    assert gaps[1] < 0.9 * gaps[0]
+    total = press()[..., 2].sum()
+    off = np.abs(pushed.traction[..., 2].sum(axis=(1, 2)) / total - 1.0)
+    # Unbounded, a uniform pressure is lost: half of the force at 1e-4. Bounded, a third at most.
+    assert off.mean() < 1.0 / 3.0
+
+
+def test_pushing_only_is_the_least_under_its_condition() -> None:
+    rng = np.random.default_rng(4)
+    half = rng.normal(size=(12, 12))
+    square, pull = half @ half.T + np.eye(12), rng.normal(size=12)
+    positive = np.arange(12) % 3 != 0
+    found = pushing_only(square, pull, positive)
+    slope = square @ found - pull
+    # Karush–Kuhn–Tucker: rounding of a 12×12 system.
+    assert (found[positive] >= 0.0).all()
+    assert (slope[positive] > -1e-10).all()
+    np.testing.assert_allclose(slope[~positive], 0.0, atol=1e-10)
+    np.testing.assert_allclose((slope * found)[positive], 0.0, atol=1e-10)
+    assert (found[positive] == 0.0).any()
 
 
 def test_frames_add_up() -> None:

@@ -27,7 +27,7 @@ def test_one_taxel_turns_and_scales(strain: Floats, angle: float, factor: float)
     other = locate(factor * turn(angle) @ strain, depth=Z, youngs_modulus=E, noise=factor * 1e-6)
     assert not np.isnan([load.x, load.y, load.force, load.position_error]).any()
     if np.hypot(*strain[:2]) < max(1e-9 * abs(strain[2]), 1e-290):
-        return  # rounding (or numbers too small to keep their digits) turns a place straight below, or infinitely far, by more than itself
+        return  # rounding turns a place straight below, or infinitely far, by more than itself
     place = turn(angle)[:2, :2] @ [load.x, load.y]
     radius = max(float(np.hypot(*place)), 1e-9 * Z)
     # n and s carry 1e-16 of each other; far out ρ divides by s.

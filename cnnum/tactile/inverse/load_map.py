@@ -13,6 +13,7 @@ from cnnum.tactile import checks, halfspace
 from cnnum.tactile.checks import Array
 from cnnum.tactile.grid import Grid, make_grid
 from cnnum.tactile.inverse.noise import NORMAL_95, Noise, shear_and_normal
+from cnnum.tactile.inverse.pushing import pushing_only
 
 _PRIORS = (1e-3, 1e9)  # likely tractions, from far under the noise to far over what taxels bear
 _STEPS = 84
@@ -62,8 +63,8 @@ class LoadMap:
 
     Notes
     -----
-    A uniform pressure makes no strain on an incompressible half-space: its mean over the map is
-    seen by the map's edges only.
+    A uniform pressure makes no strain in an incompressible half-space: the total of a map is
+    seen by its edges only; see `push_only`.
     """
 
     taxels: Array
@@ -96,7 +97,13 @@ class LoadMap:
         """Places of the cells."""
         return make_grid(self.shape, self.spacing)
 
-    def __call__(self, strain: ArrayLike, regularisation: ArrayLike | None = None) -> SurfaceLoad:
+    def __call__(
+        self,
+        strain: ArrayLike,
+        regularisation: ArrayLike | None = None,
+        *,
+        push_only: bool = False,
+    ) -> SurfaceLoad:
         """Return the likeliest traction behind the strain, for a likely size of tractions.
 
         Parameters
@@ -106,6 +113,11 @@ class LoadMap:
         regularisation : (...) float, Pa, optional
             RMS traction taken as likely; if not given, the one under which the frame itself is
             most probable (evidence; MacKay, Neural Computation 4 (1992) 415).
+        push_only : bool
+            Let no pressure be negative. The strain hardly sees a uniform pressure; that nothing
+            pulls where nothing touches pins it down, and the map comes nearer. Noise then can
+            only add, so the total force comes out too large rather than too small. Each frame is
+            a problem of its own, solved one after the other.
 
         Returns
         -------
@@ -126,14 +138,31 @@ class LoadMap:
         else:
             given = checks.positive("regularisation", regularisation)
             prior = np.broadcast_to(given, lead).reshape(-1)
-        kept = self._kept(prior)
-        traction = (amount * kept / self._sizes) @ self._right
-        left = np.sum(((1.0 - kept) * amount) ** 2, axis=-1) + outside
+        if push_only and "normal" in self.loads:
+            traction = self._pushing(target, prior)
+        else:
+            traction = (amount * self._kept(prior) / self._sizes) @ self._right
+        left = np.sum((amount - (traction @ self._right.T) * self._sizes) ** 2, axis=-1) + outside
         return SurfaceLoad(
             traction.reshape(*lead, *self.shape, len(self.loads)),
             prior.reshape(lead),
             np.sqrt(left / target.shape[-1]).reshape(lead),
         )
+
+    def _pushing(self, target: Array, prior: Array) -> Array:
+        """Return (frames, unknowns) tractions without negative pressure."""
+        matrix = (self._left * self._sizes) @ self._right
+        square, pull = matrix.T @ matrix, target @ matrix
+        positive = np.tile(np.array([name == "normal" for name in self.loads]), self._cells)
+        rows: list[Array] = []
+        for aim, likely in zip(pull, prior, strict=True):
+            scaled = likely**2 * square + np.eye(len(square))
+            rows.append(likely * pushing_only(scaled, likely * aim, positive))
+        return np.stack(rows)
+
+    @property
+    def _cells(self) -> int:
+        return self.shape[0] * self.shape[1]
 
     def noise_error(self, regularisation: float) -> Array:
         """Return the half-width that holds what noise does to each cell in 95 % of cases.
