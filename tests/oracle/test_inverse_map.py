@@ -78,8 +78,8 @@ def test_pushing_only_brings_the_map_nearer(noise: float) -> None:
     assert gaps[1] < 0.9 * gaps[0]
     total = press()[..., 2].sum()
     off = np.abs(pushed.traction[..., 2].sum(axis=(1, 2)) / total - 1.0)
-    # Unbounded, a uniform pressure is lost: half of the force at 1e-4. Bounded, a third at most.
-    assert off.mean() < 1.0 / 3.0
+    # Unbounded, three quarters of the force are lost at 1e-3; bounded, noise adds less than half.
+    assert (off < 0.5).all()
 
 
 def test_pushing_only_is_the_least_under_its_condition() -> None:

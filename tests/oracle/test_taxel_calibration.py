@@ -102,6 +102,15 @@ def test_saturation_and_overload_are_flagged_never_silent() -> None:
     np.testing.assert_array_equal(taxel.calibration().saturated(reading.volts), reading.saturated)
 
 
+def test_calibration_and_converter_agree_on_what_is_saturated() -> None:
+    taxel = Taxel(Coupling.nominal(), readout=Readout(limit=0.3, bits=8))
+    strain = np.zeros((2001, 1, 1, 3))
+    strain[:, 0, 0, 2] = np.linspace(-0.2, 0.2, 2001)  # both ends of the range, code by code
+    reading = taxel.read(strain)
+    assert 0 < np.count_nonzero(reading.saturated) < reading.saturated.size
+    np.testing.assert_array_equal(taxel.calibration().saturated(reading.volts), reading.saturated)
+
+
 def test_a_calibration_survives_its_file(tmp_path: Path) -> None:
     calibration = array(np.random.default_rng(9)).calibration(depth=Z)
     path = tmp_path / "array.toml"

@@ -177,10 +177,10 @@ class Readout:
         return self._convert(volts)
 
     def _convert(self, volts: Floats) -> tuple[Floats, NDArray[np.bool_]]:
-        """Return the converter's values; the last code is one step below the upper limit."""
+        """Return the converter's values; |code| has its last value in common at both ends."""
         if self.bits is None:
             cut = np.clip(volts, -self.limit, self.limit)
             return cut, np.asarray(np.abs(volts) >= self.limit)
         top = 2.0 ** (self.bits - 1)
         code = np.clip(np.rint(volts / self.step), -top, top - 1.0)
-        return code * self.step, np.asarray((code <= -top) | (code >= top - 1.0))
+        return code * self.step, np.asarray(np.abs(code) >= top - 1.0)

@@ -77,7 +77,7 @@ class Taxel:
             offsets=self.readout.offsets,
             cross=self._cross(shear, normal),
             heat=self.readout.heat,
-            limit=self.readout.limit - 2.0 * self.readout.step,
+            limit=self.readout.limit - 1.5 * self.readout.step,  # between the last two codes
             depth=depth,
         )
 
