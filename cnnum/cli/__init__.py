@@ -1,0 +1,5 @@
+"""The command line: `cnnum run`, `cnnum demo`, … one file a command or group."""
+
+from cnnum.cli.root import main
+
+__all__ = ["main"]

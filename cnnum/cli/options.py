@@ -1,0 +1,70 @@
+"""Options that several commands share, and what they say."""
+
+import tomllib
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
+
+import click
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
+"""Every command takes it."""
+
+set_option = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set a key of the scene, as in 'array.seed=3' (again for more).",
+)
+
+
+def engine_options(function: Function) -> Function:
+    """Add the options that choose an engine."""
+    options = (
+        click.option("--engine", help="Engine to run on: opencl, reference…"),
+        click.option("--device", help="Part of the device's name."),
+        click.option("--precision", help="float32 or float64."),
+    )
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def assignments(settings: Iterable[str], prefix: str = "") -> dict[str, object]:
+    """Return what `--set` options say, by dotted key.
+
+    A value is what TOML takes it for (number, string in quotes, true, list); anything else is
+    a string as it stands, so that paths and names need no quotes.
+
+    Raises
+    ------
+    click.UsageError
+        If one is not of the form key=value.
+    """
+    found: dict[str, object] = {}
+    for text in settings:
+        key, equals, value = text.partition("=")
+        key = key.strip()
+        if not equals or not all(key.split(".")):
+            raise click.UsageError(f"Expected KEY=VALUE, as in 'array.seed=3', got '{text}'.")
+        found[prefix + key] = toml_value(value.strip())
+    return found
+
+
+def toml_value(text: str) -> object:
+    """Return a value as TOML reads it, or the text itself where it is none."""
+    try:
+        table = tomllib.loads(f"value = {text}")
+    except tomllib.TOMLDecodeError:
+        return text
+    return table["value"] if set(table) == {"value"} else text
+
+
+def scene_changes(
+    settings: Iterable[str], engine: str | None, device: str | None, precision: str | None
+) -> dict[str, object]:
+    """Return all that the command line sets over a scene's file."""
+    chosen = {"engine.name": engine, "engine.device": device, "engine.precision": precision}
+    return assignments(settings) | {key: value for key, value in chosen.items() if value}

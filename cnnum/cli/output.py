@@ -1,0 +1,115 @@
+"""What a command prints: JSON records for programs, or text and tables for people."""
+
+import json
+import math
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+
+from rich import box
+from rich.console import Console, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+PIPED_WIDTH = 120
+"""Columns of a pipe or a file."""
+
+
+def console() -> Console:
+    """Return a console on standard output, as wide as the terminal."""
+    width = None if sys.stdout.isatty() else PIPED_WIDTH
+    return Console(width=width, highlight=False)
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """Standard output of a command.
+
+    Attributes
+    ----------
+    as_json : bool
+        One JSON object a line, and nothing else.
+    """
+
+    as_json: bool
+
+    def record(self, values: Mapping[str, object], text: str = "") -> None:
+        """Write a record at once, or the text that says the same."""
+        if self.as_json:
+            self._line(json.dumps(_plain(values), ensure_ascii=False, allow_nan=False))
+        elif text:
+            self._line(text)
+
+    def show(self, *parts: RenderableType) -> None:
+        """Lay out tables and text; nothing with --json."""
+        if not self.as_json:
+            target = console()
+            with target.capture() as laid_out:
+                for part in parts:
+                    target.print(part)
+            for line in laid_out.get().splitlines():
+                sys.stdout.write(line.rstrip() + "\n")  # tables pad their lines
+            sys.stdout.flush()
+
+    def _line(self, text: str) -> None:
+        # not through a console: it breaks lines, and would pass by a progress bar
+        sys.stdout.write(text + "\n")
+        sys.stdout.flush()
+
+
+def _plain(value: object) -> object:
+    """Return a value as JSON has it; a number that is not finite has no form there and is null."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in cast(Mapping[object, object], value).items()}
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in cast(Sequence[object], value)]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    item = getattr(cast(Any, value), "item", None)
+    return _plain(item()) if item is not None else value
+
+
+def table(*columns: str, title: str = "") -> Table:
+    """Return an empty table; a column whose name begins with ">" is aligned to the right."""
+    made = Table(box=box.SIMPLE_HEAD, title=title or None, title_justify="left", pad_edge=False)
+    for name in columns:
+        right = name.startswith(">")
+        made.add_column(
+            name.removeprefix(">"),
+            justify="right" if right else "left",
+            no_wrap=right,
+            header_style="bold",
+            overflow="fold",
+        )
+    return made
+
+
+def facts(pairs: Iterable[tuple[str, str]], title: str = "") -> Table:
+    """Return a table of names and values, without lines."""
+    made = Table.grid(padding=(0, 2))
+    made.title, made.title_justify = title or None, "left"
+    made.add_column(style="bold", no_wrap=True)
+    made.add_column(overflow="fold")
+    for name, value in pairs:
+        made.add_row(name, Text(value))
+    return made
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Return a number with so many digits that count."""
+    return f"{value:.{digits}g}" if math.isfinite(value) else "∞" if value > 0 else "?"
+
+
+def quantity(value: float, unit: str) -> str:
+    """Return a quantity with the prefix that keeps it between 1 and 1000."""
+    if value == 0 or not math.isfinite(value):
+        return f"{value:g} {unit}"
+    steps = min(max(math.floor(math.log10(abs(value)) / 3), -4), 4)
+    prefix = ("p", "n", "µ", "m", "", "k", "M", "G", "T")[steps + 4]
+    return f"{value / 1000.0**steps:.3g} {prefix}{unit}"
+
+
+def verdict(passed: bool) -> Text:
+    """Return "passed" or "FAILED", told apart without colours too."""
+    return Text("passed", style="green") if passed else Text("FAILED", style="bold red")

@@ -1,0 +1,120 @@
+"""What can be told of an array from its frames: rate, gaps, noise, cells that never change."""
+
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.frame import Frame, Quality
+
+ENOUGH = 50
+"""New scans from which a cell that never changed is called dead or stuck."""
+
+Cell = tuple[int, int, str]
+"""Row, column, channel."""
+
+
+@dataclass(slots=True)
+class ProbeFigures:
+    """Figures over the frames seen so far.
+
+    Attributes
+    ----------
+    frames : int
+        All that came, repeated and bad ones too.
+    scans : int
+        New and good ones among them: the figures of cells are over these.
+    saturated, repeated, bad : int
+        Frames flagged so.
+    """
+
+    frames: int = 0
+    scans: int = 0
+    saturated: int = 0
+    repeated: int = 0
+    bad: int = 0
+    _channels: tuple[str, ...] = ()
+    _times: list[float] = field(default_factory=list[float])
+    _arrivals: list[float] = field(default_factory=list[float])
+    _first: Floats = field(default_factory=lambda: np.zeros(0))
+    _changed: Floats = field(default_factory=lambda: np.zeros(0))
+    _sum: Floats = field(default_factory=lambda: np.zeros(0))
+    _squares: Floats = field(default_factory=lambda: np.zeros(0))
+
+    def add(self, frame: Frame) -> None:
+        """Take in a frame."""
+        self.frames += 1
+        self._arrivals.append(time.monotonic())
+        self.saturated += bool(frame.quality & Quality.SATURATED)
+        self.repeated += frame.repeated
+        self.bad += frame.bad
+        if frame.repeated or frame.bad:
+            return
+        if self.scans == 0:
+            self._begin(frame)
+        self.scans += 1
+        self._times.append(frame.time)
+        away = frame.values - self._first
+        self._changed += away != 0
+        self._sum += away
+        self._squares += away**2
+
+    def _begin(self, frame: Frame) -> None:
+        self._channels = frame.channels
+        self._first = frame.values.copy()
+        self._changed = np.zeros_like(self._first)
+        self._sum = np.zeros_like(self._first)
+        self._squares = np.zeros_like(self._first)
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first frame to the last by the host's clock, s."""
+        return self._arrivals[-1] - self._arrivals[0] if self._arrivals else 0.0
+
+    @property
+    def rate(self) -> float:
+        """Scans a second by the frames' own times, Hz; 0 where they do not say."""
+        return _rate(self._times)
+
+    @property
+    def arrival_rate(self) -> float:
+        """Frames a second by the host's clock, Hz."""
+        return _rate(self._arrivals)
+
+    @property
+    def jitter(self) -> float:
+        """Largest departure of an interval between scans from their median, s."""
+        steps = np.diff(self._times)
+        return float(np.max(np.abs(steps - np.median(steps)))) if steps.size else 0.0
+
+    @property
+    def spread(self) -> dict[str, float]:
+        """Standard deviation of the median cell, by channel, in the frames' unit."""
+        if self.scans < 2:
+            return {}
+        mean = self._sum / self.scans
+        deviation = np.sqrt(np.maximum(self._squares / self.scans - mean**2, 0.0))
+        middle = np.median(deviation, axis=(0, 1)).tolist()
+        return dict(zip(self._channels, middle, strict=True))
+
+    @property
+    def dead(self) -> list[Cell]:
+        """Cells that read 0 all the time."""
+        return self._still(zero=True)
+
+    @property
+    def stuck(self) -> list[Cell]:
+        """Cells that read the same number all the time, and not 0."""
+        return self._still(zero=False)
+
+    def _still(self, *, zero: bool) -> list[Cell]:
+        if self.scans < ENOUGH:
+            return []
+        still = (self._changed == 0) & ((self._first == 0) == zero)
+        return [(int(r), int(c), self._channels[n]) for r, c, n in np.argwhere(still)]
+
+
+def _rate(times: list[float]) -> float:
+    span = times[-1] - times[0] if times else 0.0
+    return (len(times) - 1) / span if span > 0 else 0.0

@@ -1,0 +1,123 @@
+"""The root of the commands: the one place where an error becomes a sentence and an exit code."""
+
+import contextlib
+import difflib
+import os
+import sys
+from collections.abc import Callable, Sequence
+from functools import partial
+from importlib import import_module
+from typing import Any, cast
+
+import click
+
+from cnnum import __version__
+from cnnum.cli.registry import COMMANDS
+from cnnum.errors import CnnumError
+
+CHECKS_FAILED, WRONG_INPUT, STOPPED, PIPE_CLOSED = 1, 2, 130, 141
+"""Exit codes; the last two are those of a shell for a command that a signal has ended."""
+
+
+class Root(click.Group):
+    """Finds commands by the registry, and ends every one of them in the same way."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """Return the names of the commands."""
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """Import a command."""
+        if cmd_name not in COMMANDS:
+            return None
+        return cast(click.Command, import_module(COMMANDS[cmd_name][0]).command)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that was asked for, or name the nearest one."""
+        if args[0] not in COMMANDS and not args[0].startswith("-"):
+            near = difflib.get_close_matches(args[0], COMMANDS, n=1)
+            hint = f"did you mean '{near[0]}'?" if near else f"expected {', '.join(COMMANDS)}."
+            raise click.UsageError(f"Unknown command '{args[0]}': {hint}", ctx)
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands without importing any."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = "cnnum",
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run a command and exit."""
+        for stream in (sys.stdout, sys.stderr):
+            # a terminal that has no letter τ shall not end the command
+            with contextlib.suppress(AttributeError):
+                cast(Any, stream).reconfigure(errors="replace")
+        run = partial(
+            super().main,
+            args=args,
+            prog_name="cnnum",
+            complete_var=complete_var,
+            standalone_mode=False,
+            windows_expand_args=windows_expand_args,
+            **extra,
+        )
+        sys.exit(_exit_code(run))
+
+
+def _exit_code(run: Callable[[], object]) -> int:
+    try:
+        code = run()
+        sys.stdout.flush()
+    except click.ClickException as error:
+        return _say(_usage(error))
+    except CnnumError as error:
+        return _say(str(error))
+    except (click.Abort, KeyboardInterrupt):
+        return STOPPED
+    except BrokenPipeError:
+        return _closed_pipe()
+    except OSError as error:
+        where = f"'{error.filename}': " if error.filename else ""
+        return _say(f"{where}{error.strerror or error}.")
+    return code if isinstance(code, int) else 0
+
+
+def _usage(error: click.ClickException) -> str:
+    ctx = error.ctx if isinstance(error, click.UsageError) else None
+    sentence = " ".join(error.format_message().split())
+    return f"{sentence} ('{ctx.command_path} --help' shows how)" if ctx else sentence
+
+
+def _say(sentence: str) -> int:
+    # stdout first: a pipe that closed there has already been told of
+    with contextlib.suppress(OSError):
+        sys.stdout.flush()
+    with contextlib.suppress(OSError):
+        print(f"cnnum: {' '.join(sentence.split())}", file=sys.stderr, flush=True)
+    return WRONG_INPUT
+
+
+def _closed_pipe() -> int:
+    """Be silent: whoever read our output has seen enough (`cnnum … | head`)."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        # what still waits in the buffer would raise once more when Python ends
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return PIPE_CLOSED
+
+
+@click.group(cls=Root, context_settings={"help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="cnnum")
+def main() -> None:
+    """Run tactile scenes on an emulated cellular-wave computer.
+
+    Begin with `cnnum demo`. Every command takes --json, which prints one JSON object a line.
+    """

@@ -1,0 +1,54 @@
+"""The array that a command reads: a driver by its name, or that of a scene."""
+
+import time
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cnnum.errors import UnknownNameError
+
+if TYPE_CHECKING:
+    from cnnum.drivers.driver import Driver
+    from cnnum.frame import Frame
+
+
+def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
+    """Open a driver by its name, or the array of a scene.
+
+    Parameters
+    ----------
+    source : str
+        Name of a driver or a scene, or a scene's TOML file.
+    settings : mapping of str to object
+        Options of the driver, over those of the scene.
+
+    Raises
+    ------
+    UnknownNameError
+        If it is none of these.
+    CnnumError
+        Whatever opening brings.
+    """
+    from cnnum.drivers.registry import driver_names, open_driver
+    from cnnum.scene import read_scene, scene_names
+
+    if source in driver_names():
+        return open_driver(source, settings)
+    if source not in scene_names() and not Path(source).is_file():
+        raise UnknownNameError(
+            f"There is no array '{source}': expected one of the drivers "
+            f"{', '.join(driver_names())}, one of the scenes {', '.join(scene_names())}, or a "
+            "scene's TOML file."
+        )
+    spec = read_scene(source, changes={f"array.{key}": value for key, value in settings.items()})
+    return open_driver(spec.driver, spec.driver_options, base=spec.base)
+
+
+def limited(driver: "Driver", seconds: float | None, frames: int | None) -> "Iterator[Frame]":
+    """Yield frames until so many have come, or so much time has gone by the host's clock."""
+    begin = time.monotonic()
+    for count, frame in enumerate(driver.frames(), start=1):
+        yield frame
+        late = seconds is not None and time.monotonic() - begin >= seconds
+        if late or (frames is not None and count >= frames):
+            return

@@ -1,0 +1,239 @@
+"""Recordings as NumPy archives: written by `cnnum record`, read again as an array.
+
+An archive holds, a row a frame: ``values`` (frames, rows, cols, channels), ``sequence``, ``time``
+(s), ``quality`` (flags of `cnnum.frame.Quality`) and ``truth`` (frames, truths); besides these
+``channels``, ``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibration_*`` where the array had
+a calibration. ``kind`` tells that it is one.
+"""
+
+import zipfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats, Shape
+from cnnum.drivers.driver import Closing, Counters
+from cnnum.errors import CalibrationError, CodecError, RecordingError
+from cnnum.frame import Frame, Quality, Truth
+from cnnum.tactile.taxel import Calibration
+from cnnum.tactile.taxel.readout import Heat
+
+KIND = "cnnum recording 1"
+
+_FRAMES = ("values", "sequence", "time", "quality", "truth")
+_KEYS = ("kind", "channels", "unit", "rate", "truths", *_FRAMES)
+_CALIBRATION = ("alpha_normal", "beta_ns", "limit", "offsets", "cross", "drift")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recording:
+    """What an archive holds.
+
+    Attributes
+    ----------
+    values : (frames, rows, cols, channels) float
+    channels : tuple of str
+    unit : str
+    rate : float, Hz
+    sequence : (frames,) int
+    time : (frames,) float, s
+    quality : (frames,) int
+    truths : tuple of str
+    truth : (frames, truths) float
+    calibration : Calibration or None
+    """
+
+    values: Floats
+    channels: tuple[str, ...]
+    unit: str
+    rate: float
+    sequence: NDArray[np.int64]
+    time: Floats
+    quality: NDArray[np.int64]
+    truths: tuple[str, ...]
+    truth: Floats
+    calibration: Calibration | None
+
+    def __post_init__(self) -> None:
+        frames = len(self.values)
+        if self.values.ndim != 4 or self.values.shape[3] != len(self.channels):
+            raise CodecError(
+                f"'values' must be (frames, rows, cols, {len(self.channels)}), got "
+                f"{self.values.shape}."
+            )
+        expected = dict.fromkeys(("sequence", "time", "quality"), (frames,))
+        for name, shape in {**expected, "truth": (frames, len(self.truths))}.items():
+            if getattr(self, name).shape != shape:
+                raise CodecError(f"'{name}' must be {shape}, got {getattr(self, name).shape}.")
+        if not frames:
+            raise CodecError("there is no frame in it.")
+
+    def frame(self, number: int) -> Frame:
+        """Return one of the frames."""
+        known = zip(self.truths, self.truth[number].tolist(), strict=True)
+        return Frame(
+            values=self.values[number],
+            channels=self.channels,
+            unit=self.unit,
+            sequence=int(self.sequence[number]),
+            time=float(self.time[number]),
+            quality=Quality(int(self.quality[number])),
+            truth=Truth(dict(known)) if self.truths else None,
+        )
+
+    def lost_before(self, number: int) -> int:
+        """Return how many scans never arrived between a frame and the one before it."""
+        if number == 0 or not self.quality[number] & Quality.DROPPED_BEFORE:
+            return 0
+        return max(0, int(self.sequence[number] - self.sequence[number - 1]) - 1)
+
+
+def write_npz(file: IO[bytes], recording: Recording) -> None:
+    """Write a recording to an open file."""
+    values: dict[str, Any] = {
+        "kind": KIND,
+        "channels": list(recording.channels),
+        "unit": recording.unit,
+        "rate": recording.rate,
+        "truths": np.array(recording.truths, dtype=np.str_),
+        **{name: getattr(recording, name) for name in _FRAMES},
+    }
+    known = recording.calibration
+    if known is not None:
+        parts: dict[str, Any] = {name: getattr(known, name) for name in _CALIBRATION}
+        parts["depth"] = np.nan if known.depth is None else known.depth
+        parts["heat"] = [known.heat.amplitude, known.heat.time_constant]
+        values |= {f"calibration_{name}": value for name, value in parts.items()}
+    np.savez(file, **values)
+
+
+def read_npz(path: Path) -> Recording:
+    """Read a recording.
+
+    Raises
+    ------
+    RecordingError
+        If the file can not be read.
+    CodecError
+        If it is no recording; the sentence names the file and what is wrong.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            held = {name: np.asarray(archive[name]) for name in archive.files}
+    except OSError as error:
+        raise RecordingError(f"'{path}' can not be read: {error.strerror or error}.") from None
+    except (ValueError, EOFError, zipfile.BadZipFile, AttributeError):
+        raise CodecError(f"'{path}' is no NumPy archive (.npz), or it is cut off.") from None
+    try:
+        return _recording(held)
+    except (CodecError, CalibrationError, TypeError, ValueError) as error:
+        raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
+
+
+def _recording(held: Mapping[str, NDArray[Any]]) -> Recording:
+    for name in _KEYS:
+        if name not in held:
+            raise CodecError(f"it has no '{name}'.")
+    if str(held["kind"]) != KIND:
+        raise CodecError(f"'kind' must be '{KIND}', got '{held['kind']}'.")
+    return Recording(
+        values=held["values"].astype(np.float64),
+        channels=tuple(str(name) for name in held["channels"]),
+        unit=str(held["unit"]),
+        rate=float(held["rate"]),
+        sequence=held["sequence"].astype(np.int64),
+        time=held["time"].astype(np.float64),
+        quality=held["quality"].astype(np.int64),
+        truths=tuple(str(name) for name in held["truths"]),
+        truth=held["truth"].astype(np.float64),
+        calibration=_calibration(held),
+    )
+
+
+def _calibration(held: Mapping[str, NDArray[Any]]) -> Calibration | None:
+    if "calibration_alpha_normal" not in held:
+        return None
+    names = (*_CALIBRATION, "depth", "heat")
+    missing = [name for name in names if f"calibration_{name}" not in held]
+    if missing:
+        raise CodecError(f"it has no 'calibration_{missing[0]}'.")
+    parts = {name: held[f"calibration_{name}"].astype(np.float64) for name in names}
+    depth = float(parts["depth"])
+    return Calibration(
+        alpha_normal=float(parts["alpha_normal"]),
+        beta_ns=float(parts["beta_ns"]),
+        offsets=parts["offsets"],
+        cross=parts["cross"],
+        drift=parts["drift"],
+        heat=Heat(*parts["heat"].tolist()),
+        limit=float(parts["limit"]),
+        depth=None if np.isnan(depth) else depth,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class NpzOptions:
+    """Options of the driver "npz".
+
+    Attributes
+    ----------
+    path : Path
+        A file that `cnnum record` wrote.
+    """
+
+    path: Path
+
+    def open(self) -> "NpzFile":
+        """Read the recording.
+
+        Raises
+        ------
+        RecordingError
+            If the file can not be read.
+        CodecError
+            If it is no recording.
+        """
+        return NpzFile(read_npz(self.path))
+
+
+class NpzFile(Closing):
+    """A recording as an array: its frames as they came, flags and lost scans included.
+
+    Attributes
+    ----------
+    calibration : Calibration or None
+        That of the array when it was recorded.
+    total_frames : int
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+        self.shape: Shape = (recording.values.shape[1], recording.values.shape[2])
+        self.channels = recording.channels
+        self.unit = recording.unit
+        self.rate = recording.rate
+        self.calibration = recording.calibration
+        self.total_frames = len(recording.values)
+        self._counters = Counters()
+
+    @property
+    def counters(self) -> Counters:
+        """What has been seen so far; bad packets are not in a recording, only bad frames."""
+        return self._counters
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames as fast as they are fetched; a second call starts again."""
+        self._counters = Counters()
+        for number in range(self.total_frames):
+            frame, seen = self._recording.frame(number), self._counters
+            self._counters = replace(
+                seen,
+                frames=seen.frames + (not frame.repeated),
+                repeated=seen.repeated + frame.repeated,
+                dropped=seen.dropped + self._recording.lost_before(number),
+            )
+            yield frame
