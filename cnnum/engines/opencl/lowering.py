@@ -212,19 +212,9 @@ class Lowering:
 
     def _operands(self, node: Node, operation: Transient) -> Operands:
         texts = [self.values.read(argument) for argument in node.arguments]
-        layers = operation.template.layers
-
-        def take(count: int) -> tuple[str, ...]:
-            taken = tuple(texts[:count])
-            del texts[:count]
-            return taken
-
-        return Operands(
-            inputs=take(operation.template.inputs),
-            states=take(layers) if operation.has_state else None,
-            biases=take(layers) if operation.has_bias else None,
-            mask=take(1)[0] if operation.has_mask else None,
-        )
+        roles = operation.by_role(texts)
+        mask = roles["mask"][0] if roles["mask"] else None
+        return Operands(roles["input"], roles["previous"], roles["state"], roles["bias"], mask)
 
     def _pick_map(self, pick: Node, text: TransientText) -> str:
         assert isinstance(pick.operation, Pick)

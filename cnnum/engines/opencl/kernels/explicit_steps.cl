@@ -1,4 +1,5 @@
-        // $count steps of $step
+        // $method: $count steps of $step
         for (int n = 0; n < $count; ++n) {
+            const real h = $h;
 $step_text
         }

@@ -1,0 +1,142 @@
+"""The kernel text of what the cells do to each other: outputs y = f(x) and rates dx/dt."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.engines.opencl.couplings import nonlinear, table
+from cnnum.engines.opencl.drive import drive_of
+from cnnum.engines.opencl.text import rename
+from cnnum.engines.opencl.transients import TransientText
+from cnnum.network import taps
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """When rates are evaluated: expressions of the kernel.
+
+    Attributes
+    ----------
+    time : str
+        Time since the start.
+    past : str
+        Array expression `past[...]` of the outputs a delay ago in stacked cell order; empty
+        where the template has no delayed A.
+    """
+
+    time: str = "ZERO"
+    past: str = ""
+
+
+def pads_states(text: TransientText) -> bool:
+    """Return whether a coupling reads the states (not outputs) of cells."""
+    return any("x" in (c.neighbour, c.centre) for c in text.template.nonlinear)
+
+
+def declare_outputs(text: TransientText) -> None:
+    """Append the padded arrays of outputs (and states), and what of their rims stays the same."""
+    names = ["y", *(["xp"] if pads_states(text) else [])]
+    names += ["yd"] if delays_outputs(text) else []
+    boundary = text.template.boundary
+    for name in names:
+        text.array(name, text.layers * text.padded)
+        if boundary.constant is not None:
+            state = np.asarray(boundary.constant)
+            value = state if name == "xp" else text.template.output.numpy(state)
+            text.fill_rims(name, text.layers, boundary, float(value))
+
+
+def delays_outputs(text: TransientText) -> bool:
+    """Return whether the template has a delayed A."""
+    delayed = text.template.delayed
+    return delayed is not None and bool(delayed.A.any())
+
+
+def outputs(text: TransientText, state: list[str], keep: str | None = None) -> None:
+    """Append y = f(state), the state given by one expression a layer; keep it in an array."""
+    template = text.template
+    body: list[str] = []
+    for layer, expression in enumerate(state):
+        place = f"{layer * text.padded} + p"
+        inner = [f"real now = {expression};"]
+        if template.output.limited:
+            inner.append("now = clamp(now, -ONE, ONE);")
+        if keep is not None:
+            inner.append(f"{keep}[{text.at(layer)}] = now;")
+        if pads_states(text):
+            inner.append(f"xp[{place}] = now;")
+        inner.append(f"y[{place}] = {rename(template.output.opencl, {'x': 'now'})};")
+        body.append("{ " + " ".join(inner) + " }")
+    text.over_grid(body)
+    if template.boundary.constant is None:
+        text.fill_rims("y", text.layers, template.boundary, None)
+        if pads_states(text):
+            text.fill_rims("xp", text.layers, template.boundary, None)
+
+
+def rates(text: TransientText, state: str, then: list[str], instant: Instant) -> None:
+    """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it.
+
+    In `then`, {at} is the cell's place among the stacked states.
+    """
+    _delayed_outputs(text, instant)
+    _gains(text, instant)
+    body: list[str] = ["real sum, rate;"]
+    for layer in range(text.layers):
+        place = text.at(layer)
+        body.append(f"sum = {drive_of(text, layer)} - {state}[{place}];")
+        body += _couplings(text, layer)
+        body.append(f"rate = {text.number(1.0 / float(text.template.tau[layer]))} * sum;")
+        if text.operands.mask is not None:
+            body.append(f"rate = PICK({text.operands.mask} != ZERO, ZERO, rate);")
+        body += [line.replace("{at}", place) for line in then]
+    text.over_grid(body)
+
+
+def _couplings(text: TransientText, layer: int) -> list[str]:
+    template = text.template
+    gained = {gain.source: k for k, gain in enumerate(template.gains) if gain.to == layer}
+    found = taps(template.A, layer)
+    lines = text.weighted("y", tuple(tap for tap in found if tap.source not in gained))
+    for source, k in gained.items():
+        part = text.weighted("y", tuple(tap for tap in found if tap.source == source), "part")
+        lines.append(f"{{ real part = ZERO; {' '.join(part)} sum += gain{k} * part; }}")
+    for coupling in template.nonlinear:
+        if not coupling.static and coupling.to == layer:
+            lines += nonlinear(text, coupling)
+    if template.delayed is not None and delays_outputs(text):
+        lines += text.weighted("yd", taps(template.delayed.A, layer))
+    return lines
+
+
+def _gains(text: TransientText, instant: Instant) -> None:
+    if not text.template.gains:
+        return
+    text.lines.append(f"const real since = {instant.time};")
+    text.lines += [
+        f"const real gain{k} = {table(text, gain.table, 'since')};"
+        for k, gain in enumerate(text.template.gains)
+    ]
+
+
+def _delayed_outputs(text: TransientText, instant: Instant) -> None:
+    if not delays_outputs(text):
+        return
+    text.over_grid(
+        [
+            f"yd[{layer * text.padded} + p] = {instant.past.replace('{at}', text.at(layer))};"
+            for layer in range(text.layers)
+        ]
+    )
+    if text.template.boundary.constant is None:
+        text.fill_rims("yd", text.layers, text.template.boundary, None)
+
+
+def watch_change(text: TransientText, state: str) -> list[str]:
+    """Return statements that keep the largest rate, in units of the tolerance, in `change`.
+
+    A state whose rate times its layer's τ is below the tolerance stays within about that of its
+    equilibrium.
+    """
+    tau = text.number(float(text.template.tau.max()))
+    return [f"change = fmax(change, fabs({tau} * rate) / {text.scale(f'{state}[{{at}}]')});"]
