@@ -39,7 +39,7 @@ def finite(name: str, value: ArrayLike) -> Floats:
 
 
 def maps(name: str, value: ArrayLike, shape: Shape, layers: int) -> Floats:
-    """Return `value` as (..., layers, rows, cols); one layer may come without its axis.
+    """Return `value` as (..., layers, rows, cols); one layer comes without an axis of its own.
 
     Raises
     ------
@@ -47,9 +47,9 @@ def maps(name: str, value: ArrayLike, shape: Shape, layers: int) -> Floats:
         If the trailing axes are not the array's.
     """
     array = finite(name, value)
-    if array.ndim >= 2 and array.shape[-2:] == shape and layers == 1:
+    if layers == 1 and array.shape[-2:] == shape:
         return array[..., np.newaxis, :, :]
-    if array.ndim >= 3 and array.shape[-3:] == (layers, *shape):
+    if layers > 1 and array.shape[-3:] == (layers, *shape):
         return array
     wanted = (
         f"(..., {layers}, {shape[0]}, {shape[1]})"

@@ -12,6 +12,11 @@ OPENCL, DOUBLE, REFERENCE = Engine(), Engine(precision="float64"), Engine("refer
 RTOL, ATOL = 1e-4, 1e-5
 
 
+def several(maps):
+    """One layer or input comes without an axis of its own."""
+    return (maps,) if maps > 1 else ()
+
+
 @st.composite
 def networks(draw):
     """A random linear template with all that it can be given, contracting so that errors do not grow."""
@@ -41,11 +46,11 @@ def networks(draw):
     batch = draw(st.sampled_from([(), (1,), (2, 3), (17,)]))
     maps = {}
     if inputs:
-        maps["input"] = rng.uniform(-1, 1, (*batch, inputs, *shape))
+        maps["input"] = rng.uniform(-1, 1, (*batch, *several(inputs), *shape))
     if draw(st.booleans()) or not maps:
-        maps["state"] = rng.uniform(-1, 1, (*batch, layers, *shape))
+        maps["state"] = rng.uniform(-1, 1, (*batch, *several(layers), *shape))
     if draw(st.booleans()):
-        maps["bias"] = rng.uniform(-1, 1, (layers, *shape))
+        maps["bias"] = rng.uniform(-1, 1, (*several(layers), *shape))
     if draw(st.booleans()):
         maps["mask"] = rng.random(shape) < 0.3
     return template, maps
