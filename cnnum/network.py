@@ -90,6 +90,19 @@ class Network:
         rates = np.repeat(1.0 / template.tau, n)
         return LinearSystem((matrix - np.eye(self.states)) * rates[:, None], rates, rim)
 
+    def rim(self) -> Floats:
+        """Return what virtual cells of a fixed boundary add through A, (layers, rows, cols)."""
+        template, (rows, cols) = self.template, self.shape
+        radius = template.A.shape[-1] // 2
+        value = template.boundary.constant or 0.0
+        ring = np.pad(np.zeros(self.shape), radius, constant_values=value)
+        total = np.zeros((template.layers, rows, cols))
+        for layer in range(template.layers):
+            for tap in taps(template.A, layer):
+                top, left = radius + tap.row, radius + tap.col
+                total[layer] += tap.weight * ring[top : top + rows, left : left + cols]
+        return total
+
     def fastest_rate(self) -> float:
         """Return a bound on |λ| of the array's Jacobian, in 1/time, whatever cells saturate.
 

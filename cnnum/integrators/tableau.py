@@ -5,6 +5,7 @@ from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.errors import MethodError, name_error
 
@@ -81,6 +82,10 @@ class ButcherTableau:
         z = np.linspace(0.0, -8.0, 80_001)
         outside = np.abs(np.polyval(polynomial, z)) > 1.0 + 1e-12
         return float(-z[np.argmax(outside)])
+
+    def growth(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return R(z), the factor of a mode a step, z = h·λ."""
+        return np.asarray(np.polyval(self._stability_polynomial(), z), dtype=np.complex128)
 
     def _stability_polynomial(self) -> list[float]:
         # R(z) = 1 + Σ_s z^s bᵀ A^{s−1} 1, highest power first

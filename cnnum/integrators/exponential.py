@@ -1,0 +1,86 @@
+"""Exponential steps: the decay −x/τ is followed exactly, only the couplings are approximated.
+
+x' = −x/τ + N(x), N = (A ∗ f(x) + w)/τ. With z = −h/τ and φ₁(z) = (e^z − 1)/z,
+φ₂(z) = (φ₁(z) − 1)/z (Cox & Matthews, J. Comput. Phys. 176 (2002) 430-455):
+
+    exponential Euler:   x⁺ = e^z x + h φ₁ N(x)
+    ETD-RK2:             a = e^z x + h φ₁ N(x),   x⁺ = a + h φ₂ (N(a) − N(x))
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+
+
+def phi(order: int, z: Floats) -> Floats:
+    """Return φ₁ or φ₂ without the cancellation of its quotient at small z.
+
+    φ_k(z) = Σ_n zⁿ/(n + k)!
+    """
+    small = np.abs(z) < 0.5
+    safe = np.where(small, 1.0, z)
+    direct = np.expm1(safe) / safe
+    if order == 2:
+        direct = (direct - 1.0) / safe
+    term = np.full_like(z, 1.0 if order == 1 else 0.5)
+    series = term.copy()
+    # 0.5ⁿ/n! is below the rounding of float64 after 14 terms
+    for n in range(1, 15):
+        term = term * np.where(small, z, 0.0) / (n + order)
+        series = series + term
+    return np.where(small, series, direct)
+
+
+@dataclass(frozen=True, slots=True)
+class ExponentialMethod:
+    """A method whose stages are combinations of x, N(x) and N of the stage before.
+
+    Attributes
+    ----------
+    name : str
+    order : int
+        1 or 2: with 2 the second stage corrects the first by φ₂.
+    """
+
+    name: str
+    order: int
+
+    def __post_init__(self) -> None:
+        # x' = −x + c has the solution e^{−h} x + (1 − e^{−h}) c, which the first stage must give
+        kept, first, second = self.weights(0.7, np.array([1.0]))
+        if abs(kept[0] + first[0] - 1.0) > 1e-14 or self.order not in (1, 2):
+            raise ValueError(f"'{self.name}' does not follow a constant exactly.")
+        # and N = t, from 0: x(h) = h − 1 + e^{−h}, which the second must give
+        if self.order == 2 and abs(second[0] * 0.7 - (0.7 - 1.0 + np.exp(-0.7))) > 1e-14:
+            raise ValueError(f"'{self.name}' does not follow a slope exactly.")
+
+    @property
+    def stages(self) -> int:
+        """Evaluations of the couplings a step."""
+        return self.order
+
+    def weights(self, step: float, tau: Floats) -> tuple[Floats, Floats, Floats]:
+        """Return what is kept of x, and the weights of A ∗ y + w: of the start, of the change.
+
+        Parameters
+        ----------
+        step : float
+        tau : (layers,) float
+        """
+        z = -step / tau
+        return np.exp(z), -z * phi(1, z), -z * phi(2, z)
+
+    def growth(self, step: float, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the factor of a mode a step, where 1/τ = 1 and the mode of J is `values`."""
+        kept, first, second = (float(w[0]) for w in self.weights(step, np.ones(1)))
+        coupling = values + 1.0
+        once = kept + first * coupling
+        return once if self.order == 1 else once + second * coupling * (once - 1.0)
+
+
+EXPONENTIAL_EULER = ExponentialMethod("exponential-euler", 1)
+ETD_RK2 = ExponentialMethod("etd-rk2", 2)
+EXPONENTIAL_METHODS = {m.name: m for m in (EXPONENTIAL_EULER, ETD_RK2)}

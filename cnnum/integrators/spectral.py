@@ -1,0 +1,176 @@
+"""The exact answer of a linear array through its modes, where its boundary makes them known.
+
+A coupling that is even along both axes is diagonal in the modes of its boundary: zero-flux the
+DCT-II, a fixed rim the DST-I (radius 1), periodic the real Fourier modes. With orthonormal modes
+as rows of R and C, X̂ = R X Cᵀ, and every mode (k, l) follows layers × layers equations of its own.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import expm
+
+from cnnum.arrays import Floats, Shape
+from cnnum.boundary import Boundary
+from cnnum.network import Network
+from cnnum.template import Template
+
+MODE_LIMIT = 512
+"""Rows or columns above which products with all modes of an axis cost more than time steps."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Modes:
+    """Orthonormal modes of one axis, and the wave number of each.
+
+    Attributes
+    ----------
+    matrix : (n, n) float
+        One mode a row.
+    wave : (n,) float
+        Radians a cell.
+    """
+
+    matrix: Floats
+    wave: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Spectral:
+    """x(t) = Rᵀ [state · (R x₀ Cᵀ) + drive · (R w Cᵀ)] C + constant, modes apart.
+
+    Attributes
+    ----------
+    rows, cols : (rows, rows) and (cols, cols) float
+        R and C.
+    state, drive : (layers, layers, rows, cols) float
+        Factors of each mode, as [to, from].
+    constant : (layers, rows, cols) float
+        What a fixed boundary adds.
+    """
+
+    rows: Floats
+    cols: Floats
+    state: Floats
+    drive: Floats
+    constant: Floats
+
+
+def axis_modes(boundary: Boundary, n: int) -> Modes:
+    """Return the modes of an axis of n cells."""
+    cells, k = np.arange(n), np.arange(n)[:, np.newaxis]
+    if boundary.pad_mode == "symmetric":
+        matrix = np.cos(np.pi * k * (cells + 0.5) / n)
+        wave = np.pi * k / n
+    elif boundary.pad_mode == "constant":
+        matrix = np.sin(np.pi * (k + 1) * (cells + 1) / (n + 1))
+        wave = np.pi * (k + 1) / (n + 1)
+    else:
+        # cosines up to n/2, then the sines of the same wave numbers
+        angle = 2.0 * np.pi * k * cells / n
+        matrix = np.where(k <= n // 2, np.cos(angle), np.sin(angle))
+        wave = 2.0 * np.pi * k / n
+    norms = np.sqrt((matrix**2).sum(axis=1, keepdims=True))
+    return Modes(matrix / norms, wave[:, 0])
+
+
+def even(kernels: Floats) -> bool:
+    """Whether kernels are the same upside down and left to right."""
+    flipped = np.array_equal(kernels, kernels[..., ::-1, :])
+    return flipped and np.array_equal(kernels, kernels[..., :, ::-1])
+
+
+def diagonal_in_modes(template: Template) -> bool:
+    """Whether the boundary's modes are those of every coupling in A.
+
+    Where virtual cells are fixed, modes vanish on the first cell beyond the rim only.
+    """
+    reach = template.boundary.constant is None or _reach(template.A) <= 1
+    return template.plain and even(template.A) and reach
+
+
+def _reach(kernels: Floats) -> int:
+    places = np.argwhere(kernels)[:, 2:] - kernels.shape[-1] // 2
+    return int(np.abs(places).max(initial=0))
+
+
+def symbol(kernels: Floats, rows: Floats, cols: Floats) -> Floats:
+    """Return the eigenvalues of even kernels at wave numbers.
+
+    Parameters
+    ----------
+    kernels : (to, from, k, k) float
+    rows, cols : (rows,) and (cols,) float
+        Wave numbers, radians a cell.
+
+    Returns
+    -------
+    (to, from, rows, cols) float
+    """
+    radius = int(kernels.shape[-1]) // 2
+    offsets = np.arange(-radius, radius + 1)
+    along_rows, along_cols = np.cos(np.outer(rows, offsets)), np.cos(np.outer(cols, offsets))
+    found = np.einsum("ri,tfij,cj->tfrc", along_rows, kernels, along_cols, optimize=True)
+    return np.asarray(found, dtype=np.float64)
+
+
+def mode_rates(template: Template, shape: Shape) -> Floats:
+    """Return S(A − 1) of each mode, (rows, cols, layers, layers) in 1/time."""
+    rows, cols = (axis_modes(template.boundary, n) for n in shape)
+    coupling = np.moveaxis(symbol(template.A, rows.wave, cols.wave), (0, 1), (2, 3))
+    rates = (coupling - np.eye(template.layers)) / template.tau[:, np.newaxis]
+    return np.asarray(rates, dtype=np.float64)
+
+
+def spectral(network: Network, duration: float) -> Spectral | None:
+    """Return the exact answer after `duration` (infinite: equilibrium), None where there is none.
+
+    There is none where the couplings are not even, an axis is too long, or where an equilibrium
+    is asked for and not every mode decays.
+    """
+    template, shape = network.template, network.shape
+    if not diagonal_in_modes(template) or max(shape) > MODE_LIMIT:
+        return None
+    rates = mode_rates(template, shape)
+    inverse_tau = np.broadcast_to(np.diag(1.0 / template.tau), rates.shape)
+    if math.isinf(duration):
+        if np.linalg.eigvals(rates).real.max() >= -1e-9:
+            return None
+        state = np.zeros_like(rates)
+        drive = np.asarray(-np.linalg.solve(rates, inverse_tau), dtype=np.float64)
+    else:
+        state, drive = _after(rates, inverse_tau, duration)
+    rows, cols = (axis_modes(template.boundary, n).matrix for n in shape)
+    state, drive = (np.moveaxis(factor, (2, 3), (0, 1)).copy() for factor in (state, drive))
+    constant = _through(rows, cols, drive, network.rim())
+    return Spectral(rows, cols, state, drive, constant)
+
+
+def _after(rates: Floats, inverse_tau: Floats, duration: float) -> tuple[Floats, Floats]:
+    """Return e^{Mt} and t φ₁(Mt) S of every mode (Van Loan 1978 for several layers)."""
+    layers = rates.shape[-1]
+    if layers == 1:
+        growth = rates * duration
+        small = np.abs(growth) < 1e-12
+        gained = np.where(small, duration, np.expm1(growth) / np.where(small, 1.0, rates))
+        return np.exp(growth), gained * inverse_tau
+    block = np.zeros((*rates.shape[:2], 2 * layers, 2 * layers))
+    block[..., :layers, :layers] = rates
+    block[..., :layers, layers:] = inverse_tau
+    exponential = np.asarray(expm(block * duration))
+    return exponential[..., :layers, :layers], exponential[..., :layers, layers:]
+
+
+def _through(rows: Floats, cols: Floats, factors: Floats, maps: Floats) -> Floats:
+    modes = np.einsum("tfkl,fkl->tkl", factors, rows @ maps @ cols.T)
+    return np.asarray(rows.T @ modes @ cols)
+
+
+def evaluate(scheme: Spectral, start: Floats, drive: Floats) -> Floats:
+    """Return x(t) of (..., layers, rows, cols) initial states and drives."""
+    state = scheme.rows @ start @ scheme.cols.T
+    driven = scheme.rows @ drive @ scheme.cols.T
+    modes = np.einsum("tfkl,...fkl->...tkl", scheme.state, state)
+    modes += np.einsum("tfkl,...fkl->...tkl", scheme.drive, driven)
+    return np.asarray(scheme.rows.T @ modes @ scheme.cols + scheme.constant)
