@@ -124,7 +124,7 @@ class Template:
         parts: dict[str, object] = {
             "name": name,
             "A": feedback,
-            "B": _control(name, B, layers),
+            "B": _control(name, _all_inputs(B, layers, nonlinear), layers),
             "z": _per_layer(name, "z", z, layers),
             "tau": _positive(name, _per_layer(name, "tau", tau, layers)),
             "boundary": state_boundary,
@@ -233,6 +233,17 @@ def _couplings(template: str, part: str, value: ArrayLike) -> Floats:
             f"got the shape {np.shape(value)}."
         )
     return frozen(kernel)
+
+
+def _all_inputs(
+    value: ArrayLike | None, layers: int, nonlinear: Sequence[NonlinearCoupling]
+) -> ArrayLike | None:
+    """Return B, or zeros for the inputs that only nonlinear couplings read."""
+    read = [c.source for c in nonlinear if c.neighbour == "u"]
+    read += [c.centre_source for c in nonlinear if c.centre == "u"]
+    if value is not None or not read:
+        return value
+    return np.zeros((layers, max(read) + 1, 1, 1))
 
 
 def _control(template: str, value: ArrayLike | None, layers: int) -> Floats:

@@ -20,7 +20,7 @@ from cnnum.template import Template
 PRECISION = 1e-10
 """Relative tolerance of the solver; kinks of f cost steps, not accuracy."""
 
-FINER = 16
+FINER = 4
 """Where rates jump and no step was asked for, steps are so much shorter than other engines'."""
 
 Past = Callable[[float], Floats]
