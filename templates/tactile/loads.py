@@ -1,0 +1,147 @@
+"""What the tactile programs start from: loads above rest, the noise measured at rest, the contact.
+
+The first frames of a stream say what rest is. While nothing touches, rest and noise are followed
+slowly, so that an offset or its drift never becomes a load; while something touches, both are kept.
+"""
+
+from dataclasses import dataclass
+
+from cnnum.programs import FrameFields
+from cnnum.programs.fields import Field, maximum, sqrt, where
+
+SETTLE = 16
+"""Frames at the start that are taken as rest: their mean is known to a quarter of the noise."""
+
+FORGET = 256.0
+"""Frames over which rest and noise are followed: slower than any touch, faster than warming up."""
+
+TOUCH, LIFT = 6.0, 4.0
+"""Peak loads, in standard deviations of the noise, at which contact begins and ends. The largest
+of 256 noisy taxels exceeds 6 once in 4 million frames; it must in two frames in a row."""
+
+ROUNDING = 1e-6
+"""Least noise, as a share of the largest raw value: what float32 leaves of a perfect sensor."""
+
+RIM = 0.1
+"""Share of the peak load that is taken off before loads are weighed, so that the elastic
+surroundings of a contact do not pull at its centre."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loads:
+    """Loads of one frame above rest, positive as a push or a pull on the skin reads.
+
+    Attributes
+    ----------
+    frame : FrameFields
+    shear_x, shear_y, normal : Field
+        Maps, in the frame's own unit.
+    shear_noise, normal_noise : Field
+        Variance of one reading, a number.
+    contact : Field
+        Flag.
+    """
+
+    frame: FrameFields
+    shear_x: Field
+    shear_y: Field
+    normal: Field
+    shear_noise: Field
+    normal_noise: Field
+    contact: Field
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """Where a contact is and how much it carries.
+
+    Attributes
+    ----------
+    weight : Field
+        Normal load above the rim, a map.
+    load : Field
+        Its sum.
+    row, column : Field
+        Its centroid, cells.
+    spread : Field
+        Its radius of gyration, cells.
+    """
+
+    weight: Field
+    load: Field
+    row: Field
+    column: Field
+    spread: Field
+
+
+def loads_of(frame: FrameFields) -> Loads:
+    """Return a frame's loads above rest, and what is measured with them."""
+    age = frame.memory(scalar=True)
+    count = age.value + 1.0
+    age.store(count)
+    touched = frame.memory(scalar=True, logic=True)
+    rate = where(touched.value, 0.0, maximum(1.0 / count, 1.0 / FORGET))
+    raw = [frame.shear_x, frame.shear_y, frame.normal]
+    shear_x, shear_y, normal = (_above_rest(frame, channel, rate) for channel in raw)
+    normal_noise = _noise(frame, [frame.normal], touched.value)
+    contact = _touching(frame, normal, normal_noise, (count > float(SETTLE)), touched.value)
+    touched.store(contact)
+    return Loads(
+        frame,
+        shear_x,
+        shear_y,
+        normal,
+        _noise(frame, [frame.shear_x, frame.shear_y], touched.value),
+        normal_noise,
+        contact,
+    )
+
+
+def patch_of(loads: Loads) -> Patch:
+    """Return where the contact is: moments of the normal load above its rim."""
+    frame = loads.frame
+    rim = RIM * loads.normal.max() + LIFT * sqrt(loads.normal_noise)
+    weight = where(loads.contact, maximum(loads.normal - rim, 0.0), 0.0)
+    load = weight.sum()
+    row, column = (weight * frame.row).sum() / load, (weight * frame.column).sum() / load
+    away = square(frame.row - row) + square(frame.column - column)
+    return Patch(weight, load, row, column, sqrt((weight * away).sum() / load))
+
+
+def square(value: Field) -> Field:
+    """Return the value times itself."""
+    return value * value
+
+
+def _above_rest(frame: FrameFields, channel: Field, rate: Field) -> Field:
+    rest = frame.memory()
+    now = rest.value + rate * (channel - rest.value)
+    rest.store(now)
+    return channel - now
+
+
+def _noise(frame: FrameFields, channels: list[Field], touched: Field) -> Field:
+    """Return the variance of one reading, from what changes from frame to frame at rest.
+
+    A frame that repeats the one before says nothing and is not counted.
+    """
+    held, seen = frame.memory(scalar=True), frame.memory(scalar=True)
+    changes = [square(channel - frame.previous(channel)).mean() for channel in channels]
+    change = sum(changes[1:], start=changes[0]) / (2.0 * len(channels))
+    news = ~touched & (change > 0.0)
+    count = seen.value + where(news, 1.0, 0.0)
+    rate = where(news, maximum(1.0 / count, 1.0 / FORGET), 0.0)
+    variance = held.value + rate * (change - held.value)
+    held.store(variance)
+    seen.store(count)
+    size = maximum(channels[0].max(), -channels[0].min())
+    return maximum(variance, square(ROUNDING * size))
+
+
+def _touching(
+    frame: FrameFields, normal: Field, noise: Field, settled: Field, touched: Field
+) -> Field:
+    peak = square(maximum(normal.max(), 0.0))
+    high = (peak > TOUCH * TOUCH * noise) & settled
+    begins = high & frame.previous(high)
+    return begins | (touched & (peak > LIFT * LIFT * noise))

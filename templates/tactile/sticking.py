@@ -1,0 +1,139 @@
+"""How much of a contact sticks, read from how alike a change of shear and the shear built up are.
+
+Under a growing force or torque only the sticking disc takes up more shear; what slips keeps friction
+times pressure (Cattaneo, Mindlin; Lubkin). While all sticks, an increment d repeats the map c that
+was built up; the smaller the stick radius, the more it gathers in the middle; in gross slip loads
+change from taxel to taxel as the contact travels, and none of it repeats c. So
+
+    stick = (Σ d·c)² / (Σ d² Σ c²)
+
+is 1 in full stick and 0 in gross slip. Gains, friction, direction and speed do not enter.
+"""
+
+from dataclasses import dataclass
+
+from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.templates.tactile.change import WINDOWS, changes
+from cnnum.templates.tactile.loads import Loads, square
+from cnnum.templates.tactile.pull import Pair, Pull
+
+RESOLVED = 24.0
+"""Power of a change, in powers of its noise, from which `stick` is read from it."""
+
+MOVES = 2.0
+"""The same from which there is a change at all."""
+
+RISES = 4.0
+"""Standard deviations by which what is built up must grow to count as growing."""
+
+STEADY = 0.25
+"""Largest share of a change of normal load that may go along with the load itself: above, the grip
+changes, and the shear around it."""
+
+TINY = 1e-30
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """A change of the loads over one window.
+
+    Attributes
+    ----------
+    there, resolved, steady, rises : Field
+        Flags: there is one; it is clear of the noise; the grip does not change; what is built up
+        grows.
+    stick : Field
+        Number, see above; negative where what is built up goes down.
+    shear : Pair
+        Maps.
+    """
+
+    there: Field
+    resolved: Field
+    steady: Field
+    rises: Field
+    stick: Field
+    shear: Pair
+
+
+@dataclass(frozen=True, slots=True)
+class Sticking:
+    """What the shortest window tells that can tell it.
+
+    Attributes
+    ----------
+    grows : Field
+        Flag: a resolved change that adds to what is built up, under a steady grip.
+    goes : Field
+        Flag: there is a change under a steady grip.
+    stick, travel : Field
+        `stick` of the change behind each of the two flags.
+    shear : Pair
+        The resolved change.
+    """
+
+    grows: Field
+    goes: Field
+    stick: Field
+    travel: Field
+    shear: Pair
+
+
+def sticking_of(loads: Loads, pull: Pull) -> Sticking:
+    """Return how alike the latest change of shear and the built-up shear are."""
+    channels = (loads.shear_x, loads.shear_y, loads.normal)
+    maps = zip(*(changes(loads.frame, channel) for channel in channels), strict=True)
+    found = [
+        _change(loads, pull, Pair(x, y), normal, 2.0 / window)
+        for (x, y, normal), window in zip(maps, WINDOWS, strict=True)
+    ]
+    clear = _first(found, [change.resolved for change in found])
+    there = _first(found, [change.there for change in found])
+    return Sticking(
+        grows=clear.resolved & clear.rises & clear.steady,
+        goes=there.there & there.steady,
+        stick=clear.stick,
+        travel=there.stick,
+        shear=clear.shear,
+    )
+
+
+def _change(loads: Loads, pull: Pull, shear: Pair, normal: Field, share: float) -> Change:
+    """Return a change whose noise has `share` times the variance of one reading."""
+    noise = 2.0 * share * loads.shear_noise * pull.cells
+    normal_noise = share * loads.normal_noise * pull.cells
+    near = where(pull.near, normal, 0.0)
+    shear = Pair(where(pull.near, shear.x, 0.0), where(pull.near, shear.y, 0.0))
+    strength, normal_strength = shear.power(), square(near).sum()
+    built = maximum(pull.built.power() - 2.0 * loads.shear_noise * pull.cells, TINY)
+    growth = (shear.x * pull.built.x + shear.y * pull.built.y).sum()
+    clean = maximum(strength - noise, TINY)
+    weight = square(loads.normal).sum()
+    along, own = square((near * loads.normal).sum()), maximum(normal_strength - normal_noise, 0.0)
+    by_chance = RISES**2 * share * loads.normal_noise
+    return Change(
+        there=strength / noise + normal_strength / normal_noise > 2.0 * MOVES,
+        resolved=strength > RESOLVED * noise,
+        steady=along < (STEADY * own + by_chance) * weight,
+        rises=growth > RISES * sqrt(share * loads.shear_noise * built),
+        stick=growth * abs(growth) / (clean * built),
+        shear=shear,
+    )
+
+
+def _first(found: list[Change], conditions: list[Field]) -> Change:
+    """Return the change of the shortest window for which the condition holds, else the longest."""
+    best = found[-1]
+    for change, condition in zip(reversed(found[:-1]), reversed(conditions[:-1]), strict=True):
+        best = Change(
+            there=where(condition, change.there, best.there),
+            resolved=where(condition, change.resolved, best.resolved),
+            steady=where(condition, change.steady, best.steady),
+            rises=where(condition, change.rises, best.rises),
+            stick=where(condition, change.stick, best.stick),
+            shear=Pair(
+                where(condition, change.shear.x, best.shear.x),
+                where(condition, change.shear.y, best.shear.y),
+            ),
+        )
+    return best
