@@ -58,6 +58,10 @@ class RecordingError(CnnumError, OSError):
     """A recording can not be read or written."""
 
 
+class ReportError(CnnumError, OSError):
+    """A report can not be written."""
+
+
 class PhysicsError(CnnumError, ValueError):
     """A physical parameter is outside the range of its closed form."""
 

@@ -1,0 +1,22 @@
+"""Reports: what a scene came to, as one HTML page that stands alone.
+
+The way of the data: `record` (collected while the scene runs) → `verdicts` (against the ground
+truth) → `encoding` (all of it as JSON) and the pictures → `sections` → `page` → `write`.
+"""
+
+from cnnum.report.plan_cost import PlanCost
+from cnnum.report.record import SceneRecord, SceneRecorder
+from cnnum.report.verdicts import Verdict, compare
+from cnnum.report.work_precision import WorkPrecision, measure_work_precision
+from cnnum.report.write import write_demo_report
+
+__all__ = [
+    "PlanCost",
+    "SceneRecord",
+    "SceneRecorder",
+    "Verdict",
+    "WorkPrecision",
+    "compare",
+    "measure_work_precision",
+    "write_demo_report",
+]

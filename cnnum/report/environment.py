@@ -1,0 +1,77 @@
+"""Where and with what something was measured: without it a number says little."""
+
+import os
+import platform
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+from cnnum import __version__
+
+_PACKAGES = ("numpy", "scipy", "pyopencl", "pocl-binary-distribution")
+
+
+@dataclass(frozen=True, slots=True)
+class Environment:
+    """A machine, its compute device, the versions and the date.
+
+    Attributes
+    ----------
+    date : str
+        ISO 8601, UTC.
+    machine : str
+        Processor and number of cores that may be used.
+    system : str
+    device : str
+        What the programs ran on.
+    versions : tuple of (str, str)
+        cnnum, Python and the packages that compute.
+    """
+
+    date: str
+    machine: str
+    system: str
+    device: str
+    versions: tuple[tuple[str, str], ...]
+
+    @classmethod
+    def here(cls, device: str) -> "Environment":
+        """Return this machine, now.
+
+        Parameters
+        ----------
+        device : str
+            What an engine calls the device that it runs on.
+        """
+        found = (("cnnum", __version__), ("Python", platform.python_version()))
+        packages = ((name, _version(name)) for name in _PACKAGES)
+        return cls(
+            date=datetime.now(UTC).isoformat(timespec="seconds"),
+            machine=f"{_processor()}, {_cores()} cores",
+            system=f"{platform.system()} {platform.machine()}",
+            device=device,
+            versions=(*found, *((name, number) for name, number in packages if number)),
+        )
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+def _cores() -> int:
+    affinity = getattr(os, "sched_getaffinity", None)
+    return len(affinity(0)) if affinity else os.cpu_count() or 1
+
+
+def _processor() -> str:
+    # Linux gives no name through `platform`; elsewhere there is no such file.
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        lines = []
+    named = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    return next(named, "") or platform.processor() or platform.machine()

@@ -1,0 +1,162 @@
+"""What a run of a scene leaves behind for a report: frames, outputs, events, ground truth."""
+
+from dataclasses import dataclass, field
+from typing import cast
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.conversion import ByCalibration
+from cnnum.drivers.registry import driver_options
+from cnnum.events import Event
+from cnnum.frame import FORCE_AXES
+from cnnum.pipeline import Moment, Scene, Summary
+from cnnum.plan import Explanation
+from cnnum.report.environment import Environment
+
+SHEAR_X, SHEAR_Y, NORMAL = FORCE_AXES
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneRecord:
+    """Everything that a report says about a run comes from here.
+
+    Attributes
+    ----------
+    name : str
+    wants : tuple of str
+        What the scene asked for.
+    shape : (rows, cols)
+    rate : float
+        Frames a second, Hz; 0 where nobody knows.
+    pitch : float or None
+        Between taxels, m; None where nobody knows, and then no circle can be drawn to scale.
+    channels : tuple of str
+        Of `values`: the force axes that were read.
+    unit : str
+        Of `values`: "strain", "count", "N"…
+    times : (frames,) float, s
+    values : (frames, rows, cols, channels) float
+        What went to the program; NaN in frames that were not allowed to run.
+    outputs : dict of str to (frames,) or (frames, rows, cols) float
+        What came back; NaN where the program did not run.
+    events : tuple of Event
+    truth : dict of str to (frames,) float
+        Ground truth by name; empty where the source has none, NaN in frames without.
+    seconds : (frames,) float, s
+        From a frame in host memory to its events; NaN where the program did not run.
+    explanation : Explanation
+    summary : Summary
+    environment : Environment
+    """
+
+    name: str
+    wants: tuple[str, ...]
+    shape: Shape
+    rate: float
+    pitch: float | None
+    channels: tuple[str, ...]
+    unit: str
+    times: Floats
+    values: Floats
+    outputs: dict[str, Floats]
+    events: tuple[Event, ...]
+    truth: dict[str, Floats]
+    seconds: Floats
+    explanation: Explanation
+    summary: Summary
+    environment: Environment
+
+    @property
+    def frames(self) -> int:
+        """Number of frames."""
+        return len(self.times)
+
+    def channel(self, name: str) -> Floats | None:
+        """Return (frames, rows, cols) of a force axis, or None where it was not read."""
+        if name not in self.channels:
+            return None
+        return self.values[..., self.channels.index(name)]
+
+    def maps(self) -> dict[str, Floats]:
+        """Return the outputs that are maps."""
+        return {name: values for name, values in self.outputs.items() if values.ndim == 3}
+
+    def at(self, name: str, frame: int) -> float:
+        """Return the ground truth of that name at a frame; NaN where there is none."""
+        values = self.truth.get(name)
+        return float("nan") if values is None else float(values[frame])
+
+
+@dataclass(slots=True, eq=False)
+class SceneRecorder:
+    """Collects the moments of a scene as they come.
+
+    Attributes
+    ----------
+    scene : Scene
+    """
+
+    scene: Scene
+    _moments: list[Moment] = field(default_factory=list[Moment])
+
+    def add(self, moment: Moment) -> None:
+        """Take the next moment."""
+        self._moments.append(moment)
+
+    def record(self) -> SceneRecord:
+        """Return what has been collected so far."""
+        scene, moments = self.scene, self._moments
+        explanation = scene.plan.explain()
+        calibrated = isinstance(scene.conversion, ByCalibration)
+        return SceneRecord(
+            name=scene.spec.name,
+            wants=scene.spec.wants,
+            shape=scene.driver.shape,
+            rate=scene.driver.rate,
+            pitch=_pitch(scene),
+            channels=scene.plan.schedule.channels_read,
+            unit="strain" if calibrated else scene.driver.unit,
+            times=np.array([moment.frame.time for moment in moments]),
+            values=_values(scene, moments),
+            outputs=_outputs(moments),
+            events=tuple(event for moment in moments for event in moment.events),
+            truth=_truth(moments),
+            seconds=np.array([m.seconds if m.outputs else np.nan for m in moments]),
+            explanation=explanation,
+            summary=scene.summary(),
+            environment=Environment.here(explanation.device),
+        )
+
+
+def _pitch(scene: Scene) -> float | None:
+    spec = scene.spec
+    options = driver_options(spec.driver, spec.driver_options, base=spec.base)
+    return cast(float | None, getattr(options, "pitch", None))
+
+
+def _values(scene: Scene, moments: list[Moment]) -> Floats:
+    channels = scene.plan.schedule.channels_read
+    values = np.full((len(moments), *scene.driver.shape, len(channels)), np.nan)
+    for number, moment in enumerate(moments):
+        if moment.values is not None:
+            values[number] = moment.values
+    return values
+
+
+def _outputs(moments: list[Moment]) -> dict[str, Floats]:
+    known = next((moment.outputs for moment in moments if moment.outputs), {})
+    found = {name: np.full((len(moments), *np.shape(v)), np.nan) for name, v in known.items()}
+    for number, moment in enumerate(moments):
+        for name, value in moment.outputs.items():
+            found[name][number] = value
+    return found
+
+
+def _truth(moments: list[Moment]) -> dict[str, Floats]:
+    truths = [moment.frame.truth for moment in moments]
+    names = dict.fromkeys(name for truth in truths if truth for name in truth.values)
+    return {
+        name: np.array([truth.get(name, np.nan) if truth else np.nan for truth in truths])
+        for name in names
+    }

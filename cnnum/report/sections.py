@@ -1,0 +1,288 @@
+"""The sections of a report, each from its data alone."""
+
+from html import escape
+
+import numpy as np
+
+from cnnum.report import tables
+from cnnum.report.encoding import ReportData
+from cnnum.report.error_charts import (
+    check_chart,
+    ladder_chart,
+    ladder_series,
+    ladder_style,
+    series_of,
+    series_style,
+    symbol,
+)
+from cnnum.report.filmstrip import arrow_key, colour_bar, filmstrip, shown_unit
+from cnnum.report.frame_picture import MapScale
+from cnnum.report.html import both, glyph, legend, paragraph, section, swatch
+from cnnum.report.key_frames import key_frames
+from cnnum.report.latency_chart import latency_chart
+from cnnum.report.svg import plain
+from cnnum.report.timeline import timeline
+from cnnum.report.verdicts import MAX_DELAY, MAX_TURN
+
+WIDE, NARROW = 920.0, 340.0
+
+
+def head(data: ReportData) -> str:
+    """Return what this is, and how it ended."""
+    record = data.record
+    rows, cols = record.shape
+    source = "whose ground truth is known" if record.truth else "without a ground truth"
+    seconds = float(record.times[-1] - record.times[0]) if record.frames else 0.0
+    lead = (
+        "cnnum emulates a cellular-wave computer, the CNN universal machine, on the frames of a "
+        "tactile array: a program of small templates turns them into contacts, slip, twist and "
+        f"release. This page is the record of one run of the scene “{record.name}”: "
+        f"{record.frames} frames in {plain(seconds)} s of an array of {rows} × {cols} taxels "
+        f"{source}, what was reported, and how far every template is from its closed form."
+    )
+    tiles = "".join(_tile(*tile) for tile in _tiles(data))
+    return (
+        f'<header><p class="eyebrow">cnnum {escape(dict(record.environment.versions)["cnnum"])}'
+        f" · {escape(_day(record.environment.date))} · {escape(record.environment.device)}</p>"
+        f"<h1>{escape(_headline(data))}</h1>{paragraph(lead, 'lead')}"
+        f'<ul class="tiles">{tiles}</ul></header>'
+    )
+
+
+def _tile(figure: str, words: str, good: bool) -> str:
+    kind = "" if good else ' class="bad"'
+    return f"<li{kind}><b>{escape(figure)}</b><span>{escape(words)}</span></li>"
+
+
+def _day(date: str) -> str:
+    return f"{date[:10]} {date[11:16]} UTC"
+
+
+def _headline(data: ReportData) -> str:
+    verdicts = data.verdicts
+    if not verdicts:
+        return f"{len(data.record.events)} events in the scene “{data.record.name}”"
+    good = sum(v.passed for v in verdicts)
+    if good == len(verdicts):
+        return f"All {good} events of the scene “{data.record.name}” reported in time"
+    return f"{len(verdicts) - good} of {len(verdicts)} events of “{data.record.name}” are wrong"
+
+
+def _tiles(data: ReportData) -> list[tuple[str, str, bool]]:
+    tiles: list[tuple[str, str, bool]] = []
+    verdicts, summary = data.verdicts, data.record.summary
+    if verdicts:
+        true = [v for v in verdicts if v.truth]
+        good = sum(v.passed for v in true)
+        tiles.append(
+            (
+                f"{good} of {len(true)}",
+                f"events right, within {MAX_DELAY} frames",
+                good == len(true),
+            )
+        )
+        false = len(verdicts) - len(true)
+        tiles.append((str(false), "false reports", false == 0))
+    tiles.append((f"{summary.p50_us:.0f} µs", f"a frame (p50), p99 {summary.p99_us:.0f} µs", True))
+    if data.checks:
+        good = sum(c.passed for c in data.checks)
+        words = "template checks passed"
+        tiles.append((f"{good} of {len(data.checks)}", words, good == len(data.checks)))
+    bad = summary.bad_frames + summary.counters.dropped
+    tiles.append((str(bad), f"bad or dropped of {summary.frames} frames", bad == 0))
+    return tiles
+
+
+def story(number: int, data: ReportData) -> str:
+    """Return the scene as a timeline."""
+    record, verdicts = data.record, data.verdicts
+    words = (
+        "What happened to the array, and what the program made of it. The program sees the taxels' "
+        "frames only; the curves and the coloured bars are the ground truth."
+        if record.truth
+        else "What the program reported; nothing is known to compare it with."
+    )
+    key = legend(
+        (
+            swatch("truth", "bar: ground truth"),
+            swatch("seen", "thin line: the program's flag"),
+            f"{glyph('reported', 'M6 1l5 9h-10z')}event reported",
+            "dotted: beginning or end, in truth",
+        )
+    )
+    pictures = both(timeline(record, verdicts, WIDE), timeline(record, verdicts, NARROW))
+    return section(number, "story", "The scene in time", paragraph(words), key, pictures)
+
+
+def frames(number: int, data: ReportData) -> str:
+    """Return the key frames, and the player."""
+    record = data.record
+    scale = MapScale.of(record)
+    calibrated = "the strain at the taxels" if record.unit == "strain" else "the array's own values"
+    words = (
+        f"Frames as the program gets them, seen from above: {calibrated}, x to the right along "
+        "the columns, y down along the rows. All pictures share one scale."
+    )
+    items = [
+        colour_bar(record, scale),
+        arrow_key(record, scale),
+        f"{glyph('taxel', 'M6 6h0')}taxel",
+    ]
+    if record.pitch is not None and "contact_radius" in record.truth:
+        items += [swatch("ring", "true contact"), swatch("ring dashed", "true stick region")]
+    if any(name.startswith("contact") for name in record.maps()):
+        items.append(swatch("cell", "contact, as the program saw it"))
+    strip = filmstrip(record, scale)
+    return section(
+        number, "frames", "Key frames", paragraph(words), legend(items), strip, _player(data, scale)
+    )
+
+
+def _player(data: ReportData, scale: MapScale) -> str:
+    rows, cols = data.record.shape
+    keys = key_frames(data.record)
+    first = keys[len(keys) // 2].frame
+    _, unit = shown_unit(data.record)
+    return (
+        '<div class="player" id="player" hidden>'
+        f'<canvas width="{640}" height="{round(640 * rows / cols)}" data-normal="{scale.normal:g}" '
+        f'data-shear="{scale.shear:g}" data-first="{first}" role="img" '
+        f'aria-label="The frame that the slider stands at, in {escape(unit)}"></canvas>'
+        "<div><h3>Every frame</h3><dl></dl>"
+        '<div class="controls"><input type="range" min="0" value="0" aria-label="Frame">'
+        '<button type="button">Play</button><select aria-label="Speed">'
+        '<option value="0.1">0.1 ×</option><option value="0.25">0.25 ×</option>'
+        '<option value="1" selected>real time</option></select></div></div></div>'
+    )
+
+
+def events(number: int, data: ReportData) -> str:
+    """Return reported events against the ground truth."""
+    title = "Events against the ground truth"
+    if not data.record.truth:
+        words = "The source of these frames has no ground truth, so the reports stand alone."
+        listed = tables.report_table(data.record.events)
+        return section(number, "events", "Events", paragraph(words), listed)
+    words = (
+        f"A report is right if it comes within {MAX_DELAY} frames of the truth, points within "
+        f"{np.degrees(MAX_TURN):.0f}° of it, and turns the same way. Directions run from x (right) "
+        "towards y (down). A report of something that did not happen is listed as false."
+    )
+    return section(number, "events", title, paragraph(words), tables.event_table(data.verdicts))
+
+
+def errors(number: int, data: ReportData) -> str:
+    """Return each template's error against its run time."""
+    parts = [*_checks(data), *_ladders(data)]
+    if not parts:
+        parts = [paragraph("No template was checked in this run.", "note")]
+    return section(number, "errors", "Error against run time", *parts)
+
+
+def _checks(data: ReportData) -> list[str]:
+    checks = data.checks
+    if not checks:
+        return []
+    words = (
+        "Every template runs on pictures whose exact answer is known from a closed form that "
+        "shares no code with the engines. Digital templates are right or wrong and mostly end at "
+        "an error of exactly 0."
+    )
+    series = {series_of(c): series_style(c.engine, c.precision) for c in checks}
+    items = [f"{symbol(style)}{escape(name)}" for name, style in series.items()]
+    if not all(c.passed for c in checks):
+        items.append(f"{symbol('wrong')}outside its tolerance")
+    pictures = both(check_chart(checks, WIDE), check_chart(checks, NARROW))
+    note = "Sorted by how much of its tolerance each one uses. Time: median of one run of the case."
+    table = tables.check_table(checks)
+    return [paragraph(words), legend(items), pictures, paragraph(note, "note"), table]
+
+
+def _ladders(data: ReportData) -> list[str]:
+    points = data.work_precision
+    if not points:
+        return []
+    words = (
+        "The same template by other methods, at a ladder of tolerances or steps, against the "
+        "float64 reference: lower and further left is better. Times are those of one picture in a "
+        f"batch of {max(p.pictures for p in points)}."
+    )
+    items = [
+        f"{symbol(ladder_style(*key))}{escape(', '.join(key))}" for key in ladder_series(points)
+    ]
+    cases = dict.fromkeys(p.case for p in points)
+    charts = "".join(f"<div>{ladder_chart(points, case)}</div>" for case in cases)
+    panels = f'<div class="panels">{charts}</div>'
+    return ["<h3>Up the ladder of methods</h3>", paragraph(words), legend(items), panels]
+
+
+def plans(number: int, data: ReportData) -> str:
+    """Return what was left out of each plan, and what a frame costs."""
+    words = (
+        "A scene names the events it wants; operations that nothing wanted reaches do not run, "
+        "channels that nothing reads are neither decoded nor copied, and equal operations run once."
+    )
+    if not data.plans:
+        note = paragraph("No plan was timed in this run.", "note")
+        return section(number, "plans", "What was left out", paragraph(words), note)
+    parts = [paragraph(words), *(paragraph(s) for s in tables.ratio_sentence(data.plans))]
+    parts.append(tables.plan_table(data.plans))
+    for plan in data.plans:
+        count = len(plan.explanation.left_out)
+        parts.append(f"<h3>Left out of “{escape(plan.label)}”</h3>")
+        parts.append(tables.left_out_table(plan) if count else paragraph("Nothing.", "note"))
+    return section(number, "plans", "What was left out", *parts)
+
+
+def latency(number: int, data: ReportData) -> str:
+    """Return how long frames took."""
+    seconds, summary = data.record.seconds, data.record.summary
+    if not np.isfinite(seconds).any():
+        none = paragraph("No frame ran.", "note")
+        return section(number, "latency", "Latency of one frame", none)
+    words = (
+        "From a frame in host memory to its events: conversion, copy to the device, one run of the "
+        f"program, copy back. Half of the frames took at most {summary.p50_us:.0f} µs, 99 % at "
+        f"most {summary.p99_us:.0f} µs."
+    )
+    pictures = both(latency_chart(seconds, WIDE), latency_chart(seconds, NARROW))
+    return section(number, "latency", "Latency of one frame", paragraph(words), pictures)
+
+
+COMMANDS = (
+    ("cnnum demo", "this page again, measured anew"),
+    ("cnnum plan contact", "what runs if a scene wants no more than contacts"),
+    ("cnnum run my_scene.toml", "a scene of your own: its array, its wants, its program"),
+    ("cnnum templates list", "the library; show NAME prints one, check compares all"),
+    ("cnnum devices", "platforms and devices, with their measured peak"),
+)
+
+
+def further(number: int, data: ReportData) -> str:
+    """Return how to go on."""
+    width = max(len(command) for command, _ in COMMANDS)
+    rows = "\n".join(
+        f"{escape(command.ljust(width))}  <i>{escape(words)}</i>" for command, words in COMMANDS
+    )
+    words = (
+        "Each command takes --json and --help. All data behind this page is inside it, as JSON in "
+        "the element with the id “data”: series with seven digits, maps as 16-bit integers."
+    )
+    return section(number, "further", "How to go on", f"<pre>{rows}</pre>", paragraph(words))
+
+
+def foot(data: ReportData) -> str:
+    """Return where, when and with what this was measured."""
+    here = data.record.environment
+    versions = ", ".join(f"{name} {number}" for name, number in here.versions)
+    engine = f"{data.record.explanation.engine}, {data.record.explanation.precision}"
+    rows = (
+        ("Date", here.date),
+        ("Machine", here.machine),
+        ("System", here.system),
+        ("Device", here.device),
+        ("Engine", engine),
+        ("Versions", versions),
+    )
+    listed = "".join(f"<dt>{escape(n)}</dt><dd>{escape(v)}</dd>" for n, v in rows)
+    return f"<footer><dl>{listed}</dl></footer>"

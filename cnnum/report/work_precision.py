@@ -1,0 +1,188 @@
+"""Error against run time: one template by every method, at a ladder of tolerances and steps."""
+
+import statistics
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.checks import Case, form_of
+from cnnum.engine import Engine
+from cnnum.errors import CnnumError
+from cnnum.template import Template
+
+REFERENCE_RTOL = 1e-10
+"""Tolerance of the run that all others are compared with, absolute and relative: five decades
+below the tightest rung."""
+
+
+@dataclass(frozen=True, slots=True)
+class WorkPrecision:
+    """One run of a template: what it took, and how far it is from the reference.
+
+    Attributes
+    ----------
+    case : str
+        The template.
+    engine, precision, method : str
+    tolerance : float or None
+        Relative tolerance asked for; None for a propagator, which has none.
+    step : float or None
+        Fixed step in time constants; None where the method takes its own.
+    error : float
+        Largest absolute difference of any cell's output.
+    pictures : int
+        In the batch.
+    seconds : float
+        Median wall time of the whole batch, s.
+    spread : float
+        From the first to the third quartile, s.
+    steps : int
+        Taken, rejected ones counted.
+    """
+
+    case: str
+    engine: str
+    precision: str
+    method: str
+    tolerance: float | None
+    step: float | None
+    error: float
+    pictures: int
+    seconds: float
+    spread: float
+    steps: int
+
+
+@dataclass(frozen=True, slots=True)
+class Rung:
+    """A method with the one number that sets its accuracy."""
+
+    method: str
+    rtol: float | None = None
+    dt: float | None = None
+
+
+LADDER = (
+    Rung("propagator"),
+    *(Rung("bogacki-shampine", rtol=10.0**-n) for n in (2, 3, 4)),
+    *(Rung("dormand-prince", rtol=10.0**-n) for n in (2, 3, 4)),
+    *(Rung("euler", dt=dt) for dt in (0.2, 0.1, 0.05)),
+    *(Rung("rk4", dt=dt) for dt in (0.2, 0.1)),
+)
+
+BATCH = 256
+"""Pictures a run: enough that the arithmetic, not the launch, is what takes the time."""
+
+
+def measure_work_precision(
+    template: Template,
+    engines: Sequence[Engine],
+    *,
+    ladder: Sequence[Rung] = LADDER,
+    shape: Shape = (8, 8),
+    seed: int = 0,
+    batch: int = BATCH,
+    repeats: int = 7,
+) -> tuple[WorkPrecision, ...]:
+    """Run a template up a ladder of methods and tolerances on every engine.
+
+    The pictures are those of the template's check; the truth is the reference engine's at
+    `REFERENCE_RTOL`. A rung that an engine refuses (a step beyond the stability bound, a
+    propagator of an array that is not linear) is left out.
+
+    Parameters
+    ----------
+    template : Template
+        With a check.
+    engines : sequence of Engine
+    ladder : sequence of Rung
+    shape : (rows, cols)
+    seed : int
+        Of the random pictures.
+    batch : int
+        Pictures a run, at least; the check's own are repeated until there are so many.
+    repeats : int
+        Timed runs after a first one that is not timed.
+
+    Raises
+    ------
+    TemplateError
+        If the template has no check.
+    """
+    case = _batch(form_of(template).cases(template, np.random.default_rng(seed), shape), batch)
+    truth = _truth(template, case)
+    return tuple(
+        point
+        for engine in engines
+        for rung in ladder
+        for point in _climb(template, case, truth, engine, rung, repeats)
+    )
+
+
+def _batch(case: Case, pictures: int) -> Case:
+    """Return the case with its pictures repeated until there are at least so many."""
+    maps = {"input": case.input, "state": case.state, "bias": case.bias, "mask": case.mask}
+    longest = max((len(m) for m in maps.values() if m is not None and m.ndim > 2), default=1)
+    times = -(-pictures // longest)
+
+    def repeated(values: Floats | None) -> Floats | None:
+        if values is None or values.ndim < 3 or len(values) != longest:
+            return values
+        return np.tile(values, (times, *(1,) * (values.ndim - 1)))
+
+    return Case(**{name: repeated(m) for name, m in maps.items()}, duration=case.duration)
+
+
+def _truth(template: Template, case: Case) -> Floats:
+    reference = Engine("reference")
+    return _run(template, case, reference, Rung("auto", rtol=REFERENCE_RTOL))[0]
+
+
+def _climb(
+    template: Template, case: Case, truth: Floats, engine: Engine, rung: Rung, repeats: int
+) -> Iterator[WorkPrecision]:
+    try:
+        output, steps, method = _run(template, case, engine, rung)
+    except CnnumError:
+        return
+    seconds = [_timed(template, case, engine, rung) for _ in range(max(repeats, 2))]
+    low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive")
+    yield WorkPrecision(
+        case=template.name,
+        engine=engine.name,
+        precision=engine.precision,
+        method=method,
+        tolerance=rung.rtol,
+        step=rung.dt,
+        error=float(np.abs(output - truth).max()),
+        pictures=len(output),
+        seconds=middle,
+        spread=high - low,
+        steps=steps,
+    )
+
+
+def _timed(template: Template, case: Case, engine: Engine, rung: Rung) -> float:
+    begin = time.perf_counter()
+    _run(template, case, engine, rung)
+    return time.perf_counter() - begin
+
+
+def _run(template: Template, case: Case, engine: Engine, rung: Rung) -> tuple[Floats, int, str]:
+    rtol = 1e-4 if rung.rtol is None else rung.rtol
+    result = engine.run(
+        template,
+        input=case.input,
+        state=case.state,
+        bias=case.bias,
+        mask=case.mask,
+        duration=case.duration,
+        method=rung.method,
+        rtol=rtol,
+        atol=rtol,
+        dt=rung.dt,
+    )
+    return np.asarray(result.output, dtype=np.float64), int(np.max(result.steps)), result.method

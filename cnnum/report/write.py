@@ -1,0 +1,68 @@
+"""Writing a report: the whole file or none."""
+
+import os
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from cnnum.checks import CheckResult
+from cnnum.errors import ReportError
+from cnnum.report.encoding import ReportData
+from cnnum.report.page import page
+from cnnum.report.plan_cost import PlanCost
+from cnnum.report.record import SceneRecord
+from cnnum.report.work_precision import WorkPrecision
+
+
+def write_demo_report(
+    path: str | Path,
+    record: SceneRecord,
+    checks: Sequence[CheckResult] = (),
+    work_precision: Sequence[WorkPrecision] = (),
+    plans: Sequence[PlanCost] = (),
+) -> None:
+    """Write what a scene came to as one self-contained HTML file.
+
+    Parameters
+    ----------
+    path : str or Path
+    record : SceneRecord
+        From a `SceneRecorder` that was given every moment of the scene.
+    checks : sequence of CheckResult
+        Of the templates, on any number of engines.
+    work_precision : sequence of WorkPrecision
+        Of a few templates, from `measure_work_precision`.
+    plans : sequence of PlanCost
+        The scene's own first; the others are compared with it.
+
+    Raises
+    ------
+    ReportError
+        If there is no frame to tell of, or the file can not be written.
+    """
+    if record.frames == 0:
+        raise ReportError(f"The scene '{record.name}' had no frame; a report needs at least one.")
+    data = ReportData(record, tuple(checks), tuple(work_precision), tuple(plans))
+    content = page(data).encode("utf-8")
+    target = Path(path)
+    try:
+        _replace(target, content)
+    except OSError as error:
+        raise ReportError(
+            f"The report '{target}' can not be written: {error.strerror}; check that its folder "
+            "exists and may be written to."
+        ) from None
+
+
+def _replace(target: Path, content: bytes) -> None:
+    # In the same folder, because a rename is atomic only within one file system.
+    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
+    draft = Path(name)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.write(content)
+        draft.chmod(0o644)
+        draft.replace(target)
+    except OSError:
+        draft.unlink(missing_ok=True)
+        raise
