@@ -1,24 +1,56 @@
 """Templates as TOML: what the library is written in.
 
 Keys: name, A, B, z, tau, boundary, input_boundary, initial, duration, output, description, source,
-aliases, and the table [check] with the name of a closed form and its parameters. Matrices are
-nested lists of rows, (k, k) or [to][from][row][col].
+aliases; the tables [[nonlinear]] (neighbour, weights, interpolation, points, and where needed
+centre, to, source, centre_source, times_argument, reversed_sign), [[gain]] (to, source,
+interpolation, points) and [delayed] (delay, A, B); and the table [check] with the name of a closed
+form and its parameters. Matrices are nested lists of rows, (k, k) or [to][from][row][col].
 """
 
 import tomllib
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from cnnum.errors import ArrayError, TemplateError, UnknownNameError
 from cnnum.template import Template
 from cnnum.template_files.entry import Entry, FileFormat
+from cnnum.template_files.toml_couplings import Delay, delayed, gains, nonlinear
 from cnnum.template_files.toml_text import entry_to_toml
-from cnnum.template_files.toml_values import READERS, names
+from cnnum.template_files.toml_values import (
+    check,
+    matrix,
+    names,
+    number_or_text,
+    per_layer,
+    text,
+)
 
 _REQUIRED = ("name", "A")
 
+# In the order in which the error for an unknown key lists them.
+_READERS: Mapping[str, Callable[[str, str, object], Any]] = {
+    "name": text,
+    "A": matrix,
+    "B": matrix,
+    "z": per_layer,
+    "tau": per_layer,
+    "boundary": number_or_text,
+    "input_boundary": number_or_text,
+    "initial": number_or_text,
+    "duration": number_or_text,
+    "output": text,
+    "description": text,
+    "source": text,
+    "nonlinear": nonlinear,
+    "gain": gains,
+    "delayed": delayed,
+    "check": check,
+}
 
-def _read(text: str, file: str) -> Entry:
+
+def _read(content: str, file: str) -> Entry:
     try:
-        table: dict[str, object] = tomllib.loads(text)
+        table: dict[str, object] = tomllib.loads(content)
     except tomllib.TOMLDecodeError as error:
         raise TemplateError(f"'{file}' must be TOML, got an error: {error}.") from None
     except RecursionError:
@@ -29,19 +61,23 @@ def _read(text: str, file: str) -> Entry:
 
 def _template(file: str, table: dict[str, object]) -> Template:
     for key in table:
-        if key not in READERS:
+        if key not in _READERS:
             raise TemplateError(
                 f"'{file}': unknown key '{key}', expected one of "
-                f"{', '.join([*READERS, 'aliases'])}."
+                f"{', '.join([*_READERS, 'aliases'])}."
             )
     for key in _REQUIRED:
         if key not in table:
             raise TemplateError(f"'{file}': the key '{key}' is missing; every template needs it.")
-    values = {key: READERS[key](file, key, value) for key, value in table.items()}
+    values = {key: _READERS[key](file, key, value) for key, value in table.items()}
+    values["gains"] = values.pop("gain", ())
+    delay: Delay | None = values.pop("delayed", None)
     try:
-        return Template(**values)
+        template = Template(**values)
+        return template if delay is None else Template(**values, delayed=delay.coupling(template))
     except (TemplateError, ArrayError, UnknownNameError) as error:
         raise TemplateError(f"'{file}': {error}") from None
 
 
 TOML = FileFormat(".toml", _read, entry_to_toml)
+"""A template as TOML text; reading it back gives the same template."""

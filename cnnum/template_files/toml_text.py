@@ -1,69 +1,87 @@
-"""A template as TOML text; reading it back gives the same template."""
+"""The TOML text of a template."""
 
-import json
+from collections.abc import Iterator
 
-from cnnum.arrays import Floats
+from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.errors import TemplateError
-from cnnum.template import Check
+from cnnum.tables import Table
+from cnnum.template import Check, Template
 from cnnum.template_files.entry import Entry
+from cnnum.template_files.toml_scalars import quoted, rows, several, stacked, value, yes_or_no
 
 
 def entry_to_toml(entry: Entry) -> str:
     """Return the TOML text of a template and its aliases; every part is written out."""
     template = entry.template
-    parts: dict[str, str] = {
-        "name": _text(template.name),
-        "aliases": f"[{', '.join(_text(alias) for alias in entry.aliases)}]",
-        "description": _text(template.description),
-        "source": _text(template.source),
-        "A": _matrix(template.A),
-        "z": _numbers(template.z),
-        "tau": _numbers(template.tau),
-        "boundary": _value(template.boundary.name),
-        "input_boundary": _value(template.input_boundary.name),
-        "initial": _value(template.initial),
-        "duration": _value(template.duration),
-        "output": _text(template.output.name),
+    lines = list(_assigned(_parts(entry)))
+    for coupling in template.nonlinear:
+        lines += ["", "[[nonlinear]]", *_assigned(_nonlinear(coupling))]
+    for gain in template.gains:
+        lines += ["", "[[gain]]", *_assigned(_gain(gain))]
+    if template.delayed is not None:
+        lines += ["", "[delayed]", *_assigned(_delayed(template.delayed, template))]
+    if template.check is not None:
+        lines += ["", "[check]", *_check(template.check)]
+    return "\n".join([*lines, ""])
+
+
+def _assigned(parts: dict[str, str]) -> Iterator[str]:
+    return (f"{key} = {text}" for key, text in parts.items())
+
+
+def _parts(entry: Entry) -> dict[str, str]:
+    template = entry.template
+    parts = {
+        "name": quoted(template.name),
+        "aliases": f"[{', '.join(quoted(alias) for alias in entry.aliases)}]",
+        "description": quoted(template.description),
+        "source": quoted(template.source),
+        "A": stacked(template.A),
+        "z": several(template.z),
+        "tau": several(template.tau),
+        "boundary": value(template.boundary.name),
+        "input_boundary": value(template.input_boundary.name),
+        "initial": value(template.initial),
+        "duration": value(template.duration),
+        "output": quoted(template.output.name),
     }
-    if template.inputs:
-        parts["B"] = _matrix(template.B)
-    lines = [f"{key} = {value}" for key, value in parts.items()]
-    return "\n".join([*lines, *_check(template.check), ""])
+    return {**parts, "B": stacked(template.B)} if template.inputs else parts
 
 
-def _check(check: Check | None) -> list[str]:
-    if check is None:
-        return []
+def _nonlinear(coupling: NonlinearCoupling) -> dict[str, str]:
+    parts = {
+        "to": str(coupling.to),
+        "source": str(coupling.source),
+        "neighbour": quoted(coupling.neighbour),
+        "centre_source": str(coupling.centre_source),
+        "times_argument": yes_or_no(coupling.times_argument),
+        "reversed_sign": yes_or_no(coupling.reversed_sign),
+        "weights": rows(coupling.weights),
+        **_function(coupling.function),
+    }
+    return parts if coupling.centre is None else {**parts, "centre": quoted(coupling.centre)}
+
+
+def _gain(gain: Gain) -> dict[str, str]:
+    return {"to": str(gain.to), "source": str(gain.source), **_function(gain.table)}
+
+
+def _function(table: Table) -> dict[str, str]:
+    points = ", ".join(several(point) for point in table.points)
+    return {"interpolation": quoted(table.interpolation), "points": f"[{points}]"}
+
+
+def _delayed(coupling: DelayedCoupling, template: Template) -> dict[str, str]:
+    parts = {"delay": value(coupling.delay), "A": stacked(coupling.A)}
+    return {**parts, "B": stacked(coupling.B)} if template.inputs else parts
+
+
+def _check(check: Check) -> list[str]:
     names = [name for name, _ in check.parameters]
     if "name" in names or len(set(names)) < len(names):
         raise TemplateError(
             f"The check '{check.name}' must have parameters of different names, none of them "
             f"'name', got {names}."
         )
-    lines = [f"{_text(name)} = {_value(value)}" for name, value in check.parameters]
-    return ["", "[check]", f"name = {_text(check.name)}", *lines]
-
-
-def _value(value: float | str) -> str:
-    return _text(value) if isinstance(value, str) else repr(float(value))
-
-
-def _text(value: str) -> str:
-    # JSON and TOML escape alike but for DEL, and \u of a surrogate, which TOML does not know.
-    return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
-
-
-def _numbers(values: Floats) -> str:
-    return f"[{', '.join(repr(float(value)) for value in values)}]"
-
-
-def _matrix(kernel: Floats) -> str:
-    if kernel.shape[:2] == (1, 1):
-        return _rows(kernel[0, 0], "")
-    blocks = [", ".join(_rows(block, "  ") for block in row) for row in kernel]
-    return "[\n  " + ",\n  ".join(f"[{block}]" for block in blocks) + ",\n]"
-
-
-def _rows(block: Floats, indent: str) -> str:
-    rows = "".join(f"{indent}  {_numbers(row)},\n" for row in block)
-    return f"[\n{rows}{indent}]"
+    given = [f"{quoted(name)} = {value(item)}" for name, item in check.parameters]
+    return [f"name = {quoted(check.name)}", *given]

@@ -1,7 +1,6 @@
-"""What the value of each key of a TOML template must be: one reader a kind of value."""
+"""What a value of a TOML template must be: one reader a kind of value."""
 
-from collections.abc import Callable, Mapping
-from typing import Any, cast
+from typing import cast
 
 from cnnum.errors import TemplateError
 from cnnum.template import Check
@@ -16,7 +15,7 @@ def text(file: str, key: str, value: object) -> str:
         If it is something else.
     """
     if not isinstance(value, str):
-        raise _wrong(file, key, "a text", value)
+        raise wrong(file, key, "a text", value)
     return value
 
 
@@ -29,7 +28,7 @@ def names(file: str, key: str, value: object) -> tuple[str, ...]:
         If it is something else.
     """
     if not isinstance(value, list):
-        raise _wrong(file, key, "a list of names", value)
+        raise wrong(file, key, "a list of names", value)
     return tuple(text(file, key, item) for item in cast("list[object]", value))
 
 
@@ -42,11 +41,37 @@ def number(file: str, key: str, value: object) -> float:
         If it is something else, or too large for a float64.
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise _wrong(file, key, "a number", value)
+        raise wrong(file, key, "a number", value)
     try:
         return float(value)
     except OverflowError:
-        raise _wrong(file, key, "a number within the range of a float64", value) from None
+        raise wrong(file, key, "a number within the range of a float64", value) from None
+
+
+def whole(file: str, key: str, value: object) -> int:
+    """Return a whole number from 0 up.
+
+    Raises
+    ------
+    TemplateError
+        If it is something else.
+    """
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise wrong(file, key, "a whole number from 0 up", value)
+    return value
+
+
+def flag(file: str, key: str, value: object) -> bool:
+    """Return true or false.
+
+    Raises
+    ------
+    TemplateError
+        If it is something else.
+    """
+    if not isinstance(value, bool):
+        raise wrong(file, key, "true or false", value)
+    return value
 
 
 def number_or_text(file: str, key: str, value: object) -> float | str:
@@ -60,7 +85,7 @@ def number_or_text(file: str, key: str, value: object) -> float | str:
     if isinstance(value, str):
         return value
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise _wrong(file, key, "a number or a text", value)
+        raise wrong(file, key, "a number or a text", value)
     return number(file, key, value)
 
 
@@ -86,7 +111,7 @@ def matrix(file: str, key: str, value: object) -> list[object]:
         If it is no list, or the lists differ in length or depth.
     """
     if not isinstance(value, list):
-        raise _wrong(file, key, "a matrix, as a list of rows", value)
+        raise wrong(file, key, "a matrix, as a list of rows", value)
     rows = cast("list[object]", value)
     shape = _shape(file, key, rows)
     if len(shape) not in (2, 4):
@@ -95,6 +120,39 @@ def matrix(file: str, key: str, value: object) -> list[object]:
             f"got lists nested {len(shape)} deep."
         )
     return rows
+
+
+def points(file: str, key: str, value: object) -> list[list[float]]:
+    """Return the points of a function table: pairs of numbers (argument, value).
+
+    Raises
+    ------
+    TemplateError
+        If it is something else.
+    """
+    if not isinstance(value, list):
+        raise wrong(file, key, "a list of pairs [argument, value]", value)
+    return [_pair(file, key, item) for item in cast("list[object]", value)]
+
+
+def _pair(file: str, key: str, value: object) -> list[float]:
+    pair = cast("list[object]", value) if isinstance(value, list) else []
+    if len(pair) != 2:
+        raise wrong(file, key, "a list of pairs [argument, value]", value)
+    return [number(file, key, item) for item in pair]
+
+
+def table(file: str, key: str, value: object) -> dict[str, object]:
+    """Return a table.
+
+    Raises
+    ------
+    TemplateError
+        If it is something else.
+    """
+    if not isinstance(value, dict):
+        raise wrong(file, key, "a table", value)
+    return dict(cast("dict[str, object]", value))
 
 
 def _shape(file: str, key: str, value: object) -> tuple[int, ...]:
@@ -118,35 +176,16 @@ def check(file: str, key: str, value: object) -> Check:
     TemplateError
         If it is no table, has no name, or a parameter is neither a number nor a text.
     """
-    if not isinstance(value, dict):
-        raise _wrong(file, key, "a table", value)
-    table = dict(cast("dict[str, object]", value))
-    if "name" not in table:
+    parts = table(file, key, value)
+    if "name" not in parts:
         raise TemplateError(f"'{file}': the table '{key}' needs the key 'name' of a closed form.")
-    form = text(file, f"{key}.name", table.pop("name"))
+    form = text(file, f"{key}.name", parts.pop("name"))
     return Check(
         form,
-        tuple((name, number_or_text(file, f"{key}.{name}", item)) for name, item in table.items()),
+        tuple((name, number_or_text(file, f"{key}.{name}", item)) for name, item in parts.items()),
     )
 
 
-def _wrong(file: str, key: str, expected: str, value: object) -> TemplateError:
+def wrong(file: str, key: str, expected: str, value: object) -> TemplateError:
+    """Return the error that a key is not what was expected."""
     return TemplateError(f"'{file}': the key '{key}' must be {expected}, got {value!r:.60}.")
-
-
-READERS: Mapping[str, Callable[[str, str, object], Any]] = {
-    "name": text,
-    "A": matrix,
-    "B": matrix,
-    "z": per_layer,
-    "tau": per_layer,
-    "boundary": number_or_text,
-    "input_boundary": number_or_text,
-    "initial": number_or_text,
-    "duration": number_or_text,
-    "output": text,
-    "description": text,
-    "source": text,
-    "check": check,
-}
-"""The reader of each key, in the order that the error for an unknown key lists them."""

@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cnnum.couplings import Gain
 from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.tables import Table
 from cnnum.template import Check, Template
 from cnnum.template_files import load_entry, load_template, save_template
 
@@ -27,6 +29,42 @@ source = "me"
 name = "shadow"
 direction = "west"
 margin = 2
+"""
+
+
+COUPLED = """
+name = "coupled"
+A = [[[[1]], [[2]]], [[[3]], [[4]]]]
+B = [[[[1]]], [[[0]]]]
+output = "sign"
+
+[[nonlinear]]
+neighbour = "y"
+weights = [[0, 1, 0], [1, 0, 1], [0, 1, 0]]
+interpolation = "constant"
+points = [[-1, 0.5], [1, -0.5]]
+
+[[nonlinear]]
+to = 1
+source = 0
+neighbour = "u"
+centre = "x"
+centre_source = 1
+times_argument = true
+reversed_sign = true
+weights = [[1]]
+interpolation = "linear"
+points = [[0, 1]]
+
+[[gain]]
+to = 0
+source = 1
+interpolation = "linear"
+points = [[0, 1], [2, 0]]
+
+[delayed]
+delay = 2.5
+B = [[[[0.5]]], [[[0]]]]
 """
 
 
@@ -64,6 +102,68 @@ def test_layers_are_nested_as_to_from_row_column(tmp_path: Path) -> None:
     assert template.A.shape == (2, 2, 1, 1)
     assert template.A[0, 1].item() == 2.0  # to layer 0 from layer 1
     assert template.tau.tolist() == [1.0, 10.0]
+
+
+def test_every_key_of_the_couplings_reaches_the_template(tmp_path: Path) -> None:
+    template = load_template(write(tmp_path, COUPLED))
+    feedback, mixed = template.nonlinear
+    assert feedback.weights.tolist() == [[0.0, 1.0, 0.0], [1.0, 0.0, 1.0], [0.0, 1.0, 0.0]]
+    assert feedback.function == Table("constant", ((-1.0, 0.5), (1.0, -0.5)))
+    assert (feedback.neighbour, feedback.centre, feedback.to) == ("y", None, 0)
+    assert not feedback.times_argument
+    assert not feedback.reversed_sign
+    assert (mixed.neighbour, mixed.centre, mixed.times_argument) == ("u", "x", True)
+    assert (mixed.to, mixed.source, mixed.centre_source, mixed.sign) == (1, 0, 1, -1.0)
+    assert template.gains == (Gain(0, 1, Table("linear", ((0.0, 1.0), (2.0, 0.0)))),)
+    assert template.delayed is not None
+    assert template.delayed.delay == 2.5
+    assert template.delayed.A.tolist() == np.zeros((2, 2, 1, 1)).tolist()
+    assert template.delayed.B.ravel().tolist() == [0.5, 0.0]
+    assert template.output.discrete
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("reversed_sign = true", "reversed = true", r"unknown key 'nonlinear\[1\].reversed'"),
+        ('neighbour = "y"', "", r"the key 'nonlinear\[0\].neighbour' is missing"),
+        ('neighbour = "y"', 'neighbour = "v"', r"'nonlinear\[0\]' is wrong: A coupling reads 'x'"),
+        (
+            "weights = [[1]]",
+            "weights = [[1, 2]]",
+            r"'nonlinear\[1\]' is wrong: .* must be \(k, k\)",
+        ),
+        ("times_argument = true", "times_argument = 1", "times_argument' must be true or false"),
+        ("to = 1", "to = -1", r"the key 'nonlinear\[1\].to' must be a whole number from 0 up"),
+        ("to = 1", "to = 2", "a nonlinear coupling names a layer or input that is not there"),
+        ("[[0, 1]]", "[0, 1]", r"'nonlinear\[1\].points' must be a list of pairs"),
+        ("[[0, 1]]", "[]", r"'nonlinear\[1\]' is wrong: The points of a function table"),
+        ("[[-1, 0.5], [1, -0.5]]", "[[1, 0.5], [1, -0.5]]", "must have increasing arguments"),
+        ('"constant"', '"cubic"', r"'nonlinear\[0\]' is wrong: .* is 'constant' or 'linear'"),
+        (
+            "[[0, 1], [2, 0]]",
+            "[[0, 1], [2]]",
+            r"the key 'gain\[0\].points' must be a list of pairs",
+        ),
+        ("source = 1\ninter", "source = 7\ninter", "a gain names a layer that is not there"),
+        ("[[gain]]", "[gain]", r"the key 'gain' must be a list of tables \[\[gain\]\]"),
+        ("delay = 2.5", "", "the key 'delayed.delay' is missing"),
+        ("delay = 2.5", "delay = 0", "A delay must be above 0 time constants, got 0"),
+        ("delay = 2.5", 'delay = "long"', "the key 'delayed.delay' must be a number"),
+        ("[[[[0.5]]], [[[0]]]]", "[[0.5]]", "delayed A and B must couple its 2 layers"),
+        ("[[[[0.5]]], [[[0]]]]", "[[0.5, 1], [0, 0]]", "'delayed' is wrong: .* with k odd"),
+        ("[delayed]", "[[delayed]]", "the key 'delayed' must be a table"),
+    ],
+)
+def test_error_names_the_key_of_a_coupling(
+    old: str, new: str, message: str, tmp_path: Path
+) -> None:
+    assert old in COUPLED
+    path = write(tmp_path, COUPLED.replace(old, new))
+    with pytest.raises(TemplateError, match=message) as caught:
+        load_template(path)
+    assert str(caught.value).startswith(f"'{path}'")
+    assert caught.value.__cause__ is None
 
 
 @pytest.mark.parametrize(
