@@ -136,10 +136,14 @@ def points(file: str, key: str, value: object) -> list[list[float]]:
 
 
 def _pair(file: str, key: str, value: object) -> list[float]:
-    pair = cast("list[object]", value) if isinstance(value, list) else []
+    pair = _listed(value)
     if len(pair) != 2:
         raise wrong(file, key, "a list of pairs [argument, value]", value)
     return [number(file, key, item) for item in pair]
+
+
+def _listed(value: object) -> list[object]:
+    return cast("list[object]", value) if isinstance(value, list) else []
 
 
 def table(file: str, key: str, value: object) -> dict[str, object]:
