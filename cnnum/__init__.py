@@ -19,7 +19,9 @@ if TYPE_CHECKING:
     from cnnum.program_library import get_program, program_names
     from cnnum.programs import Program, program
     from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
-    from cnnum.programs.transients import apply, transient
+    from cnnum.programs.logic import logic
+    from cnnum.programs.loops import branch, loop
+    from cnnum.programs.transients import apply, shift, transient
     from cnnum.template import Check, Template
     from cnnum.template_files import load_template, save_template
 
@@ -42,6 +44,10 @@ _HOME = {
     "Program": "cnnum.programs",
     "program": "cnnum.programs",
     "Field": "cnnum.programs.fields",
+    "branch": "cnnum.programs.loops",
+    "loop": "cnnum.programs.loops",
+    "logic": "cnnum.programs.logic",
+    "shift": "cnnum.programs.transients",
     "exp": "cnnum.programs.fields",
     "maximum": "cnnum.programs.fields",
     "minimum": "cnnum.programs.fields",
@@ -70,16 +76,20 @@ __all__ = [
     "Template",
     "__version__",
     "apply",
+    "branch",
     "exp",
     "get_program",
     "get_template",
     "load_scene",
     "load_template",
+    "logic",
+    "loop",
     "maximum",
     "minimum",
     "program",
     "program_names",
     "save_template",
+    "shift",
     "sqrt",
     "tactile",
     "template_names",

@@ -139,7 +139,8 @@ class Engine:
             if isinstance(node.operation, Transient)
         }
         executable = self._backend.build(thinned, solvers)
-        return Plan(name, self.name, self.device, self.precision, thinned, solvers, executable)
+        device, precision = self.device, self.precision
+        return Plan(name, self.name, device, precision, thinned, solvers, executable, self._backend)
 
     def run(
         self,

@@ -1,18 +1,23 @@
 """A plan: a program that is compiled for an array, and what can be asked of it."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, Shape, finite
-from cnnum.engines.backend import Executable, Solvers
+from cnnum.engines.backend import Backend, Executable, Solvers
 from cnnum.errors import ArrayError
 from cnnum.graph.cost import node_flops
 from cnnum.graph.nodes import Constant, ConstantMap, Pick, Transient
 from cnnum.graph.schedule import LeftOut, Schedule
 from cnnum.integrators.choice import FixedSteps
+
+if TYPE_CHECKING:
+    from cnnum.tracing import TraceStep
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +84,8 @@ class Plan:
     solvers : mapping of int to Solver
         How each transient runs.
     executable : Executable
+    backend : Backend
+        What built it, and can build it again to be traced.
     """
 
     program: str
@@ -88,6 +95,7 @@ class Plan:
     schedule: Schedule
     solvers: Solvers
     executable: Executable
+    backend: Backend
 
     @property
     def source(self) -> str:
@@ -156,6 +164,11 @@ class Plan:
         return {
             name: values.reshape((*lead, *values.shape[1:])) for name, values in outputs.items()
         }
+
+    def trace(self, frame: ArrayLike) -> "Iterator[TraceStep]":
+        """Yield each operation with its result for a frame: see `cnnum.tracing.trace`."""
+        tracing = import_module("cnnum.tracing")
+        return cast("Iterator[TraceStep]", tracing.trace(self, frame))
 
     def explain(self) -> Explanation:
         """Return what runs, what was left out and why, and what it costs."""

@@ -1,6 +1,7 @@
 """The graph of an analogic program: interned nodes, so that equal operations are one node."""
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
@@ -151,10 +152,53 @@ class Transient:
 
 
 @dataclass(frozen=True, slots=True)
-class Pick:
-    """One layer's output or state, or one figure of a transient's run.
+class Parameter:
+    """Inside a loop's body: the value of one of the loop's arguments."""
 
-    `what` is "output", "state", or a figure: "time", "steps", "settled", "error".
+    place: int
+
+    def __str__(self) -> str:
+        return f"loop value {self.place}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Loop:
+    """A bounded loop. Arguments: the flag to start, the carried values, what the body captures.
+
+    The body runs while its flag `again` holds (without one: while any carried value changes) and
+    at most `limit` times; frames of a batch stop on their own.
+
+    Attributes
+    ----------
+    nodes : tuple of Node
+        The body, in the order in which it runs; `Parameter`s are among them.
+    results : tuple of Node
+        What the carried values become.
+    again : Node or None
+        One flag a frame.
+    limit : int
+    """
+
+    nodes: tuple["Node", ...]
+    results: tuple["Node", ...]
+    again: "Node | None"
+    limit: int
+
+    def __str__(self) -> str:
+        return f"loop of at most {self.limit}"
+
+    @property
+    def parameters(self) -> tuple["Node", ...]:
+        """The body's parameters that anything reads."""
+        return tuple(node for node in self.nodes if isinstance(node.operation, Parameter))
+
+
+@dataclass(frozen=True, slots=True)
+class Pick:
+    """One of several answers: of a transient, a layer's output or state, or a figure of its run.
+
+    Of a transient `what` is "output", "state", "time", "steps", "settled" or "error"; of a loop
+    it is "carried", "iterations" or "finished".
     """
 
     what: str
@@ -164,7 +208,22 @@ class Pick:
         return f"{self.what} {self.layer}"
 
 
-Operation = Input | FirstFrame | Constant | ConstantMap | Apply | Reduce | Read | Transient | Pick
+Operation = (
+    Input
+    | FirstFrame
+    | Constant
+    | ConstantMap
+    | Apply
+    | Reduce
+    | Read
+    | Transient
+    | Parameter
+    | Loop
+    | Pick
+)
+
+CAPTURED = 1000
+"""Parameters of a loop's body from this number on are captured; those below are carried."""
 
 FIGURES = ("time", "steps", "settled", "error")
 """The figures of a run that `Pick` can ask for: one number a frame."""
@@ -213,13 +272,20 @@ class Graph:
         By the number that `Read` names.
     shared : int
         How often an operation was asked for that the graph already had.
+    parent : Graph or None
+        Of a loop's body: the graph that the loop stands in, whose numbers go on here.
+    captured : dict
+        Of a loop's body: the parent's nodes that it reads, by the number of their parameter.
     """
 
     shape: Shape
+    parent: "Graph | None" = None
+    captured: "dict[int, Node]" = field(default_factory=dict[int, "Node"])
     nodes: list[Node] = field(default_factory=list[Node])
     outputs: dict[str, Node] = field(default_factory=dict[str, Node])
     memories: dict[int, Memory] = field(default_factory=dict[int, Memory])
     shared: int = 0
+    _numbers: Iterator[int] = field(default_factory=itertools.count)
     _interned: dict[tuple[Operation, tuple[int, ...]], Node] = field(
         default_factory=dict[tuple[Operation, tuple[int, ...]], Node]
     )
@@ -233,10 +299,32 @@ class Graph:
         if known is not None:
             self.shared += isinstance(operation, Apply | Reduce | Transient)
             return known
-        node = Node(len(self.nodes), operation, arguments, scalar, logic)
+        node = Node(next(self._numbers), operation, arguments, scalar, logic)
         self.nodes.append(node)
         self._interned[key] = node
         return node
+
+    def body(self) -> "Graph":
+        """Return a graph for the body of a loop in this one."""
+        inner = Graph(self.shape, parent=self)
+        inner._numbers = self._numbers
+        return inner
+
+    @property
+    def depth(self) -> int:
+        """How many loops it stands in."""
+        return 0 if self.parent is None else 1 + self.parent.depth
+
+    def capture(self, node: Node, home: "Graph") -> Node:
+        """Return the parameter of this body that stands for a node of a graph further out."""
+        assert self.parent is not None
+        outer = node if home is self.parent else self.parent.capture(node, home)
+        for place, known in self.captured.items():
+            if known is outer:
+                return self.add(Parameter(place), scalar=node.scalar, logic=node.logic)
+        place = CAPTURED + len(self.captured)
+        self.captured[place] = outer
+        return self.add(Parameter(place), scalar=node.scalar, logic=node.logic)
 
     def apply(self, function: ElementOp, *arguments: Node) -> Node:
         """Return local arithmetic or logic on nodes; scalars stand for the same in every cell."""

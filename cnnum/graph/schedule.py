@@ -1,9 +1,18 @@
 """A schedule: the operations that run for one frame, in order, and what was left out."""
 
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from cnnum.arrays import Shape
-from cnnum.graph.nodes import Memory, Node, Transient
+from cnnum.graph.nodes import Loop, Memory, Node, Transient
+
+
+def everything(nodes: Iterable[Node]) -> Iterator[Node]:
+    """Yield the nodes and all that stand in their loops."""
+    for node in nodes:
+        yield node
+        if isinstance(node.operation, Loop):
+            yield from everything(node.operation.nodes)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,5 +77,5 @@ class Schedule:
 
     @property
     def transients(self) -> tuple[Node, ...]:
-        """The nodes that run a template."""
-        return tuple(node for node in self.nodes if isinstance(node.operation, Transient))
+        """The nodes that run a template, those in loops among them."""
+        return tuple(n for n in everything(self.nodes) if isinstance(n.operation, Transient))

@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from typing import NoReturn
 
+import numpy as np
+
 from cnnum.arrays import finite
 from cnnum.errors import ArrayError, ProgramError
 from cnnum.graph import elementwise as op
@@ -133,6 +135,15 @@ class Field:
         rows, cols = self._graph.shape
         return self.sum() / (rows * cols)
 
+    def argmax(self) -> "tuple[Field, Field]":
+        """Return row and column of the largest value; of several, the first in reading order."""
+        rows, cols = self._graph.shape
+        number = constant(self._graph, np.arange(rows * cols, dtype=float).reshape(rows, cols))
+        first = where(self.equals(self.max()), number, float(rows * cols)).min()
+        row = constant(self._graph, np.indices((rows, cols))[0])
+        found = where(number.equals(first), row, 0.0).max()
+        return found, first - found * cols
+
     def any(self) -> "Field":
         """Return whether a logic map holds anywhere (global OR)."""
         return self._reduce(op.ANY)
@@ -150,20 +161,31 @@ class Field:
 
 
 def graph_of(operands: Sequence[object]) -> Graph:
-    """Return the graph that the first field among the operands belongs to."""
-    for operand in operands:
-        if isinstance(operand, Field):
-            return operand.graph
-    raise ProgramError("At least one argument must come from the frame of a program.")
+    """Return the graph that an operation on the operands belongs to: the innermost loop's."""
+    graphs = [operand.graph for operand in operands if isinstance(operand, Field)]
+    if not graphs:
+        raise ProgramError("At least one argument must come from the frame of a program.")
+    return max(graphs, key=lambda graph: graph.depth)
 
 
 def as_field(graph: Graph, operand: object) -> Field:
-    """Return the operand as a field of this graph; numbers and maps become constants."""
-    if isinstance(operand, Field):
-        if operand.graph is not graph:
-            raise ProgramError("Fields of two different programs can not be mixed.")
+    """Return the operand as a field of this graph.
+
+    Numbers and maps become constants; a field from outside a loop is captured by its body.
+    """
+    if not isinstance(operand, Field):
+        return constant(graph, operand)
+    if operand.graph is graph:
         return operand
-    return constant(graph, operand)
+    outer = graph.parent
+    while outer is not None and outer is not operand.graph:
+        outer = outer.parent
+    if outer is None:
+        raise ProgramError(
+            "A field can not be used here: it belongs to another program, or to the inside of a "
+            "loop whose values come out through cnnum.loop's result."
+        )
+    return Field(graph, graph.capture(operand.node, outer))
 
 
 def combine(function: op.ElementOp, *operands: object) -> Field:

@@ -32,6 +32,8 @@ class LocalMemory:
         ProgramError
             If it was said before, or a map is stored where one number is held.
         """
+        if value.graph is not self._graph:
+            raise ProgramError("A memory is stored once a frame, outside of loops.")
         memory = self._graph.memories[self._number]
         if memory.store is not memory.read:
             raise ProgramError(f"Memory {self._number} is stored twice in one frame.")

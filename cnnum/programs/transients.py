@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from cnnum.errors import ProgramError
 from cnnum.graph.nodes import Graph, Node, Pick, RunSpec, Transient
 from cnnum.programs.fields import Field, as_field, graph_of
@@ -140,3 +142,24 @@ def apply(
         template, input=input, state=state, bias=bias, mask=mask, spec=RunSpec(duration=duration)
     )
     return run.outputs[0]
+
+
+def shift(field: Field, rows: int = 0, columns: int = 0, *, boundary: float | str = 0.0) -> Field:
+    """Return a map moved by whole cells: down by `rows`, to the right by `columns`.
+
+    Parameters
+    ----------
+    field : Field
+    rows, columns : int
+    boundary : float, "zero-flux" or "periodic"
+        What moves in from beyond the rim.
+    """
+    radius = max(abs(rows), abs(columns))
+    kernel = np.zeros((2 * radius + 1, 2 * radius + 1))
+    kernel[radius - rows, radius - columns] = 1.0
+    name = f"shift {rows} down, {columns} right"
+    template = Template(
+        name, np.zeros((1, 1)), kernel, boundary=boundary, duration="settle", output="linear"
+    )
+    moved = apply(template, input=field)
+    return moved > 0.5 if field.logic else moved

@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[2]
 FLOORS = [
     ["errors"],
     ["arrays"],
-    ["boundary", "outputs", "frame"],
+    ["boundary", "outputs", "frame", "tables"],
+    ["couplings"],
     ["template"],
     ["network", "template_files"],
     ["graph", "library"],
@@ -22,6 +23,7 @@ FLOORS = [
     ["engines"],
     ["programs"],
     ["plan"],
+    ["tracing"],
     ["engine"],
     ["checks"],
     ["templates"],

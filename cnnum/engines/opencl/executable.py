@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
-from cnnum.engines.opencl.lowering import KernelText, lower
+from cnnum.engines.opencl.kernel_text import KernelText, lower
 from cnnum.errors import MethodError, NotSupportedError
 from cnnum.graph.schedule import Schedule
 

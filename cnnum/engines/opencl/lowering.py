@@ -1,20 +1,20 @@
-"""From a schedule to the text of one kernel that runs all of it."""
+"""The body of a plan's kernel: walks the operations once and writes their text."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
 from cnnum.engines.backend import Solvers
+from cnnum.engines.opencl.loops import lower_loop
 from cnnum.engines.opencl.schemes import run, settled_now
-from cnnum.engines.opencl.storage import PRIVATE_CELLS, Arena, Tables, Values
-from cnnum.engines.opencl.text import fill, indented, rename
+from cnnum.engines.opencl.storage import Arena, Tables, Values
+from cnnum.engines.opencl.text import rename
 from cnnum.engines.opencl.transients import Operands, TransientText
 from cnnum.graph.nodes import (
     FIGURES,
     Apply,
     FirstFrame,
     Input,
+    Loop,
     Node,
     Pick,
     Read,
@@ -23,30 +23,8 @@ from cnnum.graph.nodes import (
 )
 from cnnum.graph.schedule import Schedule
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class KernelText:
-    """A plan's kernel and what its buffers hold.
-
-    Attributes
-    ----------
-    source : str
-    data : (n,) float
-        Constant numbers.
-    output_size, memory_size : int
-        Numbers a frame.
-    outputs : dict of str to int
-        Where each output starts within a frame's numbers; the last number is `unfinished`.
-    scratch : int
-        Values of global scratch a work item needs (0: everything is private).
-    """
-
-    source: str
-    data: NDArray[np.floating]
-    output_size: int
-    memory_size: int
-    outputs: dict[str, int]
-    scratch: int
+OUTLIVES = -1
+"""Last use of a node that outputs, memories or a loop's end still read."""
 
 
 @dataclass(slots=True)
@@ -61,25 +39,36 @@ class Lowering:
     body: list[str] = field(default_factory=list[str])
     group: list[Node] = field(default_factory=list[Node])
     last_use: dict[int, int] = field(default_factory=dict[int, int])
+    users: dict[int, list[Node]] = field(default_factory=dict[int, list[Node]])
     memory_at: dict[int, int] = field(default_factory=dict[int, int])
     memory_size: int = 0
 
     def lower(self) -> None:
-        """Write the text of all nodes, outputs and memories."""
-        self._find_last_uses()
+        """Write the text of all nodes; what outputs and memories need is kept."""
         self._place_memories()
-        for node in self.schedule.nodes:
+        kept = [*self.schedule.outputs.values()]
+        kept += [memory.store for memory in self.schedule.memories.values()]
+        self.nodes(self.schedule.nodes, kept)
+
+    def nodes(self, nodes: tuple[Node, ...], kept: Sequence[Node]) -> None:
+        """Write the text of nodes in their order; the kept ones outlive them."""
+        for node in nodes:
+            for argument in node.arguments:
+                self.last_use[argument.index] = node.index
+        self.last_use.update({node.index: OUTLIVES for node in kept})
+        self.users.update({node.index: [] for node in nodes})
+        for node in nodes:
+            if isinstance(node.operation, Pick):
+                self.users[node.arguments[0].index].append(node)
+        for node in nodes:
             self._node(node)
         self._flush()
 
-    def _find_last_uses(self) -> None:
-        for node in self.schedule.nodes:
-            for argument in node.arguments:
-                self.last_use[argument.index] = node.index
-        kept = [*self.schedule.outputs.values()]
-        kept += [memory.store for memory in self.schedule.memories.values()]
-        for node in kept:
-            self.last_use[node.index] = len(self.schedule.nodes) + node.index + 10**9
+    def over_cells(self, body: list[str]) -> None:
+        """Run the body for every cell `i`."""
+        if body:
+            self.body.append(f"for (int i = 0; i < {self.schedule.cells}; ++i) {{")
+            self.body += [*(f"    {line}" for line in body), "}"]
 
     def _place_memories(self) -> None:
         for number, memory in self.schedule.memories.items():
@@ -101,6 +90,9 @@ class Lowering:
         elif isinstance(operation, Transient):
             self._flush()
             self._transient(node, operation)
+        elif isinstance(operation, Loop):
+            self._flush()
+            lower_loop(self, node, operation, self.users[node.index])
         self._free_after(node)
 
     def _alone(self, node: Node) -> bool:
@@ -108,7 +100,7 @@ class Lowering:
 
     def _free_after(self, node: Node) -> None:
         for argument in node.arguments:
-            if self.last_use[argument.index] == node.index:
+            if self.last_use.get(argument.index) == node.index:
                 self.values.free_slot(argument)
 
     # local arithmetic: neighbours in the schedule share one loop over the cells
@@ -150,9 +142,7 @@ class Lowering:
                 kept.append((node, name))
         # only now: within the loop a value is read by its name, before its slot is written
         stored = [self._store(node, name) for node, name in kept]
-        self.body.append(f"for (int i = 0; i < {self.schedule.cells}; ++i) {{")
-        self.body += [f"    {line}" for line in loop + stored]
-        self.body.append("}")
+        self.over_cells(loop + stored)
         for node in group:
             self._free_after(node)
 
@@ -177,9 +167,7 @@ class Lowering:
             return
         slot = self.values.take_slot(node)
         text = f"gather({base} + {at}, frame, last, {stride})"
-        self.body.append(
-            f"for (int i = 0; i < {self.schedule.cells}; ++i) {{ {slot}[i] = {text}; }}"
-        )
+        self.over_cells([f"{slot}[i] = {text};"])
 
     # templates
 
@@ -192,7 +180,7 @@ class Lowering:
             self.arena,
             self.tables,
         )
-        picks = [n for n in self.schedule.nodes if n.arguments == (node,)]
+        picks = self.users[node.index]
         scalars = [pick for pick in picks if pick.scalar]
         self.body += [f"real {self.values.name_scalar(pick)};" for pick in scalars]
         mark = self.arena.mark()
@@ -227,73 +215,3 @@ class Lowering:
 
 def _call(operation: Apply, arguments: list[str]) -> str:
     return rename(operation.function.opencl, dict(zip("abc", arguments, strict=False)))
-
-
-def lower(
-    schedule: Schedule, solvers: Solvers, lanes: int, dtype: np.dtype[np.floating]
-) -> KernelText:
-    """Return the kernel text of a schedule for `lanes` frames side by side."""
-    tables = Tables(dtype)
-    arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
-    lowering = Lowering(schedule, solvers, tables, arena, Values(tables))
-    lowering.lower()
-    outputs, writes = _write_outputs(lowering)
-    arena.keep_all()
-    slots = [arena.array(f"s{k}", schedule.cells) for k in range(lowering.values.slots)]
-    if not arena.private:
-        slots.insert(0, f"__global real *const mine = scratch + get_global_id(0) * {arena.size};")
-    size = sum(_numbers(node, schedule) for node in schedule.outputs.values()) + 1
-    body = indented([*slots, *lowering.body, *writes], 1)
-    source = _prelude(lanes, dtype) + "\n" + fill("plan", tables=tables.text, body=body)
-    return KernelText(
-        source,
-        tables.buffer(),
-        size,
-        lowering.memory_size,
-        outputs,
-        0 if arena.private else arena.size,
-    )
-
-
-def _numbers(node: Node, schedule: Schedule) -> int:
-    return 1 if node.scalar else schedule.cells
-
-
-def _write_outputs(lowering: Lowering) -> tuple[dict[str, int], list[str]]:
-    schedule, values = lowering.schedule, lowering.values
-    size = sum(_numbers(node, schedule) for node in schedule.outputs.values()) + 1
-    places: dict[str, int] = {}
-    lines: list[str] = []
-    at = 0
-    for name, node in schedule.outputs.items():
-        places[name] = at
-        lines.append(_scatter(node, "output", at, size, values.read(node), schedule.cells))
-        at += _numbers(node, schedule)
-    lines.append(f"scatter(output + {at}, frame, last, {size}, unfinished);")
-    for number, memory in schedule.memories.items():
-        text = values.read(memory.store)
-        where, stride = lowering.memory_at[number], lowering.memory_size
-        lines.append(_scatter(memory.store, "memory", where, stride, text, schedule.cells))
-    return places, lines
-
-
-def _scatter(node: Node, base: str, at: int, stride: int, text: str, cells: int) -> str:
-    if node.scalar:
-        return f"scatter({base} + {at}, frame, last, {stride}, {text});"
-    store = f"scatter({base} + {at} + i, frame, last, {stride}, {text});"
-    return f"for (int i = 0; i < {cells}; ++i) {{ {store} }}"
-
-
-def _prelude(lanes: int, dtype: np.dtype[np.floating]) -> str:
-    double = dtype == np.float64
-    scalar = "double" if double else "float"
-    helpers = fill("many_lanes", lanes=lanes) if lanes > 1 else fill("one_lane")
-    return fill(
-        "prelude",
-        pragma="#pragma OPENCL EXTENSION cl_khr_fp64 : enable" if double else "",
-        scalar=scalar,
-        real=f"{scalar}{lanes}" if lanes > 1 else scalar,
-        lanes=lanes,
-        huge="DBL_MAX" if double else "FLT_MAX",
-        lane_helpers=helpers,
-    )

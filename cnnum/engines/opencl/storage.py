@@ -130,6 +130,12 @@ class Values:
         self._texts[node.index] = f"s{slot}[i]"
         return f"s{slot}"
 
+    def hand_over(self, old: Node, new: Node) -> None:
+        """Let another node have the name, and the array, of a value."""
+        self._texts[new.index] = self._texts[old.index]
+        if old.index in self._slots:
+            self._slots[new.index] = self._slots.pop(old.index)
+
     def free_slot(self, node: Node) -> None:
         """Give back the array of a map that nothing reads any more."""
         slot = self._slots.pop(node.index, None)

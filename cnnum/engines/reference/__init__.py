@@ -12,12 +12,15 @@ from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.engines.reference.solve import PRECISION, change, solve
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.nodes import (
+    CAPTURED,
     Apply,
     Constant,
     ConstantMap,
     FirstFrame,
     Input,
+    Loop,
     Node,
+    Parameter,
     Pick,
     Read,
     Reduce,
@@ -74,10 +77,9 @@ class ReferenceExecutable:
             name: np.asarray(frames[..., place], dtype=np.float64)
             for place, name in enumerate(self.schedule.channels_read)
         }
+        batch = len(frames)
         values: dict[int, Floats] = {}
-        transients: dict[int, dict[str, Floats]] = {}
         for node in self.schedule.nodes:
-            arguments = [values[a.index] for a in node.arguments if a.index in values]
             operation = node.operation
             if isinstance(operation, Input):
                 values[node.index] = inputs[operation.channel]
@@ -85,17 +87,63 @@ class ReferenceExecutable:
                 values[node.index] = memory.values[operation.memory]
             elif isinstance(operation, FirstFrame):
                 values[node.index] = np.full((1, 1, 1), float(first))
-            elif isinstance(operation, Transient):
-                transients[node.index] = self._transient(node, operation, arguments, len(frames))
-            elif isinstance(operation, Pick):
-                source = transients[node.arguments[0].index]
-                values[node.index] = _picked(operation, source)
-            else:
-                values[node.index] = _local(operation, arguments)
+        self._evaluate(self.schedule.nodes, values, {}, batch)
         for number, kept in self.schedule.memories.items():
             shape = memory.values[number].shape
             memory.values[number] = np.broadcast_to(values[kept.store.index], shape).copy()
-        return self._outputs(values, len(frames))
+        return self._outputs(values, batch)
+
+    def _evaluate(
+        self,
+        nodes: tuple[Node, ...],
+        values: dict[int, Floats],
+        answers: dict[int, dict[str, Floats]],
+        batch: int,
+    ) -> None:
+        """Fill in the values of nodes whose arguments are known."""
+        for node in nodes:
+            arguments = [values[a.index] for a in node.arguments if a.index in values]
+            operation = node.operation
+            if node.index in values:
+                continue
+            if isinstance(operation, Transient):
+                answers[node.index] = self._transient(node, operation, arguments, batch)
+            elif isinstance(operation, Loop):
+                answers[node.index] = self._loop(operation, arguments, batch)
+            elif isinstance(operation, Pick):
+                values[node.index] = _picked(operation, answers[node.arguments[0].index])
+            else:
+                values[node.index] = _local(operation, arguments)
+
+    def _loop(self, loop: Loop, arguments: list[Floats], batch: int) -> dict[str, Floats]:
+        """Run a loop's body; frames that have stopped keep their values."""
+        start, *rest = arguments
+        count = len(loop.results)
+        running = np.broadcast_to(start != 0.0, (batch, 1, 1)).copy()
+        carried = [np.broadcast_to(v, (batch, *v.shape[1:])).copy() for v in rest[:count]]
+        iterations = np.zeros((batch, 1, 1))
+        for _ in range(loop.limit):
+            if not running.any():
+                break
+            values: dict[int, Floats] = {}
+            for node in loop.parameters:
+                assert isinstance(node.operation, Parameter)
+                place = node.operation.place
+                captured = count + place - CAPTURED
+                values[node.index] = carried[place] if place < CAPTURED else rest[captured]
+            self._evaluate(loop.nodes, values, {}, batch)
+            becomes = [
+                np.where(running, values[n.index], carried[k]) for k, n in enumerate(loop.results)
+            ]
+            changed = np.zeros((batch, 1, 1), dtype=bool)
+            for was, now in zip(carried, becomes, strict=True):
+                changed |= (was != now).any(axis=(1, 2), keepdims=True)
+            iterations += running
+            again = changed if loop.again is None else values[loop.again.index] != 0.0
+            running = running & again
+            carried = becomes
+        answers = {f"carried {k}": value for k, value in enumerate(carried)}
+        return answers | {"iterations": iterations, "finished": (~running).astype(np.float64)}
 
     def _outputs(self, values: dict[int, Floats], batch: int) -> dict[str, Floats]:
         rows, cols = self.schedule.shape
@@ -147,7 +195,10 @@ def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
 def _picked(operation: Pick, source: dict[str, Floats]) -> Floats:
     if operation.what in ("output", "state"):
         return source[operation.what][:, operation.layer]
-    return source[operation.what][:, np.newaxis, np.newaxis]
+    if operation.what == "carried":
+        return source[f"carried {operation.layer}"]
+    figure = source[operation.what]
+    return figure if figure.ndim == 3 else figure[:, np.newaxis, np.newaxis]
 
 
 def _local(operation: object, arguments: list[Floats]) -> Floats:

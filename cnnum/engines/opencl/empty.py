@@ -1,0 +1,40 @@
+"""A launch that does nothing, with its copies: the least that any plan can take on a device."""
+
+import numpy as np
+import pyopencl as cl
+
+from cnnum.engines.opencl.devices import choose_device
+
+_TEXT = """
+__kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void nothing(__global const float *restrict in, __global float *restrict out)
+{
+}
+"""
+
+
+class EmptyLaunch:
+    """Copies bytes in, launches an empty kernel, copies bytes out and waits.
+
+    Parameters
+    ----------
+    device : str
+        Part of the device's name.
+    bytes_in, bytes_out : int
+    """
+
+    def __init__(self, device: str, bytes_in: int, bytes_out: int) -> None:
+        context = cl.Context([choose_device(device).handle])
+        self._queue = cl.CommandQueue(context)
+        self._kernel = cl.Kernel(cl.Program(context, _TEXT).build(), "nothing")
+        self._given = np.zeros(max(bytes_in, 4), np.uint8)
+        self._taken = np.zeros(max(bytes_out, 4), np.uint8)
+        flags = cl.mem_flags
+        self._input = cl.Buffer(context, flags.READ_ONLY, self._given.nbytes)
+        self._output = cl.Buffer(context, flags.WRITE_ONLY, self._taken.nbytes)
+
+    def run(self) -> None:
+        """Do it once."""
+        cl.enqueue_copy(self._queue, self._input, self._given, is_blocking=False)
+        self._kernel(self._queue, (1,), (1,), self._input, self._output)
+        cl.enqueue_copy(self._queue, self._taken, self._output)

@@ -1,0 +1,108 @@
+"""From a schedule to the text of one kernel that runs all of it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.engines.backend import Solvers
+from cnnum.engines.opencl.lowering import Lowering
+from cnnum.engines.opencl.storage import PRIVATE_CELLS, Arena, Tables, Values
+from cnnum.engines.opencl.text import fill, indented
+from cnnum.graph.nodes import Node
+from cnnum.graph.schedule import Schedule
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KernelText:
+    """A plan's kernel and what its buffers hold.
+
+    Attributes
+    ----------
+    source : str
+    data : (n,) float
+        Constant numbers.
+    output_size, memory_size : int
+        Numbers a frame.
+    outputs : dict of str to int
+        Where each output starts within a frame's numbers; the last number is `unfinished`.
+    scratch : int
+        Values of global scratch a work item needs (0: everything is private).
+    """
+
+    source: str
+    data: NDArray[np.floating]
+    output_size: int
+    memory_size: int
+    outputs: dict[str, int]
+    scratch: int
+
+
+def lower(
+    schedule: Schedule, solvers: Solvers, lanes: int, dtype: np.dtype[np.floating]
+) -> KernelText:
+    """Return the kernel text of a schedule for `lanes` frames side by side."""
+    tables = Tables(dtype)
+    arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
+    lowering = Lowering(schedule, solvers, tables, arena, Values(tables))
+    lowering.lower()
+    outputs, writes = _write_outputs(lowering)
+    arena.keep_all()
+    slots = [arena.array(f"s{k}", schedule.cells) for k in range(lowering.values.slots)]
+    if not arena.private:
+        slots.insert(0, f"__global real *const mine = scratch + get_global_id(0) * {arena.size};")
+    size = sum(_numbers(node, schedule) for node in schedule.outputs.values()) + 1
+    body = indented([*slots, *lowering.body, *writes], 1)
+    source = _prelude(lanes, dtype) + "\n" + fill("plan", tables=tables.text, body=body)
+    return KernelText(
+        source,
+        tables.buffer(),
+        size,
+        lowering.memory_size,
+        outputs,
+        0 if arena.private else arena.size,
+    )
+
+
+def _numbers(node: Node, schedule: Schedule) -> int:
+    return 1 if node.scalar else schedule.cells
+
+
+def _write_outputs(lowering: Lowering) -> tuple[dict[str, int], list[str]]:
+    schedule, values = lowering.schedule, lowering.values
+    size = sum(_numbers(node, schedule) for node in schedule.outputs.values()) + 1
+    places: dict[str, int] = {}
+    lines: list[str] = []
+    at = 0
+    for name, node in schedule.outputs.items():
+        places[name] = at
+        lines.append(_scatter(node, "output", at, size, values.read(node), schedule.cells))
+        at += _numbers(node, schedule)
+    lines.append(f"scatter(output + {at}, frame, last, {size}, unfinished);")
+    for number, memory in schedule.memories.items():
+        text = values.read(memory.store)
+        where, stride = lowering.memory_at[number], lowering.memory_size
+        lines.append(_scatter(memory.store, "memory", where, stride, text, schedule.cells))
+    return places, lines
+
+
+def _scatter(node: Node, base: str, at: int, stride: int, text: str, cells: int) -> str:
+    if node.scalar:
+        return f"scatter({base} + {at}, frame, last, {stride}, {text});"
+    store = f"scatter({base} + {at} + i, frame, last, {stride}, {text});"
+    return f"for (int i = 0; i < {cells}; ++i) {{ {store} }}"
+
+
+def _prelude(lanes: int, dtype: np.dtype[np.floating]) -> str:
+    double = dtype == np.float64
+    scalar = "double" if double else "float"
+    helpers = fill("many_lanes", lanes=lanes) if lanes > 1 else fill("one_lane")
+    return fill(
+        "prelude",
+        pragma="#pragma OPENCL EXTENSION cl_khr_fp64 : enable" if double else "",
+        scalar=scalar,
+        real=f"{scalar}{lanes}" if lanes > 1 else scalar,
+        lanes=lanes,
+        huge="DBL_MAX" if double else "FLT_MAX",
+        lane_helpers=helpers,
+    )

@@ -1,0 +1,159 @@
+"""Bounded loops and branches inside a program."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from cnnum.errors import ProgramError
+from cnnum.graph.nodes import Graph, Loop, Node, Parameter, Pick
+from cnnum.graph.passes import reached
+from cnnum.programs.fields import Field, as_field, graph_of
+
+Until = Callable[..., object]
+Body = Callable[..., Field | Sequence[Field]]
+
+
+@dataclass(frozen=True, slots=True)
+class Looped:
+    """What a loop leaves.
+
+    Attributes
+    ----------
+    values : tuple of Field
+        The carried values at the end.
+    iterations : Field
+        How often the body ran, one number a frame.
+    finished : Field
+        A flag: the loop ended by itself, not at its limit. A plan that does not read it refuses
+        to give the results of a loop that did not finish.
+    """
+
+    values: tuple[Field, ...]
+    iterations: Field
+    finished: Field
+
+    @property
+    def value(self) -> Field:
+        """The only carried value.
+
+        Raises
+        ------
+        ProgramError
+            If there are several.
+        """
+        if len(self.values) != 1:
+            raise ProgramError(f"The loop carries {len(self.values)} values: take one of .values.")
+        return self.values[0]
+
+
+def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> Looped:
+    """Run a body again and again on its own results, at most `limit` times.
+
+    Parameters
+    ----------
+    body : callable
+        Takes the carried fields and returns what they become, a field each. Fields from outside
+        can be used in it; memories can not be stored in it.
+    values : Field
+        What the carried fields are at first.
+    limit : int
+        At most so many runs of the body; see `Looped.finished`.
+    until : callable, optional
+        Takes the new values and returns a flag that ends the loop; without it the loop ends when
+        no carried value changes any more.
+
+    Raises
+    ------
+    ProgramError
+        If the body does not return as many fields, or a map becomes a number.
+    """
+    graph = graph_of(values)
+    start = graph.constant(1.0)
+    return _loop(graph, start, body, [as_field(graph, v) for v in values], limit, until)
+
+
+def branch(flag: Field, body: Body, *values: Field) -> tuple[Field, ...]:
+    """Return what the body makes of the values in the frames where a flag holds.
+
+    In the other frames the values stay what they are; where no frame of a batch needs it, the
+    body does not run.
+
+    Raises
+    ------
+    ProgramError
+        If the flag is not one logic value a frame, or the body does not fit the values.
+    """
+    if not (flag.scalar and flag.logic):
+        raise ProgramError("A branch needs a flag: one logic value a frame.")
+    graph = graph_of((flag, *values))
+    carried = [as_field(graph, value) for value in values]
+    looped = _loop(graph, as_field(graph, flag).node, body, carried, 1, _at_once)
+    return looped.values
+
+
+def _at_once(*_: Field) -> float:
+    """End a loop after its first run."""
+    return 1.0
+
+
+def _loop(
+    graph: Graph,
+    start: Node,
+    body: Body,
+    values: list[Field],
+    limit: int,
+    until: Until | None,
+) -> Looped:
+    if limit < 1:
+        raise ProgramError(f"A loop's limit must be 1 or more, got {limit}.")
+    inner = graph.body()
+    parameters = [
+        Field(inner, inner.add(Parameter(k), scalar=v.scalar, logic=v.logic))
+        for k, v in enumerate(values)
+    ]
+    results = _results(inner, body(*parameters), values)
+    again = _again(inner, until, results)
+    nodes = _thinned(inner, [result.node for result in results], again)
+    operation = Loop(nodes, tuple(result.node for result in results), again, limit)
+    captured = [inner.captured[place] for place in sorted(inner.captured)]
+    node = graph.add(operation, start, *(v.node for v in values), *captured)
+    return _looped(graph, node, values)
+
+
+def _again(inner: Graph, until: Until | None, results: list[Field]) -> Node | None:
+    if until is None:
+        return None
+    ends = as_field(inner, until(*results))
+    if not ends.scalar:
+        raise ProgramError("What ends a loop is a flag: one logic value a frame.")
+    return (~ends).node if ends.logic else inner.constant(0.0)
+
+
+def _results(inner: Graph, returned: Field | Sequence[Field], values: list[Field]) -> list[Field]:
+    fields = [returned] if isinstance(returned, Field) else list(returned)
+    if len(fields) != len(values):
+        raise ProgramError(
+            f"The body of a loop must return its {len(values)} carried value(s), got {len(fields)}."
+        )
+    results = [as_field(inner, item) for item in fields]
+    for was, becomes in zip(values, results, strict=True):
+        if was.scalar != becomes.scalar:
+            raise ProgramError("A carried value of a loop must stay a map, or stay one number.")
+    return results
+
+
+def _thinned(inner: Graph, results: list[Node], again: Node | None) -> tuple[Node, ...]:
+    live = reached(inner, [*results, *([again] if again is not None else [])])
+    carried = {n.index for n in inner.nodes if isinstance(n.operation, Parameter)}
+    return tuple(node for node in inner.nodes if node.index in live | carried)
+
+
+def _looped(graph: Graph, node: Node, values: list[Field]) -> Looped:
+    carried = tuple(
+        Field(graph, graph.add(Pick("carried", k), node, scalar=v.scalar, logic=v.logic))
+        for k, v in enumerate(values)
+    )
+    return Looped(
+        carried,
+        Field(graph, graph.add(Pick("iterations"), node, scalar=True)),
+        Field(graph, graph.add(Pick("finished"), node, scalar=True, logic=True)),
+    )
