@@ -75,8 +75,9 @@ def pull_of(loads: Loads, patch: Patch) -> Pull:
     least = CLEAR * sqrt(loads.shear_noise)
     cells = float(frame.shape[0] * frame.shape[1])
     arms = sqrt((square(from_row) + square(from_column)).sum())
-    sheared = loads.contact & (force > maximum(ENGAGED * patch.load, least * (2.0 * cells) ** 0.5))
-    turned = loads.contact & (size > maximum(ENGAGED * patch.load * patch.spread, least * arms))
+    share = ENGAGED * patch.load
+    sheared = _there(loads, force, maximum(share, least * (2.0 * cells) ** 0.5))
+    turned = _there(loads, size, maximum(share * patch.spread, least * arms))
     more = force * RADIUS * patch.spread > size
     free = ~(sheared | turned)
     return Pull(
@@ -93,6 +94,14 @@ def pull_of(loads: Loads, patch: Patch) -> Pull:
         pulled=sheared & more,
         twisted=turned & ~more,
     )
+
+
+def _there(loads: Loads, size: Field, least: Field) -> Field:
+    """Return whether a load is there: above its least value, and from then on above half of it."""
+    before = loads.frame.memory(scalar=True, logic=True)
+    now = loads.contact & ((size > least) | (before.value & (size > 0.5 * least)))
+    before.store(now)
+    return now
 
 
 def _built(frame: FrameFields, value: Field, free: Field) -> Field:

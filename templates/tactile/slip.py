@@ -10,7 +10,7 @@ from cnnum.templates.tactile.pull import Pull, pull_of
 from cnnum.templates.tactile.sticking import Sticking, sticking_of
 
 INCIPIENT = 0.935
-GROSS = 0.5
+GROSS = 0.4
 
 
 @program

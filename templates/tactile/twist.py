@@ -7,7 +7,7 @@ from cnnum.templates.tactile.loads import Loads, Patch, loads_of, patch_of
 from cnnum.templates.tactile.pull import Pull, pull_of
 from cnnum.templates.tactile.sticking import Sticking, sticking_of
 
-INCIPIENT = 0.88
+INCIPIENT = 0.885
 
 
 @program
