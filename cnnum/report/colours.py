@@ -16,10 +16,23 @@ def _lab(lightness: float, chroma: float, hue: float) -> Lab:
     return lightness, chroma * cos(radians(hue)), chroma * sin(radians(hue))
 
 
-LIGHT = (_lab(0.36, 0.14, 262), _lab(0.64, 0.13, 245), _lab(0.965, 0.004, 250),
-         _lab(0.72, 0.14, 60), _lab(0.46, 0.12, 45))  # fmt: skip
-DARK = (_lab(0.90, 0.09, 220), _lab(0.60, 0.14, 250), _lab(0.235, 0.012, 255),
-        _lab(0.58, 0.13, 50), _lab(0.86, 0.12, 75))  # fmt: skip
+LIGHT = (
+    _lab(0.46, 0.12, 45),
+    _lab(0.72, 0.14, 60),
+    _lab(0.965, 0.004, 250),
+    _lab(0.64, 0.13, 245),
+    _lab(0.36, 0.14, 262),
+)
+"""From the lowest value to the highest, on light paper."""
+
+DARK = (
+    _lab(0.86, 0.12, 75),
+    _lab(0.58, 0.13, 50),
+    _lab(0.235, 0.012, 255),
+    _lab(0.60, 0.14, 250),
+    _lab(0.90, 0.09, 220),
+)
+"""The same on dark paper."""
 
 
 def scale(anchors: tuple[Lab, ...]) -> tuple[str, ...]:
@@ -45,7 +58,7 @@ def _between(anchors: tuple[Lab, ...], share: float) -> Lab:
     left = min(int(place), len(anchors) - 2)
     part = place - left
     a, b = anchors[left], anchors[left + 1]
-    return tuple(x + part * (y - x) for x, y in zip(a, b, strict=True))  # type: ignore[return-value]
+    return a[0] + part * (b[0] - a[0]), a[1] + part * (b[1] - a[1]), a[2] + part * (b[2] - a[2])
 
 
 def _hex(lab: Lab) -> str:

@@ -2,8 +2,9 @@
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from typing import cast
 
 import numpy as np
 
@@ -130,9 +131,9 @@ def packed(values: Floats) -> dict[str, object]:
 def tidy(value: object) -> object:
     """Return a tree of records with tuples as lists and no number that JSON does not have."""
     if isinstance(value, Mapping):
-        return {str(key): tidy(item) for key, item in value.items()}
+        return {str(key): tidy(item) for key, item in cast(Mapping[object, object], value).items()}
     if isinstance(value, list | tuple):
-        return [tidy(item) for item in value]
+        return [tidy(item) for item in cast(Sequence[object], value)]
     if isinstance(value, float):
         return value if np.isfinite(value) else None
     return value

@@ -2,28 +2,31 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from html import escape
-from math import ceil, floor, log10
 
 from cnnum.checks import CheckResult
 from cnnum.report.svg import Scale, at, line, picture, power_of_ten, scientific, si, text
 from cnnum.report.work_precision import WorkPrecision
 
 LEFT, RIGHT, TOP, BOTTOM = 48.0, 14.0, 22.0, 36.0
-NONE = 34.0
-"""Height of the band below the axis for errors of exactly 0, which no logarithm shows."""
+NONE = 13.0
+"""Height, for each series, of the band below the axis for errors of exactly 0, which no logarithm
+shows."""
 
 
 def check_chart(checks: Sequence[CheckResult], width: float) -> str:
     """Return each check as a point: its error over the time of one run."""
     height = 330.0
     errors = [c.error for c in checks if 0 < c.error < float("inf")]
-    zeros = any(c.error == 0 for c in checks)
-    bottom = height - BOTTOM - (NONE if zeros else 0.0)
+    series = list(dict.fromkeys(series_of(c) for c in checks))
+    zeros = NONE * len(series) + 18.0 if any(c.error == 0 for c in checks) else 0.0
+    bottom = height - BOTTOM - zeros
     x = _scale([c.seconds for c in checks], LEFT, width - RIGHT)
-    y = _scale(errors, bottom, TOP)
+    y = _scale(errors, bottom, TOP, room=3.0)
     parts = [*_axes(x, y, bottom, height - BOTTOM, "largest error", zeros)]
     for check in checks:
-        place = _height(check.error, y, height - BOTTOM - 12.0)
+        place = _height(
+            check.error, y, height - BOTTOM - NONE * (series.index(series_of(check)) + 0.5)
+        )
         parts.append(_point(x(check.seconds), place, _check_style(check), _check_title(check)))
     parts.append(text(width - RIGHT, height - 4.0, "median time of one run", "tick", "end"))
     return picture(width, height, parts, "Error of every check against its run time", "chart")
@@ -39,14 +42,14 @@ def series_style(engine: str, precision: str) -> str:
     return f"s-{engine} p-{precision}"
 
 
-def ladder_chart(points: Sequence[WorkPrecision], case: str) -> str:
+def ladder_chart(points: Sequence[WorkPrecision], case: str, width: float) -> str:
     """Return one template by every method: its error over the time of one picture."""
-    width, height = 330.0, 270.0
+    height = 270.0
     mine = [p for p in points if p.case == case and p.error < float("inf")]
     bottom = height - BOTTOM
     x = _scale([p.seconds / p.pictures for p in mine], LEFT, width - RIGHT)
-    y = _scale([p.error for p in mine if p.error > 0], bottom, TOP)
-    parts = [*_axes(x, y, bottom, bottom, f"{case}: error", False)]
+    y = _scale([p.error for p in mine if p.error > 0], bottom, TOP, room=3.0)
+    parts = [*_axes(x, y, bottom, bottom, f"{case}: error", 0.0)]
     for key, rungs in ladder_series(mine).items():
         places = [
             (x(p.seconds / p.pictures), _height(p.error, y, bottom - 4.0))
@@ -81,11 +84,11 @@ def symbol(style: str) -> str:
     return picture(12.0, 12.0, [_point(6.0, 6.0, style, "")], "", "glyph")
 
 
-def _scale(values: Sequence[float], start: float, end: float) -> Scale:
-    """Return a logarithmic scale of whole decades, and of one at least."""
+def _scale(values: Sequence[float], start: float, end: float, room: float = 1.25) -> Scale:
+    """Return a logarithmic scale that holds the values with some room, half a decade at least."""
     low, high = (min(values), max(values)) if values else (1e-6, 1.0)
-    first, last = floor(log10(low) - 0.05), ceil(log10(high) + 0.05)
-    return Scale(10.0**first, 10.0 ** max(last, first + 1), start, end, log=True)
+    room = max(room, (10**0.5 * low / high) ** 0.5)
+    return Scale(low / room, high * room, start, end, log=True)
 
 
 def _height(error: float, y: Scale, zero: float) -> float:
@@ -93,7 +96,7 @@ def _height(error: float, y: Scale, zero: float) -> float:
 
 
 def _axes(
-    x: Scale, y: Scale, bottom: float, floor: float, title: str, zeros: bool
+    x: Scale, y: Scale, bottom: float, floor: float, title: str, zeros: float
 ) -> Iterator[str]:
     yield text(4.0, 12.0, title, "title")
     for tick in y.ticks():
@@ -101,11 +104,11 @@ def _axes(
         yield text(x.start - 6.0, y(tick) + 4.0, power_of_ten(tick), "tick", "end")
     for tick in x.ticks():
         yield line(x(tick), y.end, x(tick), floor, "grid")
-        yield text(x(tick), floor + 15.0, si(tick, "s"), "tick", "middle")
+        yield text(x(tick), floor + 15.0, si(tick, "s", 1), "tick", "middle")
     yield line(x.start, floor, x.end, floor, "axis")
     if zeros:
-        yield line(x.start, bottom + 8.0, x.end, bottom + 8.0, "break")
-        yield text(x.start - 6.0, floor - 8.0, "0", "tick", "end")
+        yield line(x.start, bottom + 9.0, x.end, bottom + 9.0, "break")
+        yield text(x.start - 6.0, floor - (zeros - 18.0) / 2 + 4.0, "0", "tick", "end")
 
 
 def _point(x: float, y: float, style: str, title: str) -> str:

@@ -14,7 +14,8 @@ from cnnum.report.svg import picture, plain, text
 def filmstrip(record: SceneRecord, scale: MapScale) -> str:
     """Return the key frames as figures with captions."""
     figures = "".join(_figure(record, key, scale) for key in key_frames(record))
-    return f'<div class="film">{figures}</div>'
+    style = "film six" if figures.count("<figure>") == 6 else "film"
+    return f'<div class="{style}">{figures}</div>'
 
 
 def colour_bar(record: SceneRecord, scale: MapScale) -> str:
@@ -26,7 +27,7 @@ def colour_bar(record: SceneRecord, scale: MapScale) -> str:
         for n in range(STEPS + 1)
     ]
     parts = [
-        text(10.0, 12.0, f"normal {_symbol(record)}, {unit}", "title"),
+        text(10.0, 12.0, _bar_title(record, unit), "title"),
         *squares,
         text(10.0, 43.0, f"−{top}", "tick"),
         text(107.5, 43.0, "0", "tick", "middle"),
@@ -38,10 +39,10 @@ def colour_bar(record: SceneRecord, scale: MapScale) -> str:
 def arrow_key(record: SceneRecord, scale: MapScale) -> str:
     """Return the arrow that stands for a round shear, as long as in the pictures."""
     factor, unit = shown_unit(record)
-    length = f"{plain(factor * scale.shear, 2)} {unit}".strip()
+    length = f"{plain(factor * scale.shear, 2)} {'× ' * (factor > 1)}{unit}".strip()
     shaft = f'<path class="arrow" d="{arrow(1.0, 5.0, CELL, 0.0)}"/>'
     drawn = picture(CELL + 2.0, CELL, [shaft], f"Arrow for {length}", "glyph")
-    return f"{drawn} shear of {escape(length)}"
+    return f"{drawn} shear{' strain' * (record.unit == 'strain')} of {escape(length)}"
 
 
 def shown_unit(record: SceneRecord) -> tuple[float, str]:
@@ -49,8 +50,8 @@ def shown_unit(record: SceneRecord) -> tuple[float, str]:
     return (1e3, "10⁻³") if record.unit == "strain" else (1.0, record.unit)
 
 
-def _symbol(record: SceneRecord) -> str:
-    return "strain ε_zz" if record.unit == "strain" else "axis"
+def _bar_title(record: SceneRecord, unit: str) -> str:
+    return f"compressive strain, {unit}" if record.unit == "strain" else f"normal axis, {unit}"
 
 
 def _figure(record: SceneRecord, key: KeyFrame, scale: MapScale) -> str:

@@ -8,6 +8,7 @@
   const every = data.maps.every;
   const normalTop = Number(canvas.dataset.normal);
   const shearTop = Number(canvas.dataset.shear);
+  const sign = Number(canvas.dataset.sign);
   const rate = data.scene.rate_hz || 50;
 
   function unpack(map) {
@@ -44,7 +45,7 @@
   function heat(k, side) {
     const half = (colours.length - 1) / 2;
     for (let r = 0; r < rows; r++) for (let c = 0; c < cols; c++) {
-      const v = iz < 0 ? 0 : value(k, r, c, iz);
+      const v = iz < 0 ? 0 : sign * value(k, r, c, iz);
       const share = Math.max(-1, Math.min(1, v / normalTop));
       pen.fillStyle = Number.isNaN(v) ? card : colours[Math.round(half * (share + 1))];
       pen.fillRect(Math.floor(c * side), Math.floor(r * side), Math.ceil(side), Math.ceil(side));
@@ -53,14 +54,14 @@
 
   function arrows(k, side) {
     pen.strokeStyle = ink;
-    pen.lineWidth = side * 0.07;
+    pen.lineWidth = side * 0.06;
     pen.lineCap = pen.lineJoin = "round";
     pen.beginPath();
     for (let r = 0; r < rows; r++) for (let c = 0; c < cols; c++) {
       const x = (c + 0.5) * side, y = (r + 0.5) * side;
-      const dx = side * value(k, r, c, ix) / shearTop, dy = side * value(k, r, c, iy) / shearTop;
+      const dx = sign * side * value(k, r, c, ix) / shearTop, dy = sign * side * value(k, r, c, iy) / shearTop;
       const long = Math.hypot(dx, dy);
-      if (!(long > 0.06 * side)) continue;
+      if (!(long > 0.12 * side)) continue;
       const head = Math.min(0.24 * side, 0.45 * long) / long;
       pen.moveTo(x, y);
       pen.lineTo(x + dx, y + dy);
@@ -124,8 +125,8 @@
     const side = canvas.width / cols;
     heat(k, side);
     cells(k, side);
-    if (ix >= 0 && iy >= 0) arrows(k, side);
     circles(n, side);
+    if (ix >= 0 && iy >= 0) arrows(k, side);
     facts.replaceChildren(...told(n).flatMap(([name, text]) => {
       const dt = document.createElement("dt"), dd = document.createElement("dd");
       dt.textContent = name;

@@ -145,7 +145,8 @@ def _values(scene: Scene, moments: list[Moment]) -> Floats:
 
 
 def _outputs(moments: list[Moment]) -> dict[str, Floats]:
-    known = next((moment.outputs for moment in moments if moment.outputs), {})
+    none: dict[str, Floats] = {}
+    known = next((moment.outputs for moment in moments if moment.outputs), none)
     found = {name: np.full((len(moments), *np.shape(v)), np.nan) for name, v in known.items()}
     for number, moment in enumerate(moments):
         for name, value in moment.outputs.items():

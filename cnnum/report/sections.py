@@ -1,5 +1,6 @@
 """The sections of a report, each from its data alone."""
 
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
@@ -23,6 +24,7 @@ from cnnum.report.latency_chart import latency_chart
 from cnnum.report.svg import plain
 from cnnum.report.timeline import timeline
 from cnnum.report.verdicts import MAX_DELAY, MAX_TURN
+from cnnum.report.work_precision import WorkPrecision
 
 WIDE, NARROW = 920.0, 340.0
 
@@ -64,7 +66,7 @@ def _headline(data: ReportData) -> str:
         return f"{len(data.record.events)} events in the scene “{data.record.name}”"
     good = sum(v.passed for v in verdicts)
     if good == len(verdicts):
-        return f"All {good} events of the scene “{data.record.name}” reported in time"
+        return f"All {good} events of “{data.record.name}” reported in time"
     return f"{len(verdicts) - good} of {len(verdicts)} events of “{data.record.name}” are wrong"
 
 
@@ -106,8 +108,8 @@ def story(number: int, data: ReportData) -> str:
         (
             swatch("truth", "bar: ground truth"),
             swatch("seen", "thin line: the program's flag"),
-            f"{glyph('reported', 'M6 1l5 9h-10z')}event reported",
-            "dotted: beginning or end, in truth",
+            f"{glyph('reported', 'M6 1l5 9h-10z')}reported, with its delay in frames",
+            f"{glyph('mark', 'M6 -2v16')}true beginning or end",
         )
     )
     pictures = both(timeline(record, verdicts, WIDE), timeline(record, verdicts, NARROW))
@@ -118,10 +120,14 @@ def frames(number: int, data: ReportData) -> str:
     """Return the key frames, and the player."""
     record = data.record
     scale = MapScale.of(record)
-    calibrated = "the strain at the taxels" if record.unit == "strain" else "the array's own values"
+    calibrated = (
+        "the strain at the taxels, a push being positive and arrows going with the pull"
+        if record.unit == "strain"
+        else "the array's own values"
+    )
     words = (
-        f"Frames as the program gets them, seen from above: {calibrated}, x to the right along "
-        "the columns, y down along the rows. All pictures share one scale."
+        f"Frames as the program gets them, seen from above, x to the right along the "
+        f"columns, y down along the rows: {calibrated}. All pictures share one scale."
     )
     items = [
         colour_bar(record, scale),
@@ -146,7 +152,7 @@ def _player(data: ReportData, scale: MapScale) -> str:
     return (
         '<div class="player" id="player" hidden>'
         f'<canvas width="{640}" height="{round(640 * rows / cols)}" data-normal="{scale.normal:g}" '
-        f'data-shear="{scale.shear:g}" data-first="{first}" role="img" '
+        f'data-shear="{scale.shear:g}" data-first="{first}" data-sign="{scale.sign}" role="img" '
         f'aria-label="The frame that the slider stands at, in {escape(unit)}"></canvas>'
         "<div><h3>Every frame</h3><dl></dl>"
         '<div class="controls"><input type="range" min="0" value="0" aria-label="Frame">'
@@ -211,7 +217,7 @@ def _ladders(data: ReportData) -> list[str]:
         f"{symbol(ladder_style(*key))}{escape(', '.join(key))}" for key in ladder_series(points)
     ]
     cases = dict.fromkeys(p.case for p in points)
-    charts = "".join(f"<div>{ladder_chart(points, case)}</div>" for case in cases)
+    charts = "".join(f"{_ladder(points, case)}" for case in cases)
     panels = f'<div class="panels">{charts}</div>'
     return ["<h3>Up the ladder of methods</h3>", paragraph(words), legend(items), panels]
 
@@ -247,6 +253,11 @@ def latency(number: int, data: ReportData) -> str:
     )
     pictures = both(latency_chart(seconds, WIDE), latency_chart(seconds, NARROW))
     return section(number, "latency", "Latency of one frame", paragraph(words), pictures)
+
+
+def _ladder(points: Sequence[WorkPrecision], case: str) -> str:
+    drawn = both(ladder_chart(points, case, WIDE / 2 - 15.0), ladder_chart(points, case, NARROW))
+    return f"<div>{drawn}</div>"
 
 
 COMMANDS = (

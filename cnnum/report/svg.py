@@ -46,9 +46,14 @@ def steps(low: float, high: float, count: int) -> tuple[float, ...]:
 
 
 def decades(low: float, high: float) -> tuple[float, ...]:
-    """Return the powers of ten within a range; every second one if there are many."""
-    first, last = ceil(log10(low) - 1e-9), floor(log10(high) + 1e-9)
-    return tuple(10.0**n for n in range(first, last + 1, 2 if last - first > 7 else 1))
+    """Return the powers of ten within a range, or 1, 2 and 5 of each where those are few."""
+    first, last = floor(log10(low)), ceil(log10(high))
+    apart = 2 if last - first > 9 else 1
+    found = [10.0**n for n in range(first, last + 1, apart) if low <= 10.0**n <= high]
+    if len(found) < 3:
+        fine = (m * 10.0**n for n in range(first, last + 1) for m in (1, 2, 5))
+        found = [value for value in fine if low <= value <= high]
+    return tuple(found)
 
 
 def round_up(value: float) -> float:
@@ -64,8 +69,10 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def power_of_ten(value: float) -> str:
-    """Return "10⁻³"."""
-    return "10" + str(round(log10(value))).translate(_SUPERSCRIPT)
+    """Return "10⁻³", or "5·10⁻³" of what is no power of ten."""
+    exponent = floor(log10(value) + 1e-9)
+    factor = round(value / 10.0**exponent)
+    return ("10" if factor == 1 else f"{factor}·10") + str(exponent).translate(_SUPERSCRIPT)
 
 
 def si(value: float, unit: str, digits: int = 3) -> str:

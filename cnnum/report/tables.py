@@ -101,11 +101,11 @@ def _check_row(check: CheckResult) -> Row:
     cells = (
         Cell(check.template, strong=True),
         Cell(check.check),
-        Cell(check.engine, check.precision),
+        Cell(f"{check.engine} {check.precision}"),
         Cell(check.method),
-        Cell(scientific(check.error), style="num"),
-        Cell(scientific(check.tolerance), style="num"),
-        Cell(si(check.seconds, "s"), style="num"),
+        Cell(scientific(check.error)),
+        Cell(scientific(check.tolerance)),
+        Cell(si(check.seconds, "s")),
         Cell("✓ passed", style="yes") if check.passed else _no("failed"),
     )
     return not check.passed, cells

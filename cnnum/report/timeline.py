@@ -7,7 +7,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.report.record import SceneRecord
-from cnnum.report.svg import Scale, at, box, line, path, picture, plain, polyline, round_up, text
+from cnnum.report.svg import Scale, at, box, line, path, picture, polyline, round_up, text
 from cnnum.report.verdicts import LANES, Lane, Verdict, held, spans
 
 LEFT, RIGHT = 40.0, 12.0
@@ -82,7 +82,7 @@ def panels(record: SceneRecord) -> tuple[Panel, ...]:
             Curve("stick radius c", 1e3 * truth["stick_radius"], "stick", filled=True),
             Curve("contact radius a", 1e3 * truth["contact_radius"], "contact"),
         )
-        found.append(Panel("Contact radius a (line), stick radius c (area)", "mm", radii))
+        found.append(Panel("Radius of contact (line), stick (area)", "mm", radii))
     return tuple(found)
 
 
@@ -110,7 +110,7 @@ def _lane(
         yield box(x1, y + 26.5, x2 - x1, 3.0, "flag", f"{lane.title}, as the program saw it")
     for verdict in mine:
         if verdict.reported is not None:
-            yield _marker(time(verdict.reported.t), y + 27.0, verdict)
+            yield from _marker(time(verdict.reported.t), y + 27.0, verdict, time.end)
     for event in record.events if not record.truth else ():
         if event.kind in (lane.kind, lane.ends) and (event.phase or "") == lane.phase:
             yield _triangle(time(event.t), y + 27.0, "reported", str(event))
@@ -130,12 +130,15 @@ def _edges(record: SceneRecord, first: int, after: int, time: Scale) -> tuple[fl
     return x1, max(time(float(record.times[last])), x1 + 1.5)
 
 
-def _marker(x: float, y: float, verdict: Verdict) -> str:
+def _marker(x: float, y: float, verdict: Verdict, end: float) -> Iterator[str]:
     assert verdict.reported is not None
     style = "reported" if verdict.passed else "reported wrong"
     delay = "" if verdict.delay is None else f", {verdict.delay:+d} frames"
     title = f"{verdict.title} reported at {verdict.reported.t:.3f} s{delay}: {verdict.text}"
-    return _triangle(x, y, style, title)
+    yield _triangle(x, y, style, title)
+    words = f"{verdict.delay:+d}".replace("-", "−") if verdict.passed else verdict.text
+    last = x > end - 120.0
+    yield text(x - 7.0 if last else x + 7.0, y + 8.5, words, "tick", "end" if last else "")
 
 
 def _triangle(x: float, y: float, style: str, title: str) -> str:
@@ -151,7 +154,7 @@ def _panel(record: SceneRecord, panel: Panel, time: Scale, y: float) -> Iterator
     yield text(LEFT, y - 8.0, f"{panel.title}, {panel.unit}", "title")
     for tick in scale.ticks(3):
         yield line(time.start, scale(tick), time.end, scale(tick), "axis" if tick == 0 else "grid")
-        yield text(LEFT - 6.0, scale(tick) + 4.0, plain(tick, 2), "tick", "end")
+        yield text(LEFT - 6.0, scale(tick) + 4.0, f"{tick:g}", "tick", "end")
     for curve in panel.curves:
         yield from _curve(record, curve, time, scale)
 
@@ -173,5 +176,5 @@ def _curve(record: SceneRecord, curve: Curve, time: Scale, scale: Scale) -> Iter
 def _time_axis(time: Scale, y: float, width: float) -> Iterator[str]:
     for tick in time.ticks(10 if width > 500 else 5):
         yield line(time(tick), y, time(tick), y + 4.0, "axis")
-        yield text(time(tick), y + 16.0, plain(tick, 2), "tick", "middle")
+        yield text(time(tick), y + 16.0, f"{tick:g}", "tick", "middle")
     yield text(time.end, y + 27.0, "time, s", "tick", "end")

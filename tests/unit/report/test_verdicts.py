@@ -1,0 +1,90 @@
+"""Reports against the ground truth: what is right, late, wrong, missed or false."""
+
+from dataclasses import replace
+from math import pi
+from typing import Any
+
+import pytest
+
+from cnnum.events import Event
+from cnnum.report import SceneRecord, compare
+from cnnum.report.verdicts import true_events
+
+
+def test_true_events_begin_and_end_where_the_truth_changes(record: SceneRecord) -> None:
+    found = [(event.title, event.frame) for event in true_events(record)]
+    assert found == [
+        ("contact", 20),
+        ("incipient slip", 40),
+        ("gross slip", 48),
+        ("twist", 75),
+        ("release", 110),
+    ]
+
+
+def test_true_directions_are_of_the_force_and_of_the_sliding(record: SceneRecord) -> None:
+    _, incipient, gross, twist, _ = true_events(record)
+    assert incipient.direction == pytest.approx(0.4)
+    assert gross.direction == 0.5
+    assert twist.sense == -1
+
+
+def test_right_reports_pass_with_their_delay(record: SceneRecord) -> None:
+    rows = compare(record)
+    assert [row.passed for row in rows] == [True] * 5
+    assert [row.delay for row in rows] == [2, 3, 0, 5, -1]
+    assert rows[2].turn == pytest.approx(0.1)
+
+
+def test_only_what_the_scene_wants_is_expected(record: SceneRecord) -> None:
+    lean = replace(record, wants=("contact",), events=record.events[:1])
+    assert [(row.title, row.text) for row in compare(lean)] == [
+        ("contact", "passed"),
+        ("release", "missed"),
+    ]
+
+
+def test_without_ground_truth_nothing_is_compared(record: SceneRecord) -> None:
+    assert compare(replace(record, truth={})) == ()
+
+
+@pytest.mark.parametrize(
+    ("event", "text"),
+    [
+        (Event(t=0.54, kind="slip", phase="gross", frame=54, direction=0.5), "6 frames late"),
+        (Event(t=0.42, kind="slip", phase="gross", frame=42, direction=0.5), "6 frames early"),
+        (Event(t=0.48, kind="slip", phase="gross", frame=48), "no direction"),
+        (
+            Event(t=0.48, kind="slip", phase="gross", frame=48, direction=0.5 - pi / 15),
+            "direction off by 12°",
+        ),
+        (Event(t=0.76, kind="twist", frame=76, sense=1), "wrong sense"),
+        (Event(t=0.76, kind="twist", frame=76), "no sense"),
+    ],
+    ids=lambda value: value if isinstance(value, str) else "",
+)
+def test_wrong_reports_fail_and_say_why(with_events: Any, event: Event, text: str) -> None:
+    (row,) = (row for row in compare(with_events(event)) if row.reported)
+    assert (row.passed, row.text) == (False, text)
+
+
+def test_a_direction_is_compared_around_the_circle(record: SceneRecord, with_events: Any) -> None:
+    event = Event(t=0.48, kind="slip", phase="gross", frame=48, direction=0.5 - 2 * pi)
+    (row,) = (row for row in compare(with_events(event)) if row.reported)
+    assert row.turn == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_second_report_is_false_and_the_nearest_one_counts(with_events: Any) -> None:
+    twists = [Event(t=n / 100, kind="twist", frame=n, sense=-1) for n in (70, 76, 80)]
+    rows = [row for row in compare(with_events(*twists)) if row.title == "twist"]
+    assert [(row.frame, row.text) for row in rows] == [
+        (70, "false report"),
+        (75, "passed"),
+        (80, "false report"),
+    ]
+
+
+def test_a_report_far_from_any_truth_is_false_and_the_truth_missed(with_events: Any) -> None:
+    rows = compare(with_events(Event(t=0.05, kind="release", frame=5)))
+    texts = [row.text for row in rows if row.title == "release"]
+    assert texts == ["false report", "missed"]
