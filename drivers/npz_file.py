@@ -122,7 +122,7 @@ def read_npz(path: Path) -> Recording:
         If it is no recording; the sentence names the file and what is wrong.
     """
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             held = {name: np.asarray(archive[name]) for name in archive.files}
     except OSError as error:
         raise RecordingError(f"'{path}' can not be read: {error.strerror or error}.") from None

@@ -35,5 +35,7 @@ def command(
     """
     from cnnum.pipeline import load_scene
 
+    if not out.parent.is_dir():
+        raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
     changes = scene_changes(settings, engine, device, precision)
     return follow(load_scene("demo", changes=changes), Output(as_json))

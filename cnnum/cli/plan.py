@@ -79,8 +79,7 @@ def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation
                 ("channels read", ", ".join(plan.channels_read) or "none"),
                 ("maps read back", ", ".join(plan.maps_read_back) or "none"),
             )
-        ),
-        "",
+        )
     )
     runs = table("Templates that run")
     for text in plan.transients:

@@ -92,8 +92,8 @@ def _facts(source: str, driver: "Driver", figures: "ProbeFigures") -> list[tuple
         ("frames", f"{figures.frames} in {quantity(figures.seconds, 's')}"),
         (
             "rate",
-            f"{figures.rate:.2f} Hz by their own times (jitter up to "
-            f"{quantity(round(figures.jitter, 9), 's')}), {figures.arrival_rate:.2f} Hz as they came",
+            f"{figures.rate:.2f} Hz by their times, jitter "
+            f"{quantity(round(figures.jitter, 9), 's')}; {figures.arrival_rate:.2f} Hz as it came",
         ),
         (
             "lost",

@@ -114,10 +114,17 @@ def _closed_pipe() -> int:
     return PIPE_CLOSED
 
 
-@click.group(cls=Root, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=Root,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
 @click.version_option(__version__, prog_name="cnnum")
-def main() -> None:
+@click.pass_context
+def main(ctx: click.Context) -> None:
     """Run tactile scenes on an emulated cellular-wave computer.
 
     Begin with `cnnum demo`. Every command takes --json, which prints one JSON object a line.
     """
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())

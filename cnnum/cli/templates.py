@@ -7,9 +7,16 @@ from cnnum.cli.templates_list import list_templates
 from cnnum.cli.templates_show import show
 
 
-@click.group("templates", context_settings={"help_option_names": ["-h", "--help"]})
-def command() -> None:
+@click.group(
+    "templates",
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+@click.pass_context
+def command(ctx: click.Context) -> None:
     """List, show and check the template library."""
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
 
 
 for _member in (list_templates, show, check):

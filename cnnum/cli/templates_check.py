@@ -7,13 +7,16 @@ import click
 from rich.table import Table
 
 from cnnum.cli.options import json_option
-from cnnum.cli.output import Output, number, quantity, table, verdict
+from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
 
 if TYPE_CHECKING:
     from cnnum.checks import CheckResult
 
 CHECKS_FAILED = 1
+
+WIDE = 112
+"""Columns from which all of a check's figures fit side by side."""
 
 
 def _shape(ctx: click.Context, parameter: click.Parameter, value: str) -> tuple[int, int]:
@@ -31,6 +34,13 @@ def _shape(ctx: click.Context, parameter: click.Parameter, value: str) -> tuple[
 @click.option("--shape", default="8x8", callback=_shape, help="Array of the pictures: ROWSxCOLS.")
 @click.option("--seed", default=0, type=click.IntRange(min=0), help="Of the random pictures.")
 @click.option("--method", default="auto", help="Integration method.")
+@click.option(
+    "--repeats",
+    default=3,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Timed runs; the run time is their median.",
+)
 @json_option
 def check(
     names: tuple[str, ...],
@@ -40,6 +50,7 @@ def check(
     shape: tuple[int, int],
     seed: int,
     method: str,
+    repeats: int,
     as_json: bool,
 ) -> int:
     """Run templates on random pictures and compare them with their closed forms.
@@ -64,7 +75,11 @@ def check(
     with progress("checks", len(templates) * len(used), as_json=as_json) as steps:
         for template in templates:
             for engine in used:
-                results.append(run_check(template, engine, seed=seed, shape=shape, method=method))
+                results.append(
+                    run_check(
+                        template, engine, seed=seed, shape=shape, method=method, repeats=repeats
+                    )
+                )
                 output.record(asdict(results[-1]))
                 steps.advance(template.name)
     failed = sum(not result.passed for result in results)
@@ -73,18 +88,18 @@ def check(
 
 
 def _table(results: "list[CheckResult]") -> Table:
-    made = table(
-        "Template", "engine", "method", ">error", ">tolerance", ">run time", "", "closed form"
-    )
+    """Return all results; a narrow terminal gets no method and no closed form."""
+    wide = console().width >= WIDE
+    columns = ("Template", "engine", ">error", ">tolerance", ">run time", "result")
+    made = table(*columns, *(("method", "closed form") if wide else ()))
     for result in results:
         made.add_row(
             result.template,
             f"{result.engine} {result.precision.removeprefix('float')}",
-            result.method,
             number(result.error, 2),
             number(result.tolerance, 2),
             quantity(result.seconds, "s"),
             verdict(result.passed),
-            result.check,
+            *((result.method, result.check) if wide else ()),
         )
     return made

@@ -1,0 +1,56 @@
+"""`cnnum devices`: what is measured stands to reason."""
+
+import time
+
+import pytest
+
+from cnnum.engines.opencl import measure as room
+from cnnum.engines.opencl.devices import choose_device, list_devices
+from cnnum.engines.opencl.measure import measure
+from cnnum.engines.opencl.measure_kernels import Arithmetic, Bench
+from cnnum.errors import DeviceError
+
+
+def test_every_device_with_its_figures(call, records):
+    result = call("devices", "--json")
+    assert result.exit_code == 0, result.stderr
+    found = records(result.stdout)
+    assert [record["device"] for record in found] == [device.name for device in list_devices()]
+    for record in found:
+        # a clock of 10 GHz, 128 multiply-adds a beat and 1000 units bound a peak from above
+        assert 0.01 < record["peak_gflops"] < 2 * 128 * 10 * record["units"]
+        assert 0.01 < record["bandwidth_gbs"] < 2e4
+        assert record["version"].startswith("OpenCL")
+    (chosen,) = [record for record in found if record["chosen"]]
+    assert chosen["device"] == choose_device(None).name
+    assert chosen["why"]
+
+
+def test_in_words_and_without_measuring(call):
+    begin = time.perf_counter()
+    text = call("devices", "--no-measure").stdout
+    assert time.perf_counter() - begin < 2.0  # s; measuring alone takes longer
+    assert "GFLOP/s" not in text
+    assert f"yes: {'the only' if len(list_devices()) == 1 else 'it promises most'}" in text
+
+
+def test_the_arithmetic_is_really_done():
+    """Twice the chains are twice the operations: the rate stays, so nothing is dropped."""
+    bench = Bench(choose_device(None))
+    rates = [bench.flops(Arithmetic(4, chains), repeats=3) for chains in (8, 16)]
+    # noise of a shared machine is within a factor of 4; work that is dropped shows as far more
+    assert 0.25 < rates[0] / rates[1] < 4.0
+
+
+def test_a_compiler_that_ends_the_process_costs_one_kernel(monkeypatch):
+    said = '["copy", "c", 1e9]\n["arithmetic", "one", 2e9]\n["try", "two", 0.0]\n'
+    monkeypatch.setattr(room, "_child", lambda place, budget: said)
+    figures = measure(choose_device(None))
+    assert (figures.flops, figures.kernel, figures.kernels) == (2e9, "one", 1)
+    assert figures.failed == "two"
+
+
+def test_a_device_that_runs_nothing(monkeypatch):
+    monkeypatch.setattr(room, "_child", lambda place, budget: '["try", "first", 0.0]\n')
+    with pytest.raises(DeviceError, match="failed at 'first'"):
+        measure(choose_device(None))
