@@ -12,6 +12,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "plan": ("cnnum.cli.plan", "Show what a scene would run, and what is left out."),
     "templates": ("cnnum.cli.templates", "List, show and check the template library."),
     "devices": ("cnnum.cli.devices", "Show the OpenCL devices and what they reach."),
+    "reproduce": (
+        "cnnum.cli.reproduce",
+        "Compare the dissertation's numbers and figures with ours.",
+    ),
     "probe": ("cnnum.cli.probe", "Look at what an array sends: rate, losses, dead cells."),
     "record": ("cnnum.cli.record", "Record an array's frames to a file."),
     "replay": ("cnnum.cli.replay", "Run a scene's program over a recording."),

@@ -1,0 +1,58 @@
+"""All items and figures, chapter by chapter. A new part is one file and one line here."""
+
+from collections.abc import Callable, Sequence
+
+from cnnum.errors import name_error
+from cnnum.reproduce import errata, fields, hyperacuity, inverse, receptive, silicon
+from cnnum.reproduce.figure import Figure
+from cnnum.reproduce.record import Chapter, Item
+
+CHAPTERS: tuple[Chapter, ...] = (
+    silicon.CHAPTER,
+    fields.CHAPTER,
+    receptive.CHAPTER,
+    inverse.CHAPTER,
+    hyperacuity.CHAPTER,
+    errata.CHAPTER,
+)
+"""In the order of the dissertation."""
+
+
+def item_names() -> tuple[str, ...]:
+    """Return the names of all items."""
+    return tuple(item.name for chapter in CHAPTERS for item in chapter.items)
+
+
+def figure_makers() -> dict[str, Callable[[], Figure]]:
+    """Return what makes each figure, by name."""
+    return {name: make for chapter in CHAPTERS for name, make in chapter.figures.items()}
+
+
+def select(wanted: Sequence[str]) -> tuple[Item, ...]:
+    """Return the items of some names, or all.
+
+    Parameters
+    ----------
+    wanted : sequence of str
+        Names of items, or beginnings of them: "fig-4.5" is all of Fig. 4.5; case does not
+        count. None for all.
+
+    Raises
+    ------
+    UnknownNameError
+        If a name is the beginning of no item.
+    """
+    items = [item for chapter in CHAPTERS for item in chapter.items]
+    if not wanted:
+        return tuple(items)
+    for name in wanted:
+        if not any(_begins(item, name) for item in items):
+            raise name_error("item", name, item_names())
+    return tuple(item for item in items if any(_begins(item, name) for name in wanted))
+
+
+def _begins(item: Item, name: str) -> bool:
+    """Return whether an item is one of those that a name stands for."""
+    whole, start = item.name.casefold(), name.casefold()
+    ends_a_part = whole == start or not (whole + "-")[len(start) : len(start) + 1].isalnum()
+    return whole.startswith(start) and ends_a_part
