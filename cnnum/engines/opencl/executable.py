@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
+from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.opencl.kernel_text import KernelText, lower
-from cnnum.errors import MethodError, NotSupportedError
+from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
 
 WIDE_CELLS = 256
@@ -93,12 +94,7 @@ class OpenCLExecutable:
         return self._unpack(built.text, buffers.result)
 
     def _unpack(self, text: KernelText, result: NDArray[np.floating]) -> dict[str, Floats]:
-        if result[:, -1].any():
-            failed = np.flatnonzero(result[:, -1])
-            raise MethodError(
-                f"A transient did not reach its end in {failed.size} of {len(result)} frames (the "
-                f"first is frame {failed[0]}): loosen the tolerances, or shorten its duration."
-            )
+        refuse_unfinished(result[:, -1])
         outputs: dict[str, Floats] = {}
         for name, at in text.outputs.items():
             if self.schedule.outputs[name].scalar:

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
+from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.engines.reference.solve import PRECISION, change, solve
 from cnnum.errors import DeviceError, name_error
@@ -110,6 +111,8 @@ class ReferenceExecutable:
                 answers[node.index] = self._transient(node, operation, arguments, batch)
             elif isinstance(operation, Loop):
                 answers[node.index] = self._loop(operation, arguments, batch)
+                if not _read_by_a_pick(node, "finished", nodes):
+                    refuse_unfinished(1.0 - answers[node.index]["finished"].ravel())
             elif isinstance(operation, Pick):
                 values[node.index] = _picked(operation, answers[node.arguments[0].index])
             else:
@@ -177,6 +180,15 @@ class ReferenceExecutable:
 
         answers = [answer(frame) for frame in range(batch)]
         return {name: np.array([one[name] for one in answers]) for name in answers[0]}
+
+
+def _read_by_a_pick(node: Node, what: str, nodes: tuple[Node, ...]) -> bool:
+    return any(
+        isinstance(user.operation, Pick)
+        and user.arguments == (node,)
+        and user.operation.what == what
+        for user in nodes
+    )
 
 
 def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:

@@ -4,6 +4,7 @@ A delay is solved by the method of steps: each stretch of one delay sees the den
 stretch before. Where rates jump, or steps were asked for, fixed steps are taken.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -15,6 +16,7 @@ from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
 from cnnum.integrators.choice import FixedSteps, Solver
+from cnnum.integrators.propagator import Decay
 from cnnum.template import Template
 
 PRECISION = 1e-10
@@ -45,6 +47,8 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
     """
     equation = StateEquation(template, shape, given)
     scheme = solver.scheme
+    if isinstance(scheme, Decay):
+        return _decayed(equation, solver)
     if isinstance(scheme, FixedSteps) and (solver.asked or template.output.discrete):
         return Answer(*march(equation, solver, scheme))
     if any(coupling.jumps for coupling in template.nonlinear) and isinstance(scheme, FixedSteps):
@@ -55,6 +59,17 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
     if template.delayed is not None:
         return _by_stretches(equation, solver, template.delayed.delay)
     return _integrate(equation, solver)
+
+
+def _decayed(equation: StateEquation, solver: Solver) -> Answer:
+    """Return x = w + (x₀ − w) e^{−t/τ}: uncoupled cells are solved exactly."""
+    start, drive = equation.start(), equation.drive()
+    span = math.inf if solver.settle else solver.duration
+    with np.errstate(under="ignore"):
+        kept = np.exp(-span / equation.template.tau)[:, np.newaxis, np.newaxis]
+    x = drive + kept * (start - drive)
+    held = equation.given.held
+    return Answer(x if held is None else np.where(held, start, x), solver.duration, 0)
 
 
 def change(equation: StateEquation, answer: Answer, solver: Solver) -> float:

@@ -1,0 +1,150 @@
+"""Tracing programs: what is recorded, what is one, and what is refused."""
+
+import re
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.errors import ArrayError, ProgramError, UnknownNameError
+from cnnum.graph.nodes import Apply, Transient
+from cnnum.graph.passes import schedule
+
+EDGE = cnnum.Template(
+    "edge", [[0, 0, 0], [0, 1, 0], [0, 0, 0]], [[-1, -1, -1], [-1, 8, -1], [-1, -1, -1]], -1.0
+)
+
+
+def traced(function, shape=(4, 4)):
+    return cnnum.program(function).trace(shape)
+
+
+def count(nodes, kind):
+    return sum(isinstance(node.operation, kind) for node in nodes)
+
+
+def test_equal_operations_are_one_node():
+    def twice(frame):
+        return {"a": abs(frame.normal) + 1.0, "b": abs(frame.normal) + 1.0}
+
+    graph = traced(twice)
+    assert graph.outputs["a"] is graph.outputs["b"]
+    assert graph.shared == 2
+    assert count(graph.nodes, Apply) == 2
+
+
+def test_equal_templates_run_once():
+    again = cnnum.Template("other name", EDGE.A, EDGE.B, -1.0)
+
+    def both(frame):
+        return {
+            "a": cnnum.apply(EDGE, input=frame.normal),
+            "b": cnnum.apply(again, input=frame.normal),
+        }
+
+    assert count(traced(both).nodes, Transient) == 1
+
+
+def test_what_nothing_wants_is_gone():
+    def two(frame):
+        return {
+            "touched": (frame.normal > 0.1).any(),
+            "edges": cnnum.apply(EDGE, input=frame.shear_x),
+        }
+
+    thinned = schedule(traced(two), ("shear_x", "shear_y", "normal"), ["touched"])
+    assert thinned.channels_read == ("normal",)
+    assert not thinned.transients
+    what = {item.what for item in thinned.left_out}
+    assert {"output edges", "channel shear_x", "channel shear_y", "template edge"} <= what
+
+
+def test_memory_keeps_alive_what_it_stores():
+    def drift(frame):
+        memory = frame.memory()
+        memory.store(cnnum.apply(EDGE, input=frame.normal))
+        return {"before": memory.value, "now": frame.shear_x}
+
+    graph = traced(drift)
+    kept = schedule(graph, ("shear_x", "shear_y", "normal"), ["before"])
+    assert len(kept.transients) == 1
+    assert kept.channels_read == ("normal",)
+    assert not schedule(graph, ("shear_x", "shear_y", "normal"), ["now"]).memories
+
+
+def test_deep_programs_do_not_exhaust_the_stack():
+    def deep(frame):
+        value = frame.normal
+        for step in range(5000):
+            value = value + float(step)
+        return {"value": value}
+
+    assert len(schedule(traced(deep), ("normal",), None).nodes) > 5000
+
+
+@pytest.mark.parametrize(
+    ("function", "error", "words"),
+    [
+        (lambda frame: {"a": 1.0 if frame.normal > 0 else 0.0}, ProgramError, "cnnum.where"),
+        (lambda frame: {"a": frame.normal & frame.shear_x}, ProgramError, "compare"),
+        (lambda frame: {"a": cnnum.where(frame.normal, 1.0, 0.0)}, ProgramError, "logic"),
+        (lambda frame: {"a": frame.normal.sum().sum()}, ProgramError, "whole map"),
+        (lambda frame: {"a": frame.normal.any()}, ProgramError, "logic map"),
+        (lambda frame: {"a": frame.pressure}, ProgramError, "'shear_x'"),
+        (lambda frame: {"a": frame.normal + np.zeros((2, 2))}, ArrayError, "(4, 4)"),
+        (lambda frame: {"a": frame.normal + np.nan}, ArrayError, "finite"),
+        (lambda frame: frame.normal, ProgramError, "dict"),
+        (lambda frame: {}, ProgramError, "dict"),
+        (lambda frame: {"a": cnnum.apply(EDGE)}, ProgramError, "map"),
+        (lambda frame: {"a": cnnum.logic("01", frame.first, frame.first)}, ProgramError, "0110"),
+    ],
+)
+def test_bad_programs_are_refused_with_one_sentence(function, error, words):
+    with pytest.raises(error, match=re.escape(words)):
+        traced(function)
+
+
+def test_memory_is_stored_once_and_of_its_kind():
+    def twice(frame):
+        memory = frame.memory()
+        memory.store(frame.normal)
+        memory.store(frame.shear_x)
+        return {"a": memory.value}
+
+    def mixed(frame):
+        memory = frame.memory(scalar=True)
+        memory.store(frame.normal)
+        return {"a": memory.value}
+
+    with pytest.raises(ProgramError, match="twice"):
+        traced(twice)
+    with pytest.raises(ProgramError, match="scalar="):
+        traced(mixed)
+
+
+def test_fields_of_two_programs_do_not_mix():
+    kept = []
+
+    def first(frame):
+        kept.append(frame.normal)
+        return {"a": frame.normal}
+
+    traced(first)
+    with pytest.raises(ProgramError, match="another program"):
+        traced(lambda frame: {"a": frame.normal + kept[0]})
+
+
+def test_unknown_need_names_the_outputs():
+    with pytest.raises(UnknownNameError, match="'a'"):
+        schedule(traced(lambda frame: {"a": frame.normal}), ("normal",), ["b"])
+
+
+def test_parameters_are_bound_once_and_for_all():
+    @cnnum.program
+    def scaled(frame, gain=1.0):
+        return {"a": frame.normal * gain}
+
+    bound = scaled.bind(gain=3.0)
+    plan = cnnum.Engine("reference").compile(bound, (2, 2))
+    assert plan(np.ones((2, 2, 3)))["a"].tolist() == [[3.0, 3.0], [3.0, 3.0]]
+    assert scaled.parameters == ()
