@@ -21,3 +21,8 @@ def latched(frame: FrameFields, holds: Field, event: Field) -> Field:
     now = holds & (latch.value | event)
     latch.store(now)
     return now
+
+
+def twice(frame: FrameFields, event: Field) -> Field:
+    """Return whether an event holds in this frame and in the one before."""
+    return event & frame.previous(event)

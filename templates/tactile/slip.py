@@ -1,37 +1,98 @@
-"""Slip of a touching object over the skin: incipient and gross, and where it goes."""
+"""Slip of an object that the array felt touch: incipient, gross, and where to."""
 
 from collections.abc import Mapping
 
 from cnnum.programs import FrameFields, program
-from cnnum.programs.fields import Field, where
-from cnnum.templates.tactile.latch import lasting, latched
+from cnnum.programs.fields import Field, maximum, minimum, where
+from cnnum.templates.tactile.latch import lasting, latched, twice
 from cnnum.templates.tactile.loads import Loads, loads_of, patch_of
 from cnnum.templates.tactile.pull import Pull, pull_of
 from cnnum.templates.tactile.sticking import Sticking, sticking_of
 
-INCIPIENT = 0.935
-GROSS = 0.4
+INCIPIENT = 0.065
+"""`stick` at which the stick radius is half the contact radius (seven eighths of μP, in a pull that
+only grows): 0.93–0.95 for increments read under covers 0.8 to 1.2 mm thick, taxels 1.5 mm apart and
+contacts of 2 to 3 mm radius, by simulation without noise. Thinner covers and wider contacts have
+less, thicker covers and bumps, which blur the stick disc, more."""
+
+GROSS = 0.45
+"""`stick` of gross slip: half of the 0.7 to 0.8 that is left just before it, rounded up to be quick."""
 
 
 @program
-def slip(frame: FrameFields) -> Mapping[str, Field]:
+def slip(
+    frame: FrameFields, *, incipient: float = INCIPIENT, gross: float = GROSS
+) -> Mapping[str, Field]:
+    """Slip between the skin and what touches it, from how the shear map grows.
+
+    The stream must begin without contact: its first frames say what rest is. Signs: shear is
+    positive as the object pushes the skin, so it points where the object slides.
+
+    Parameters
+    ----------
+    frame : FrameFields
+        Calibrated signals or strain of the sign of a push, in any unit.
+    incipient, gross : float
+        `stick` (see `sticking`) below which slip is called so.
+
+    Returns
+    -------
+    mapping
+        `incipient_slip`, `gross_slip` (flags, never both; until the pull is over), `slip_x`,
+        `slip_y` (unit vector, along columns and rows, of the object's motion or the tendency to
+        it; 0 without a pull), `slip_strength` (0 sticks, 1 slides), `stick_map` (logic: contact
+        that took up its share of the last increment).
+    """
     loads = loads_of(frame)
-    pull = pull_of(loads, patch_of(loads))
-    return slip_outputs(loads, pull, sticking_of(loads, pull))
+    patch = patch_of(loads)
+    pull = pull_of(loads, patch)
+    return slip_of(loads, pull, sticking_of(loads, pull), incipient=incipient, gross=gross)
 
 
-def slip_outputs(loads: Loads, pull: Pull, sticking: Sticking) -> Mapping[str, Field]:
+def slip_of(
+    loads: Loads,
+    pull: Pull,
+    sticking: Sticking,
+    *,
+    incipient: float = INCIPIENT,
+    gross: float = GROSS,
+) -> Mapping[str, Field]:
+    """Return the outputs of `slip` from what other programs share with it."""
     frame = loads.frame
     holds = lasting(frame, pull.force, pull.pulled)
-    creeps = sticking.grows & (sticking.stick < INCIPIENT)
-    begun = latched(frame, holds, creeps & frame.previous(creeps))
-    gone = latched(frame, holds & begun, sticking.goes & (sticking.travel < GROSS))
-    out = {
+    creeps = sticking.grows & (sticking.loose > incipient)
+    begun = latched(frame, holds, twice(frame, creeps))
+    gone = latched(frame, holds & begun, sticking.goes & (abs(sticking.travel) < gross))
+    return {
         "incipient_slip": begun & ~gone,
         "gross_slip": gone,
         "slip_x": where(pull.pulled, pull.force_x / pull.force, 0.0),
         "slip_y": where(pull.pulled, pull.force_y / pull.force, 0.0),
-        "slip_strength": 1.0 - sticking.stick,
+        "slip_strength": _strength(loads, sticking, holds, gone),
+        "stick_map": _sticks(loads, pull, sticking, holds, gone),
     }
-    out |= {"dbg_pulled": pull.pulled, "dbg_travel":sticking.travel, "dbg_goes":sticking.goes}
-    return out
+
+
+def _strength(loads: Loads, sticking: Sticking, holds: Field, gone: Field) -> Field:
+    """Return 1 − stick, held where a frame does not tell it."""
+    memory = loads.frame.memory(scalar=True)
+    loose = minimum(maximum(sticking.loose, 0.0), 1.0)
+    value = where(holds, where(sticking.grows, loose, memory.value), 0.0)
+    value = where(gone, 1.0, value)
+    memory.store(value)
+    return value
+
+
+def _sticks(
+    loads: Loads, pull: Pull, sticking: Sticking, holds: Field, gone: Field
+) -> Field:
+    """Return where shear grows at least half as fast as it does on the whole."""
+    frame, shear, built = loads.frame, sticking.shear, pull.built
+    along = shear.x * built.x + shear.y * built.y
+    own = built.x * built.x + built.y * built.y
+    memory = frame.memory(logic=True)
+    share = along * own.sum() > 0.5 * own * along.sum()
+    loaded = loads.contact & (loads.normal > 0.1 * loads.normal.max())
+    now = where(sticking.grows, share, where(holds, memory.value, loaded)) & ~gone
+    memory.store(now)
+    return now & loaded

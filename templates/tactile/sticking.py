@@ -17,11 +17,18 @@ from cnnum.templates.tactile.change import WINDOWS, changes
 from cnnum.templates.tactile.loads import Loads, square
 from cnnum.templates.tactile.pull import Pair, Pull
 
-RESOLVED = 24.0
-"""Power of a change, in powers of its noise, from which `stick` is read from it."""
+CLEAR = 200.0
+"""Power of a change, in powers of its noise, from which a window is long enough: `stick` is then
+known to about 1 %. Shorter windows lose more to noise than they gain in time."""
+
+RESOLVED = 16.0
+"""The same that the longest window needs at least: `stick` to 5 %."""
 
 MOVES = 2.0
 """The same from which there is a change at all."""
+
+EARLY = 4.0
+"""Frames by which a pull is older than what is known of it."""
 
 RISES = 4.0
 """Standard deviations by which what is built up must grow to count as growing."""
@@ -39,20 +46,24 @@ class Change:
 
     Attributes
     ----------
-    there, resolved, steady, rises : Field
-        Flags: there is one; it is clear of the noise; the grip does not change; what is built up
-        grows.
+    there, clear, resolved, steady, rises : Field
+        Flags: there is one; it is clear of the noise; it can be told from it; the grip does not
+        change; what is built up grows.
     stick : Field
         Number, see above; negative where what is built up goes down.
+    delay : Field
+        Frames from the middle of the window to now.
     shear : Pair
         Maps.
     """
 
     there: Field
+    clear: Field
     resolved: Field
     steady: Field
     rises: Field
     stick: Field
+    delay: Field
     shear: Pair
 
 
@@ -66,15 +77,17 @@ class Sticking:
         Flag: a resolved change that adds to what is built up, under a steady grip.
     goes : Field
         Flag: there is a change under a steady grip.
-    stick, travel : Field
-        `stick` of the change behind each of the two flags.
+    loose : Field
+        1 − `stick` of the change behind `grows`, carried on to now: 0 to 1 and above.
+    travel : Field
+        `stick` of the change behind `goes`.
     shear : Pair
         The resolved change.
     """
 
     grows: Field
     goes: Field
-    stick: Field
+    loose: Field
     travel: Field
     shear: Pair
 
@@ -84,22 +97,37 @@ def sticking_of(loads: Loads, pull: Pull) -> Sticking:
     channels = (loads.shear_x, loads.shear_y, loads.normal)
     maps = zip(*(changes(loads.frame, channel) for channel in channels), strict=True)
     found = [
-        _change(loads, pull, Pair(x, y), normal, 2.0 / window)
+        _change(loads, pull, Pair(x, y), normal, window)
         for (x, y, normal), window in zip(maps, WINDOWS, strict=True)
     ]
-    clear = _first(found, [change.resolved for change in found])
+    clear = _first(found, [change.clear for change in found])
     there = _first(found, [change.there for change in found])
+    grows = clear.resolved & clear.rises & clear.steady
     return Sticking(
-        grows=clear.resolved & clear.rises & clear.steady,
+        grows=grows,
         goes=there.there & there.steady,
-        stick=clear.stick,
+        loose=(1.0 - clear.stick) * _carried(loads, pull, clear, grows),
         travel=there.stick,
         shear=clear.shear,
     )
 
 
-def _change(loads: Loads, pull: Pull, shear: Pair, normal: Field, share: float) -> Change:
-    """Return a change whose noise has `share` times the variance of one reading."""
+def _carried(loads: Loads, pull: Pull, clear: Change, grows: Field) -> Field:
+    """Return how much looser the contact is now than when the window saw it.
+
+    At a constant speed, looseness grows about as the third power of a pull's age while it is small.
+    A window that reaches back to before the pull says nothing: 0.
+    """
+    memory = loads.frame.memory(scalar=True)
+    age = where(pull.pulled | pull.twisted, memory.value + where(grows, 1.0, 0.0), EARLY)
+    memory.store(age)
+    ratio = age / maximum(age - clear.delay, 1.0)
+    return where(ratio < 2.0, ratio * square(ratio), 0.0)
+
+
+def _change(loads: Loads, pull: Pull, shear: Pair, normal: Field, window: int) -> Change:
+    """Return one window's change, its noise taken off."""
+    share = 2.0 / window
     noise = 2.0 * share * loads.shear_noise * pull.cells
     normal_noise = share * loads.normal_noise * pull.cells
     near = where(pull.near, normal, 0.0)
@@ -113,10 +141,12 @@ def _change(loads: Loads, pull: Pull, shear: Pair, normal: Field, share: float) 
     by_chance = RISES**2 * share * loads.normal_noise
     return Change(
         there=strength / noise + normal_strength / normal_noise > 2.0 * MOVES,
+        clear=strength > CLEAR * noise,
         resolved=strength > RESOLVED * noise,
         steady=along < (STEADY * own + by_chance) * weight,
         rises=growth > RISES * sqrt(share * loads.shear_noise * built),
         stick=growth * abs(growth) / (clean * built),
+        delay=loads.frame.constant(float(window)),
         shear=shear,
     )
 
@@ -127,10 +157,12 @@ def _first(found: list[Change], conditions: list[Field]) -> Change:
     for change, condition in zip(reversed(found[:-1]), reversed(conditions[:-1]), strict=True):
         best = Change(
             there=where(condition, change.there, best.there),
+            clear=where(condition, change.clear, best.clear),
             resolved=where(condition, change.resolved, best.resolved),
             steady=where(condition, change.steady, best.steady),
             rises=where(condition, change.rises, best.rises),
             stick=where(condition, change.stick, best.stick),
+            delay=where(condition, change.delay, best.delay),
             shear=Pair(
                 where(condition, change.shear.x, best.shear.x),
                 where(condition, change.shear.y, best.shear.y),
