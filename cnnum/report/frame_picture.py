@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import hypot, isfinite
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.report.colours import step
 from cnnum.report.record import NORMAL, SHEAR_X, SHEAR_Y, SceneRecord
@@ -13,6 +14,9 @@ from cnnum.report.svg import at, picture, round_up
 
 CELL = 10.0
 """Side of a taxel's square in the picture's units."""
+
+DETECTED = {"contact_map": "in-contact", "stick_map": "in-stick"}
+"""Maps of a program that are outlined, and how."""
 
 FAINT = 0.12
 """Share of the longest arrow below which none is drawn: it would be a dot."""
@@ -51,8 +55,8 @@ class MapScale:
 def frame_picture(record: SceneRecord, frame: int, scale: MapScale, label: str) -> str:
     """Return a frame as an SVG element of equal squares, seen from above.
 
-    The solid circle is the true contact, the dashed one the true stick region; the outlined cells
-    are those that the program's contact map holds.
+    The solid circle is the true contact, the dashed one the true stick region; the same lines
+    around cells are what the program made of them.
     """
     rows, cols = record.shape
     parts = [
@@ -81,13 +85,24 @@ def _heat(record: SceneRecord, frame: int, scale: MapScale) -> Iterator[str]:
 
 
 def _detected(record: SceneRecord, frame: int) -> Iterator[str]:
-    for name, values in record.maps().items():
-        if name.startswith("contact"):
-            cells = np.argwhere(np.nan_to_num(values[frame]) > 0.5)
-            squares = (
-                f"M{at(CELL * c + 0.6)} {at(CELL * r + 0.6)}h8.8v8.8h-8.8z" for r, c in cells
-            )
-            yield f'<path class="detected" d="{"".join(squares)}"/>'
+    for name, style in DETECTED.items():
+        values = record.maps().get(name)
+        if values is not None:
+            held = np.nan_to_num(values[frame]) > 0.5
+            yield f'<path class="detected {style}" d="{"".join(_edges(held))}"/>'
+
+
+def _edges(held: NDArray[np.bool_]) -> Iterator[str]:
+    """Yield the sides of cells that are held where the neighbour is not."""
+    rows, cols = held.shape
+    around = np.pad(held, 1)
+    for row in range(rows + 1):
+        for col in range(cols + 1):
+            here = around[row + 1, col + 1]
+            if here != around[row, col + 1]:
+                yield f"M{at(CELL * col)} {at(CELL * row)}h10"
+            if here != around[row + 1, col]:
+                yield f"M{at(CELL * col)} {at(CELL * row)}v10"
 
 
 def _taxels(rows: int, cols: int) -> str:

@@ -27,7 +27,8 @@
   const count = data.maps.values.shape[0];
   const place = (name) => channels.indexOf(name);
   const [ix, iy, iz] = ["shear_x", "shear_y", "normal"].map(place);
-  const detected = Object.keys(data.maps).filter((n) => n.startsWith("contact")).map((n) => unpack(data.maps[n]));
+  const detected = [["contact_map", []], ["stick_map", [0.22, 0.16]]]
+    .filter(([name]) => data.maps[name]).map(([name, dash]) => [unpack(data.maps[name]), dash]);
   let colours = [];
   let ink = "";
   let card = "";
@@ -75,9 +76,17 @@
   function cells(k, side) {
     pen.strokeStyle = ink;
     pen.lineWidth = side * 0.05;
-    for (const map of detected) for (let r = 0; r < rows; r++) for (let c = 0; c < cols; c++) {
-      if (map[(k * rows + r) * cols + c] > 0.5) pen.strokeRect((c + 0.06) * side, (r + 0.06) * side, 0.88 * side, 0.88 * side);
+    for (const [map, dash] of detected) {
+      const held = (r, c) => r >= 0 && c >= 0 && r < rows && c < cols && map[(k * rows + r) * cols + c] > 0.5;
+      pen.setLineDash(dash.map((part) => part * side));
+      pen.beginPath();
+      for (let r = 0; r <= rows; r++) for (let c = 0; c <= cols; c++) {
+        if (held(r, c) !== held(r - 1, c)) { pen.moveTo(c * side, r * side); pen.lineTo((c + 1) * side, r * side); }
+        if (held(r, c) !== held(r, c - 1)) { pen.moveTo(c * side, r * side); pen.lineTo(c * side, (r + 1) * side); }
+      }
+      pen.stroke();
     }
+    pen.setLineDash([]);
   }
 
   function circles(n, side) {

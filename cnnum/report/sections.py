@@ -21,7 +21,7 @@ from cnnum.report.frame_picture import MapScale
 from cnnum.report.html import both, glyph, legend, paragraph, section, swatch
 from cnnum.report.key_frames import key_frames
 from cnnum.report.latency_chart import latency_chart
-from cnnum.report.svg import plain
+from cnnum.report.svg import micros, plain
 from cnnum.report.timeline import timeline
 from cnnum.report.verdicts import MAX_DELAY, MAX_TURN
 from cnnum.report.work_precision import WorkPrecision
@@ -85,7 +85,7 @@ def _tiles(data: ReportData) -> list[tuple[str, str, bool]]:
         )
         false = len(verdicts) - len(true)
         tiles.append((str(false), "false reports", false == 0))
-    tiles.append((f"{summary.p50_us:.0f} µs", f"a frame (p50), p99 {summary.p99_us:.0f} µs", True))
+    tiles.append((micros(summary.p50_us), f"a frame (p50), p99 {micros(summary.p99_us)}", True))
     if data.checks:
         good = sum(c.passed for c in data.checks)
         words = "template checks passed"
@@ -136,8 +136,10 @@ def frames(number: int, data: ReportData) -> str:
     ]
     if record.pitch is not None and "contact_radius" in record.truth:
         items += [swatch("ring", "true contact"), swatch("ring dashed", "true stick region")]
-    if any(name.startswith("contact") for name in record.maps()):
-        items.append(swatch("cell", "contact, as the program saw it"))
+    seen = {"contact_map": ("cell", "contact"), "stick_map": ("cell dashed", "stick region")}
+    for name, (style, what) in seen.items():
+        if name in record.maps():
+            items.append(swatch(style, f"{what}, as the program saw it"))
     strip = filmstrip(record, scale)
     return section(
         number, "frames", "Key frames", paragraph(words), legend(items), strip, _player(data, scale)
@@ -248,8 +250,8 @@ def latency(number: int, data: ReportData) -> str:
         return section(number, "latency", "Latency of one frame", none)
     words = (
         "From a frame in host memory to its events: conversion, copy to the device, one run of the "
-        f"program, copy back. Half of the frames took at most {summary.p50_us:.0f} µs, 99 % at "
-        f"most {summary.p99_us:.0f} µs."
+        f"program, copy back. Half of the frames took at most {micros(summary.p50_us)}, 99 % at "
+        f"most {micros(summary.p99_us)}."
     )
     pictures = both(latency_chart(seconds, WIDE), latency_chart(seconds, NARROW))
     return section(number, "latency", "Latency of one frame", paragraph(words), pictures)

@@ -86,6 +86,11 @@ def si(value: float, unit: str, digits: int = 3) -> str:
     return f"{plain(value / 1000.0**index, digits)} {prefix}{unit}"
 
 
+def micros(value: float) -> str:
+    """Return a time in µs with the unit that fits it."""
+    return si(1e-6 * value, "s")
+
+
 def plain(value: float, digits: int = 3) -> str:
     """Return a number with so many digits, a true minus and no exponent."""
     if value == 0 or not isfinite(value):

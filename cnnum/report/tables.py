@@ -5,9 +5,10 @@ from math import degrees
 
 from cnnum.checks import CheckResult
 from cnnum.events import Event
+from cnnum.graph.schedule import LeftOut
 from cnnum.report.html import Cell, table
 from cnnum.report.plan_cost import PlanCost
-from cnnum.report.svg import plain, scientific, si
+from cnnum.report.svg import micros, plain, scientific, si
 from cnnum.report.verdicts import TrueEvent, Verdict
 
 Row = tuple[bool, tuple[Cell, ...]]
@@ -47,9 +48,28 @@ def left_out_table(plan: PlanCost) -> str:
     """Return what a plan leaves out."""
     rows = (
         (False, (Cell(x.what, style="text"), Cell(x.why, style="text"), Cell(x.saves)))
-        for x in plan.explanation.left_out
+        for x in _grouped(plan.explanation.left_out)
     )
     return table(("what", "why", "saves a frame"), rows)
+
+
+def _grouped(left_out: Sequence[LeftOut]) -> list[LeftOut]:
+    """Return outputs, channels and templates that are left out for one reason as one row each."""
+    found: dict[tuple[str, str], list[LeftOut]] = {}
+    for item in left_out:
+        kind, _, name = item.what.partition(" ")
+        found.setdefault((kind if name and kind.isalpha() else item.what, item.why), []).append(
+            item
+        )
+    return [
+        LeftOut(_names(kind, items), why, sum(x.bytes for x in items), sum(x.flops for x in items))
+        for (kind, why), items in found.items()
+    ]
+
+
+def _names(kind: str, items: Sequence[LeftOut]) -> str:
+    names = dict.fromkeys(item.what.removeprefix(f"{kind} ") for item in items)
+    return items[0].what if len(items) == 1 else f"{len(items)} {kind}s: {', '.join(names)}"
 
 
 def _event_row(verdict: Verdict) -> Row:
@@ -116,8 +136,8 @@ def _plan_row(plan: PlanCost) -> Row:
     launches = f"{known.launches} launch{'' if known.launches == 1 else 'es'}"
     cells = (
         Cell(plan.label, f"{plan.frames} frames", strong=True),
-        Cell(f"{plan.p50_us:.0f} µs"),
-        Cell(f"{plan.p99_us:.0f} µs"),
+        Cell(micros(plan.p50_us)),
+        Cell(micros(plan.p99_us)),
         Cell(str(known.ops), launches),
         Cell(si(known.flops, "flops")),
         Cell(f"{known.bytes_in} B"),
@@ -133,6 +153,6 @@ def ratio_sentence(plans: Sequence[PlanCost]) -> Iterator[str]:
     for plan in plans[1:]:
         share = plain(100.0 * plan.p50_us / first.p50_us, 2)
         yield (
-            f"A frame of the plan “{plan.label}” takes {plan.p50_us:.0f} µs, {share} % of the "
-            f"{first.p50_us:.0f} µs of “{first.label}” (medians)."
+            f"A frame of the plan “{plan.label}” takes {micros(plan.p50_us)}, {share} % of the "
+            f"{micros(first.p50_us)} of “{first.label}” (medians)."
         )

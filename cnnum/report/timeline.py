@@ -138,7 +138,7 @@ def _marker(x: float, y: float, verdict: Verdict, end: float) -> Iterator[str]:
     yield _triangle(x, y, style, title)
     words = f"{verdict.delay:+d}".replace("-", "−") if verdict.passed else verdict.text
     last = x > end - 120.0
-    yield text(x - 7.0 if last else x + 7.0, y + 8.5, words, "tick", "end" if last else "")
+    yield text(x - 7.0 if last else x + 7.0, y + 9.5, words, "tick", "end" if last else "")
 
 
 def _triangle(x: float, y: float, style: str, title: str) -> str:
