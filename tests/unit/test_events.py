@@ -1,0 +1,53 @@
+"""Flags become events when they change, with what the rule says."""
+
+import math
+
+import numpy as np
+
+from cnnum.events import EVENT_RULES, Event, EventDetector
+
+CONTACT, SLIP, TWIST = EVENT_RULES["contact"], EVENT_RULES["slip"], EVENT_RULES["twist"]
+
+
+def outputs(rules, **values):
+    names = {name for rule in rules for name in rule.needs}
+    return {name: np.asarray(float(values.get(name, 0.0))) for name in names}
+
+
+def test_contact_begins_and_ends_once():
+    detector = EventDetector(CONTACT)
+    events = []
+    for frame, touched in enumerate([0, 1, 1, 1, 0, 0, 1]):
+        now = outputs(CONTACT, contact=touched, contact_row=2.0, contact_column=3.0)
+        events += detector.update(frame * 0.1, frame, now)
+    assert [(e.kind, e.frame) for e in events] == [("contact", 1), ("release", 4), ("contact", 6)]
+    assert events[0].where == (2.0, 3.0)
+    assert events[0].t == 0.1
+
+
+def test_flag_that_holds_from_the_start_is_an_event():
+    (event,) = EventDetector(CONTACT).update(0.0, 0, outputs(CONTACT, contact=1))
+    assert event.kind == "contact"
+
+
+def test_slip_has_phase_and_direction():
+    detector = EventDetector(SLIP)
+    detector.update(0.0, 0, outputs(SLIP))
+    values = {"slip_x": -1.0, "slip_y": 1.0, "slip_strength": 7.0}
+    (first,) = detector.update(0.1, 1, outputs(SLIP, incipient_slip=1, **values))
+    (second,) = detector.update(0.2, 2, outputs(SLIP, incipient_slip=1, gross_slip=1, **values))
+    assert (first.phase, second.phase) == ("incipient", "gross")
+    assert math.isclose(first.direction, 0.75 * math.pi)
+    assert second.strength == 7.0
+    assert not detector.update(0.3, 3, outputs(SLIP))
+
+
+def test_twist_has_a_sense():
+    now = outputs(TWIST, twist=1, twist_sense=-1.0, twist_row=1.0, twist_column=2.0)
+    (event,) = EventDetector(TWIST).update(0.0, 0, now)
+    assert event.sense == -1
+    assert "y to x" in str(event)
+
+
+def test_record_leaves_out_what_is_not_there():
+    assert Event(1.5, "release", 30).record() == {"t": 1.5, "kind": "release", "frame": 30}

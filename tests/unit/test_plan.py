@@ -1,0 +1,110 @@
+"""Plans: shapes, batches, what is refused, and what they say of themselves."""
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.errors import ArrayError, UnknownNameError
+
+EDGE = cnnum.Template(
+    "edge", [[0, 0, 0], [0, 1, 0], [0, 0, 0]], [[-1, -1, -1], [-1, 8, -1], [-1, -1, -1]], -1.0,
+    boundary="zero-flux", duration=5.0,
+)  # fmt: skip
+
+
+@cnnum.program
+def grip(frame):
+    touched = frame.normal > 0.1
+    return {
+        "contact": touched.any(),
+        "load": frame.normal.sum(),
+        "edges": cnnum.apply(EDGE, input=touched.picture()),
+        "shear": frame.shear_x + frame.shear_y,
+    }
+
+
+@pytest.fixture(scope="module")
+def engine():
+    return cnnum.Engine()
+
+
+@pytest.mark.parametrize("lead", [(), (1,), (3, 2), (16,), (21,)])
+def test_leading_axes_are_a_batch(engine, lead):
+    frames = np.random.default_rng(0).uniform(-1, 1, (*lead, 4, 5, 3))
+    got = engine.compile(grip, (4, 5))(frames)
+    assert got["contact"].shape == lead
+    assert got["edges"].shape == (*lead, 4, 5)
+    np.testing.assert_allclose(got["load"], frames[..., 2].sum(axis=(-2, -1)), atol=1e-5)
+    np.testing.assert_allclose(got["shear"], frames[..., 0] + frames[..., 1], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("shape", "words"),
+    [((4, 5), "3"), ((5, 4, 3), "(..., 4, 5, 3)"), ((0, 4, 5, 3), "at least one")],
+)
+def test_frames_of_another_shape_are_refused(engine, shape, words):
+    with pytest.raises(ArrayError) as caught:
+        engine.compile(grip, (4, 5))(np.zeros(shape))
+    assert words in str(caught.value)
+
+
+def test_unknown_need_is_refused(engine):
+    with pytest.raises(UnknownNameError, match="'contact'"):
+        engine.compile(grip, (4, 5), ["slip"])
+
+
+def test_explanation_counts_what_runs_and_what_does_not(engine):
+    full = engine.compile(grip, (4, 5)).explain()
+    less = engine.compile(grip, (4, 5), ["contact"]).explain()
+    assert full.launches == less.launches == 1
+    assert full.channels_read == ("shear_x", "shear_y", "normal")
+    assert less.channels_read == ("normal",)
+    assert full.maps_read_back == ("edges", "shear")
+    assert less.maps_read_back == ()
+    assert (less.bytes_in, less.bytes_out) == (4 * 20, 4)
+    assert less.flops < full.flops
+    assert less.ops == 3  # channel, comparison, global OR
+    assert len(full.transients) == 1
+    left = {item.what: item for item in less.left_out}
+    assert left["channel shear_x"].bytes == 4 * 20
+    assert left["output edges"].bytes == 4 * 20
+    assert left["template edge"].flops > 0
+    assert "leaves out channel shear_x" in str(less)
+
+
+def test_source_is_what_was_built(engine):
+    less = engine.compile(grip, (4, 5), ["contact"]).source
+    full = engine.compile(grip, (4, 5)).source
+    assert "__kernel" in less
+    assert "edge:" in full
+    assert "edge:" not in less
+
+
+def test_zero_weights_never_reach_the_text(engine):
+    """A shift has one weight that is not zero: one product in the text."""
+    template = cnnum.Template("east", [[0]], [[0, 0, 0], [0, 0, 2.5], [0, 0, 0]], duration="settle")
+    plan = engine.compile(
+        cnnum.program(lambda frame: {"a": cnnum.apply(template, input=frame.normal)}), (4, 5)
+    )
+    assert plan.source.count("sum +=") == 1
+
+
+def test_output_that_is_not_finite_is_never_handed_out(engine):
+    overflow = cnnum.program(lambda frame: {"a": cnnum.exp(frame.normal * 1000.0)})
+    with pytest.raises(ArrayError, match="'a'"):
+        engine.compile(overflow, (2, 2))(np.ones((2, 2, 3)))
+
+
+def test_engine_run_needs_what_the_template_needs():
+    engine = cnnum.Engine("reference")
+    with pytest.raises(ArrayError, match="needs an input"):
+        engine.run(EDGE)
+    with pytest.raises(ArrayError, match="share their rows"):
+        engine.run(EDGE, input=np.zeros((3, 3)), state=np.zeros((3, 4)))
+    with pytest.raises(ArrayError, match="do not broadcast"):
+        engine.run(EDGE, input=np.zeros((2, 3, 3)), state=np.zeros((4, 3, 3)))
+    decay = cnnum.Template("decay", [[0]], duration=1.0)
+    with pytest.raises(ArrayError, match="no control template"):
+        engine.run(decay, input=np.zeros((3, 3)))
+    with pytest.raises(ArrayError, match="at least a state"):
+        engine.run(decay)

@@ -1,0 +1,77 @@
+"""Scene files: what they say, and one sentence for what is wrong with them."""
+
+import pytest
+
+from cnnum.errors import SceneError
+from cnnum.scene import read_scene, scene_names
+
+GOOD = """
+name = "grasp"
+wants = ["contact", "slip"]
+[array]
+driver = "simulated"
+seed = 3
+[program]
+name = "tactile"
+[program.parameters]
+threshold = 2.0
+[engine]
+precision = "float64"
+"""
+
+
+def written(tmp_path, text):
+    path = tmp_path / "scene.toml"
+    path.write_text(text)
+    return path
+
+
+def test_scene_says_what_it_says(tmp_path):
+    spec = read_scene(written(tmp_path, GOOD))
+    assert (spec.name, spec.wants, spec.driver) == ("grasp", ("contact", "slip"), "simulated")
+    assert spec.driver_options == {"seed": 3}
+    assert spec.parameters == {"threshold": 2.0}
+    assert (spec.engine, spec.precision) == ("opencl", "float64")
+    assert spec.base == tmp_path
+
+
+def test_changes_are_set_over_the_file(tmp_path):
+    changes = {"array.seed": 9, "engine.name": "reference", "wants": ["twist"]}
+    spec = read_scene(written(tmp_path, GOOD), changes=changes)
+    assert (spec.driver_options["seed"], spec.engine, spec.wants) == (9, "reference", ("twist",))
+
+
+def test_scenes_that_come_along_can_be_read():
+    assert {"demo", "contact"} <= set(scene_names())
+    for name in scene_names():
+        assert read_scene(name).wants
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (GOOD.replace("wants", "want"), "Unknown key 'want'"),
+        (GOOD.replace('["contact", "slip"]', '"contact"'), "'wants' must be a list"),
+        (GOOD.replace('["contact", "slip"]', "[]"), "at least one"),
+        (GOOD.replace('driver = "simulated"', ""), "'driver' must be a string"),
+        (GOOD.replace("[array]", "array = 3\n[arrays]"), "Unknown key 'arrays'"),
+        (GOOD.replace('precision = "float64"', "precision = 64"), "'precision' must be a string"),
+        (GOOD.replace("[engine]", "[engine"), "not TOML"),
+        (GOOD.replace('[program]\nname = "tactile"', '[program]\nnames = "x"'), "'program.names'"),
+    ],
+)
+def test_bad_scenes_get_one_sentence(tmp_path, text, words):
+    with pytest.raises(SceneError) as caught:
+        read_scene(written(tmp_path, text))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_scene_names_those_that_there_are():
+    with pytest.raises(SceneError, match="demo"):
+        read_scene("nowhere.toml")
+
+
+def test_change_that_is_no_table_is_refused(tmp_path):
+    with pytest.raises(SceneError, match="not a table"):
+        read_scene(written(tmp_path, GOOD), changes={"name.x": 1})
