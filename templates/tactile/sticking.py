@@ -10,7 +10,7 @@ change from taxel to taxel as the contact travels, and none of it repeats c. So
 is 1 in full stick and 0 in gross slip. Gains, friction, direction and speed do not enter.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.templates.tactile.change import WINDOWS, changes
@@ -30,8 +30,9 @@ MOVES = 2.0
 EARLY = 4.0
 """Frames by which a pull is older than what is known of it."""
 
-RISES = 4.0
-"""Standard deviations by which what is built up must grow to count as growing."""
+RISES, STILL_RISES = 4.0, 2.0
+"""Standard deviations by which what is built up must grow over a window to count as growing, and
+over one a quarter as long, so that a pull that has just stopped is not carried on."""
 
 STEADY = 0.25
 """Largest share of a change of normal load that may go along with the load itself: above, the grip
@@ -46,9 +47,9 @@ class Change:
 
     Attributes
     ----------
-    there, clear, resolved, steady, rises : Field
+    there, clear, resolved, steady, rises, lately : Field
         Flags: there is one; it is clear of the noise; it can be told from it; the grip does not
-        change; what is built up grows.
+        change; what is built up grows, surely or likely.
     stick : Field
         Number, see above; negative where what is built up goes down.
     delay : Field
@@ -62,6 +63,7 @@ class Change:
     resolved: Field
     steady: Field
     rises: Field
+    lately: Field
     stick: Field
     delay: Field
     shear: Pair
@@ -99,6 +101,10 @@ def sticking_of(loads: Loads, pull: Pull) -> Sticking:
     found = [
         _change(loads, pull, Pair(x, y), normal, window)
         for (x, y, normal), window in zip(maps, WINDOWS, strict=True)
+    ]
+    found = [
+        replace(change, rises=change.rises & found[max(0, number - 2)].lately)
+        for number, change in enumerate(found)
     ]
     clear = _first(found, [change.clear for change in found])
     there = _first(found, [change.there for change in found])
@@ -138,13 +144,15 @@ def _change(loads: Loads, pull: Pull, shear: Pair, normal: Field, window: int) -
     clean = maximum(strength - noise, TINY)
     weight = square(loads.normal).sum()
     along, own = square((near * loads.normal).sum()), maximum(normal_strength - normal_noise, 0.0)
+    chance = sqrt(share * loads.shear_noise * built)
     by_chance = RISES**2 * share * loads.normal_noise
     return Change(
         there=strength / noise + normal_strength / normal_noise > 2.0 * MOVES,
         clear=strength > CLEAR * noise,
         resolved=strength > RESOLVED * noise,
         steady=along < (STEADY * own + by_chance) * weight,
-        rises=growth > RISES * sqrt(share * loads.shear_noise * built),
+        rises=growth > RISES * chance,
+        lately=growth > STILL_RISES * chance,
         stick=growth * abs(growth) / (clean * built),
         delay=loads.frame.constant(float(window)),
         shear=shear,
@@ -161,6 +169,7 @@ def _first(found: list[Change], conditions: list[Field]) -> Change:
             resolved=where(condition, change.resolved, best.resolved),
             steady=where(condition, change.steady, best.steady),
             rises=where(condition, change.rises, best.rises),
+            lately=where(condition, change.lately, best.lately),
             stick=where(condition, change.stick, best.stick),
             delay=where(condition, change.delay, best.delay),
             shear=Pair(
