@@ -19,6 +19,7 @@ class Device:
     platform: str
     name: str
     version: str
+    driver: str
     kind: str
     units: int
     clock_mhz: int
@@ -29,7 +30,7 @@ class Device:
     @property
     def label(self) -> str:
         """The device in words."""
-        return f"{self.name} ({self.platform})"
+        return f"{self.name} ({self.platform}, driver {self.driver})"
 
     @property
     def promise(self) -> float:
@@ -45,7 +46,8 @@ def _describe(platform: cl.Platform, device: cl.Device) -> Device:
     return Device(
         platform=str(platform.name),
         name=str(device.name).strip(),
-        version=f"{device.version.strip()}, driver {device.driver_version.strip()}",
+        version=str(device.version).strip(),
+        driver=str(device.driver_version).strip(),
         kind="GPU" if device.type & cl.device_type.GPU else "CPU",
         units=int(device.max_compute_units),
         clock_mhz=int(device.max_clock_frequency),

@@ -17,6 +17,9 @@ WIDE_CELLS = 256
 """Largest array whose frames lie side by side in lanes; the compiler vectorises along the
 columns of larger ones, whose lanes would no longer fit the cache."""
 
+QUIET = ["-w"]
+"""Compilers warn of how vectors of this width are handed to built-in functions, which is theirs."""
+
 
 @dataclass(slots=True, eq=False)
 class _Kernel:
@@ -109,7 +112,7 @@ class OpenCLExecutable:
             text = lower(self.schedule, self.solvers, lanes, self.dtype)
             context = self.queue.context
             try:
-                program = cl.Program(context, text.source).build()
+                program = cl.Program(context, text.source).build(options=QUIET)
             except cl.RuntimeError as error:
                 raise NotSupportedError(f"The OpenCL compiler refused a plan: {error}") from error
             flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
