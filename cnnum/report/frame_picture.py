@@ -32,14 +32,10 @@ class MapScale:
         Value at the ends of the colour scale, symmetric about 0.
     shear : float
         Value of an arrow as long as the pitch.
-    sign : int
-        −1 for strain: of a half-space that reaches along +z, a push on the skin and a pull along
-        x give negative components. Drawn, a push is positive and an arrow goes with the pull.
     """
 
     normal: float
     shear: float
-    sign: int
 
     @classmethod
     def of(cls, record: SceneRecord) -> "MapScale":
@@ -49,7 +45,7 @@ class MapScale:
         long = 0.0
         if x is not None and y is not None:
             long = float(np.nanmax(np.hypot(x, y), initial=0.0))
-        return cls(round_up(top), round_up(long), -1 if record.unit == "strain" else 1)
+        return cls(round_up(top), round_up(long))
 
 
 def frame_picture(record: SceneRecord, frame: int, scale: MapScale, label: str) -> str:
@@ -79,7 +75,7 @@ def _heat(record: SceneRecord, frame: int, scale: MapScale) -> Iterator[str]:
     for (row, col), value in np.ndenumerate(normal[frame]):
         if isfinite(value):
             place = f"M{at(CELL * col)} {at(CELL * row)}h10v10h-10z"
-            squares[step(scale.sign * value, scale.normal)].append(place)
+            squares[step(value, scale.normal)].append(place)
     for kind, places in sorted(squares.items()):
         yield f'<path class="k{kind}" d="{"".join(places)}"/>'
 
@@ -120,8 +116,7 @@ def _arrows(record: SceneRecord, frame: int, scale: MapScale) -> Iterator[str]:
         return
     places: list[str] = []
     for (row, col), along in np.ndenumerate(x[frame]):
-        unit = scale.sign * CELL / scale.shear
-        dx, dy = unit * along, unit * float(y[frame, row, col])
+        dx, dy = CELL * along / scale.shear, CELL * float(y[frame, row, col]) / scale.shear
         if hypot(dx, dy) > FAINT * CELL:
             places.append(arrow(CELL * (col + 0.5), CELL * (row + 0.5), dx, dy))
     if places:

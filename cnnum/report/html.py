@@ -44,7 +44,7 @@ def table(
     head : sequence of str
     rows : iterable of (failed, cells)
     style : str
-        CSS classes of the box: "tall" limits its height, "events" folds it on a phone.
+        CSS classes of the box: "tall" limits its height, "fold" turns rows into cards on a phone.
     """
     body = "".join(_row(head, failed, cells) for failed, cells in rows)
     top = "".join(f"<th>{escape(label)}</th>" for label in head)

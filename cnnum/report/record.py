@@ -37,7 +37,8 @@ class SceneRecord:
         Of `values`: "strain", "count", "N"…
     times : (frames,) float, s
     values : (frames, rows, cols, channels) float
-        What went to the program; NaN in frames that were not allowed to run.
+        What went to the program, with the sign of a push and a pull on the skin; NaN in frames
+        that were not allowed to run.
     outputs : dict of str to (frames,) or (frames, rows, cols) float
         What came back; NaN where the program did not run.
     events : tuple of Event

@@ -10,7 +10,6 @@ from cnnum.report.encoding import ReportData
 from cnnum.report.error_charts import (
     check_chart,
     ladder_chart,
-    ladder_series,
     ladder_style,
     series_of,
     series_style,
@@ -154,7 +153,7 @@ def _player(data: ReportData, scale: MapScale) -> str:
     return (
         '<div class="player" id="player" hidden>'
         f'<canvas width="{640}" height="{round(640 * rows / cols)}" data-normal="{scale.normal:g}" '
-        f'data-shear="{scale.shear:g}" data-first="{first}" data-sign="{scale.sign}" role="img" '
+        f'data-shear="{scale.shear:g}" data-first="{first}" role="img" '
         f'aria-label="The frame that the slider stands at, in {escape(unit)}"></canvas>'
         "<div><h3>Every frame</h3><dl></dl>"
         '<div class="controls"><input type="range" min="0" value="0" aria-label="Frame">'
@@ -215,9 +214,10 @@ def _ladders(data: ReportData) -> list[str]:
         "float64 reference: lower and further left is better. Times are those of one picture in a "
         f"batch of {max(p.pictures for p in points)}."
     )
-    items = [
-        f"{symbol(ladder_style(*key))}{escape(', '.join(key))}" for key in ladder_series(points)
-    ]
+    methods = dict.fromkeys(p.method for p in points)
+    items = [f"{symbol(f'm-{method}')}{escape(method)}" for method in methods]
+    series = dict.fromkeys((p.engine, p.precision) for p in points)
+    items += [f"{symbol(ladder_style('any', *key))}{escape(', '.join(key))}" for key in series]
     cases = dict.fromkeys(p.case for p in points)
     charts = "".join(f"{_ladder(points, case)}" for case in cases)
     panels = f'<div class="panels">{charts}</div>'

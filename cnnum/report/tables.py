@@ -19,7 +19,7 @@ NONE = Cell("–")
 
 def event_table(verdicts: Sequence[Verdict]) -> str:
     """Return reported events against the ground truth."""
-    return table(EVENT_HEAD, (_event_row(verdict) for verdict in verdicts), style="events")
+    return table(EVENT_HEAD, (_event_row(verdict) for verdict in verdicts), style="fold")
 
 
 def report_table(events: Sequence[Event]) -> str:
@@ -28,7 +28,7 @@ def report_table(events: Sequence[Event]) -> str:
         (False, (Cell(_title(event), strong=True), _when(event), Cell(_direction(event))))
         for event in events
     )
-    return table(("event", "reported at", "direction"), rows, style="events")
+    return table(("event", "reported at", "direction"), rows, style="fold")
 
 
 def check_table(checks: Sequence[CheckResult]) -> str:
@@ -41,7 +41,7 @@ def check_table(checks: Sequence[CheckResult]) -> str:
 def plan_table(plans: Sequence[PlanCost]) -> str:
     """Return what a frame costs under each plan."""
     head = ("plan", "p50", "p99", "operations", "arithmetic", "to device", "back", "channels read")
-    return table(head, (_plan_row(plan) for plan in plans))
+    return table(head, (_plan_row(plan) for plan in plans), style="fold")
 
 
 def left_out_table(plan: PlanCost) -> str:
@@ -50,7 +50,7 @@ def left_out_table(plan: PlanCost) -> str:
         (False, (Cell(x.what, style="text"), Cell(x.why, style="text"), Cell(x.saves)))
         for x in _grouped(plan.explanation.left_out)
     )
-    return table(("what", "why", "saves a frame"), rows)
+    return table(("what", "why", "saves a frame"), rows, style="fold")
 
 
 def _grouped(left_out: Sequence[LeftOut]) -> list[LeftOut]:
@@ -114,7 +114,10 @@ def _direction(event: TrueEvent | Event | None) -> str:
 
 
 def _turn(verdict: Verdict) -> str:
-    return "" if verdict.turn is None else f"{degrees(verdict.turn):+.1f}°".replace("-", "−")
+    if verdict.turn is None:
+        return ""
+    turn = round(degrees(verdict.turn), 1)
+    return f"{turn:+.1f}°".replace("-", "−") if turn else "0.0°"
 
 
 def _check_row(check: CheckResult) -> Row:

@@ -136,7 +136,8 @@ def _marker(x: float, y: float, verdict: Verdict, end: float) -> Iterator[str]:
     delay = "" if verdict.delay is None else f", {verdict.delay:+d} frames"
     title = f"{verdict.title} reported at {verdict.reported.t:.3f} s{delay}: {verdict.text}"
     yield _triangle(x, y, style, title)
-    words = f"{verdict.delay:+d}".replace("-", "−") if verdict.passed else verdict.text
+    words = f"{verdict.delay or 0:+d}".replace("-", "−").replace("+0", "0")
+    words = words if verdict.passed else verdict.text
     last = x > end - 120.0
     yield text(x - 7.0 if last else x + 7.0, y + 9.5, words, "tick", "end" if last else "")
 

@@ -159,7 +159,7 @@ def test_plans_are_compared(reader: Reader, data: ReportData) -> None:
     full, _ = data.plans
     assert reader.row("demo")[1:3] == [f"{full.p50_us:.0f} µs", f"{full.p99_us:.0f} µs"]
     row = reader.row("contact only")
-    assert row[1:4] == ["61 µs", "93 µs", "21 1 launch"]
+    assert row[1:4] == ["61.0 µs", "93.0 µs", "21 1 launch"]
     assert row[-1] == "normal"
     assert reader.row("channel shear_x") == ["channel shear_x", "nothing reads it", "48 B"]
     assert f"{100 * 61 / full.p50_us:.0f} % of" in reader.text["p"]
