@@ -11,6 +11,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "run": ("cnnum.cli.run", "Run a scene and print its events as they come."),
     "plan": ("cnnum.cli.plan", "Show what a scene would run, and what is left out."),
     "templates": ("cnnum.cli.templates", "List, show and check the template library."),
+    "bench": ("cnnum.cli.bench", "Measure error against run time, speed, latency and the peers."),
     "devices": ("cnnum.cli.devices", "Show the OpenCL devices and what they reach."),
     "reproduce": (
         "cnnum.cli.reproduce",

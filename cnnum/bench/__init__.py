@@ -1,0 +1,1 @@
+"""Measuring: error against run time, throughput, latency, compile time, growth, and the peers."""

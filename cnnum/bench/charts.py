@@ -1,0 +1,133 @@
+"""Pictures of benchmark rows: one function a kind, Matplotlib without a display."""
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+Row = Mapping[str, object]
+MARKERS = "osD^v<>Ph*X"
+
+
+def _value(row: Row, key: str) -> float:
+    value = row.get(key)
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def _curves(rows: Sequence[Row], keys: Sequence[str]) -> dict[str, list[Row]]:
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        found.setdefault(" ".join(str(row[key]) for key in keys), []).append(row)
+    return found
+
+
+def work_precision(rows: Sequence[Row]) -> Figure:
+    """Return error over time, a panel a case, a curve a method and engine."""
+    panels = _curves(rows, ["case"])
+    columns = min(3, len(panels))
+    lines = -(-len(panels) // columns)
+    figure = Figure(figsize=(5.2 * columns, 3.9 * lines), layout="constrained")
+    labels: dict[str, int] = {}
+    for place, (case, inside) in enumerate(panels.items()):
+        axes = figure.add_subplot(lines, columns, place + 1)
+        for name, points in _curves(inside, ["method", "engine", "precision"]).items():
+            style = labels.setdefault(name, len(labels))
+            ordered = sorted(points, key=lambda row: _value(row, "seconds"))
+            # an error of 0 has no place on a logarithmic axis: it is drawn at the rounding
+            errors = [max(_value(row, "error"), 1e-16) for row in ordered]
+            times = [_value(row, "seconds") / max(_value(row, "pictures"), 1) for row in ordered]
+            _line(axes, times, errors, name, style)
+        axes.set(title=case, xlabel="s a picture", ylabel="largest error", xscale="log")
+        axes.set_yscale("log")
+        axes.grid(visible=True, which="major", alpha=0.3)
+    handles = {
+        text: line
+        for axes in figure.axes
+        for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(handles.values(), handles.keys(), loc="outside right upper", fontsize=7)
+    return figure
+
+
+def _line(axes: Axes, x: Sequence[float], y: Sequence[float], name: str, style: int) -> None:
+    axes.plot(
+        x, y, label=name, color=f"C{style % 10}", marker=MARKERS[style % len(MARKERS)],
+        markersize=4, linewidth=1, linestyle=("-", "--", ":")[style // 10 % 3],
+    )  # fmt: skip
+
+
+def bars(rows: Sequence[Row], label: Sequence[str], value: str, title: str) -> Figure:
+    """Return one horizontal bar a row."""
+    figure = Figure(figsize=(8, 1.2 + 0.36 * len(rows)), layout="constrained")
+    axes = figure.add_subplot()
+    names = ["  ".join(str(row[key]) for key in label) for row in rows]
+    numbers = [_value(row, value) for row in rows]
+    axes.barh(range(len(rows)), numbers, color="C0")
+    axes.set_yticks(range(len(rows)), names, fontsize=8)
+    axes.invert_yaxis()
+    axes.set_xlabel(title)
+    for place, number in enumerate(numbers):
+        axes.text(number, place, f" {number:.3g}", va="center", fontsize=8)
+    axes.margins(x=0.15)
+    return figure
+
+
+def throughput(rows: Sequence[Row]) -> Figure:
+    """Return the share of the device's peak."""
+    return bars(rows, ["case", "device"], "share_of_peak", "share of the multiply-add peak")
+
+
+def latency(rows: Sequence[Row]) -> Figure:
+    """Return the median latency of each program."""
+    return bars(rows, ["case", "device"], "p50_us", "µs a frame, median")
+
+
+def compile_time(rows: Sequence[Row]) -> Figure:
+    """Return the cold build time."""
+    return bars(rows, ["case", "device"], "cold_s", "s to the first result, empty caches")
+
+
+def peers(rows: Sequence[Row]) -> Figure:
+    """Return how many times longer each peer takes."""
+    figure = bars(rows, ["case", "peer"], "ratio", "times as long as this engine")
+    figure.axes[0].set_xscale("log")
+    return figure
+
+
+def scaling(rows: Sequence[Row]) -> Figure:
+    """Return the cost of a cell update along each curve."""
+    curves = _curves(rows, ["case"])
+    figure = Figure(figsize=(4 * len(curves), 3.4), layout="constrained")
+    for place, (case, inside) in enumerate(curves.items()):
+        axes = figure.add_subplot(1, len(curves), place + 1)
+        names = [_place(row) for row in inside]
+        _line(axes, list(range(len(names))), [_value(r, "ns_per_update") for r in inside], case, 0)
+        axes.set_xticks(range(len(names)), names, rotation=60, fontsize=7)
+        axes.set(title=case, ylabel="ns a cell update", yscale="log")
+        axes.grid(visible=True, alpha=0.3)
+    return figure
+
+
+def _place(row: Row) -> str:
+    shape = row["shape"]
+    sides = "×".join(str(side) for side in shape) if isinstance(shape, list | tuple) else str(shape)
+    at = {"batch": row["batch"], "radius": row["radius"], "layers": row["layers"]}
+    return str(at.get(str(row["case"]), sides))
+
+
+CHARTS: Mapping[str, Callable[[Sequence[Row]], Figure]] = {
+    "work-precision": work_precision,
+    "throughput": throughput,
+    "latency": latency,
+    "compile": compile_time,
+    "scaling": scaling,
+    "peers": peers,
+}
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure as PNG."""
+    FigureCanvasAgg(figure)
+    figure.savefig(path, dpi=110)

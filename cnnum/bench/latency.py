@@ -1,0 +1,90 @@
+"""The way of one frame, from host array to host events, beside an empty launch with its copies."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import perf_counter
+
+import numpy as np
+
+from cnnum.bench.samples import frames
+from cnnum.engine import Engine
+from cnnum.engines.opencl.empty import EmptyLaunch
+from cnnum.plan import Plan
+from cnnum.program_library import get_program, program_names
+
+SHAPE = (8, 8)
+
+
+@dataclass(frozen=True, slots=True)
+class Latency:
+    """A row of `cnnum bench latency`.
+
+    Attributes
+    ----------
+    case, device : str
+    launches : int
+        Kernel launches a frame.
+    p50_us, p99_us : float
+        Host to host, of single frames of a stream.
+    empty_launch_us : float
+        Median of a launch that does nothing, with copies of as many bytes in and out.
+    ratio : float
+        p50 in empty launches.
+    frames : int
+    """
+
+    case: str
+    device: str
+    launches: int
+    p50_us: float
+    p99_us: float
+    empty_launch_us: float
+    ratio: float
+    frames: int
+
+
+def measure_latency(
+    engine: Engine, *, count: int = 20_000, programs: tuple[str, ...] | None = None
+) -> list[Latency]:
+    """Return a row a tactile program on single 8×8×3 frames.
+
+    Parameters
+    ----------
+    engine : Engine
+        On an OpenCL device.
+    count : int
+        Frames.
+    programs : tuple of str, optional
+        All of the library unless given.
+    """
+    plans = {
+        name: engine.compile(get_program(name), SHAPE)
+        for name in (program_names() if programs is None else programs)
+    }
+    return [_measure(engine, name, plan, count) for name, plan in plans.items()]
+
+
+def _measure(engine: Engine, name: str, plan: Plan, count: int) -> Latency:
+    cost, stream = plan.explain(), plan.stream()
+    queue = iter(np.resize(frames(256, SHAPE).astype(np.float64), (count + 200, *SHAPE, 3)))
+    empty = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out)
+    _times(lambda: stream.push(next(queue)), 100)
+    _times(empty.run, 100)
+    # in turns of a hundred, so that both see the same disturbances
+    pushed: list[float] = []
+    launched: list[float] = []
+    for _ in range(count // 100):
+        pushed += _times(lambda: stream.push(next(queue)), 100)
+        launched += _times(empty.run, 100)
+    p50, p99 = (1e6 * float(np.percentile(pushed, p)) for p in (50, 99))
+    idle = 1e6 * float(np.median(launched))
+    return Latency(name, engine.device, cost.launches, p50, p99, idle, p50 / idle, len(pushed))
+
+
+def _times(call: Callable[[], object], count: int) -> list[float]:
+    seconds: list[float] = []
+    for _ in range(count):
+        begin = perf_counter()
+        call()
+        seconds.append(perf_counter() - begin)
+    return seconds

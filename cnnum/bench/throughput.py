@@ -1,0 +1,119 @@
+"""Cell updates a second on a device, and what share of its own arithmetic that is."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from cnnum.arrays import Shape
+from cnnum.bench.device_peak import PeakMeter
+from cnnum.bench.samples import channelwise, frames, full_template
+from cnnum.bench.timing import interleaved
+from cnnum.engine import Engine
+from cnnum.graph.nodes import RunSpec
+from cnnum.plan import Plan
+
+STEP = 0.01
+
+
+@dataclass(frozen=True, slots=True)
+class Throughput:
+    """A row of `cnnum bench throughput`.
+
+    Attributes
+    ----------
+    case, device, precision : str
+    shape : (rows, cols)
+    batch : int
+    cell_updates_per_s : float
+        Of the steps alone: what more steps of the same launch take.
+    host_to_host_per_s : float
+        With copies and conversions, at the larger number of steps.
+    flops : float
+        2·taps + 4 a cell update, a second.
+    peak_flops : float
+        Best multiply-add kernel on the same device in the same run.
+    share_of_peak : float
+    seconds, spread : float
+        One launch host to host, s.
+    """
+
+    case: str
+    device: str
+    precision: str
+    shape: Shape
+    batch: int
+    cell_updates_per_s: float
+    host_to_host_per_s: float
+    flops: float
+    peak_flops: float
+    share_of_peak: float
+    seconds: float
+    spread: float
+
+
+@dataclass(frozen=True, slots=True)
+class ThroughputCase:
+    """A full 3×3 template on every channel of a batch of frames, by Euler's method."""
+
+    name: str
+    shape: Shape
+    batch: int
+    channels: int
+    steps: int
+
+
+CASES = (
+    ThroughputCase("8×8×3, batch 65536", (8, 8), 65_536, 3, 40),
+    ThroughputCase("8×8×3, batch 1024", (8, 8), 1024, 3, 400),
+    ThroughputCase("16×16×3, batch 4096", (16, 16), 4096, 3, 100),
+    ThroughputCase("1024×1024", (1024, 1024), 1, 1, 100),
+)
+
+
+def measure_throughput(
+    engine: Engine, *, quick: bool = False, cases: tuple[ThroughputCase, ...] = CASES
+) -> Iterator[Throughput]:
+    """Yield a row a case.
+
+    Parameters
+    ----------
+    engine : Engine
+        Of the OpenCL devices.
+    quick : bool
+        Fewer repeats.
+    """
+    meter = PeakMeter(engine)
+    for case in cases:
+        yield _measure(engine, case, meter, budget=1.0 if quick else 6.0)
+
+
+def _plan(engine: Engine, case: ThroughputCase, steps: int) -> Plan:
+    names = tuple("xyz"[: case.channels])
+    spec = RunSpec(duration=steps * STEP, method="euler", dt=STEP)
+    program = channelwise(full_template(), spec)
+    return engine.compile(program, case.shape, channels=names)
+
+
+def _measure(engine: Engine, case: ThroughputCase, meter: PeakMeter, budget: float) -> Throughput:
+    """Time two numbers of steps in turns: their difference is that of steps alone."""
+    batch = frames(case.batch, case.shape, case.channels)
+    short, long = (_plan(engine, case, n) for n in (case.steps, 3 * case.steps))
+    before = meter.flops()
+    few, many = interleaved([lambda: short(batch), lambda: long(batch)], budget=budget, runs=15)
+    peak = max(before, meter.flops())
+    cells = case.batch * case.channels * case.shape[0] * case.shape[1]
+    rate = cells * 2 * case.steps / max(many.least - few.least, 1e-9)
+    flops = rate * (2 * 9 + 4)
+    return Throughput(
+        case=case.name,
+        device=engine.device,
+        precision=engine.precision,
+        shape=case.shape,
+        batch=case.batch,
+        cell_updates_per_s=rate,
+        host_to_host_per_s=cells * 3 * case.steps / many.median,
+        flops=flops,
+        peak_flops=peak,
+        share_of_peak=flops / peak,
+        seconds=many.median,
+        spread=many.spread,
+    )

@@ -1,0 +1,70 @@
+"""Wall time of calls on a machine that others share: medians, spreads and interleaved runs."""
+
+import statistics
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+Call = Callable[[], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Timing:
+    """How long a call takes.
+
+    Attributes
+    ----------
+    least, median, spread : float
+        s; the spread is from the first to the third quartile.
+    runs : int
+    """
+
+    least: float
+    median: float
+    spread: float
+    runs: int
+
+    @classmethod
+    def of(cls, seconds: Sequence[float]) -> "Timing":
+        """Return the summary of at least one run."""
+        if len(seconds) < 2:
+            return cls(seconds[0], seconds[0], 0.0, len(seconds))
+        low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive")
+        return cls(min(seconds), middle, high - low, len(seconds))
+
+
+def seconds_of(call: Call) -> float:
+    """Return the wall time of one call, s."""
+    begin = time.perf_counter()
+    call()
+    return time.perf_counter() - begin
+
+
+def timed(call: Call, *, budget: float = 1.0, runs: int = 9) -> Timing:
+    """Return the time of a call that has been warmed up.
+
+    Parameters
+    ----------
+    call : callable
+    budget : float
+        s after which no further run begins; one always does.
+    runs : int
+        At most.
+    """
+    (timing,) = interleaved([call], budget=budget, runs=runs)
+    return timing
+
+
+def interleaved(calls: Sequence[Call], *, budget: float = 2.0, runs: int = 9) -> tuple[Timing, ...]:
+    """Return the times of calls that take turns, so that all see the same disturbances."""
+    first = [seconds_of(call) for call in calls]
+    if max(first) > budget:  # so long a run needs no warming up
+        return tuple(Timing.of([seconds]) for seconds in first)
+    taken: list[list[float]] = [[] for _ in calls]
+    until = time.perf_counter() + budget
+    for _ in range(runs):
+        for seconds, call in zip(taken, calls, strict=True):
+            seconds.append(seconds_of(call))
+        if time.perf_counter() > until:
+            break
+    return tuple(Timing.of(seconds) for seconds in taken)

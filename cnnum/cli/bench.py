@@ -1,0 +1,160 @@
+"""`cnnum bench`: error against run time, throughput, latency, compile time, growth, the peers."""
+
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output, table
+from cnnum.cli.progress import progress
+
+if TYPE_CHECKING:
+    from cnnum.engine import Engine
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@click.group("bench", context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Measure speed and error, and write picture, data and page of it.
+
+    Every benchmark says what it left out, and why.
+    """
+
+
+def _options(function: Function) -> Function:
+    options = (
+        click.option("--device", help="Part of the OpenCL device's name."),
+        click.option("--quick", is_flag=True, help="Fewer places and repeats."),
+        click.option(
+            "--out",
+            type=click.Path(path_type=Path, file_okay=False),
+            help="Write PNG, JSON and HTML into this folder.",
+        ),
+        json_option,
+    )
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def _engine(device: str | None) -> "Engine":
+    from cnnum.engine import Engine
+
+    return Engine("opencl", device=device)
+
+
+def _report(
+    name: str,
+    found: Iterable[object],
+    total: int | None,
+    device: str,
+    out: Path | None,
+    as_json: bool,
+    omissions: tuple[str, ...] = (),
+) -> int:
+    """Print rows as they come (a string is something left out), then write the report."""
+    from cnnum.bench.records import as_row
+
+    output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
+    with progress(name, total, as_json=as_json) as steps:
+        for item in found:
+            if isinstance(item, str):
+                left_out.append(item)
+            else:
+                rows.append(as_row(item))
+                output.record({"kind": name, **rows[-1]})
+            steps.advance()
+    output.record({"kind": "omissions", "bench": name, "omissions": left_out})
+    if rows:
+        output.show(_table(rows))
+    output.show("Left out:", *(f"  {text}" for text in left_out or ["nothing"]))
+    if out is not None and rows:
+        from cnnum.bench.page import write_report
+
+        paths = write_report(out, name, rows, device, left_out)
+        output.show(f"Wrote {', '.join(str(path) for path in paths)}.")
+    return 0
+
+
+def _table(rows: list[Mapping[str, object]]) -> Any:
+    from cnnum.bench.page import cell
+
+    kept = [key for key in rows[0] if key not in ("device", "peer_version")]
+    made = table(*(key if n == 0 else f">{key}" for n, key in enumerate(kept)))
+    for row in rows:
+        made.add_row(*(cell(row[key]) for key in kept))
+    return made
+
+
+@command.command("work-precision")
+@click.option("--case", "names", multiple=True, help="A template or program; all unless given.")
+@_options
+def work_precision(
+    names: tuple[str, ...], device: str | None, quick: bool, out: Path | None, as_json: bool
+) -> int:
+    """Error against run time: templates and programs × methods × precisions × engines."""
+    from cnnum.bench.work_precision import OMISSIONS, cases, engines_here, measure_case
+
+    chosen, engines = names or cases(), engines_here(device)
+    found = (row for name in chosen for row in measure_case(name, engines, quick=quick))
+    label = engines[0].device
+    return _report("work-precision", found, None, label, out, as_json, OMISSIONS)
+
+
+@command.command("throughput")
+@_options
+def throughput(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Cell updates a second, as a share of the device's own multiply-add peak."""
+    from cnnum.bench.throughput import CASES, measure_throughput
+
+    engine = _engine(device)
+    found = measure_throughput(engine, quick=quick)
+    return _report("throughput", found, len(CASES), engine.device, out, as_json)
+
+
+@command.command("latency")
+@click.option("--frames", default=20_000, type=click.IntRange(min=200), help="Frames a program.")
+@_options
+def latency(frames: int, device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """One frame from host array to host events, beside an empty launch with its copies."""
+    from cnnum.bench.latency import measure_latency
+
+    engine = _engine(device)
+    rows = measure_latency(engine, count=2000 if quick else frames)
+    return _report("latency", rows, None, engine.device, out, as_json)
+
+
+@command.command("compile")
+@_options
+def compile_time(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Building a plan of a dozen 8×8 templates: from nothing, and from the caches."""
+    from cnnum.bench.compile_time import measure_compile
+
+    engine = _engine(device)
+    rows = [measure_compile(engine.device, repeats=1 if quick else 3)]
+    return _report("compile", rows, 1, engine.device, out, as_json)
+
+
+@command.command("scaling")
+@_options
+def scaling(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Cost against array, batch, radius, layers and taxel grid."""
+    from cnnum.bench.scaling import measure_scaling, points
+
+    engine = _engine(device)
+    found = measure_scaling(engine, quick=quick)
+    return _report("scaling", found, len(points(quick=quick)), engine.device, out, as_json)
+
+
+@command.command("peers")
+@_options
+def peers(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Other libraries on the same work to the same measured error; missing ones are named."""
+    from cnnum.bench.peer_runs import measure_peers
+
+    engine = _engine(device)
+    found = measure_peers(engine, quick=quick)
+    return _report("peers", found, None, engine.device, out, as_json)
