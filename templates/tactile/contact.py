@@ -6,7 +6,7 @@ from cnnum.library import get_template
 from cnnum.programs import FrameFields, program
 from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.transients import apply
-from cnnum.templates.tactile.loads import LIFT, Loads, loads_of, square
+from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of, square
 
 SHARE = 0.1
 """Share of the peak load from which a taxel counts as touched: what the cover spreads beyond the
@@ -18,7 +18,7 @@ LEVEL = 0.1
 
 @program
 def contact(
-    frame: FrameFields, *, share: float = SHARE, normal_gain: float = 1.0
+    frame: FrameFields, *, push: float = PUSH, share: float = SHARE, normal_gain: float = 1.0
 ) -> Mapping[str, Field]:
     """Contact and its loads.
 
@@ -27,7 +27,10 @@ def contact(
     Parameters
     ----------
     frame : FrameFields
-        Loads of the sign of a push, in any unit.
+        Strain, stress or calibrated signals, in any unit.
+    push : float
+        −1 for strain and stress, which count tension as positive; +1 for signals and counts that
+        rise under a push.
     share : float
         Share of the peak normal load from which a taxel counts as touched.
     normal_gain : float
@@ -38,11 +41,12 @@ def contact(
     -------
     mapping
         `contact` (flag), `contact_map` (logic), `contact_area` (cells), `contact_row`,
-        `contact_column` (centroid of the load, cells; 0 without contact), `load_x`, `load_y`,
+        `contact_column` (centroid of the load, cells; afterwards, where it
+        was last), `load_x`, `load_y`,
         `load_normal` (sums over the contact, the frame's unit), `friction_used` (tangential over
         normal load).
     """
-    return contact_of(loads_of(frame), share=share, normal_gain=normal_gain)
+    return contact_of(loads_of(frame, push), share=share, normal_gain=normal_gain)
 
 
 def contact_of(
@@ -60,13 +64,21 @@ def contact_of(
         "contact": loads.contact,
         "contact_map": touched,
         "contact_area": touched.count(),
-        "contact_row": (weight * frame.row).sum() / whole,
-        "contact_column": (weight * frame.column).sum() / whole,
+        "contact_row": _kept(loads, (weight * frame.row).sum() / whole),
+        "contact_column": _kept(loads, (weight * frame.column).sum() / whole),
         "load_x": x,
         "load_y": y,
         "load_normal": normal,
         "friction_used": sqrt(square(x) + square(y)) / (normal_gain * normal),
     }
+
+
+def _kept(loads: Loads, value: Field) -> Field:
+    """Return a number while there is contact, and afterwards what it was at last."""
+    memory = loads.frame.memory(scalar=True)
+    now = where(loads.contact, value, memory.value)
+    memory.store(now)
+    return now
 
 
 def touched_map(loads: Loads, share: float = SHARE) -> Field:

@@ -22,6 +22,9 @@ of 256 noisy taxels exceeds 6 once in 4 million frames; it must in two frames in
 ROUNDING = 1e-6
 """Least noise, as a share of the largest raw value: what float32 leaves of a perfect sensor."""
 
+PUSH = -1.0
+"""Sign of strain and stress under a push: what a calibrated array gives."""
+
 RIM = 0.1
 """Share of the peak load that is taken off before loads are weighed, so that the elastic
 surroundings of a contact do not pull at its centre."""
@@ -74,15 +77,23 @@ class Patch:
     spread: Field
 
 
-def loads_of(frame: FrameFields) -> Loads:
-    """Return a frame's loads above rest, and what is measured with them."""
+def loads_of(frame: FrameFields, push: float) -> Loads:
+    """Return a frame's loads above rest, and what is measured with them.
+
+    Parameters
+    ----------
+    frame : FrameFields
+    push : float
+        What turns a channel's sign into that of a load: −1 for strain and stress, which count
+        tension as positive, +1 for signals and counts that rise under a push.
+    """
     age = frame.memory(scalar=True)
     count = age.value + 1.0
     age.store(count)
     touched = frame.memory(scalar=True, logic=True)
     rate = where(touched.value, 0.0, maximum(1.0 / count, 1.0 / FORGET))
     raw = [frame.shear_x, frame.shear_y, frame.normal]
-    shear_x, shear_y, normal = (_above_rest(frame, channel, rate) for channel in raw)
+    shear_x, shear_y, normal = (push * _above_rest(frame, channel, rate) for channel in raw)
     normal_noise = _noise(frame, [frame.normal], touched.value)
     contact = _touching(frame, normal, normal_noise, (count > float(SETTLE)), touched.value)
     touched.store(contact)

@@ -1,4 +1,4 @@
-"""What acts on a contact sideways: shear force and torque, and the shear that they have built up."""
+"""What acts on a contact sideways: force and torque, and the shear that they have built up."""
 
 from dataclasses import dataclass
 

@@ -5,35 +5,40 @@ from collections.abc import Mapping
 from cnnum.programs import FrameFields, program
 from cnnum.programs.fields import Field, maximum, minimum, where
 from cnnum.templates.tactile.latch import lasting, latched, twice
-from cnnum.templates.tactile.loads import Loads, loads_of, patch_of
+from cnnum.templates.tactile.loads import PUSH, Loads, loads_of, patch_of
 from cnnum.templates.tactile.pull import Pull, pull_of
 from cnnum.templates.tactile.sticking import Sticking, sticking_of
 
 INCIPIENT = 0.065
-"""`stick` at which the stick radius is half the contact radius (seven eighths of μP, in a pull that
-only grows): 0.93–0.95 for increments read under covers 0.8 to 1.2 mm thick, taxels 1.5 mm apart and
-contacts of 2 to 3 mm radius, by simulation without noise. Thinner covers and wider contacts have
-less, thicker covers and bumps, which blur the stick disc, more."""
+"""Looseness at which the stick radius is half the contact radius (seven eighths of μP, in a pull
+that only grows). Set on simulated pulls: noise of 2.5 mV, covers of 0.7 to 1.3 mm, taxels 1.5 mm
+apart, contacts of 2 to 3 mm radius, at 200 Hz. Under thicker covers and bumps, which blur the stick
+disc, it comes later."""
 
 GROSS = 0.45
-"""`stick` of gross slip: half of the 0.7 to 0.8 that is left just before it, rounded up to be quick."""
+"""`stick` of gross slip: well below the 0.7 to 0.8 that is left just before it, and far enough above
+0 to be quick."""
 
 
 @program
 def slip(
-    frame: FrameFields, *, incipient: float = INCIPIENT, gross: float = GROSS
+    frame: FrameFields, *, push: float = PUSH, incipient: float = INCIPIENT, gross: float = GROSS
 ) -> Mapping[str, Field]:
     """Slip between the skin and what touches it, from how the shear map grows.
 
-    The stream must begin without contact: its first frames say what rest is. Signs: shear is
-    positive as the object pushes the skin, so it points where the object slides.
+    The stream must begin without contact: its first frames say what rest is.
 
     Parameters
     ----------
     frame : FrameFields
-        Calibrated signals or strain of the sign of a push, in any unit.
-    incipient, gross : float
-        `stick` (see `sticking`) below which slip is called so.
+        Strain, stress or calibrated signals, in any unit.
+    push : float
+        −1 for strain and stress, which count tension as positive; +1 for signals and counts that
+        rise under a push.
+    incipient : float
+        Looseness (1 − `stick`, see `sticking`) from which slip is incipient.
+    gross : float
+        `stick` below which it is gross.
 
     Returns
     -------
@@ -43,7 +48,7 @@ def slip(
         it; 0 without a pull), `slip_strength` (0 sticks, 1 slides), `stick_map` (logic: contact
         that took up its share of the last increment).
     """
-    loads = loads_of(frame)
+    loads = loads_of(frame, push)
     patch = patch_of(loads)
     pull = pull_of(loads, patch)
     return slip_of(loads, pull, sticking_of(loads, pull), incipient=incipient, gross=gross)
@@ -83,9 +88,7 @@ def _strength(loads: Loads, sticking: Sticking, holds: Field, gone: Field) -> Fi
     return value
 
 
-def _sticks(
-    loads: Loads, pull: Pull, sticking: Sticking, holds: Field, gone: Field
-) -> Field:
+def _sticks(loads: Loads, pull: Pull, sticking: Sticking, holds: Field, gone: Field) -> Field:
     """Return where shear grows at least half as fast as it does on the whole."""
     frame, shear, built = loads.frame, sticking.shear, pull.built
     along = shear.x * built.x + shear.y * built.y

@@ -1,9 +1,9 @@
 """How much of a contact sticks, read from how alike a change of shear and the shear built up are.
 
-Under a growing force or torque only the sticking disc takes up more shear; what slips keeps friction
-times pressure (Cattaneo, Mindlin; Lubkin). While all sticks, an increment d repeats the map c that
-was built up; the smaller the stick radius, the more it gathers in the middle; in gross slip loads
-change from taxel to taxel as the contact travels, and none of it repeats c. So
+Under a growing force or torque only the sticking disc takes up more shear; what slips keeps
+friction times pressure (Cattaneo, Mindlin; Lubkin). While all sticks, an increment d repeats the
+map c that was built up; the smaller the stick radius, the more it gathers in the middle; in gross
+slip loads change from taxel to taxel as the contact travels, and none of it repeats c. So
 
     stick = (Σ d·c)² / (Σ d² Σ c²)
 

@@ -5,18 +5,17 @@ from collections.abc import Mapping
 from cnnum.programs import FrameFields, program
 from cnnum.programs.fields import Field, maximum, minimum, where
 from cnnum.templates.tactile.latch import lasting, latched, twice
-from cnnum.templates.tactile.loads import Loads, Patch, loads_of, patch_of
+from cnnum.templates.tactile.loads import PUSH, Loads, Patch, loads_of, patch_of
 from cnnum.templates.tactile.pull import Pull, pull_of
 from cnnum.templates.tactile.sticking import Sticking, sticking_of
 
 SLIPS = 0.17
-"""`stick` at which the stick radius under a torque is half the contact radius: 0.86–0.90 for covers
-0.8 to 1.2 mm thick, taxels 1.5 mm apart and contacts of 2 to 3 mm radius, by simulation without
-noise. Lower than under a force, since the outer ring carries more of a torque."""
+"""Looseness at which the stick radius under a torque is half the contact radius, set as for slip.
+More than under a force, since the outer ring carries more of a torque."""
 
 
 @program
-def twist(frame: FrameFields, *, slips: float = SLIPS) -> Mapping[str, Field]:
+def twist(frame: FrameFields, *, push: float = PUSH, slips: float = SLIPS) -> Mapping[str, Field]:
     """Twist of what touches the skin, from how the shear about the contact's centre grows.
 
     The stream must begin without contact: its first frames say what rest is.
@@ -24,9 +23,12 @@ def twist(frame: FrameFields, *, slips: float = SLIPS) -> Mapping[str, Field]:
     Parameters
     ----------
     frame : FrameFields
-        Calibrated signals or strain of the sign of a push, in any unit.
+        Strain, stress or calibrated signals, in any unit.
+    push : float
+        −1 for strain and stress, which count tension as positive; +1 for signals and counts that
+        rise under a push.
     slips : float
-        `stick` (see `sticking`) below which the object turns on the skin instead of with it.
+        Looseness (1 − `stick`, see `sticking`) from which the object turns on the skin.
 
     Returns
     -------
@@ -35,7 +37,7 @@ def twist(frame: FrameFields, *, slips: float = SLIPS) -> Mapping[str, Field]:
         columns to rows, clockwise as seen from above; −1; 0 without a torque), `twist_strength`
         (0 sticks, 1 turns freely), `twist_row`, `twist_column` (centre, cells).
     """
-    loads = loads_of(frame)
+    loads = loads_of(frame, push)
     patch = patch_of(loads)
     pull = pull_of(loads, patch)
     return twist_of(loads, patch, pull, sticking_of(loads, pull), slips=slips)

@@ -1,0 +1,50 @@
+"""All that a frame of a calibrated array tells, as one program that shares what it can."""
+
+from collections.abc import Mapping
+
+from cnnum.programs import FrameFields, program
+from cnnum.programs.fields import Field
+from cnnum.templates.tactile.contact import contact_of
+from cnnum.templates.tactile.edges import edges_of
+from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
+from cnnum.templates.tactile.localize import CROSSTALK, localize_of
+from cnnum.templates.tactile.pull import pull_of
+from cnnum.templates.tactile.slip import slip_of
+from cnnum.templates.tactile.sticking import sticking_of
+from cnnum.templates.tactile.twist import twist_of
+
+
+@program
+def tactile(
+    frame: FrameFields, *, push: float = PUSH, crosstalk: float = CROSSTALK
+) -> Mapping[str, Field]:
+    """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.
+
+    The stream must begin without contact: its first frames say what rest is.
+
+    Parameters
+    ----------
+    frame : FrameFields
+        Strain, stress or calibrated signals, in any unit.
+    push : float
+        −1 for strain and stress, which count tension as positive; +1 for signals and counts that
+        rise under a push.
+    crosstalk : float
+        See `localize`.
+
+    Returns
+    -------
+    mapping
+        All outputs of `contact`, `slip`, `twist`, `edges` and `localize`.
+    """
+    loads = loads_of(frame, push)
+    patch = patch_of(loads)
+    pull = pull_of(loads, patch)
+    sticking = sticking_of(loads, pull)
+    return {
+        **contact_of(loads),
+        **slip_of(loads, pull, sticking),
+        **twist_of(loads, patch, pull, sticking),
+        **edges_of(loads),
+        **localize_of(loads, crosstalk=crosstalk),
+    }
