@@ -1,0 +1,127 @@
+"""Work out the tables that ship with the package anew.
+
+The shipped file comes from::
+
+    from cnnum.tactile.cover.fem.generate import regenerate
+    regenerate("bump.npz")
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from cnnum.errors import RecordingError
+from cnnum.tactile.checks import Array
+from cnnum.tactile.cover.fem.geometry import Shape
+from cnnum.tactile.cover.fem.plane import PlaneBump, make_plane_bump
+from cnnum.tactile.cover.fem.revolution import make_bodies
+from cnnum.tactile.cover.tables import DEPTHS, PATCH, STRETCH
+
+DEEP = 200.0
+"""Bump radii to the sides and the bottom of what stands for a half-space."""
+
+MARGIN = 12.0
+"""Depths of surface beyond the bump, of a layer on a rigid base."""
+
+
+def regenerate(
+    path: str | Path | None = None,
+    *,
+    fineness: int = 16,
+    depths: Sequence[float] = DEPTHS,
+    growth: float = 1.1,
+    plane_fineness: int = 16,
+) -> dict[str, Array]:
+    """Compute the influence of a bump, and the figures of the plane one.
+
+    Needs the extra "fem" and, as fine as shipped, some minutes.
+
+    Parameters
+    ----------
+    path : str or Path, optional
+        Where to write the tables to, as .npz in single precision.
+    fineness, plane_fineness : int
+        Cells along an eighth of the circle.
+    depths : sequence of float, bump radii
+        Of the taxels below the surface.
+    growth : float
+        Of cells away from the bump.
+
+    Returns
+    -------
+    dict of arrays
+        As `cnnum.tactile.cover.tables.BumpTables` and `cnnum.tactile.cover.plane.PlaneFigures`
+        name them.
+
+    Raises
+    ------
+    MissingExtraError
+        If scikit-fem is not installed.
+    RecordingError
+        If the file can not be written.
+    """
+    deep, levers = _deep(fineness, depths, growth)
+    layers = [_layer(fineness, depth, growth) for depth in depths]
+    tables = {
+        "depths": np.asarray(depths, dtype=np.float64),
+        "lever": np.asarray(levers),
+        "half_space": deep,
+        "rigid_base": np.stack(layers),
+        **plane_figures(make_plane_bump(plane_fineness)),
+    }
+    if path is not None:
+        _write(Path(path), tables)
+    return tables
+
+
+def _deep(fineness: int, depths: Sequence[float], growth: float) -> tuple[Array, float]:
+    bodies = make_bodies(Shape(DEEP, DEEP, growth=growth), fineness, patch=PATCH)
+    profiles = [bodies.profiles(depth, STRETCH * (1 + depth)) for depth in depths]
+    return np.stack(profiles), bodies.lever
+
+
+def _layer(fineness: int, depth: float, growth: float) -> Array:
+    shape = Shape(2.0 + MARGIN * (1 + depth), depth, growth=growth)
+    bodies = make_bodies(shape, fineness, patch=PATCH)
+    return bodies.profiles(depth, STRETCH * (1 + depth))
+
+
+def plane_figures(bump: PlaneBump) -> dict[str, Array]:
+    """Return what Fig. 6.9–6.12 and 6.14 show, lengths in bump radii, stress in moduli."""
+    pressed, dragged = bump.solutions()
+    x = np.linspace(-4.0, 4.0, 81)
+    z = np.linspace(0.0, 5.0, 51)
+    line = np.stack([x, np.ones_like(x)], axis=-1)
+    axis = np.stack([np.zeros_like(z), z], axis=-1)
+    field = np.stack([part.reshape(-1) for part in np.meshgrid(x, z)], axis=-1)
+    both = (pressed, dragged)
+    sheet = np.stack([bump.displacement(s, field) for s in both])
+    return {
+        "plane_x": x,
+        "plane_z": z,
+        "plane_field": sheet.reshape(2, 2, z.size, x.size),
+        "plane_axis": np.stack([bump.displacement(s, axis) for s in both]),
+        "plane_line": np.stack([bump.displacement(s, line) for s in both]),
+        "plane_stress": np.stack([bump.stress(s, line) for s in both]),
+        "plane_strain": np.stack([bump.strain(s, line) for s in both]),
+        "plane_force": np.array([bump.working.force, 0.25 * bump.drag.stiffness]),
+        "plane_indentation": np.array([c.indentation for c in bump.contacts]),
+        "plane_growth": _growth(bump),
+    }
+
+
+def _growth(bump: PlaneBump) -> Array:
+    """Return u_x, u_z at (0, 1), and u_z at ±1.3, over the indentation: (steps, 4)."""
+    places = np.array([[0.0, 1.0], [-1.3, 1.0], [1.3, 1.0]])
+    rows = [bump.displacement(contact.solution, places) for contact in bump.contacts]
+    return np.stack([[ux[0], uz[0], uz[1], uz[2]] for ux, uz in rows])
+
+
+def _write(path: Path, tables: Mapping[str, Array]) -> None:
+    small = {name: table.astype(np.float32) for name, table in tables.items()}
+    try:
+        with path.open("wb") as file:
+            np.savez_compressed(file, allow_pickle=False, **small)
+    except OSError as reason:
+        raise RecordingError(f"'{path}' can not be written: {reason}.") from reason

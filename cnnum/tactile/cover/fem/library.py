@@ -1,0 +1,23 @@
+"""The one door to scikit-fem."""
+
+from importlib import import_module
+from typing import Any
+
+from cnnum.errors import MissingExtraError
+
+
+def load_skfem() -> Any:
+    """Return the module scikit-fem; it carries no types of its own.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        return import_module("skfem")
+    except ImportError:
+        raise MissingExtraError(
+            "Finite elements need scikit-fem, which is not installed: "
+            "install it with pip install 'cnnum[fem]', or use the coefficients that are shipped."
+        ) from None
