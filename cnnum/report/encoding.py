@@ -76,6 +76,7 @@ def as_tree(data: ReportData) -> dict[str, object]:
             "pitch_m": record.pitch,
             "channels": list(record.channels),
             "unit": record.unit,
+            "push": record.push,
             "frames": record.frames,
         },
         "t": numbers(record.times),

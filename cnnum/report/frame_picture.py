@@ -75,7 +75,7 @@ def _heat(record: SceneRecord, frame: int, scale: MapScale) -> Iterator[str]:
     for (row, col), value in np.ndenumerate(normal[frame]):
         if isfinite(value):
             place = f"M{at(CELL * col)} {at(CELL * row)}h10v10h-10z"
-            squares[step(value, scale.normal)].append(place)
+            squares[step(record.push * value, scale.normal)].append(place)
     for kind, places in sorted(squares.items()):
         yield f'<path class="k{kind}" d="{"".join(places)}"/>'
 
@@ -116,7 +116,8 @@ def _arrows(record: SceneRecord, frame: int, scale: MapScale) -> Iterator[str]:
         return
     places: list[str] = []
     for (row, col), along in np.ndenumerate(x[frame]):
-        dx, dy = CELL * along / scale.shear, CELL * float(y[frame, row, col]) / scale.shear
+        unit = record.push * CELL / scale.shear
+        dx, dy = unit * along, unit * float(y[frame, row, col])
         if hypot(dx, dy) > FAINT * CELL:
             places.append(arrow(CELL * (col + 0.5), CELL * (row + 0.5), dx, dy))
     if places:

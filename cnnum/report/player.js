@@ -45,7 +45,7 @@
   function heat(k, side) {
     const half = (colours.length - 1) / 2;
     for (let r = 0; r < rows; r++) for (let c = 0; c < cols; c++) {
-      const v = iz < 0 ? 0 : value(k, r, c, iz);
+      const v = iz < 0 ? 0 : data.scene.push * value(k, r, c, iz);
       const share = Math.max(-1, Math.min(1, v / normalTop));
       pen.fillStyle = Number.isNaN(v) ? card : colours[Math.round(half * (share + 1))];
       pen.fillRect(Math.floor(c * side), Math.floor(r * side), Math.ceil(side), Math.ceil(side));
@@ -59,7 +59,8 @@
     pen.beginPath();
     for (let r = 0; r < rows; r++) for (let c = 0; c < cols; c++) {
       const x = (c + 0.5) * side, y = (r + 0.5) * side;
-      const dx = side * value(k, r, c, ix) / shearTop, dy = side * value(k, r, c, iy) / shearTop;
+      const unit = data.scene.push * side / shearTop;
+      const dx = unit * value(k, r, c, ix), dy = unit * value(k, r, c, iy);
       const long = Math.hypot(dx, dy);
       if (!(long > 0.12 * side)) continue;
       const head = Math.min(0.24 * side, 0.45 * long) / long;

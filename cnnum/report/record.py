@@ -37,8 +37,10 @@ class SceneRecord:
         Of `values`: "strain", "count", "N"…
     times : (frames,) float, s
     values : (frames, rows, cols, channels) float
-        What went to the program, with the sign of a push and a pull on the skin; NaN in frames
-        that were not allowed to run.
+        What went to the program; NaN in frames that were not allowed to run.
+    push : int
+        Sign with which a push on the skin, or a pull along an axis, reads in `values`: −1 for
+        strain, of which tension is positive.
     outputs : dict of str to (frames,) or (frames, rows, cols) float
         What came back; NaN where the program did not run.
     events : tuple of Event
@@ -60,6 +62,7 @@ class SceneRecord:
     unit: str
     times: Floats
     values: Floats
+    push: int
     outputs: dict[str, Floats]
     events: tuple[Event, ...]
     truth: dict[str, Floats]
@@ -120,6 +123,7 @@ class SceneRecorder:
             unit="strain" if calibrated else scene.driver.unit,
             times=np.array([moment.frame.time for moment in moments]),
             values=_values(scene, moments),
+            push=_push(scene, calibrated),
             outputs=_outputs(moments),
             events=tuple(event for moment in moments for event in moment.events),
             truth=_truth(moments),
@@ -134,6 +138,11 @@ def _pitch(scene: Scene) -> float | None:
     spec = scene.spec
     options = driver_options(spec.driver, spec.driver_options, base=spec.base)
     return cast(float | None, getattr(options, "pitch", None))
+
+
+def _push(scene: Scene, calibrated: bool) -> int:
+    told = scene.spec.parameters.get("push", -1 if calibrated else 1)
+    return -1 if isinstance(told, int | float) and told < 0 else 1
 
 
 def _values(scene: Scene, moments: list[Moment]) -> Floats:

@@ -94,6 +94,7 @@ def record() -> SceneRecord:
         unit="strain",
         times=np.arange(FRAMES) / RATE,
         values=values,
+        push=-1,
         outputs={"contact": during((22, 109)), "contact_map": contact_map},
         events=made_events(),
         truth=made_truth(),

@@ -68,7 +68,7 @@ def test_record_is_what_the_moments_were(ran: tuple[SceneRecord, list[Moment]]) 
     record, moments = ran
     assert record.frames == len(moments) == 60
     assert record.channels == ("normal",)
-    assert (record.unit, record.pitch, record.shape) == ("strain", 2e-3, (4, 5))
+    assert (record.unit, record.push, record.pitch, record.shape) == ("strain", -1, 2e-3, (4, 5))
     for number in (0, 25, 59):
         moment = moments[number]
         assert moment.frame.truth is not None
