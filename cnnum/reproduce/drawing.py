@@ -25,7 +25,7 @@ PALETTE = ("#0a6ebd", "#d1590b", "#2a8c5a", "#8a4fbf", "#b8860b", "#c03a72")
 HOT = LinearSegmentedColormap.from_list(
     "pushed", ("#0b3f8c", "#3f8fd6", "#f4f5f7", "#eb8a3e", "#8f2f06")
 )
-SETTINGS = {
+SETTINGS: Any = {
     "svg.fonttype": "none",
     "svg.hashsalt": "cnnum",
     "font.family": "sans-serif",
@@ -42,17 +42,17 @@ SETTINGS = {
     "legend.frameon": False,
     "legend.fontsize": 8.5,
     "lines.linewidth": 1.6,
-    **{
-        key: INK
-        for key in (
+    **dict.fromkeys(
+        (
             "text.color",
             "axes.edgecolor",
             "axes.labelcolor",
             "axes.titlecolor",
             "xtick.color",
             "ytick.color",
-        )
-    },
+        ),
+        INK,
+    ),
 }
 STYLES = {"line": "-", "dashed": "--", "dotted": ":", "points": "none"}
 
@@ -78,7 +78,8 @@ def draw(panel: Panel) -> str:
             _draw_layer(axes, layer, number)
         _dress(axes, panel)
         target = io.StringIO()
-        FigureCanvasSVG(canvas).print_svg(target, metadata={"Date": None})
+        painter: Any = FigureCanvasSVG(canvas)
+        painter.print_svg(target, metadata={"Date": None})
     return _for_page(target.getvalue(), panel.title)
 
 

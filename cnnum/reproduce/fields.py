@@ -41,8 +41,9 @@ def largest_gap(ours: Floats, theirs: Floats) -> float:
 def displacement_gap(nu: float | None) -> float:
     """Return how far our displacement is from (4.9), or at ν = 0.5 from (4.10)."""
     place, load = scattered()
+    x, y, z = place
     ratio = 0.5 if nu is None else nu
-    ours = displacement(*place, load.T, youngs_modulus=E, poisson=ratio).T
+    ours = displacement(x, y, z, load.T, youngs_modulus=E, poisson=ratio).T
     if nu is None:
         return largest_gap(ours, printed.displacement_of_rubber(place, load, E))
     return largest_gap(ours, printed.displacement(place, load, E, nu))
@@ -51,14 +52,16 @@ def displacement_gap(nu: float | None) -> float:
 def stress_gap() -> float:
     """Return how far our stress is from (4.11)."""
     place, load = scattered()
-    ours = np.moveaxis(stress(*place, load.T), 0, -1)
+    x, y, z = place
+    ours = np.moveaxis(stress(x, y, z, load.T), 0, -1)
     return largest_gap(ours, printed.stress(place, load))
 
 
 def strain_gap() -> float:
     """Return how far our strain is from (4.12)."""
     place, load = scattered()
-    ours = np.moveaxis(strain(*place, load.T, youngs_modulus=E), 0, -1)
+    x, y, z = place
+    ours = np.moveaxis(strain(x, y, z, load.T, youngs_modulus=E), 0, -1)
     return largest_gap(ours, printed.strain(place, load, E))
 
 
@@ -66,7 +69,8 @@ def energy_gap() -> float:
     """Return how far our strain energy density is from (4.13), relative to each value."""
     place, load = scattered()
     theirs = printed.energy(place, load, E)
-    ours = strain_energy_density(*place, load.T, youngs_modulus=E)
+    x, y, z = place
+    ours = strain_energy_density(x, y, z, load.T, youngs_modulus=E)
     # points where Qx + Ry + Fz nearly vanishes hold no digits of it
     scale = np.sum(load**2, axis=0) / np.sum(place**2, axis=0) ** 2 / E
     return float((np.abs(ours - theirs) / scale).max())
@@ -109,8 +113,12 @@ def decay() -> float:
 
 def widening() -> float:
     """Return how much wider σ_zz is at 0.4 mm than at 0.2 mm."""
-    wide = [half_width(lambda x, z=z: sigma(2, x, z), z) * z for z in (2 * Z, Z)]
+    wide = [half_width(partial(_normal_at, z), z) * z for z in (2 * Z, Z)]
     return wide[0] / wide[1]
+
+
+def _normal_at(z: float, x: float) -> float:
+    return sigma(2, x, z)
 
 
 def transferred(reach: float) -> float:

@@ -5,11 +5,12 @@ from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.reproduce.figure import Curve, Dots, Figure, Panel
 from cnnum.reproduce.record import Chapter, Item
-from cnnum.reproduce.setup import BETA, LOAD, MM, NOISE, RATE, UM, E, Z, covered_taxel, point_strain
+from cnnum.reproduce.setup import LOAD, MM, NOISE, RATE, UM, E, Z, covered_taxel, point_strain
 from cnnum.tactile.inverse import locate, locate_signals
 
 STEPS = 320
@@ -39,7 +40,7 @@ class Scan:
     y_seen: Floats
     force: Floats
 
-    def error(self, keep: "Floats | slice" = slice(None)) -> float:
+    def error(self, keep: NDArray[np.bool_]) -> float:
         """Return the RMS distance of places seen and true, µm."""
         gap = (self.x_seen - self.x) ** 2 + (self.y_seen - self.y) ** 2
         return float(UM * np.sqrt(np.mean(gap[keep])))

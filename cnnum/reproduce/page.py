@@ -103,8 +103,8 @@ def _head(rows: Sequence[Row]) -> str:
     tiled = "".join(f'<div class="tile"><b>{a}</b><span>{b}</span></div>' for a, b in tiles)
     return (
         "<h1>The elastic cover and the taxel, reproduced</h1>"
-        '<p class="lead">Every number and figure of G. Vásárhelyi’s dissertation “Tactile sensing '
-        "with a three-axial MEMS array and its elastic cover” (Pázmány Péter Catholic University, "
+        '<p class="lead">Every number and figure of G. Vásárhelyi’s dissertation “The Design of '
+        "Tactile Sensors and their Elastic Cover” (Pázmány Péter Catholic University, "
         "Budapest 2007) that a model can give, with ours beside it.</p>"
         '<p class="soft">Each check states how far it may be off, and why. Where a figure has no '
         "digits, the row says what is compared: a zero, an extremum, a slope. Real covers and "

@@ -3,7 +3,18 @@
 from collections.abc import Callable, Sequence
 
 from cnnum.errors import name_error
-from cnnum.reproduce import errata, fields, hyperacuity, inverse, receptive, silicon
+from cnnum.reproduce import (
+    bumps,
+    covers,
+    errata,
+    fields,
+    hyperacuity,
+    inverse,
+    pads,
+    receptive,
+    silicon,
+    texture_rows,
+)
 from cnnum.reproduce.figure import Figure
 from cnnum.reproduce.record import Chapter, Item
 
@@ -13,6 +24,10 @@ CHAPTERS: tuple[Chapter, ...] = (
     receptive.CHAPTER,
     inverse.CHAPTER,
     hyperacuity.CHAPTER,
+    covers.CHAPTER,
+    bumps.CHAPTER,
+    pads.CHAPTER,
+    texture_rows.CHAPTER,
     errata.CHAPTER,
 )
 """In the order of the dissertation."""
