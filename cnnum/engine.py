@@ -133,8 +133,13 @@ class Engine:
         self, name: str, graph: Graph, channels: Sequence[str], needs: Sequence[str] | None
     ) -> Plan:
         thinned = schedule(graph, channels, needs)
+        chosen = {
+            operation: choose(operation, graph.shape)
+            for operation in {node.operation for node in thinned.transients}
+            if isinstance(operation, Transient)
+        }
         solvers = {
-            node.index: choose(node.operation, graph.shape)
+            node.index: chosen[node.operation]
             for node in thinned.transients
             if isinstance(node.operation, Transient)
         }

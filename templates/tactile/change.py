@@ -4,8 +4,8 @@ A mean of 2m frames is that of two of m frames, so every window costs one additi
 wavelet in time). Short windows are quick, long ones see slow changes through the noise.
 """
 
-from cnnum.programs import FrameFields
 from cnnum.programs.fields import Field
+from cnnum.programs.machine import FrameFields
 
 WINDOWS = (2, 4, 8, 16)
 """Frames a mean; a change is seen over twice as many."""

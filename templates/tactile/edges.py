@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 
 from cnnum.library import get_template
-from cnnum.programs import FrameFields, program
+from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, minimum, sqrt
+from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.contact import LEVEL
 from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of

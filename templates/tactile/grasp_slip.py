@@ -21,8 +21,9 @@ import numpy as np
 
 from cnnum.errors import ProgramError
 from cnnum.frame import FORCE_AXES
-from cnnum.programs import FrameFields, program
+from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.machine import FrameFields
 from cnnum.templates.tactile.loads import square
 
 START = 0.5

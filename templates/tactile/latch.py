@@ -1,7 +1,7 @@
 """Flags that do not chatter: set by what lasts, kept until what caused it is over."""
 
-from cnnum.programs import FrameFields
 from cnnum.programs.fields import Field, maximum, where
+from cnnum.programs.machine import FrameFields
 
 RELEASED = 0.7
 """Share of its largest value below which a pull is over."""

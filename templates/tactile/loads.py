@@ -6,8 +6,8 @@ slowly, so that an offset or its drift never becomes a load; while something tou
 
 from dataclasses import dataclass
 
-from cnnum.programs import FrameFields
 from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.machine import FrameFields
 
 SETTLE = 16
 """Frames at the start that are taken as rest: their mean is known to a quarter of the noise."""

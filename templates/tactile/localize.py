@@ -3,8 +3,9 @@
 from collections.abc import Mapping
 
 from cnnum.errors import ProgramError
-from cnnum.programs import FrameFields, program
+from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply
 from cnnum.template import Template
 from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from cnnum.library import get_template
-from cnnum.programs import FrameFields
 from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.loads import Loads, Patch, square
 

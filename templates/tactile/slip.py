@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 
-from cnnum.programs import FrameFields, program
+from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, minimum, where
+from cnnum.programs.machine import FrameFields
 from cnnum.templates.tactile.latch import lasting, latched, twice
 from cnnum.templates.tactile.loads import PUSH, Loads, loads_of, patch_of
 from cnnum.templates.tactile.pull import Pull, pull_of
@@ -16,7 +17,7 @@ apart, contacts of 2 to 3 mm radius, at 200 Hz. Under thicker covers and bumps, 
 disc, it comes later."""
 
 GROSS = 0.45
-"""`stick` of gross slip: well below the 0.7 to 0.8 that is left just before it, and far enough above
+"""`stick` of gross slip: well below the 0.7 to 0.8 that is left just before it, yet far enough from
 0 to be quick."""
 
 

@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 
-from cnnum.programs import FrameFields, program
+from cnnum.programs import program
 from cnnum.programs.fields import Field
+from cnnum.programs.machine import FrameFields
 from cnnum.templates.tactile.contact import contact_of
 from cnnum.templates.tactile.edges import edges_of
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of

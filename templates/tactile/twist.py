@@ -2,8 +2,9 @@
 
 from collections.abc import Mapping
 
-from cnnum.programs import FrameFields, program
+from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, minimum, where
+from cnnum.programs.machine import FrameFields
 from cnnum.templates.tactile.latch import lasting, latched, twice
 from cnnum.templates.tactile.loads import PUSH, Loads, Patch, loads_of, patch_of
 from cnnum.templates.tactile.pull import Pull, pull_of

@@ -1,0 +1,54 @@
+"""Strain under an elastic cover from the load on its surface, by diffusion waves."""
+
+from collections.abc import Mapping
+
+from cnnum.programs import program
+from cnnum.programs.fields import Field
+from cnnum.programs.machine import FrameFields
+from cnnum.templates.tactile.halfspace_stress import surface_of
+
+
+@program
+def halfspace_strain(
+    frame: FrameFields,
+    *,
+    thickness: float = 1.0e-3,
+    pitch: float = 1.5e-3,
+    youngs_modulus: float = 0.87e6,
+    tolerance: float = 1e-5,
+) -> Mapping[str, Field]:
+    """Strain that taxels see under a load on an incompressible cover.
+
+    Normal strain under a pressure is a band-pass, kz exp(−kz): it has no mean. Boundaries and
+    errors are those of `halfspace_stress`.
+
+    Parameters
+    ----------
+    frame : FrameFields
+        Surface tractions, Pa: `shear_x`, `shear_y`, and the pressure `normal`.
+    thickness : float, m
+        Of the cover.
+    pitch : float, m
+        Of the cells.
+    youngs_modulus : float, Pa
+        Of the cover; 0.87 MPa is that of Vásárhelyi's calculations (2007).
+    tolerance : float
+        Of every wave's fading, as a share of the load.
+
+    Returns
+    -------
+    mapping
+        `strain_xz`, `strain_yz` (tensor shear), `strain_zz`: maps, tension positive.
+
+    References
+    ----------
+    Hooke's law on the stress of `halfspace_stress` at ν = 1/2.
+    """
+    surface = surface_of(frame, thickness, pitch, tolerance)
+    compliance = 1.5 / youngs_modulus
+    normal = surface.depth * surface.pushed() - surface.spread() - surface.band_pass()
+    return {
+        "strain_xz": compliance * surface.sheared("x"),
+        "strain_yz": compliance * surface.sheared("y"),
+        "strain_zz": compliance * normal,
+    }
