@@ -1,7 +1,7 @@
 """Following a scene: its events as they come, and the summary of what was seen."""
 
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from contextlib import closing
 from math import degrees
 from typing import TYPE_CHECKING, cast
@@ -24,6 +24,7 @@ def follow(
     *,
     frames: int | None = None,
     watch: Callable[["Moment"], object] | None = None,
+    finish: Callable[[], Mapping[str, str]] | None = None,
 ) -> int:
     """Run a scene to its end, print events and the summary, and return the exit code.
 
@@ -35,10 +36,13 @@ def follow(
         To stop after.
     watch : callable, optional
         Is given every moment.
+    finish : callable, optional
+        Is called when the scene has ended by itself; what it returns, by name, goes into the
+        summary.
     """
     known = getattr(scene.driver, "total_frames", None)
     total = min((n for n in (frames, known) if n is not None), default=None)
-    code = 0
+    code, more = 0, dict[str, str]()
     try:
         with (
             progress("frames", total, as_json=output.as_json) as steps,
@@ -52,12 +56,13 @@ def follow(
                 steps.advance()
                 if frames is not None and moment.number + 1 >= frames:
                     break
+        more |= finish() if finish is not None else {}
     except KeyboardInterrupt:
         code = STOPPED
     finally:
         # also after an error: what was seen before it is not lost
         if not isinstance(sys.exc_info()[1], BrokenPipeError):
-            summarise(scene, output)
+            summarise(scene, output, more)
     return code
 
 
@@ -76,7 +81,7 @@ def event_text(event: "Event") -> str:
     return "  ".join(parts)
 
 
-def summarise(scene: "Scene", output: Output) -> None:
+def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
     """Print the last line of a run."""
     seen, left_out = scene.summary(), scene.plan.explain().left_out
     counters = seen.counters
@@ -94,6 +99,7 @@ def summarise(scene: "Scene", output: Output) -> None:
         "device": scene.engine.device,
         "precision": scene.engine.precision,
         "left_out": left_out_records(left_out),
+        **more,
     }
     output.record(record)
     output.show(
@@ -108,6 +114,7 @@ def summarise(scene: "Scene", output: Output) -> None:
                 ("a frame", f"{seen.p50_us:.0f} µs (99 %: {seen.p99_us:.0f} µs)"),
                 ("device", f"{scene.engine.device}, {scene.engine.name}, {scene.engine.precision}"),
                 ("left out", f"{len(left_out)} of the program's parts ('cnnum plan' lists them)"),
+                *more.items(),
             )
         ),
     )

@@ -1,0 +1,116 @@
+"""What the report of `cnnum demo` tells besides the scene: measured while the user waits."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Self, TypeVar
+
+from cnnum.checks import run_check
+from cnnum.cli.progress import Steps, progress
+from cnnum.cli.recorders import NpzRecorder
+from cnnum.engine import Engine
+from cnnum.library import get_template, template_names, template_path
+from cnnum.pipeline import Moment, Scene
+from cnnum.report import (
+    PlanCost,
+    SceneRecorder,
+    WorkPrecision,
+    measure_work_precision,
+    write_demo_report,
+)
+from cnnum.template import Template
+
+Outcome = TypeVar("Outcome")
+
+CHECKED = ("classic", "tactile")
+"""Groups of the library that are checked."""
+
+LADDERS = ("tactile_diffusion", "contact_outline")
+"""Templates of which the error is shown against the run time of every method: a linear one, and
+one whose cells saturate. Both run for a fixed time: to settle takes the reference too long."""
+
+LADDER_BATCH, REPEATS = 64, 3
+
+
+class DemoReport:
+    """Takes in the moments of a scene, then measures and writes.
+
+    Parameters
+    ----------
+    scene : Scene
+    path : Path
+        Of the report.
+    as_json : bool
+        Whether records are printed, which keeps progress from their terminal.
+    """
+
+    def __init__(self, scene: Scene, path: Path, *, as_json: bool) -> None:
+        self._scene, self._path, self._as_json = scene, path, as_json
+        self._record = SceneRecorder(scene)
+        self._folder = TemporaryDirectory(prefix="cnnum-demo-")
+        self._frames = Path(self._folder.name) / "frames.npz"
+        self._recorder = NpzRecorder(self._frames)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._recorder.discard()
+        self._folder.cleanup()
+
+    def add(self, moment: Moment) -> None:
+        """Take in the next moment."""
+        self._record.add(moment)
+        self._recorder.add(moment.frame)
+
+    def write(self) -> dict[str, str]:
+        """Measure, write the report, and return its place for the summary."""
+        self._recorder.finish(self._scene.driver)
+        wants = dict.fromkeys((self._scene.spec.wants, ("contact",)))
+        checks = _checks(self._scene.engine)
+        total = len(wants) + len(checks) + len(LADDERS)
+        with progress("report", total, as_json=self._as_json) as steps:
+            plans = [_told(steps, "cost of plans", partial(self._cost, w)) for w in wants]
+            results = [
+                _told(steps, template.name, partial(run_check, template, engine, repeats=REPEATS))
+                for template, engine in checks
+            ]
+            points = [_told(steps, name, partial(self._climb, name)) for name in LADDERS]
+            rungs = list(chain.from_iterable(points))
+            write_demo_report(self._path, self._record.record(), results, rungs, plans)
+        return {"report": str(self._path)}
+
+    def _cost(self, wants: tuple[str, ...]) -> PlanCost:
+        """Measure a plan on the frames of the scene, with no simulation beside it."""
+        options = {"path": str(self._frames)}
+        spec = replace(self._scene.spec, driver="npz", driver_options=options, wants=wants)
+        return PlanCost.measure(", ".join(wants), Scene.of(spec, self._scene.engine))
+
+    def _climb(self, name: str) -> tuple[WorkPrecision, ...]:
+        engines, template = [self._scene.engine], get_template(name)
+        return measure_work_precision(template, engines, batch=LADDER_BATCH, repeats=REPEATS)
+
+
+def _told(steps: Steps, note: str, work: Callable[[], Outcome]) -> Outcome:
+    outcome = work()
+    steps.advance(note)
+    return outcome
+
+
+def _checks(engine: Engine) -> list[tuple[Template, Engine]]:
+    """Return what is checked where: all on the scene's engine, the tactile ones on both."""
+    reference = Engine("reference")
+    groups = {name: template_path(name).parent.name for name in template_names()}
+    here = [get_template(name) for name, group in groups.items() if group in CHECKED]
+    checked = [template for template in here if template.check is not None]
+    both = [t for t in checked if groups[t.name] == "tactile" and engine.name != reference.name]
+    return [(t, engine) for t in checked] + [(t, reference) for t in both]
