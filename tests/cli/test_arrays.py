@@ -1,0 +1,161 @@
+"""`cnnum probe`, `record` and `replay`: what an array sends, kept and given back."""
+
+import csv
+import os
+import tty
+from threading import Thread
+
+import numpy as np
+import pytest
+
+from cnnum import Frame, Quality
+from cnnum.cli.probe_figures import ENOUGH, ProbeFigures
+from cnnum.drivers import open_driver
+from cnnum.drivers.serve import packets, write_all
+from cnnum.frame import FORCE_AXES
+
+
+def frame(number: int, values: np.ndarray, quality: Quality = Quality.GOOD) -> Frame:
+    return Frame(values, FORCE_AXES, "count", number, number / 100.0, quality)
+
+
+def noisy(count: int) -> list[Frame]:
+    rng = np.random.default_rng(1)
+    values = rng.normal(100.0, 2.0, (count, 3, 4, 3))
+    values[:, 1, 2, 0], values[:, 2, 3, 2] = 0.0, 77.0
+    return [frame(n, v) for n, v in enumerate(values)]
+
+
+def test_figures_find_dead_and_stuck_cells_and_the_noise():
+    figures = ProbeFigures()
+    for scan in noisy(400):
+        figures.add(scan)
+    assert figures.dead == [(1, 2, "shear_x")]
+    assert figures.stuck == [(2, 3, "normal")]
+    assert figures.rate == pytest.approx(100.0, rel=1e-12)
+    for spread in figures.spread.values():
+        # the median of a dozen estimates from 400 scans: 2/√800 = 0.07 each
+        assert spread == pytest.approx(2.0, abs=0.2)
+
+
+def test_figures_leave_out_repeats_bad_scans_and_few_of_them():
+    figures, scans = ProbeFigures(), noisy(ENOUGH - 1)
+    for scan in scans:
+        figures.add(scan)
+    figures.add(frame(98, np.full((3, 4, 3), 1e9), Quality.CORRUPT))
+    figures.add(frame(99, scans[-1].values, Quality.REPEATED))
+    assert (figures.scans, figures.bad, figures.repeated) == (ENOUGH - 1, 1, 1)
+    assert (figures.dead, figures.stuck) == ([], [])
+    assert max(figures.spread.values()) < 10.0
+
+
+def test_probe_of_the_simulated_array(call, records):
+    result = call("probe", "simulated", "--frames", 60, "--set", "shape=[3, 5]", "--json")
+    assert result.exit_code == 0, result.stderr
+    (record,) = records(result.stdout)
+    assert (record["shape"], record["unit"], record["frames"]) == ([3, 5], "V", 60)
+    assert record["rate_hz"] == pytest.approx(200.0, rel=1e-6)
+    assert (record["dead"], record["stuck"], record["dropped"]) == ([], [], 0)
+    text = call("probe", "demo", "--frames", 60, "--set", "noise=0", "--set", "offset=0").stdout
+    assert "200.00 Hz" in text
+    assert "dead cells" in text
+
+
+def test_probe_of_a_port_counts_what_is_lost(call, records, tmp_path):
+    """One packet is cut out and one has a wrong byte: two scans are missing, one of them bad."""
+    sent = list(packets(noisy(40), 100.0))
+    sent[10] = b""
+    sent[20] = sent[20][:-30] + bytes([sent[20][-30] ^ 0xFF]) + sent[20][-29:]
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    # what came before the port was opened is thrown away, so the array sends until it is heard
+    done = []
+
+    def send() -> None:
+        import time
+
+        time.sleep(0.5)
+        write_all(master, b"".join(sent))
+        done.append(True)
+
+    thread = Thread(target=send)
+    thread.start()
+    options = ("--set", f"port={os.ttyname(slave)}", "--set", "timeout=5")
+    result = call("probe", "serial", *options, "--frames", 38, "--json")
+    thread.join(20)
+    os.close(master)
+    os.close(slave)
+    assert result.exit_code == 0, result.stderr
+    (record,) = records(result.stdout)
+    assert done
+    assert (record["frames"], record["dropped"], record["bad_frames"]) == (38, 2, 1)
+
+
+def test_a_recording_is_given_back_bit_for_bit(call, records, tmp_path):
+    path = tmp_path / "taps.npz"
+    result = call("record", "simulated", path, "--frames", 50, "--set", "seed=7", "--json")
+    assert result.exit_code == 0, result.stderr
+    (record,) = records(result.stdout)
+    assert (record["kind"], record["frames"]) == ("recording", 50)
+    assert record["bytes"] == path.stat().st_size
+    with open_driver("simulated", {"seed": 7}) as array, open_driver("npz", {"path": path}) as tape:
+        for sent, got in zip(array.frames(), tape.frames(), strict=False):
+            np.testing.assert_array_equal(got.values, sent.values)
+            assert (got.time, got.sequence, got.quality) == (sent.time, sent.sequence, sent.quality)
+            assert got.truth == sent.truth
+        assert (tape.shape, tape.unit, tape.rate) == (array.shape, array.unit, array.rate)
+        volts = np.ones((8, 8, 4))
+        np.testing.assert_array_equal(
+            tape.calibration.to_strain(volts), array.calibration.to_strain(volts)
+        )
+        assert tape.counters.frames == tape.total_frames == 50
+
+
+def test_a_recording_as_csv(call, tmp_path):
+    path = tmp_path / "taps.csv"
+    assert call("record", "simulated", path, "--frames", 5).exit_code == 0
+    with path.open(newline="") as file:
+        header, *rows = list(csv.reader(file))
+    assert header[:4] == ["sequence", "time (s)", "quality", "r0_c0_left (V)"]
+    with open_driver("simulated") as array:
+        for row, sent in zip(rows, array.frames(), strict=False):
+            assert [float(cell) for cell in row[3 : 3 + 256]] == sent.values.ravel().tolist()
+    assert len(rows) == 5
+
+
+def test_nothing_is_overwritten_and_no_draft_is_left(call, tmp_path):
+    path = tmp_path / "taps.npz"
+    path.write_text("precious")
+    refused = call("record", "simulated", path, "--frames", 2)
+    assert refused.exit_code == 2
+    assert "--force" in refused.stderr
+    assert path.read_text() == "precious"
+    assert call("record", "simulated", path, "--frames", 2, "--force").exit_code == 0
+    assert [item.name for item in tmp_path.iterdir()] == ["taps.npz"]
+
+
+def test_what_came_before_an_error_is_kept(call, tmp_path):
+    """The contact leaves the array in the middle: the frames until then are in the file."""
+    script = 'script=[{kind="press", load=1.0, duration=0.2}, {kind="pull", speed=0.1, duration=1}]'
+    path = tmp_path / "gone.npz"
+    result = call("record", "simulated", path, "--set", script)
+    assert result.exit_code == 2
+    assert "left the array" in result.stderr
+    with open_driver("npz", {"path": path}) as tape:
+        assert 30 <= tape.total_frames < 240
+    assert [item.name for item in tmp_path.iterdir()] == ["gone.npz"]
+
+
+def test_replay_counts_what_the_recording_lacks(tmp_path):
+    from cnnum.cli.recorders import NpzRecorder
+
+    recorder = NpzRecorder(tmp_path / "gaps.npz")
+    scans = noisy(4)
+    for number, quality in ((0, 0), (1, 0), (5, Quality.DROPPED_BEFORE), (5, Quality.REPEATED)):
+        recorder.add(frame(number, scans[0].values, Quality(quality)))
+    with open_driver("simulated") as array:
+        array.channels, array.unit = FORCE_AXES, "count"
+        recorder.finish(array)
+    with open_driver("npz", {"path": tmp_path / "gaps.npz"}) as tape:
+        assert [scan.sequence for scan in tape.frames()] == [0, 1, 5, 5]
+        assert (tape.counters.dropped, tape.counters.repeated, tape.counters.frames) == (3, 1, 3)
