@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from cnnum.arrays import Floats
 from cnnum.boundary import Boundary
-from cnnum.checks.parameters import number, text
+from cnnum.checks.parameters import has, number, text
 from cnnum.checks.pictures import as_picture, binary_input
 from cnnum.checks.records import Case, ClosedForm
 from cnnum.errors import TemplateError
@@ -93,6 +93,16 @@ def _hit_or_miss(template: Template, case: Case) -> Floats:
     )
 
 
+def _thinning(template: Template, case: Case) -> Floats:
+    patterns = [pattern(template, name) for name in ("pattern", "or") if has(template, name)]
+
+    def operation(cells: Bools) -> Bools:
+        hits = [ndimage.binary_hit_or_miss(cells, p == "#", p == "o") for p in patterns]
+        return np.asarray(cells & ~np.any(hits, axis=0), dtype=np.bool_)
+
+    return _local_answer(template, case, operation)
+
+
 def _black_with_neighbours(template: Template, case: Case) -> Floats:
     least, most = number(template, "least", 0), number(template, "most", 8)
 
@@ -126,6 +136,13 @@ FORMS = (
     _form("edge", _edge, "black cells that the erosion by a 3×3 square removes"),
     _form("erosion", _erosion, "binary erosion by the element", ("element",)),
     _form("dilation", _dilation, "binary dilation by the reflected element", ("element",)),
+    _form(
+        "thinning",
+        _thinning,
+        "black cells but for those whose neighbourhood is the one pattern or the other",
+        ("pattern",),
+        ("or",),
+    ),
     _form("hit-or-miss", _hit_or_miss, "cells whose neighbourhood is the pattern", ("pattern",)),
     _form(
         "neighbour-count",

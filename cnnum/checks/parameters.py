@@ -9,6 +9,11 @@ from cnnum.template import Template
 T = TypeVar("T")
 
 
+def has(template: Template, name: str) -> bool:
+    """Return whether the template's check has that parameter."""
+    return name in _parameters(template)
+
+
 def number(template: Template, name: str, default: float | None = None) -> float:
     """Return a numeric parameter of the template's check.
 

@@ -16,13 +16,14 @@ class Case:
 
     Attributes
     ----------
-    input, state, bias, mask : (pictures, rows, cols) float or None
-        Several inputs come as (pictures, inputs, rows, cols).
+    input, previous, state, bias, mask : (pictures, rows, cols) float or None
+        Several inputs or layers come as (pictures, inputs, rows, cols).
     duration : float, "settle" or None
         Time constants.
     """
 
     input: Floats | None = None
+    previous: Floats | None = None
     state: Floats | None = None
     bias: Floats | None = None
     mask: Floats | None = None
@@ -33,6 +34,12 @@ class Case:
         """The input of a case that has one."""
         assert self.input is not None
         return self.input
+
+    @property
+    def before(self) -> Floats:
+        """The inputs before the start of a case that has them."""
+        assert self.previous is not None
+        return self.previous
 
     @property
     def states(self) -> Floats:

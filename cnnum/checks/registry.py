@@ -3,17 +3,36 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from cnnum.checks import cell, filters, linear, neighbourhood, pointwise, propagation
+from cnnum.checks import (
+    anisotropic,
+    cell,
+    delays,
+    differences,
+    filters,
+    gains,
+    interpolation,
+    life,
+    linear,
+    motion,
+    neighbourhood,
+    oscillation,
+    pointwise,
+    propagation,
+    ranks,
+    waves,
+)
 from cnnum.checks.records import ClosedForm
 from cnnum.errors import TemplateError, name_error
 from cnnum.template import Template
 
+_KINDS = (
+    *(neighbourhood.FORMS, propagation.FORMS, pointwise.FORMS, linear.FORMS, filters.FORMS),
+    *(cell.FORMS, differences.FORMS, ranks.FORMS, anisotropic.FORMS, interpolation.FORMS),
+    *(motion.FORMS, delays.FORMS, gains.FORMS),
+    *(life.FORMS, waves.FORMS, oscillation.FORMS),
+)
 _FORMS: Mapping[str, ClosedForm] = MappingProxyType(
-    {
-        form.name: form
-        for kind in (neighbourhood, propagation, pointwise, linear, filters, cell)
-        for form in kind.FORMS
-    }
+    {form.name: form for kind in _KINDS for form in kind}
 )
 
 

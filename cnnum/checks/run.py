@@ -51,6 +51,7 @@ class Engine(Protocol):
         template: Template,
         *,
         input: Floats | None = None,
+        previous: Floats | None = None,
         state: Floats | None = None,
         bias: Floats | None = None,
         mask: Floats | None = None,
@@ -122,6 +123,7 @@ def _run(template: Template, engine: Engine, case: Case, method: str) -> Result:
     return engine.run(
         template,
         input=case.input,
+        previous=case.previous,
         state=case.state,
         bias=case.bias,
         mask=case.mask,
