@@ -198,7 +198,7 @@ def figure_6_5() -> Figure:
     """Return the signals of a hair as a tip slides over it, there and back."""
     forth, back = hair_signals(X, 1.0), hair_signals(X[::-1], -1.0)
     both = np.concatenate([forth, back]) / forth[:, 2].max()
-    way = MM * np.concatenate([X, 2 * X[-1] + X + X[-1]]) - MM * X[0]
+    way = MM * np.concatenate([X - X[0], X + X[-1] - 2 * X[0]])
     names = ("T_x", "T_y", "S_n")
     strain = [
         -FlatCover(Z, E).strain(sliding(x, w)[0], [0.0, 0.0], sliding(x, w)[1])
@@ -262,6 +262,16 @@ def figure_6_16() -> Figure:
     )
 
 
+POINTED = (
+    "half-space, strain",
+    "half-space, stress",
+    "layer, stress on base",
+    "layer, strain above",
+)
+SHORT = (*POINTED, *(f"{name}*" for name in POINTED))
+"""Of the models of `comparison`, in their order."""
+
+
 def figure_models() -> Figure:
     """Return how near each model of a flat cover gets to each measured number."""
     quantities = tuple(dict.fromkeys(row.quantity for row in models()))
@@ -276,15 +286,23 @@ def figure_models() -> Figure:
             Dots(got, heights, np.full(got.size, 40.0), 0, "model"),
             Curve(np.full(2, rows[0].measured), span, "measured", "dashed", 1),
         ]
-        panels.append(Panel(quantity, "value", "model, first to last from the top", layers))
-    listed = "; ".join(f"{n + 1} {m.name}" for n, m in enumerate(MODELS))
+        panels.append(
+            Panel(
+                quantity.replace("largest ", "").replace(" signal", ""),
+                "value",
+                "",
+                layers,
+                ticks=SHORT[::-1],
+            )
+        )
     return Figure(
         "flat-models",
         "Fig. 4.13, 4.16; section 4.3.3",
         "How near do models of a flat cover get?",
-        f"From the top: {listed}. A model without a point has no brim. A layer bonded to "
-        "silicon, felt a little above its base, by a taxel and under a needle of their real "
-        "sizes, comes near the measured width and power.",
+        "Each model's slope of W, power of A, inhibition and normal-to-shear ratio beside the "
+        "measured one (dashed). * needle and taxel of their real sizes. A model without a point "
+        "has no brim, so no width. A layer bonded to silicon and felt 50 µm above its base comes "
+        "near the measured width, power and inhibition.",
         panels,
     )
 

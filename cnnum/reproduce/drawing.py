@@ -10,11 +10,12 @@ from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import FuncFormatter
 
 from cnnum.reproduce.figure import Arrows, Curve, Dots, Field, Layer, Matrix, Panel
 
-WIDTH, HEIGHT = 4.0, 3.0
-"""Of a panel, inches."""
+WIDE, NARROW = (5.3, 3.6), (4.0, 3.1)
+"""Size of a panel, inches, two or three to a row; letters have the same size on the page."""
 
 INK = "#010203"
 """Stands for the page's own colour of text; no other colour here is like it."""
@@ -54,23 +55,33 @@ SETTINGS: Any = {
         INK,
     ),
 }
+INKED = ("text.color", "axes.edgecolor", "axes.labelcolor", "axes.titlecolor", "xtick.color",
+         "ytick.color")  # fmt: skip
+MANY = 400
+"""Dots above which they are drawn as a picture: as elements they would make the page heavy."""
+
+SUBSCRIPT = r"(\w)_(\w+)"
+"""A letter and its index."""
+
 STYLES = {"line": "-", "dashed": "--", "dotted": ":", "points": "none"}
 
 
-def draw(panel: Panel) -> str:
+def draw(panel: Panel, *, wide: bool = True) -> str:
     """Return a panel as an SVG element for a page.
 
     Parameters
     ----------
     panel : Panel
+    wide : bool
+        Two panels to a row, instead of three.
 
     Returns
     -------
     str
         As wide as its place; with its title for screen readers.
     """
-    with rc_context(SETTINGS):
-        canvas = Canvas(figsize=(WIDTH, HEIGHT), layout="constrained", dpi=130)
+    with rc_context(SETTINGS | dict.fromkeys(INKED, INK)):
+        canvas = Canvas(figsize=WIDE if wide else NARROW, layout="constrained", dpi=130)
         canvas.patch.set_alpha(0.0)
         axes: Any = canvas.add_subplot()
         axes.patch.set_alpha(0.0)
@@ -134,10 +145,13 @@ def _draw_dots(axes: Any, dots: Dots) -> None:
     if isinstance(dots.colour, int):
         axes.scatter(
             dots.x, dots.y, dots.size, color=PALETTE[dots.colour], alpha=0.7, linewidths=0,
-            label=dots.label or None,
+            label=dots.label or None, rasterized=dots.x.size > MANY,
         )  # fmt: skip
         return
-    drawn = axes.scatter(dots.x, dots.y, dots.size, c=dots.colour, cmap="viridis", linewidths=0)
+    drawn = axes.scatter(
+        dots.x, dots.y, dots.size, c=dots.colour, cmap="viridis", linewidths=0,
+        rasterized=dots.x.size > MANY,
+    )  # fmt: skip
     bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.9, pad=0.02)
     bar.outline.set_visible(False)
     bar.set_label(dots.label)
@@ -158,12 +172,15 @@ def _draw_matrix(axes: Any, matrix: Matrix) -> None:
 
 def _dress(axes: Any, panel: Panel) -> None:
     axes.set(title=panel.title, xlabel=panel.x_label, ylabel=panel.y_label)
-    if "x" in panel.log:
-        axes.set_xscale("log")
-    if "y" in panel.log:
-        axes.set_yscale("log")
+    for name in panel.log:
+        _logarithmic(axes, name)
+    if panel.reach is not None:
+        axes.set(xlim=(-panel.reach, panel.reach), ylim=(-panel.reach, panel.reach))
+    if panel.ticks:
+        axes.set_yticks(range(1, len(panel.ticks) + 1), panel.ticks)
     if panel.equal:
-        axes.set_aspect("equal", "datalim" if not _has_field(panel) else "box")
+        fixed = _has_field(panel) or panel.reach is not None
+        axes.set_aspect("equal", "box" if fixed else "datalim")
     if panel.depth:
         axes.invert_yaxis()
     for place, name in panel.marks:
@@ -177,6 +194,23 @@ def _dress(axes: Any, panel: Panel) -> None:
         axes.set_axisbelow(True)
     if any(getattr(layer, "label", "") for layer in panel.layers if not _is_scaled(layer)):
         axes.legend(loc="best", handlelength=1.6)
+
+
+def _logarithmic(axes: Any, name: str) -> None:
+    """Make an axis logarithmic, with plain numbers."""
+    axes.set(**{f"{name}scale": "log"})
+    axis = getattr(axes, f"{name}axis")
+    axis.set_major_formatter(FuncFormatter(_plain))
+    axis.set_minor_formatter(FuncFormatter(_plain_if_few))
+
+
+def _plain(value: float, _: object) -> str:
+    return f"{value:g}"
+
+
+def _plain_if_few(value: float, _: object) -> str:
+    """Return 2 and 5 of a decade: more would not fit."""
+    return f"{value:g}" if f"{value:.0e}"[0] in "25" else ""
 
 
 def _has_field(panel: Panel) -> bool:
@@ -196,6 +230,13 @@ def _for_page(svg: str, title: str) -> str:
     body = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", body, count=1)
     body = body.replace("<svg", f'<svg role="img" aria-label="{escape(title)}"', 1)
     body = re.sub(r"font: ([^;\"]*?)px [^;\"]*", r"font-size: \1px", body)
+    body = re.sub(r"(<text[^>]*>)([^<]*_[^<]*)(</text>)", _lowered, body)
     for number, colour in enumerate(PALETTE):
         body = body.replace(colour, f"var(--c{number})")
     return re.sub(r"\n\s*", "\n", body.replace(INK, "currentColor"))
+
+
+def _lowered(text: re.Match[str]) -> str:
+    """Return a text element with what follows an underscore set lower."""
+    low = r'\1<tspan dy="2.5" font-size="75%">\2</tspan><tspan dy="-2.5">&#8203;</tspan>'
+    return text[1] + re.sub(SUBSCRIPT, low, text[2]) + text[3]

@@ -76,7 +76,7 @@ def figure_4_4() -> Figure:
         "fig-4.4",
         "Fig. 4.4",
         "The cover is a low-pass for normal stress",
-        "Left: σ_zz over its peak. Right: its transform over the plane, (1 + kz) e^{−kz}.",
+        "Left: σ_zz over its peak. Right: its transform over the plane, (1 + kz) exp(−kz).",
         (
             Panel("Normalised σ_zz", "x (mm)", "share of the peak",
                   [Curve(MM * X, p / p.min(), n) for p, n in zip(profiles, labels, strict=True)]),

@@ -116,6 +116,10 @@ class Panel:
         The vertical axis runs down.
     marks : sequence of (float, str)
         Vertical lines and what they mark.
+    reach : float or None
+        Both axes end at ± this.
+    ticks : sequence of str
+        Names of 1, 2… on the vertical axis, instead of numbers.
     """
 
     title: str
@@ -126,6 +130,8 @@ class Panel:
     log: str = ""
     depth: bool = False
     marks: Sequence[tuple[float, str]] = ()
+    reach: float | None = None
+    ticks: Sequence[str] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -137,7 +137,8 @@ def figure_5_2() -> Figure:
         u, v, force = mapped(beta, x, y)
         size = np.clip(24.0 * force, 2.0, 90.0)
         dots = Dots(MM * u, MM * v, size, 0)
-        panels.append(Panel(f"β_ns = {beta:g}", "x (mm)", "y (mm)", [dots], equal=True))
+        title = f"β_ns = {beta:g}"
+        panels.append(Panel(title, "x (mm)", "y (mm)", [dots], equal=True, reach=0.34))
     return Figure(
         "fig-5.2",
         "Fig. 5.2",
@@ -154,7 +155,7 @@ def figure_5_3() -> Figure:
     scan = raster()
     share = scan.force / LOAD
     loads = np.array([1e-3, 2e-3, 3e-3, 5e-3, 1e-2, 1.5e-2])
-    errors = np.array([hyperacuity(float(load)) for load in loads])
+    errors = np.array([hyperacuity(load) for load in loads.tolist()])
     return Figure(
         "fig-5.3",
         "Fig. 5.3",
@@ -178,7 +179,8 @@ def figure_5_3() -> Figure:
 def figure_5_4() -> Figure:
     """Return place against time on the middle line."""
     time, scan = stage_run()
-    fit = np.polyval(np.polyfit(time, MM * scan.x_seen, 1), time)
+    line = np.polyfit(time, MM * scan.x_seen, 1)
+    fit = np.asarray(np.polyval(line, time), dtype=np.float64)
     slow = MM * scan.x_seen.mean() + 0.45 * (time - time.mean())
     return Figure(
         "fig-5.4",

@@ -15,7 +15,7 @@ from cnnum.reproduce.figure import Figure
 from cnnum.reproduce.record import Chapter, Row
 from cnnum.reproduce.registry import CHAPTERS
 from cnnum.reproduce.style import STYLE
-from cnnum.reproduce.table import rows_table, tally
+from cnnum.reproduce.table import rows_table, tally, written
 
 NAME = "reproduce.html"
 """Of the page, in a folder."""
@@ -150,13 +150,14 @@ def _chapter(
 
 
 def _card(figure: Figure, rows: Sequence[Row]) -> str:
-    drawings = "".join(draw(panel) for panel in figure.panels)
-    style = "card three" if len(figure.panels) in (3, 6) else "card"
+    wide = len(figure.panels) % 3 != 0
+    drawings = "".join(draw(panel, wide=wide) for panel in figure.panels)
+    style = "card" if wide else "card three"
     return (
-        f'<article class="{style}" id="{figure.name}"><header><h3>{escape(figure.title)}</h3>'
+        f'<article class="{style}" id="{figure.name}"><header><h3>{written(figure.title)}</h3>'
         f'<span class="of">{escape(figure.source)}</span></header>'
         f'<div class="panels">{drawings}</div>'
-        f'<p class="caption">{escape(figure.caption)}</p>{rows_table(rows)}</article>'
+        f'<p class="caption">{written(figure.caption)}</p>{rows_table(rows)}</article>'
     )
 
 

@@ -142,7 +142,7 @@ def figure_4_16() -> Figure:
             Panel("Amplitude A", "thickness z (mm)", "A / A(0.2 mm)",
                   [Curve(z, (z / 0.2) ** -2.0, "1/z² (4.18)", colour=0),
                    Curve(MM * THICKNESS, share, "from scans", "points", 0),
-                   Curve(z, (z / 0.2) ** -1.45, "measured 1/z^1.45", "dashed", 1)], log="xy"),
+                   Curve(z, (z / 0.2) ** -1.45, "measured, power −1.45", "dashed", 1)], log="xy"),
         ),
     )  # fmt: skip
 
@@ -195,7 +195,7 @@ CHAPTER = Chapter(
              power_of_amplitude, 1e-3, SCANNED, figure="fig-4.16"),
         Item("A-power-measured", "power of A on real covers", "Fig. 4.16, section 4.3.3", -1.45,
              power_of_amplitude, 0.0, REAL, kind="comparison", figure="fig-4.16"),
-        Item("56", "largest over most negative strain, 5^{5/2}", "section 4.3.3", 56.0,
+        Item("56", "largest over most negative strain, 25√5", "section 4.3.3", 56.0,
              lambda: exact_field(Z).inhibition, 0.5, "the text rounds 55.90 to 56",
              figure="fig-4.13"),
         Item("56-measured", "the same ratio on a real cover", "Fig. 4.13, section 4.3.3", 19.0,

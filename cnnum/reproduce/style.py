@@ -33,7 +33,7 @@ padding:1.2rem 1.3rem 1rem;margin:1.1rem 0}
 .card header{display:flex;gap:.2rem 1rem;justify-content:space-between;align-items:baseline;
 flex-wrap:wrap}
 .card .of{color:var(--soft);font-size:.88rem}
-.panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(21rem,100%),1fr));
+.panels{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(24rem,100%),1fr));
 gap:.6rem 1.4rem;margin:1rem 0 .6rem;justify-items:center}
 .panels svg{width:100%;max-width:34rem;height:auto;display:block;color:var(--ink)}
 .panels svg text{font-family:inherit}
@@ -52,7 +52,7 @@ td .src{color:var(--soft);font-size:.82rem}
 .badge{white-space:nowrap;font-weight:600;font-size:.84rem}
 .pass{color:var(--good)}.fail{color:var(--bad)}.cmp{color:var(--mid)}
 .printed{color:var(--bad)}
-sup{line-height:0}
+sup,sub{line-height:0;font-size:.74em}
 code{font-size:.86em;color:var(--soft);overflow-wrap:anywhere}
 footer{margin-top:3.5rem;color:var(--soft);font-size:.86rem}
 @media (max-width:760px){

@@ -1,6 +1,7 @@
 """Rows as an HTML table, that becomes a list on narrow paper."""
 
 import math
+import re
 from collections.abc import Sequence
 from html import escape
 
@@ -32,21 +33,28 @@ def number(value: float, digits: int = 4) -> str:
     text = f"{value:.{digits}g}"
     if "e" in text:
         mantissa, _, power = text.partition("e")
-        text = f"{mantissa} · 10<sup>{int(power)}</sup>"
+        times = "" if mantissa == "1" else f"{mantissa} · "
+        text = f"{times}10<sup>{int(power)}</sup>"
     return text.replace("-", "−")
+
+
+def written(text: str) -> str:
+    """Return a text for a page, with indices set lower: T_x."""
+    return re.sub(r"(\w)_(\w+)", r"\1<sub>\2</sub>", escape(text))
 
 
 def _row(row: Row, errata: bool) -> str:
     item = row.item
     cells = [
-        f'<td class="what">{escape(item.title)} <span class="src">· {escape(item.source)}</span>'
-        f'<span class="why">{escape(row.missing or item.reason)}</span></td>'
+        f'<td class="what">{written(item.title)} <span class="src">· {written(item.source)}</span>'
+        f'<span class="why">{written(row.missing or item.reason)}</span></td>'
     ]
     if errata:
         shown = "–" if row.printed is None else number(row.printed)
         cells.append(_cell("as printed", f'<span class="printed">{shown}</span>'))
     cells.append(_cell("right" if errata else "published", _expected(row)))
-    cells.append(_cell("ours", f"{number(row.got)}{_unit(row)}"))
+    digits = 2 if item.expected == 0.0 else 4
+    cells.append(_cell("ours", f"{number(row.got, digits)}{_unit(row)}"))
     percent = item.rule == "relative" or item.unit == "relative"
     cells.append(_cell("error", number(row.error, 2) + (" rel." if percent else "")))
     loose = number(item.tolerance, 2) if item.kind == "check" else "–"
