@@ -19,6 +19,10 @@ CHECKS_FAILED, WRONG_INPUT, STOPPED, PIPE_CLOSED = 1, 2, 130, 141
 """Exit codes; the last two are those of a shell for a command that a signal has ended."""
 
 
+class ClosedPipe(Exception):  # noqa: N818 - nothing went wrong
+    """Whoever read our output has closed it; click would exit with 1, which is a failed check's."""
+
+
 class Root(click.Group):
     """Finds commands by the registry, and ends every one of them in the same way."""
 
@@ -46,6 +50,13 @@ class Root(click.Group):
         """List the commands without importing any."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, text) for name, (_, text) in COMMANDS.items()])
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run the command that was found."""
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError:
+            raise ClosedPipe from None
 
     def main(
         self,
@@ -83,7 +94,7 @@ def _exit_code(run: Callable[[], object]) -> int:
         return _say(str(error))
     except (click.Abort, KeyboardInterrupt):
         return STOPPED
-    except BrokenPipeError:
+    except (ClosedPipe, BrokenPipeError):
         return _closed_pipe()
     except OSError as error:
         where = f"'{error.filename}': " if error.filename else ""

@@ -1,0 +1,38 @@
+"""The root: help without imports, a version, every command's own help."""
+
+import subprocess
+import sys
+
+import pytest
+
+import cnnum
+from cnnum.cli.registry import COMMANDS
+
+
+def test_help_lists_every_command_and_imports_none(call):
+    text = call("--help").stdout
+    assert all(name in text and line in text for name, (_, line) in COMMANDS.items())
+    assert call().stdout == text
+    code = "import sys; from cnnum.cli import main\ntry: main(['--help'])\nfinally: "
+    code += "print('loaded', *sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout
+    loaded = {name.split(".")[0] for name in shown.split("loaded", 1)[1].split()}
+    assert not loaded & {"numpy", "scipy", "pyopencl", "rich", "serial", "matplotlib"}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help_and_json(call, name):
+    result = call(name, "--help")
+    assert result.exit_code == 0
+    assert f"Usage: cnnum {name}" in result.stdout
+    if name != "templates":
+        assert "--json" in result.stdout
+
+
+@pytest.mark.parametrize("name", ["list", "show", "check"])
+def test_every_command_of_a_group_has_json(call, name):
+    assert "--json" in call("templates", name, "--help").stdout
+
+
+def test_version(call):
+    assert cnnum.__version__ in call("--version").stdout

@@ -1,0 +1,183 @@
+"""`cnnum run`, `plan` and `replay` over a short scene: a press, a hold and a release."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+
+import pytest
+
+from cnnum.drivers import open_driver
+
+SCENE = """
+name = "tap"
+wants = ["contact"]
+
+[array]
+driver = "simulated"
+script = [
+    {kind = "hold", duration = 0.3},
+    {kind = "press", load = 1.0, duration = 0.2},
+    {kind = "hold", duration = 0.2},
+    {kind = "release", duration = 0.2},
+    {kind = "hold", duration = 0.1},
+]
+
+[program]
+name = "contact"
+"""
+FRAMES = 200
+NEAR = 5 / 200  # s: five frames, within which an event must follow the ground truth
+
+
+@pytest.fixture
+def scene(tmp_path):
+    path = tmp_path / "tap.toml"
+    path.write_text(SCENE)
+    return path
+
+
+def touched(script_from) -> tuple[float, float]:
+    """When the ground truth says that contact begins, and when it has ended."""
+    with open_driver("simulated", script_from) as array:
+        held = [(f.time, f.truth["normal_force"] > 0) for f in array.frames()]
+    begin = next(t for t, touches in held if touches)
+    return begin, next(t for t, touches in held if t > begin and not touches)
+
+
+def test_events_then_the_summary(call, records, scene):
+    import tomllib
+
+    result = call("run", scene, "--json")
+    assert result.exit_code == 0, result.stderr
+    *events, summary = records(result.stdout)
+    assert [event["kind"] for event in events] == ["contact", "release"]
+    begin, end = touched({"script": tomllib.loads(SCENE)["array"]["script"]})
+    assert events[0]["t"] == pytest.approx(begin, abs=NEAR)
+    assert events[1]["t"] == pytest.approx(end, abs=NEAR)
+    row, column = events[0]["where"]
+    assert 0 <= row <= 7
+    assert 0 <= column <= 7
+    assert summary["kind"] == "summary"
+    assert (summary["frames"], summary["bad_frames"], summary["dropped"]) == (FRAMES, 0, 0)
+    assert 0 < summary["p50_us"] <= summary["p99_us"]
+    assert summary["device"]
+    assert all({"what", "why", "saves"} <= set(item) for item in summary["left_out"])
+
+
+def test_in_words(call, scene):
+    text = call("run", scene).stdout
+    assert text.index("contact") < text.index("release") < text.index(f"{FRAMES} (0 bad")
+    assert max(map(len, text.splitlines())) <= 120
+
+
+def test_settings_reach_the_scene(call, records, scene):
+    result = call("run", scene, "--set", "array.rate=100", "--precision", "float64", "--json")
+    *_, summary = records(result.stdout)
+    assert (summary["frames"], summary["precision"]) == (FRAMES // 2, "float64")
+    *_, summary = records(call("run", scene, "--frames", 7, "--json").stdout)
+    assert summary["frames"] == 7
+
+
+def test_plan_of_the_scene(call, records, scene):
+    (record,) = records(call("plan", scene, "--json").stdout)
+    assert record["ops"] > 0
+    assert record["launches"] == 1
+    assert "normal" in record["channels_read"]
+    assert record["maps_read_back"] == []
+    assert record["left_out"]
+    (everything,) = records(call("plan", scene, "--set", 'wants=["contact_map"]', "--json").stdout)
+    assert everything["maps_read_back"] == ["contact_map"]
+    text = call("plan", scene).stdout
+    assert all(item["what"][:20] in text for item in record["left_out"])
+    assert "__kernel" in call("plan", scene, "--source").stdout
+
+
+def test_replay_finds_the_same_events(call, records, scene, tmp_path):
+    tape = tmp_path / "tap.npz"
+    assert call("record", scene, tape).exit_code == 0
+    live = records(call("run", scene, "--json").stdout)
+    again = records(call("replay", tape, "--scene", scene, "--json").stdout)
+    assert again[:-1] == live[:-1]
+    assert len(again) == 3
+    assert again[-1]["frames"] == FRAMES
+
+
+def test_an_error_on_the_way_keeps_the_summary(call, records, scene):
+    script = 'array.script=[{kind="press", load=1.0, duration=0.5}, '
+    script += '{kind="pull", speed=0.1, duration=1.0}]'
+    result = call("run", scene, "--set", script, "--json")
+    assert result.exit_code == 2
+    assert "left the array" in result.stderr
+    assert records(result.stdout)[-1]["kind"] == "summary"
+
+
+def start(*arguments: object, **streams: object) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "cnnum", *map(str, arguments)], text=True, **streams
+    )
+
+
+LONG = ("--set", 'array.script=[{kind="hold",duration=0.1},{kind="press",load=1,duration=0.2},'
+        '{kind="hold",duration=1000}]')  # fmt: skip
+
+
+def test_ctrl_c_ends_with_the_summary(scene, records):
+    process = start("run", scene, *LONG, "--json", stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    first = process.stdout.readline()
+    process.send_signal(signal.SIGINT)
+    rest, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    *events, summary = records(first + rest)
+    assert events[0]["kind"] == "contact"
+    assert 0 < summary["frames"] < 200_000
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_recording_that_is_stopped_is_whole(tmp_path, number):
+    import time
+
+    path = tmp_path / "long.npz"
+    options = [option.replace("array.", "") for option in LONG]
+    process = start("record", "simulated", path, *options, stdout=subprocess.PIPE)
+    deadline = time.monotonic() + 60
+    while not any(item.stat().st_size > 100_000 for item in tmp_path.iterdir()):
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    process.send_signal(number)
+    process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert [item.name for item in tmp_path.iterdir()] == ["long.npz"]
+    with open_driver("npz", {"path": path}) as tape:
+        assert tape.total_frames >= 40
+
+
+def test_a_pipe_that_closes_is_no_error(scene):
+    process = start("run", scene, *LONG, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    with process:
+        process.stdout.readline()
+        process.stdout.close()
+        # the next event would break the pipe; there is none, so the summary after Ctrl-C does
+        process.send_signal(signal.SIGINT)
+        said = process.stderr.read()
+        assert process.wait(timeout=60) == 141
+    assert said == ""
+
+
+def test_progress_goes_to_a_terminal_on_standard_error_only(scene):
+    primary, secondary = pty.openpty()
+    process = start("run", scene, "--frames", 150, stdout=subprocess.PIPE, stderr=secondary)
+    os.close(secondary)
+    shown = b""
+    with suppress(OSError):  # the far end closes when the command ends
+        while piece := os.read(primary, 4096):
+            shown += piece
+    text, _ = process.communicate(timeout=60)
+    os.close(primary)
+    assert process.returncode == 0
+    assert b"frames" in shown
+    assert "\x1b" not in text
+    assert "contact" in text
