@@ -96,9 +96,8 @@ def chebyshev_method(stages: int) -> Chebyshev:
 def _derivatives(at: float, highest: int, order: int) -> Floats:
     """Return the derivatives of that order of T₀ … T_highest at a place."""
     unit = np.eye(highest + 1)
-    return np.array(
-        [chebyshev.chebval(at, chebyshev.chebder(row, order) if order else row) for row in unit]
-    )
+    values = [chebyshev.chebval(at, chebyshev.chebder(row, order) if order else row) for row in unit]
+    return np.array(values, dtype=np.float64)
 
 
 def stages_for(reach: float) -> int:

@@ -40,5 +40,5 @@ class OpenCLBackend:
     def build(self, schedule: Schedule, solvers: Solvers) -> OpenCLExecutable:
         """Return the schedule ready to run on this device."""
         dtype = _TYPES[self.precision]
-        lanes = min(16, self._device.lanes) if self._device.kind != "GPU" else 1
+        lanes = self._device.lanes * 4 // dtype.itemsize if self._device.kind != "GPU" else 1
         return OpenCLExecutable(schedule, solvers, self._queue, dtype, max(1, lanes))

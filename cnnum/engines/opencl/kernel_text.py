@@ -12,6 +12,9 @@ from cnnum.engines.opencl.text import fill, indented
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
 
+WIDE_BYTES = 64
+"""Vectors from this size on have no built-ins that every compiler can handle."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KernelText:
@@ -95,14 +98,19 @@ def _scatter(node: Node, base: str, at: int, stride: int, text: str, cells: int)
 
 def _prelude(lanes: int, dtype: np.dtype[np.floating]) -> str:
     double = dtype == np.float64
-    scalar = "double" if double else "float"
-    helpers = fill("many_lanes", lanes=lanes) if lanes > 1 else fill("one_lane")
+    scalar, width = ("double" if double else "float"), ("" if lanes == 1 else str(lanes))
+    bits = ("long" if double else "int") + width
+    mask = "0x7fffffffffffffffL" if double else "0x7fffffff"
+    helpers = [fill("functions", real=f"{scalar}{width}", bits=bits, mask=mask)]
+    if lanes * dtype.itemsize >= WIDE_BYTES:
+        helpers.append(fill("halves"))
+    helpers.append(fill("many_lanes", bits=bits) if lanes > 1 else fill("one_lane"))
     return fill(
         "prelude",
         pragma="#pragma OPENCL EXTENSION cl_khr_fp64 : enable" if double else "",
         scalar=scalar,
-        real=f"{scalar}{lanes}" if lanes > 1 else scalar,
+        real=f"{scalar}{width}",
         lanes=lanes,
         huge="DBL_MAX" if double else "FLT_MAX",
-        lane_helpers=helpers,
+        lane_helpers="\n".join(helpers),
     )

@@ -87,6 +87,12 @@ def rates(text: TransientText, state: str, then: list[str], instant: Instant) ->
         body.append(f"sum = {drive_of(text, layer)} - {state}[{place}];")
         body += _couplings(text, layer)
         body.append(f"rate = {text.number(1.0 / float(text.template.tau[layer]))} * sum;")
+        if text.template.output.limited:
+            # at the rails, what drives a state outwards does nothing
+            now = f"{state}[{place}]"
+            body.append(
+                f"rate = PICK(fabs({now}) >= ONE, PICK({now} * rate > ZERO, ZERO, rate), rate);"
+            )
         if text.operands.mask is not None:
             body.append(f"rate = PICK({text.operands.mask} != ZERO, ZERO, rate);")
         body += [line.replace("{at}", place) for line in then]
