@@ -68,9 +68,10 @@ def test_check_of_one_engine_as_a_table(call):
 
 
 def test_a_failed_check_exits_with_1(call, records, monkeypatch):
-    wrong = Template(
-        "EDGE", A=[[1.0]], B=-np.ones((3, 3)), z=-1.0, duration=5.0, check=Check("edge")
-    )
+    right = get_template("EDGE")
+    weights = {"B": right.B, "z": right.z.tolist(), "boundary": right.boundary, "duration": 5.0}
+    # the feedback of the wrong sign: no cell can hold its colour
+    wrong = Template("EDGE", A=-right.A, check=Check("edge"), **weights)
     monkeypatch.setattr("cnnum.library.get_template", lambda name: wrong)
     arguments = ("templates", "check", "EDGE", "--engine", "reference", "--repeats", 1)
     result = call(*arguments, "--json")
