@@ -1,6 +1,7 @@
 """The kernel text of each way to bring a transient to its end."""
 
 from cnnum.engines.opencl.drive import constant_drive, drive, drive_of
+from cnnum.engines.opencl.fused import fused_euler, fuses
 from cnnum.engines.opencl.rates import Instant, declare_outputs, outputs, rates, watch_change
 from cnnum.engines.opencl.start import start, start_of
 from cnnum.engines.opencl.stepping import adaptive, fixed
@@ -23,7 +24,9 @@ def run(text: TransientText) -> Figures:
         return _propagate(text, scheme)
     start(text)
     declare_outputs(text)
-    return fixed(text, scheme) if isinstance(scheme, FixedSteps) else adaptive(text, scheme)
+    if isinstance(scheme, FixedSteps):
+        return fused_euler(text, scheme) if fuses(text, scheme) else fixed(text, scheme)
+    return adaptive(text, scheme)
 
 
 def settled_now(text: TransientText) -> None:

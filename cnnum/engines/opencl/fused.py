@@ -1,0 +1,208 @@
+"""The kernel text of Euler's steps of linear couplings, as few operations as they can be.
+
+    x⁺ = (1 − h/τ) x + (h/τ) w + Σ (h/τ) a y
+
+Weights come with h/τ in them, w is scaled once, and new outputs go to a second padded array, so
+that a step is one sweep. Every output that is loaded is added to all cells that it is a neighbour
+of while it is in a register.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cnnum.boundary import Boundary
+from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.text import fill, indented, rename
+from cnnum.engines.opencl.transients import TransientText
+from cnnum.integrators.choice import FixedSteps
+
+BLOCK_COLUMNS = 10
+BLOCK_STATEMENTS = 400
+"""Columns and statements of unrolled text: more of it costs compile time and no longer pays."""
+
+
+def fuses(text: TransientText, scheme: FixedSteps) -> bool:
+    """Return whether steps of a scheme can be written in this way."""
+    even = scheme.last == scheme.step and scheme.count > 0
+    return scheme.tableau.stages == 1 and text.template.plain and even and text.arena.private
+
+
+def fused_euler(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
+    """Append the steps, from and to the states `x`, and return the figures of the run."""
+    _declare(text, scheme)
+    with text.aside() as step:
+        _sweep(text, scheme)
+        if text.template.boundary.constant is None:
+            _rim_rows(text)
+    figures = {"method": scheme.tableau.name, "count": scheme.count, "step": f"{scheme.step:g}"}
+    name = "fused_settling" if scheme.settle else "fused_steps"
+    if scheme.settle:
+        figures["h"] = text.number(scheme.step)
+    text.lines += fill(name, step_text=indented(step, 3), **figures).splitlines()
+    error = "-ONE" if np.isinf(scheme.error) else text.number(scheme.error)
+    if scheme.settle:
+        return {"time": "time", "steps": "steps", "settled": "settled", "error": error}
+    time = text.number(text.solver.duration)
+    return {"time": time, "steps": text.number(scheme.count), "error": error}
+
+
+def _declare(text: TransientText, scheme: FixedSteps) -> None:
+    """Append the two arrays of outputs and the scaled drive."""
+    boundary = text.template.boundary
+    text.array("z", text.layers * text.padded)
+    if boundary.constant is not None:
+        value = float(text.template.output.numpy(np.asarray(boundary.constant)))
+        for name in ("y", "z"):
+            text.fill_rims(name, text.layers, boundary, value)
+    if constant_drive(text) is None:
+        text.array("wh", text.layers * text.cells)
+        text.over_cells(
+            [
+                f"wh[{text.at(m)}] = {_number(text, scheme, m)} * w[{text.at(m)}];"
+                for m in range(text.layers)
+            ]
+        )
+    text.over_grid(
+        [
+            f"y[{m * text.padded} + p] = {_output(text, f'x[{text.at(m)}]')};"
+            for m in range(text.layers)
+        ]
+    )
+    if boundary.constant is None:
+        text.fill_rims("y", text.layers, boundary, None)
+
+
+def _number(text: TransientText, scheme: FixedSteps, layer: int, factor: float = 1.0) -> str:
+    """Return a number times h/τ of a layer."""
+    return text.number(factor * scheme.step / float(text.template.tau[layer]))
+
+
+def _output(text: TransientText, state: str) -> str:
+    return rename(text.template.output.opencl, {"x": state})
+
+
+def _block(text: TransientText) -> int:
+    """Return how many columns are unrolled: a divisor of the columns."""
+    cols = text.shape[1]
+    taps = max(1, int(np.count_nonzero(text.template.A)))
+    most = max(1, min(BLOCK_COLUMNS, BLOCK_STATEMENTS // taps))
+    return max(n for n in range(1, cols + 1) if cols % n == 0 and n <= most)
+
+
+def _sweep(text: TransientText, scheme: FixedSteps) -> None:
+    """Append one step of all cells."""
+    rows, cols = text.shape
+    block, radius = _block(text), text.radius
+    with text.aside() as body:
+        for column in range(block + 2 * radius):
+            if column < block:
+                _begin(text, scheme, column)
+            _scatter(text, scheme, column, block)
+            if column >= 2 * radius:
+                _end(text, scheme, column - 2 * radius)
+    text.lines.append(f"for (int r = 0; r < {rows}; ++r) {{")
+    text.lines.append(f"    for (int b = 0; b < {cols}; b += {block}) {{")
+    text.lines.append(f"        const int i = r * {cols} + b, p = r * {text.pitch} + b;")
+    text.lines += [f"        {line}" for line in body]
+    text.lines.append("    }")
+    if text.template.boundary.constant is None:
+        text.lines += [f"    {line}" for line in _rim_columns(text, text.template.boundary)]
+    text.lines.append("}")
+
+
+def _state(text: TransientText, layer: int, column: int) -> str:
+    return f"x[{layer * text.cells + column} + i]"
+
+
+def _begin(text: TransientText, scheme: FixedSteps, column: int) -> None:
+    """Append the sums of a column's cells, begun with what does not come from neighbours."""
+    constant = constant_drive(text)
+    for layer in range(text.layers):
+        kept = text.number(1.0 - scheme.step / float(text.template.tau[layer]))
+        if constant is None:
+            drive = f"wh[{layer * text.cells + column} + i]"
+        else:
+            drive = _number(text, scheme, layer, constant[layer])
+        start = f"{kept} * {_state(text, layer, column)}"
+        text.lines.append(f"real s{layer}_{column} = {drive} + {start};")
+
+
+def _scatter(text: TransientText, scheme: FixedSteps, column: int, block: int) -> None:
+    """Append the outputs of a column, each added to all sums of the block that it reaches."""
+    feedback = text.template.A
+    span = feedback.shape[-1]
+    for source in range(text.layers):
+        for row in range(span):
+            adds = [
+                f"s{to}_{cell} += {_number(text, scheme, to, float(weight))} * v;"
+                for to, cell, weight in _reached(text, feedback[:, source, row], column, block)
+            ]
+            if adds:
+                rim = text.radius - span // 2
+                place = source * text.padded + (row + rim) * text.pitch + column
+                text.lines.append(f"{{ const real v = from[{place} + p]; {' '.join(adds)} }}")
+
+
+def _reached(
+    text: TransientText, weights: np.ndarray, column: int, block: int
+) -> Iterator[tuple[int, int, float]]:
+    """Yield (layer, cell of the block, weight) of what an output in a padded column adds to."""
+    span, radius = weights.shape[-1], text.radius
+    for to in range(text.layers):
+        for col in range(span):
+            cell = column - radius - (col - span // 2)
+            if weights[to, col] and 0 <= cell < block:
+                yield to, cell, float(weights[to, col])
+
+
+def _end(text: TransientText, scheme: FixedSteps, column: int) -> None:
+    """Append what becomes of a column's finished sums."""
+    for layer in range(text.layers):
+        new, old = f"s{layer}_{column}", _state(text, layer, column)
+        if text.template.output.limited:
+            text.lines.append(f"{new} = clamp({new}, -ONE, ONE);")
+        if text.operands.mask is not None:
+            mask = text.operands.mask.replace("[i]", f"[i + {column}]").replace(
+                "+ i]", f"+ i + {column}]"
+            )
+            text.lines.append(f"{new} = PICK({mask} != ZERO, {old}, {new});")
+        if scheme.settle:
+            rate = text.number(float(text.template.tau.max()) / scheme.step)
+            text.lines.append(
+                f"change = fmax(change, {rate} * fabs({new} - {old}) - {text.scale(old)});"
+            )
+            text.lines.append(f"{new} = PICK(running != ZERO, {new}, {old});")
+        place = layer * text.padded + text.radius * text.pitch + text.radius + column
+        text.lines.append(f"{old} = {new}; to[{place} + p] = {_output(text, new)};")
+
+
+def _rim_columns(text: TransientText, boundary: Boundary) -> list[str]:
+    """Return statements that fill the rim left and right of row `r`."""
+    cols, radius = text.shape[1], text.radius
+    source = np.pad(np.arange(cols), radius, mode=boundary.pad_mode)
+    places = [*range(radius), *range(cols + radius, cols + 2 * radius)]
+    lines: list[str] = []
+    for layer in range(text.layers):
+        head = f"{layer * text.padded} + (r + {radius}) * {text.pitch}"
+        lines += [
+            f"to[{head} + {place}] = to[{head} + {int(source[place]) + radius}];"
+            for place in places
+        ]
+    return lines
+
+
+def _rim_rows(text: TransientText) -> None:
+    """Append the rim above and below, copied from whole rows."""
+    rows, radius = text.shape[0], text.radius
+    source = np.pad(np.arange(rows), radius, mode=text.template.boundary.pad_mode)
+    copies = [
+        f"to[{layer * text.padded + place * text.pitch} + c] = "
+        f"to[{layer * text.padded + (int(source[place]) + radius) * text.pitch} + c];"
+        for layer in range(text.layers)
+        for place in (*range(radius), *range(rows + radius, rows + 2 * radius))
+    ]
+    if copies:
+        text.lines.append(f"for (int c = 0; c < {text.pitch}; ++c) {{")
+        text.lines += [f"    {line}" for line in copies]
+        text.lines.append("}")

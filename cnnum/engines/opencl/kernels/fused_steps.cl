@@ -1,0 +1,6 @@
+        // $method: $count steps of $step, each one sweep
+        real *from = y, *to = z;
+        for (int n = 0; n < $count; ++n) {
+$step_text
+            real *const swap = from; from = to; to = swap;
+        }
