@@ -69,18 +69,17 @@ def _summary(rows: "list[Row]") -> str:
 
 
 def _table(rows: "list[Row]") -> Table:
-    made = table("Item", "what", ">published", ">ours", ">error", ">tolerance", "", "source")
+    made = table("Item", ">published", ">ours", ">error", ">tolerance", "", "what")
     for row in rows:
         item = row.item
         made.add_row(
             item.name,
-            item.title,
             _expected(row),
-            number(row.got, 5),
+            f"{number(row.got, 5)} {item.unit}".strip(),
             number(row.error, 2),
             number(item.tolerance, 2) if item.kind == "check" else "",
             _verdict(row),
-            item.source,
+            f"{item.title} · {item.source}",
         )
     return made
 

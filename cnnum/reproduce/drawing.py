@@ -5,8 +5,8 @@ import re
 from html import escape
 from typing import Any
 
+import matplotlib
 import numpy as np
-from matplotlib import rc_context
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
@@ -80,7 +80,9 @@ def draw(panel: Panel, *, wide: bool = True) -> str:
     str
         As wide as its place; with its title for screen readers.
     """
-    with rc_context(SETTINGS | dict.fromkeys(INKED, INK)):
+    settings: Any = SETTINGS | dict.fromkeys(INKED, INK)
+    library: Any = matplotlib
+    with library.rc_context(settings):
         canvas = Canvas(figsize=WIDE if wide else NARROW, layout="constrained", dpi=130)
         canvas.patch.set_alpha(0.0)
         axes: Any = canvas.add_subplot()

@@ -179,6 +179,8 @@ def _equations() -> tuple[Item, ...]:
     )  # fmt: skip
 
 
+# (4.10) at half its peak: (ρ² + 2)/(2 (ρ² + 1)^1.5) = 1/2, a cubic in ρ²
+SINKING = sqrt(float(brentq(lambda t: (t + 2) ** 2 - (t + 1) ** 3, 0.0, 3.0, xtol=1e-15)))
 FOUND = "the printed formula's own root; found by search on our fields to 1e-9 mm"
 
 CHAPTER = Chapter(
@@ -218,7 +220,7 @@ CHAPTER = Chapter(
              sqrt(2.0 ** (1.0 / 3.0) - 1.0), partial(half_width, energy_at), 1e-9,
              "root of the printed formula; found to 1e-14", "z", figure="fig-4.6"),
         Item("fig-4.6-sinking", "half-width of u_z: root of (ρ² + 2)² = (ρ² + 1)³",
-             "Fig. 4.6; (4.10)", sqrt(float(np.real(np.roots([1, 2, -1, -3])[0]))),
+             "Fig. 4.6; (4.10)", SINKING,
              partial(half_width, sinking_at), 1e-9, "root of a cubic; found to 1e-14", "z",
              figure="fig-4.6"),
         Item("fig-4.7-strip", "strip of line loads against a long Love rectangle",

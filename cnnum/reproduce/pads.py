@@ -40,7 +40,7 @@ def centres() -> Floats:
     """Return (4, 4, 2) places of the bumps, m, the middle of the pad at (0, 0)."""
     side = (np.arange(4) * 2 + 0.5 - 4) * PITCH
     x, y = np.meshgrid(side, side)
-    return np.stack([x, y], axis=-1)
+    return np.stack([x, y], axis=-1).astype(np.float64)
 
 
 def foot(force: Floats, centre: Floats) -> Floats:
@@ -148,12 +148,13 @@ def bumps() -> float:
 
 
 def _panel(line: bool, title: str) -> Panel:
-    vectors = 1e3 * 0.35 * read(line) / np.abs(read(line)).max() * PITCH * 4
+    vectors = 1e3 * 0.25 * read(line) / np.abs(read(line)).max() * PITCH * 4
     place = 1e3 * centres()
     x, y = (np.broadcast_to(place[..., k], vectors.shape[:-1]).reshape(-1) for k in (0, 1))
     turn = np.linspace(0.0, 2.0 * pi, 73)
+    circle: Floats = np.stack([np.cos(turn), np.sin(turn)]).astype(np.float64)
     rim = [
-        Curve(spot[0] + np.cos(turn), spot[1] + np.sin(turn), colour=-2, style="dotted")
+        Curve(spot[0] + circle[0], spot[1] + circle[1], colour=-2, style="dotted")
         for spot in place.reshape(-1, 2)
     ]
     tips = vectors[..., :2].reshape(-1, 2)
@@ -161,7 +162,7 @@ def _panel(line: bool, title: str) -> Panel:
     grid = 1e3 * (np.arange(9) - 4) * PITCH
     gx, gy = (g.reshape(-1) for g in np.meshgrid(grid, grid))
     dots = Dots(gx, gy, np.full(81, 4.0), 1, "")
-    return Panel(title, "x (mm)", "y (mm)", [*rim, dots, arrows], equal=True)
+    return Panel(title, "x (mm)", "y (mm)", [dots, *rim, arrows], equal=True, reach=7.0)
 
 
 def figure_6_17() -> Figure:
@@ -189,8 +190,8 @@ CHAPTER = Chapter(
         Item("fig-6.17-point", "direction of the vectors, one bump pressed",
              "Fig. 6.17 (left): “nicely follow the circular shear motion”", 0.0,
              lambda: direction_error(False), 5.0,
-             "no digits: a twelfth of the right angle between neighbours of eight directions; "
-             "1 % noise makes about 1°", "°", figure="fig-6.17"),
+             "no digits: a third of the 15° from one step to the next; 1 % noise makes 0.6°",
+             "°", figure="fig-6.17"),
         Item("fig-6.17-line", "direction of the vectors under a line load",
              "Fig. 6.17 (right)", 0.0, lambda: direction_error(True), 5.0,
              "as above, with the neighbours' cross-talk", "°", figure="fig-6.17"),

@@ -59,11 +59,14 @@ footer{margin-top:3.5rem;color:var(--soft);font-size:.86rem}
 main{padding:1.6rem 1rem 3rem}h1{font-size:1.55rem}
 .card{padding:1rem .9rem .8rem}
 table,tbody,tr,td{display:block}thead{display:none}
-tr{border-bottom:1px solid var(--line);padding:.7rem 0}tr:last-child{border-bottom:0}
+tr{border-bottom:1px solid var(--line);padding:.7rem 0;display:grid;
+grid-template-columns:1fr 1fr;column-gap:1rem}tr:last-child{border-bottom:0}
+td.what{grid-column:1/-1;padding-bottom:.3rem}
 td,td.n{border:0;padding:.1rem 0;text-align:left;white-space:normal}
-td[data-l]::before{content:attr(data-l) " ";color:var(--soft);display:inline-block;min-width:6rem}
+td[data-l]::before{content:attr(data-l) " ";color:var(--soft);display:inline-block;min-width:5.2rem}
 td.what{font-size:.95rem}
-.tile{flex:1 1 40%;min-width:0}
+.tile{flex:1 1 28%;min-width:0;padding:.6rem .7rem}.tile b{font-size:1.15rem}
+.tile span{font-size:.78rem;display:block;line-height:1.35}
 }
 @media print{body{background:#fff}.card{break-inside:avoid}}
 """

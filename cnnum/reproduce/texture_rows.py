@@ -94,10 +94,14 @@ def figure_6_18() -> Figure:
     panels: list[Panel] = []
     for n, material in enumerate(FOUR):
         signals = rub(material, Stroke(direction=TURNED), np.random.default_rng(n))
-        time = FRAME * np.arange(len(signals))
-        parts = (("normal S_n", 2, "line", 0), ("shear T_x", 0, "dotted", 1),
-                 ("shear T_y", 1, "dotted", 2))  # fmt: skip
-        curves = [Curve(time, signals[:, i], name, style, c) for name, i, style, c in parts]  # type: ignore[arg-type]
+        time: Floats = FRAME * np.arange(len(signals), dtype=np.float64)
+        # the screw's panel is full of lines: the others have the legend
+        names = ("normal S_n", "shear T_x", "shear T_y") if n else ("", "", "")
+        curves = [
+            Curve(time, signals[:, 2], names[0], "line", 0),
+            Curve(time, signals[:, 0], names[1], "dotted", 1),
+            Curve(time, signals[:, 1], names[2], "dotted", 2),
+        ]
         panels.append(Panel(material.name, "time (s)", "signal (V)", curves))
     return Figure(
         "fig-6.18",

@@ -70,8 +70,8 @@ class Classification:
 def draw_samples(
     materials: Sequence[Material] = FOUR,
     *,
-    strokes: int = 12,
-    per_stroke: int = 63,
+    strokes: int = 25,
+    per_stroke: int = 30,
     indentation: tuple[float, float] = (50e-6, 100e-6),
     speed: tuple[float, float] = (10e-3, 14e-3),
     seed: int = 0,
@@ -94,7 +94,7 @@ def draw_samples(
     Returns
     -------
     Samples
-        len(materials) · strokes · per_stroke of them: 3024 by default.
+        len(materials) · strokes · per_stroke of them: 3000 by default.
     """
     rng = np.random.default_rng(seed)
     rows: list[Array] = []

@@ -6,7 +6,7 @@ that it stands on; the taxel below adds its gains and noise.
 """
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from scipy import ndimage
@@ -191,7 +191,8 @@ def envelope(trace: Array, radius: float) -> Array:
     half = int(0.8 * radius / _STEP)
     across = _STEP * np.arange(-half, half + 1)
     circle = np.sqrt(radius**2 - across**2) - radius
-    lifted = ndimage.grey_dilation(trace, structure=circle, mode="nearest")
+    dilate: Any = ndimage.grey_dilation
+    lifted = dilate(trace, structure=circle, mode="nearest")
     return np.asarray(lifted, dtype=np.float64)
 
 
