@@ -6,6 +6,7 @@ slowly, so that an offset or its drift never becomes a load; while something tou
 
 from dataclasses import dataclass
 
+from cnnum.frame import FORCE_AXES
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 
@@ -91,21 +92,26 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     count = age.value + 1.0
     age.store(count)
     touched = frame.memory(scalar=True, logic=True)
-    rate = where(touched.value, 0.0, maximum(1.0 / count, 1.0 / FORGET))
-    raw = [frame.shear_x, frame.shear_y, frame.normal]
-    shear_x, shear_y, normal = (push * _above_rest(frame, channel, rate) for channel in raw)
-    normal_noise = _noise(frame, [frame.normal], touched.value)
-    contact = _touching(frame, normal, normal_noise, (count > float(SETTLE)), touched.value)
-    touched.store(contact)
-    return Loads(
-        frame,
-        shear_x,
-        shear_y,
-        normal,
-        _noise(frame, [frame.shear_x, frame.shear_y], touched.value),
-        normal_noise,
-        contact,
+    rest = {name: frame.memory() for name in FORCE_AXES}
+    shear, normal = _Noise(frame, ("shear_x", "shear_y")), _Noise(frame, ("normal",))
+    peak = maximum((push * (frame.normal - rest["normal"].value)).max(), 0.0)
+    high = (count > float(SETTLE)) & (square(peak) > TOUCH**2 * normal.held)
+    contact = (high & frame.previous(high)) | (
+        touched.value & (square(peak) > LIFT**2 * normal.held)
     )
+    touched.store(contact)
+    # a first touch must not become part of rest, nor its jump of the noise
+    free = ~(high | touched.value)
+    rate = where(free, maximum(1.0 / count, 1.0 / FORGET), 0.0)
+
+    def load(name: str) -> Field:
+        channel, memory = frame.channel(name), rest[name]
+        now = memory.value + rate * (channel - memory.value)
+        memory.store(now)
+        return push * (channel - now)
+
+    x, y, z = (load(name) for name in FORCE_AXES)
+    return Loads(frame, x, y, z, shear.follow(free), normal.follow(free), contact)
 
 
 def patch_of(loads: Loads) -> Patch:
@@ -124,35 +130,30 @@ def square(value: Field) -> Field:
     return value * value
 
 
-def _above_rest(frame: FrameFields, channel: Field, rate: Field) -> Field:
-    rest = frame.memory()
-    now = rest.value + rate * (channel - rest.value)
-    rest.store(now)
-    return channel - now
+class _Noise:
+    """Variance of one reading, from what changes from frame to frame at rest.
 
-
-def _noise(frame: FrameFields, channels: list[Field], touched: Field) -> Field:
-    """Return the variance of one reading, from what changes from frame to frame at rest.
-
-    A frame that repeats the one before says nothing and is not counted.
+    Attributes
+    ----------
+    held : Field
+        As it was known before this frame.
     """
-    held, seen = frame.memory(scalar=True), frame.memory(scalar=True)
-    changes = [square(channel - frame.previous(channel)).mean() for channel in channels]
-    change = sum(changes[1:], start=changes[0]) / (2.0 * len(channels))
-    news = ~touched & (change > 0.0)
-    count = seen.value + where(news, 1.0, 0.0)
-    rate = where(news, maximum(1.0 / count, 1.0 / FORGET), 0.0)
-    variance = held.value + rate * (change - held.value)
-    held.store(variance)
-    seen.store(count)
-    size = maximum(channels[0].max(), -channels[0].min())
-    return maximum(variance, square(ROUNDING * size))
 
+    def __init__(self, frame: FrameFields, names: tuple[str, ...]) -> None:
+        channels = [frame.channel(name) for name in names]
+        changes = [square(channel - frame.previous(channel)).mean() for channel in channels]
+        self._change = sum(changes[1:], start=changes[0]) / (2.0 * len(channels))
+        self._variance, self._seen = frame.memory(scalar=True), frame.memory(scalar=True)
+        size = maximum(channels[0].max(), -channels[0].min())
+        self._least = square(ROUNDING * size)
+        self.held = maximum(self._variance.value, self._least)
 
-def _touching(
-    frame: FrameFields, normal: Field, noise: Field, settled: Field, touched: Field
-) -> Field:
-    peak = square(maximum(normal.max(), 0.0))
-    high = (peak > TOUCH * TOUCH * noise) & settled
-    begins = high & frame.previous(high)
-    return begins | (touched & (peak > LIFT * LIFT * noise))
+    def follow(self, free: Field) -> Field:
+        """Return it after this frame; one that repeats the one before is not counted."""
+        news = free & (self._change > 0.0)
+        count = self._seen.value + where(news, 1.0, 0.0)
+        rate = where(news, maximum(1.0 / count, 1.0 / FORGET), 0.0)
+        now = self._variance.value + rate * (self._change - self._variance.value)
+        self._variance.store(now)
+        self._seen.store(count)
+        return maximum(now, self._least)

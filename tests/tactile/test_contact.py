@@ -1,0 +1,113 @@
+"""Contact against plain NumPy over the whole recording, on every engine."""
+
+import numpy as np
+import pytest
+
+from cnnum.templates.tactile.contact import contact
+
+
+def touched_frames(strain):
+    """Contact by its definition, with the loads above rest."""
+    normal = -strain[..., 2]
+    flags, loads, rest, noise, seen = [False], [0 * normal[0]], normal[0], 0.0, 0
+    before = False
+    for number in range(1, len(normal)):
+        now = normal[number]
+        peak = max((now - rest).max(), 0.0)
+        high = number >= 16 and peak > 6 * np.sqrt(noise)
+        flag = (high and before) or (flags[-1] and peak > 4 * np.sqrt(noise))
+        if not (high or flags[-1]):
+            rest = rest + max(1 / (number + 1), 1 / 256) * (now - rest)
+            seen += 1
+            change = ((now - normal[number - 1]) ** 2).mean() / 2
+            noise += max(1 / seen, 1 / 256) * (change - noise)
+        before = high
+        flags.append(bool(flag))
+        loads.append(now - rest)
+    return np.array(flags), np.array(loads)
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16)])
+def test_contact_is_what_numpy_says(engine, run, short_scene, shape):
+    if engine.name == "reference" and shape != (8, 8):
+        pytest.skip("the reference solves every threshold anew; one shape of it is enough")
+    strain = short_scene(shape)[20:64] if engine.name == "reference" else short_scene(shape)
+    flags, loads = touched_frames(strain)
+    got = run(engine, contact, strain)
+    np.testing.assert_array_equal(got["contact"], flags)
+    assert flags.any()
+    assert not flags[:18].any()
+    shear = [-(strain[..., k] - strain[:20, ..., k].mean(axis=0)) for k in (0, 1)]
+    inside = got["contact_map"] > 0
+    for name, map_ in (("load_normal", loads), ("load_x", shear[0]), ("load_y", shear[1])):
+        expected = (map_ * inside).sum(axis=(1, 2))
+        # shear's rest is known to a quarter of the noise, a few 1e-3 of the largest load
+        assert got[name] == pytest.approx(expected, abs=0.02 * np.abs(loads).sum(axis=(1, 2)).max())
+    level = 0.1 * loads.max(axis=(1, 2))
+    clear = flags & (loads.max(axis=(1, 2)) > 0.2 * loads.max())
+    expected = loads > level[:, None, None]
+    # cells within 1 % of the threshold may fall on either side of it
+    sure = np.abs(loads - level[:, None, None]) > 0.01 * level[:, None, None]
+    assert (inside == expected)[clear][sure[clear]].all()
+    np.testing.assert_array_equal(got["contact_area"], inside.sum(axis=(1, 2)))
+
+
+def test_centroid_area_and_friction_used(opencl, run):
+    """A block of loads: everything can be counted by hand."""
+    rng = np.random.default_rng(0)
+    frames = 1e-3 * rng.normal(size=(60, 8, 8, 3))
+    frames[30:, 2:5, 3:7, 2] -= 1.0
+    frames[30:, 2:5, 3:7, 0] -= 0.3
+    frames[30:, 2:5, 3:7, 1] += 0.4
+    got = run(opencl, contact, frames)
+    last = {name: values[-1] for name, values in got.items()}
+    # sums of 12 cells of noise 1e-3, each again in the rest that was learned from 30 frames
+    assert last["contact_area"] == 12
+    assert last["contact_row"] == pytest.approx(3.0, abs=0.01)
+    assert last["contact_column"] == pytest.approx(4.5, abs=0.01)
+    assert last["load_normal"] == pytest.approx(12.0, abs=0.02)
+    assert last["load_x"] == pytest.approx(3.6, abs=0.02)
+    assert last["load_y"] == pytest.approx(-4.8, abs=0.02)
+    assert last["friction_used"] == pytest.approx(0.5, abs=0.005)
+
+
+def test_contact_begins_and_ends_with_the_load(opencl, run, simulate):
+    strain, truth = simulate(seed=5)
+    got = run(opencl, contact, strain, ["contact"])["contact"] > 0
+    true = truth["contact"] > 0
+    assert (np.diff(got.astype(int)) != 0).sum() == 2  # one touch, one release, no chatter
+    # 5 frames: what the load needs to rise above 6 standard deviations, with room
+    assert abs(int(np.argmax(got)) - int(np.argmax(true))) <= 5
+    assert abs(int(got.sum()) - int(true.sum())) <= 5
+
+
+def test_a_push_of_either_sign(opencl, run, short_scene):
+    strain = short_scene((8, 8))[:150]
+    plus = run(opencl, contact.bind(push=1.0), -strain)
+    minus = run(opencl, contact, strain)
+    for name, values in plus.items():
+        np.testing.assert_allclose(values, minus[name], rtol=1e-5, atol=1e-7)
+
+
+def test_gain_does_not_matter(opencl, run, short_scene):
+    strain = short_scene((8, 8))[:200]
+    small = run(opencl, contact, strain, ["contact", "contact_row"])
+    large = run(opencl, contact, 1024.0 * strain, ["contact", "contact_row"])
+    # a power of two: every float32 sum scales exactly, thresholds too
+    np.testing.assert_array_equal(small["contact"], large["contact"])
+    np.testing.assert_allclose(small["contact_row"], large["contact_row"], rtol=1e-5)
+
+
+def test_a_constant_stream_is_no_contact(engine, run):
+    frames = np.full((24, 4, 4, 3), 0.37)
+    assert not run(engine, contact, frames, ["contact"])["contact"].any()
+
+
+def test_a_batch_is_many_streams(opencl, run, short_scene):
+    strain = short_scene((8, 8))[:160]
+    batch = np.stack([strain, 2.0 * strain, strain[:, ::-1]], axis=1)
+    got = run(opencl, contact, batch)
+    alone = run(opencl, contact, np.ascontiguousarray(strain[:, ::-1]))
+    for name in ("contact", "contact_area", "load_normal", "contact_row"):
+        np.testing.assert_allclose(got[name][:, 2], alone[name], rtol=1e-4, atol=1e-6)
+    np.testing.assert_allclose(got["contact"][:, 0], got["contact"][:, 1])

@@ -1,0 +1,98 @@
+"""Half-space by diffusion waves: the lattice's own transform, and the continuum."""
+
+import numpy as np
+import pytest
+from scipy.fft import dctn, idctn
+
+from cnnum.engine import Engine
+from cnnum.errors import ProgramError
+from cnnum.tactile.halfspace import SurfaceToDepth
+from cnnum.templates.tactile.diffusion_waves import error_of, read_out_times
+from cnnum.templates.tactile.halfspace_strain import halfspace_strain
+from cnnum.templates.tactile.halfspace_stress import halfspace_stress
+
+
+def filtered(field, response):
+    """Apply a filter of k to a map that goes on mirrored (DCT-II)."""
+    squares = [2 - 2 * np.cos(np.pi * np.arange(n) / n) for n in field.shape]
+    k = np.sqrt(squares[0][:, None] + squares[1][None])
+    return idctn(dctn(field, norm="ortho") * response(k), norm="ortho")
+
+
+def along_x(field):
+    padded = np.pad(field, ((0, 0), (1, 1)), mode="edge")
+    return (padded[:, 2:] - padded[:, :-2]) / 2
+
+
+def along_y(field):
+    return along_x(field.T).T
+
+
+def expected(load, z):
+    q_x, q_y, p = np.moveaxis(load, -1, 0)
+
+    def harmonic(u):
+        return filtered(u, lambda k: np.exp(-k * z))
+
+    def potential(u):
+        return filtered(u, lambda k: np.where(k > 0, np.exp(-k * z) / np.maximum(k, 1e-300), 0.0))
+
+    spread = along_x(potential(q_x)) + along_y(potential(q_y))
+    pushed = along_x(harmonic(q_x)) + along_y(harmonic(q_y))
+    shear_x = z * along_x(harmonic(p) - spread) - harmonic(q_x)
+    shear_y = z * along_y(harmonic(p) - spread) - harmonic(q_y)
+    low = filtered(p, lambda k: (1 + k * z) * np.exp(-k * z))
+    band = filtered(p, lambda k: k * z * np.exp(-k * z))
+    stress = [shear_x, shear_y, z * pushed - low]
+    strain = [shear_x, shear_y, z * pushed - spread - band]
+    return stress, strain
+
+
+@pytest.mark.parametrize(("shape", "z"), [((4, 4), 0.5), ((8, 8), 2 / 3), ((16, 16), 2.0)])
+def test_waves_are_the_transform(shape, z):
+    load = np.random.default_rng(1).normal(size=(*shape, 3))
+    engine = Engine()
+    stress, strain = expected(load, z)
+    got = engine.compile(halfspace_stress.bind(thickness=z, pitch=1.0), shape)(load)
+    for name, wanted in zip(("stress_xz", "stress_yz", "stress_zz"), stress, strict=True):
+        # 1e-5 of every wave, of which a map of white noise has as many as cells; float32 adds less
+        assert np.abs(got[name] - wanted).max() <= 5e-5 * np.abs(load).max()
+    if shape == (8, 8):
+        program = halfspace_strain.bind(thickness=z, pitch=1.0, youngs_modulus=1.5)
+        got = engine.compile(program, shape)(load)
+        for name, wanted in zip(("strain_xz", "strain_yz", "strain_zz"), strain, strict=True):
+            assert np.abs(got[name] - wanted).max() <= 5e-5 * np.abs(load).max()
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
+@pytest.mark.parametrize("depth", [0.1, 1.0, 5.0])
+def test_the_stated_error_holds_and_costs_few_waves(tolerance, depth):
+    times = read_out_times(depth, (8, 8), tolerance)
+    slowest = 2 - 2 * np.cos(np.pi / 8)
+    assert error_of(times, depth, slowest) <= tolerance
+    assert len(times.values) <= 4 * -np.log10(tolerance) + 14
+
+
+def test_the_lattice_nears_the_continuum_as_the_square_of_the_cell():
+    """A smooth patch of pressure far from the rim: error / h² stays the same."""
+    errors = []
+    for cells in (24, 48):
+        h = 12.0 / cells
+        place = (np.arange(cells) + 0.5) * h - 6.0
+        load = np.zeros((cells, cells, 3))
+        load[..., 2] = np.exp(-(place[:, None] ** 2 + place[None, :] ** 2))
+        program = halfspace_stress.bind(thickness=1.0, pitch=h, tolerance=1e-6)
+        got = Engine("reference").compile(program, (cells, cells), ["stress_zz"])
+        exact = SurfaceToDepth((cells, cells), h, 1.0)(load)[..., 2]
+        # mirrored images of the rim are 6 away: 1e-2 of the peak there, little in the middle
+        middle = slice(cells // 2 - cells // 8, cells // 2 + cells // 8)
+        errors.append(np.abs(got(load)["stress_zz"] - exact)[middle, middle].max())
+    floor = 3 / (2 * np.pi) * np.pi / 12.0**2 * 4  # four images of the load π at 12, (4.11)
+    assert errors[1] <= errors[0]
+    assert errors[1] <= floor + 0.02 * exact.max() + 0.02
+
+
+@pytest.mark.parametrize("options", [{"thickness": 0.0}, {"thickness": -1.0}, {"tolerance": 0.5}])
+def test_what_can_not_be_is_refused(options):
+    with pytest.raises(ProgramError, match="thickness above 0"):
+        halfspace_stress.bind(**options).trace((8, 8))
