@@ -42,7 +42,7 @@ HEAVY = {
     "pyopencl": {"cnnum/engines/opencl"},
     "serial": {"drivers/serial_port.py"},
     "matplotlib": {"cnnum/report", "cnnum/reproduce", "cnnum/bench"},
-    "numba": {"cnnum/engines/numba"},
+    "numba": {"cnnum/engines/numba", "cnnum/bench/peers"},
 }
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
+SHIPPED = {".py", ".toml", ".cl", ".css", ".js", ".html", ".npz"}
 
 
 @pytest.fixture(scope="module")
@@ -43,15 +44,13 @@ def modules_in(folder, package):
     return {
         f"{package}/{path.relative_to(folder).as_posix()}"
         for path in folder.rglob("*")
-        if path.suffix in {".py", ".toml", ".cl"} and "__pycache__" not in path.parts
+        if path.suffix in SHIPPED and "__pycache__" not in path.parts
     }
 
 
 def test_wheel_holds_every_module_and_data_file_once(wheel):
     names = zipfile.ZipFile(wheel).namelist()
-    inside = {
-        n for n in names if n.startswith("cnnum/") and Path(n).suffix in {".py", ".toml", ".cl"}
-    }
+    inside = {n for n in names if n.startswith("cnnum/") and Path(n).suffix in SHIPPED}
     expected = (
         {
             n
