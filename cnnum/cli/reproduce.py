@@ -75,13 +75,21 @@ def _table(rows: "list[Row]") -> Table:
         made.add_row(
             item.name,
             _expected(row),
-            f"{number(row.got, 5)} {item.unit}".strip(),
+            number(row.got, 4),
             number(row.error, 2),
             number(item.tolerance, 2) if item.kind == "check" else "",
             _verdict(row),
-            f"{item.title} · {item.source}",
+            f"{item.title}{_unit(row)} · {item.source}{_printed(row)}",
         )
     return made
+
+
+def _unit(row: "Row") -> str:
+    return f" ({row.item.unit})" if row.item.unit else ""
+
+
+def _printed(row: "Row") -> str:
+    return "" if row.printed is None else f" · as printed: {number(row.printed, 4)}"
 
 
 def _expected(row: "Row") -> str:
@@ -89,7 +97,7 @@ def _expected(row: "Row") -> str:
     if isinstance(item.expected, tuple):
         return f"{number(item.expected[0])}–{number(item.expected[1])}"
     sign = {"at least": "≥ ", "at most": "≤ "}.get(item.rule, "")
-    return f"{sign}{number(item.expected, 5)}"
+    return f"{sign}{number(item.expected, 4)}"
 
 
 def _verdict(row: "Row") -> Text:

@@ -160,8 +160,8 @@ def _panel(line: bool, title: str) -> Panel:
     tips = vectors[..., :2].reshape(-1, 2)
     arrows = Arrows(x, y, tips[:, 0], tips[:, 1])
     grid = 1e3 * (np.arange(9) - 4) * PITCH
-    gx, gy = (g.reshape(-1) for g in np.meshgrid(grid, grid))
-    dots = Dots(gx, gy, np.full(81, 4.0), 1, "")
+    places = np.stack(np.meshgrid(grid, grid)).reshape(2, -1).astype(np.float64)
+    dots = Dots(places[0], places[1], np.full(81, 4.0), 1, "")
     return Panel(title, "x (mm)", "y (mm)", [dots, *rim, arrows], equal=True, reach=7.0)
 
 

@@ -154,7 +154,8 @@ def _card(figure: Figure, rows: Sequence[Row]) -> str:
     drawings = "".join(draw(panel, wide=wide) for panel in figure.panels)
     style = "card" if wide else "card three"
     return (
-        f'<article class="{style}" id="figure-{figure.name}"><header><h3>{written(figure.title)}</h3>'
+        f'<article class="{style}" id="figure-{figure.name}">'
+        f"<header><h3>{written(figure.title)}</h3>"
         f'<span class="of">{escape(figure.source)}</span></header>'
         f'<div class="panels">{drawings}</div>'
         f'<p class="caption">{written(figure.caption)}</p>{rows_table(rows)}</article>'

@@ -5,13 +5,16 @@ from collections.abc import Callable, Sequence
 from cnnum.errors import name_error
 from cnnum.reproduce import (
     bumps,
-    covers,
     errata,
     fields,
+    finger,
+    flat_models,
+    hair,
     hyperacuity,
     inverse,
     pads,
     receptive,
+    ridge,
     silicon,
     texture_rows,
 )
@@ -22,11 +25,14 @@ CHAPTERS: tuple[Chapter, ...] = (
     silicon.CHAPTER,
     fields.CHAPTER,
     receptive.CHAPTER,
+    flat_models.CHAPTER,
     inverse.CHAPTER,
     hyperacuity.CHAPTER,
-    covers.CHAPTER,
+    hair.CHAPTER,
+    ridge.CHAPTER,
     bumps.CHAPTER,
     pads.CHAPTER,
+    finger.CHAPTER,
     texture_rows.CHAPTER,
     errata.CHAPTER,
 )
