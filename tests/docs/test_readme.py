@@ -1,0 +1,44 @@
+"""What the README and the docs show is run as it stands."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+BLOCKS = [
+    pytest.param(code, id=f"{page.relative_to(ROOT)}-{number}")
+    for page in PAGES
+    for number, code in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL))
+]
+
+
+@pytest.mark.parametrize("code", BLOCKS)
+def test_code_runs_as_shown(code, capsys):
+    exec(compile(code, "page", "exec"), {"__name__": "page"})
+
+
+def test_readme_has_code():
+    assert len(BLOCKS) >= 2
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page):
+    for target in re.findall(r"\]\(([^)#]+?)(?:#[^)]*)?\)", page.read_text()):
+        if not target.startswith(("http:", "https:")):
+            assert (page.parent / target).exists(), f"{page.name} links to {target}"
+
+
+def test_first_template_finds_the_corners():
+    """The README's template on its picture: the four corners of a rectangle."""
+    import numpy as np
+
+    import cnnum
+
+    code = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)[0]
+    names = {}
+    exec(compile(code, "README", "exec"), names)
+    found = {tuple(cell) for cell in np.argwhere(names["result"].output > 0).tolist()}
+    assert found == {(2, 2), (2, 6), (5, 2), (5, 6)}
+    assert cnnum.get_template("CORNER").z[0] == -5.0
