@@ -1,6 +1,7 @@
 """Every template of the library passes its check, and no template with a wrong weight does."""
 
 from collections.abc import Iterator
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -9,16 +10,26 @@ import pytest
 import cnnum.library as library
 from cnnum.arrays import Floats
 from cnnum.checks import closed_form_names, form_of, run_check
+from cnnum.tables import Table
 from cnnum.template import Template
 
 NAMES = library.template_names()
 SHAPES = [(8, 8), (12, 12), (5, 9), (1, 7), (9, 1)]
 
-# x' = -x + f(x) - 2u and x' = -x - f(x) - 2u both end at -u: LOGNOT does not need its feedback.
-EQUIVALENT = {("LOGNOT", "A", (0, 0, 1, 1))}
+EQUIVALENT = {
+    # x' = -x + f(x) - 2u and x' = -x - f(x) - 2u both end at -u.
+    ("LOGNOT", "A", (0, 0, 1, 1)),
+    # Gray values differ by less than 2, so that the table is never read beyond.
+    *((name, "table 0", (n,)) for name in ("AVERGRAD", "GRADIENT") for n in (0, 4)),
+    # The maximum flows round one edge that repels it; test_waves.py tells such an array apart.
+    *(("GLOBMAX", "weights 0", edge) for edge in ((0, 1), (1, 0), (1, 2), (2, 1))),
+}
 
 # 1.05 times a weight moves an analog answer by more than its tolerance, a digital one not at all.
-ANALOG_FORMS = {"diffusion", "coupled", "band-pass", "filter", "uncoupled-cell"}
+ANALOG_FORMS = {
+    *("diffusion", "coupled", "band-pass", "filter", "uncoupled-cell", "mean-difference"),
+    *("dominoes", "delayed-coupling", "fading", "oscillator", "trigger-wave"),
+}
 ANALOG = [name for name in NAMES if form_of(library.get_template(name)).name in ANALOG_FORMS]
 
 
@@ -49,7 +60,8 @@ def test_analog_template_with_a_weight_off_by_5_percent_fails(
 ) -> None:
     template = library.get_template(name)
     for part, index, broken in altered(template, 1.05):
-        assert error_of(broken, hasty_simulator) > form_of(template).tolerance, (part, index)
+        passes = error_of(broken, hasty_simulator) <= form_of(template).tolerance
+        assert passes == ((name, part, index) in EQUIVALENT), (part, index)
 
 
 @pytest.mark.parametrize("name", ["HOLE", "RECALL", "CCD_HOR", "CCD_VERT"])
@@ -66,19 +78,54 @@ def test_every_closed_form_serves_some_template() -> None:
 
 
 def altered(template: Template, factor: float) -> Iterator[tuple[str, tuple[int, ...], Template]]:
-    """Yield the template with each weight that is not 0 multiplied by the factor, one at a time."""
+    """Yield the template with each number that is not 0 multiplied by the factor, one at a time."""
     for part in ("A", "B", "z"):
-        weights: Floats = getattr(template, part)
-        for position in np.argwhere(weights):
-            index = tuple(int(n) for n in position)
-            wrong = weights.copy()
-            wrong[index] *= factor
+        for index, wrong in scaled(getattr(template, part), factor):
             yield part, index, changed(template, **{part: wrong})
+    for n, coupling in enumerate(template.nonlinear):
+        for index, wrong in scaled(coupling.weights, factor):
+            yield f"weights {n}", index, with_nonlinear(template, n, weights=wrong)
+        for index, wrong in scaled(heights(coupling.function), factor):
+            function = with_heights(coupling.function, wrong)
+            yield f"table {n}", index, with_nonlinear(template, n, function=function)
+    for n, gain in enumerate(template.gains):
+        for index, wrong in scaled(heights(gain.table), factor):
+            broken = replace(gain, table=with_heights(gain.table, wrong))
+            yield f"gain {n}", index, changed(template, gains=[broken])
+    if template.delayed is not None:
+        for part in ("A", "B"):
+            for index, wrong in scaled(getattr(template.delayed, part), factor):
+                broken = replace(template.delayed, **{part: wrong})
+                yield f"delayed {part}", index, changed(template, delayed=broken)
+
+
+def scaled(weights: Floats, factor: float) -> Iterator[tuple[tuple[int, ...], Floats]]:
+    for position in np.argwhere(weights):
+        index = tuple(int(n) for n in position)
+        wrong = weights.copy()
+        wrong[index] *= factor
+        yield index, wrong
+
+
+def heights(table: Table) -> Floats:
+    return np.array([value for _, value in table.points])
+
+
+def with_heights(table: Table, values: Floats) -> Table:
+    places = [place for place, _ in table.points]
+    return Table(table.interpolation, tuple(zip(places, values.tolist(), strict=True)))
+
+
+def with_nonlinear(template: Template, n: int, **parts: Any) -> Template:
+    couplings = list(template.nonlinear)
+    couplings[n] = replace(couplings[n], **parts)
+    return changed(template, nonlinear=couplings)
 
 
 def changed(template: Template, **parts: Any) -> Template:
-    same = ("A", "z", "boundary", "input_boundary", "initial", "duration", "output", "check")
+    same = ("A", "z", "tau", "boundary", "input_boundary", "initial", "duration", "output")
     kept = {part: getattr(template, part) for part in same}
+    kept |= {part: getattr(template, part) for part in ("nonlinear", "delayed", "gains", "check")}
     kept["B"] = template.B if template.inputs else None
     return Template(template.name, **{**kept, **parts})
 
@@ -87,8 +134,7 @@ def error_of(template: Template, simulator: Any, shape: tuple[int, int] = (8, 8)
     form = form_of(template)
     case = form.cases(template, np.random.default_rng(1), shape)
     with np.errstate(over="ignore", invalid="ignore"):  # a broken linear template may diverge
-        run = simulator.run(
-            template, input=case.input, state=case.state, bias=case.bias, duration=case.duration
-        )
+        given = {field.name: getattr(case, field.name) for field in fields(case)}
+        run = simulator.run(template, **given)
         error = np.abs(getattr(run, form.compares) - form.expected(template, case)).max()
     return float(error) if np.isfinite(error) else np.inf
