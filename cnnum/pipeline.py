@@ -119,6 +119,7 @@ class Scene:
             conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
             program = _bound(get_program(spec.program), spec, driver.rate)
             plan = used.compile(program, driver.shape, needs, channels=conversion.channels)
+            plan.warm_up()
         except BaseException:
             driver.close()
             raise

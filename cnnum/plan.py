@@ -1,6 +1,7 @@
 """A plan: a program that is compiled for an array, and what can be asked of it."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, cast
@@ -10,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, Shape, finite
 from cnnum.engines.backend import Backend, Executable, Solvers
-from cnnum.errors import ArrayError
+from cnnum.errors import ArrayError, MethodError
 from cnnum.graph.cost import node_flops
 from cnnum.graph.nodes import Constant, ConstantMap, Pick, Transient
 from cnnum.graph.schedule import LeftOut, Schedule
@@ -136,6 +137,14 @@ class Plan:
             Leading axes: so many arrays are streamed side by side.
         """
         return Stream(self, tuple(batch))
+
+    def warm_up(self) -> None:
+        """Build the kernels now, by running an empty frame, so that the first one is no slower."""
+        read = len(self.schedule.channels_read)
+        empty = np.zeros((1, *self.schedule.shape, read))
+        # what an empty frame makes of itself is nobody's answer: it may well not come to an end
+        with suppress(MethodError):
+            self.executable.run(empty, self.executable.new_memory(1), first=True)
 
     def _frames(self, frame: ArrayLike) -> tuple[Floats, tuple[int, ...]]:
         array, channels = finite("frame", frame), self.schedule.channels

@@ -92,6 +92,7 @@ class UskinCsv(Closing):
         self.channels = FORCE_AXES
         self.unit = "count"
         self._counters = Counters()
+        self.total_frames = rows
 
     @property
     def counters(self) -> Counters:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 from cnnum.bench.charts import CHARTS, save
 from cnnum.bench.records import write_data
+from cnnum.files import write_whole
 from cnnum.report.environment import Environment
 
 Row = Mapping[str, object]
@@ -43,7 +44,8 @@ def write_report(
     picture, data, page = (folder / f"{name}.{kind}" for kind in ("png", "json", "html"))
     save(CHARTS[name](rows), picture)
     write_data(data, f"cnnum bench {name}", rows, device, omissions)
-    page.write_text(_html(name, rows, picture, data, device, omissions), encoding="utf-8")
+    text = _html(name, rows, picture, data, device, omissions)
+    write_whole(page, text.encode("utf-8"))
     return picture, data, page
 
 

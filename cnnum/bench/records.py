@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
+from cnnum.files import write_whole
 from cnnum.report.environment import Environment
 
 Row = dict[str, object]
@@ -50,4 +51,4 @@ def write_data(
         "rows": list(rows),
         "omissions": list(omissions),
     }
-    path.write_text(json.dumps(tree, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_whole(path, (json.dumps(tree, indent=1, ensure_ascii=False) + "\n").encode("utf-8"))

@@ -1,12 +1,11 @@
 """Writing a report: the whole file or none."""
 
-import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from cnnum.checks import CheckResult
 from cnnum.errors import ReportError
+from cnnum.files import write_whole
 from cnnum.report.encoding import ReportData
 from cnnum.report.page import page
 from cnnum.report.plan_cost import PlanCost
@@ -46,23 +45,9 @@ def write_demo_report(
     content = page(data).encode("utf-8")
     target = Path(path)
     try:
-        _replace(target, content)
+        write_whole(target, content)
     except OSError as error:
         raise ReportError(
             f"The report '{target}' can not be written: {error.strerror}; check that its folder "
             "exists and may be written to."
         ) from None
-
-
-def _replace(target: Path, content: bytes) -> None:
-    # In the same folder, because a rename is atomic only within one file system.
-    handle, name = tempfile.mkstemp(prefix=f".{target.name}.", dir=target.parent)
-    draft = Path(name)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.write(content)
-        draft.chmod(0o644)
-        draft.replace(target)
-    except OSError:
-        draft.unlink(missing_ok=True)
-        raise

@@ -10,6 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from cnnum.errors import RecordingError
+from cnnum.files import write_whole
 from cnnum.reproduce.drawing import draw
 from cnnum.reproduce.figure import Figure
 from cnnum.reproduce.record import Chapter, Row
@@ -58,7 +59,7 @@ def write_page(
     text = page(rows, figures, advance)
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_text(text, encoding="utf-8")
+        write_whole(target, text.encode("utf-8"))
     except OSError as error:
         raise RecordingError(
             f"Can not write '{target}' ({error.strerror}): expected a folder or a file that may "

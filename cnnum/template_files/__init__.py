@@ -6,9 +6,9 @@ from pathlib import Path
 
 from cnnum.errors import TemplateError, TemplateFileError
 from cnnum.template import Template
-from cnnum.template_files.atomic import write_whole
 from cnnum.template_files.entry import Entry, FileFormat
 from cnnum.template_files.toml_format import TOML
+from cnnum.template_files.writing import write_text
 
 _FORMATS: dict[str, FileFormat] = {TOML.suffix: TOML}
 
@@ -71,7 +71,7 @@ def save_template(
     """
     target = Path(path)
     form = _format(target)
-    write_whole(target, form.write(Entry(template, tuple(aliases))))
+    write_text(target, form.write(Entry(template, tuple(aliases))))
 
 
 def _format(path: Path) -> FileFormat:

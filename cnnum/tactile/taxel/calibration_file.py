@@ -1,8 +1,5 @@
 """Calibrations as TOML files."""
 
-import contextlib
-import os
-import tempfile
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,6 +9,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import CalibrationError, CnnumError
+from cnnum.files import write_whole
 from cnnum.tactile.taxel.readout import Heat
 
 _KIND = "taxel calibration"
@@ -32,7 +30,7 @@ def save(path: Path, values: Mapping[str, Any]) -> None:
         If the folder or the file can not be written.
     """
     try:
-        _replace(path, _text(values))
+        write_whole(path, _text(values).encode("utf-8"))
     except OSError as error:
         raise CalibrationError(
             f"Calibration '{path}' can not be written: {error.strerror}; choose a folder that "
@@ -122,18 +120,3 @@ def _text(values: Mapping[str, Any]) -> str:
     lines.append("\n[heat]")
     lines += [f"{name} = {float(getattr(values['heat'], name))!r}" for name in _HEAT]
     return "\n".join(lines) + "\n"
-
-
-def _replace(path: Path, text: str) -> None:
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).chmod(0o644)
-        Path(name).replace(path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            Path(name).unlink()
-        raise
