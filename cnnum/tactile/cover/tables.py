@@ -1,5 +1,6 @@
 """The influence of a bump on what taxels under it see, worked out by finite elements."""
 
+import math
 from dataclasses import dataclass
 from importlib import resources
 
@@ -15,8 +16,11 @@ STRETCH = np.concatenate([np.arange(0, 2, 0.05), np.arange(2, 8.01, 0.25)])
 """Distances from the axis over 1 + depth, all in bump radii."""
 STRETCH.setflags(write=False)
 
-PATCH = 0.45
-"""Radius of the bonded patch on top, in bump radii: that of a rigid plate pressed 0.25 in."""
+PATCH = math.sin(5 * math.pi / 32)
+"""Radius of the bonded patch on top, in bump radii: 0.47, that of a rigid plate pressed 0.25 in.
+
+A mesh has a node at its rim if its fineness is a multiple of eight.
+"""
 
 PROFILES = 7
 """σ_zz, σ_rz, Eε_zz pressed; σ_zz, σ_rz, σ_θz, Eε_zz dragged."""

@@ -16,7 +16,7 @@ from cnnum.tactile.checks import Array
 from cnnum.tactile.cover.fem.geometry import Shape
 from cnnum.tactile.cover.fem.plane import PlaneBump, make_plane_bump
 from cnnum.tactile.cover.fem.revolution import make_bodies
-from cnnum.tactile.cover.tables import DEPTHS, PATCH, STRETCH
+from cnnum.tactile.cover.tables import DEPTHS, STRETCH
 
 DEEP = 200.0
 """Bump radii to the sides and the bottom of what stands for a half-space."""
@@ -42,7 +42,7 @@ def regenerate(
     path : str or Path, optional
         Where to write the tables to, as .npz in single precision.
     fineness, plane_fineness : int
-        Cells along an eighth of the circle.
+        Cells along an eighth of the circle; a multiple of eight has a node at the rim of the patch.
     depths : sequence of float, bump radii
         Of the taxels below the surface.
     growth : float
@@ -76,14 +76,14 @@ def regenerate(
 
 
 def _deep(fineness: int, depths: Sequence[float], growth: float) -> tuple[Array, float]:
-    bodies = make_bodies(Shape(DEEP, DEEP, growth=growth), fineness, patch=PATCH)
+    bodies = make_bodies(Shape(DEEP, DEEP, growth=growth), fineness)
     profiles = [bodies.profiles(depth, STRETCH * (1 + depth)) for depth in depths]
     return np.stack(profiles), bodies.lever
 
 
 def _layer(fineness: int, depth: float, growth: float) -> Array:
     shape = Shape(2.0 + MARGIN * (1 + depth), depth, growth=growth)
-    bodies = make_bodies(shape, fineness, patch=PATCH)
+    bodies = make_bodies(shape, fineness)
     return bodies.profiles(depth, STRETCH * (1 + depth))
 
 

@@ -180,4 +180,4 @@ def _graded(start: float, end: float, first: float, growth: float) -> Array:
     """Return the points after `start` up to `end`: cells that begin with `first` and grow."""
     count = max(1, round(np.log1p((end - start) * (growth - 1) / first) / np.log(growth)))
     places = np.cumsum(growth ** np.arange(count))
-    return np.asarray(start + places * ((end - start) / places[-1]))
+    return np.append(start + places[:-1] * ((end - start) / places[-1]), end)

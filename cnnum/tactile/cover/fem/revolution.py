@@ -9,6 +9,7 @@ from cnnum.tactile.cover.fem.body import Body, make_body
 from cnnum.tactile.cover.fem.geometry import Shape, half_section
 from cnnum.tactile.cover.fem.plate import Movement, cap, move
 from cnnum.tactile.cover.fem.section import DRAGGED, PUSHED, Hooke
+from cnnum.tactile.cover.tables import PATCH
 
 NEAR_AXIS = 1e-7  # bump radii: the axis itself belongs to no cell's inside
 
@@ -67,7 +68,9 @@ class Bodies:
         return np.concatenate([press, drag])
 
 
-def make_bodies(shape: Shape, fineness: int, *, poisson: float = 0.5, patch: float = 0.5) -> Bodies:
+def make_bodies(
+    shape: Shape, fineness: int, *, poisson: float = 0.5, patch: float = PATCH
+) -> Bodies:
     """Return the bump in both modes.
 
     Parameters
@@ -76,7 +79,7 @@ def make_bodies(shape: Shape, fineness: int, *, poisson: float = 0.5, patch: flo
     fineness : int
     poisson : float
     patch : float, bump radii
-        Radius of the bonded patch on top.
+        Radius of the bonded patch on top; its rim is the last node within.
     """
     mesh = half_section(shape, fineness)
     pushed = make_body(mesh, Hooke(PUSHED, poisson))

@@ -118,7 +118,7 @@ class Space:
         cells = self.straight.element_finder()(*points)
         inside = basis.mapping.invF(points[:, :, None], tind=cells)
         shapes = [
-            basis.elem.gbasis(basis.mapping, inside, n, tind=cells)[0].value[:, 0]
+            np.asarray(basis.elem.gbasis(basis.mapping, inside, n, tind=cells)[0])[:, 0]
             for n in range(basis.Nbfun)
         ]
         rows = np.tile(np.arange(len(places)), basis.Nbfun)
