@@ -9,7 +9,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters
 from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
-from cnnum.drivers.simulated.motion import commands, largest_load
+from cnnum.drivers.simulated.motion import commands, total_scans, largest_load
 from cnnum.drivers.simulated.settings import Settings
 from cnnum.drivers.simulated.springs import Pair, Springs, State
 from cnnum.drivers.simulated.tractions import Tractions
@@ -32,6 +32,8 @@ class SimulatedArray(Closing):
     ----------
     calibration : Calibration
         The exact way back from voltages to strain at the taxels.
+    total_frames : int
+        Scans of the whole script.
 
     Raises
     ------
@@ -54,6 +56,7 @@ class SimulatedArray(Closing):
         self._taxel = _taxel(options, self._rng)
         self._noise = self._rng.bit_generator.state
         self.calibration: Calibration = self._taxel.calibration(options.thickness)
+        self.total_frames = total_scans(options.script, options.rate)
         self._counters = Counters()
         self._closed = False
 

@@ -58,6 +58,11 @@ def commands(script: Sequence[Phase], rate: float) -> Iterator[Command]:
         load = _load(phase, load, 1.0)
 
 
+def total_scans(script: Sequence[Phase], rate: float) -> int:
+    """Return the number of scans of a whole script."""
+    return sum(scans(phase, rate) for phase in script)
+
+
 def largest_load(script: Sequence[Phase]) -> float:
     """Return the largest load that a script reaches, N; 0 if it never touches."""
     reached = load = 0.0
