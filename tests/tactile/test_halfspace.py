@@ -73,23 +73,22 @@ def test_the_stated_error_holds_and_costs_few_waves(tolerance, depth):
     assert len(times.values) <= 4 * -np.log10(tolerance) + 14
 
 
-def test_the_lattice_nears_the_continuum_as_the_square_of_the_cell():
-    """A smooth patch of pressure far from the rim: error / h² stays the same."""
+def test_the_lattice_nears_the_continuum_as_the_square_of_the_cell(opencl):
+    """A smooth load without a net force, so that the mirrored ones beyond the rim fade quickly."""
     errors = []
-    for cells in (24, 48):
-        h = 12.0 / cells
-        place = (np.arange(cells) + 0.5) * h - 6.0
+    for cells in (10, 20):
+        h = 10.0 / cells
+        place = (np.arange(cells) + 0.5) * h - 5.0
+        square = place[:, None] ** 2 + place[None, :] ** 2
         load = np.zeros((cells, cells, 3))
-        load[..., 2] = np.exp(-(place[:, None] ** 2 + place[None, :] ** 2))
-        program = halfspace_stress.bind(thickness=1.0, pitch=h, tolerance=1e-6)
-        got = Engine("reference").compile(program, (cells, cells), ["stress_zz"])
+        load[..., 2] = (1.0 - square) * np.exp(-square)
+        program = halfspace_stress.bind(thickness=1.0, pitch=h, tolerance=1e-5)
+        got = opencl.compile(program, (cells, cells), ["stress_zz"])(load)["stress_zz"]
         exact = SurfaceToDepth((cells, cells), h, 1.0)(load)[..., 2]
-        # mirrored images of the rim are 6 away: 1e-2 of the peak there, little in the middle
-        middle = slice(cells // 2 - cells // 8, cells // 2 + cells // 8)
-        errors.append(np.abs(got(load)["stress_zz"] - exact)[middle, middle].max())
-    floor = 3 / (2 * np.pi) * np.pi / 12.0**2 * 4  # four images of the load π at 12, (4.11)
-    assert errors[1] <= errors[0]
-    assert errors[1] <= floor + 0.02 * exact.max() + 0.02
+        errors.append(np.abs(got - exact).max() / np.abs(exact).max())
+    # second order is 4; the images' part (a few 1e-3) and h⁴ terms pull at it
+    assert 2.5 <= errors[0] / errors[1] <= 6.0
+    assert errors[1] <= 0.15
 
 
 @pytest.mark.parametrize("options", [{"thickness": 0.0}, {"thickness": -1.0}, {"tolerance": 0.5}])
