@@ -9,7 +9,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters
 from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
-from cnnum.drivers.simulated.motion import commands, total_scans, largest_load
+from cnnum.drivers.simulated.motion import commands, largest_load, total_scans
 from cnnum.drivers.simulated.settings import Settings
 from cnnum.drivers.simulated.springs import Pair, Springs, State
 from cnnum.drivers.simulated.tractions import Tractions
