@@ -10,6 +10,7 @@ from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.opencl.kernel_text import KernelText, lower
+from cnnum.engines.opencl.shared import SharedArray, shared_array, shares_memory
 from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
 
@@ -29,11 +30,10 @@ class _Kernel:
 
 
 @dataclass(slots=True, eq=False)
-class _Buffers:
-    input: cl.Buffer
-    output: cl.Buffer
+class _Arrays:
+    input: SharedArray
+    output: SharedArray
     scratch: cl.Buffer
-    result: NDArray[np.floating]
 
 
 @dataclass(slots=True, eq=False)
@@ -46,7 +46,9 @@ class OpenCLExecutable:
     dtype: np.dtype[np.floating]
     wide_lanes: int
     _kernels: dict[int, _Kernel] = field(default_factory=dict[int, _Kernel])
-    _buffers: dict[int, _Buffers] = field(default_factory=dict[int, _Buffers])
+    _arrays: dict[int, _Arrays] = field(default_factory=dict[int, _Arrays])
+    _no_memory: SharedArray | None = None
+    _bound: tuple[object, ...] = ()
 
     @property
     def launches(self) -> int:
@@ -64,37 +66,49 @@ class OpenCLExecutable:
         return self.wide_lanes if wide else 1
 
     def new_memory(self, batch: int) -> object:
-        """Return cleared memories on the device."""
-        size = max(1, batch * self._kernel(self.lanes_for(batch)).text.memory_size)
-        zeros = np.zeros(size, self.dtype)
-        flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
-        return cl.Buffer(self.queue.context, flags, hostbuf=zeros)
+        """Return cleared memories on the device; the same for all where a plan has none."""
+        size = batch * self._kernel(self.lanes_for(batch)).text.memory_size
+        if size:
+            return self._array(size)
+        if self._no_memory is None:
+            self._no_memory = self._array(0)
+        return self._no_memory
 
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
     ) -> dict[str, Floats]:
-        """Copy frames in, launch once, copy what is wanted out."""
-        assert isinstance(memory, cl.Buffer)
+        """Hand frames over, launch once, read what is wanted."""
+        assert isinstance(memory, SharedArray)
         batch = frames.shape[0]
         lanes = self.lanes_for(batch)
-        built, buffers = self._kernel(lanes), self._buffers_for(batch, lanes)
-        packed = np.ascontiguousarray(frames, dtype=self.dtype)
-        if packed.size:
-            cl.enqueue_copy(self.queue, buffers.input, packed, is_blocking=False)
-        built.kernel(
-            self.queue,
-            (-(-batch // lanes),),
-            (1,),
-            buffers.input,
-            buffers.output,
-            memory,
+        built, arrays = self._kernel(lanes), self._arrays_for(batch, lanes)
+        if frames.size:
+            np.copyto(arrays.input.host.reshape(frames.shape), frames, casting="same_kind")
+            arrays.input.push(self.queue)
+        self._bind(built, arrays, memory, batch, first)
+        cl.enqueue_nd_range_kernel(self.queue, built.kernel, (-(-batch // lanes),), (1,))
+        arrays.output.pull(self.queue)
+        return self._unpack(built.text, arrays.output.host.reshape(batch, -1))
+
+    def _bind(
+        self, built: _Kernel, arrays: _Arrays, memory: SharedArray, batch: int, first: bool
+    ) -> None:
+        """Set the kernel's arguments, unless they are the same as before."""
+        bound = (built, arrays, memory, batch, first)
+        if len(self._bound) == len(bound) and all(
+            a is b for a, b in zip(bound, self._bound, strict=True)
+        ):
+            return
+        built.kernel.set_args(
+            arrays.input.argument,
+            arrays.output.argument,
+            memory.argument,
             built.data,
-            buffers.scratch,
+            arrays.scratch,
             np.int32(batch),
             np.int32(first),
         )
-        cl.enqueue_copy(self.queue, buffers.result, buffers.output)
-        return self._unpack(built.text, buffers.result)
+        self._bound = bound
 
     def _unpack(self, text: KernelText, result: NDArray[np.floating]) -> dict[str, Floats]:
         refuse_unfinished(result[:, -1])
@@ -120,16 +134,19 @@ class OpenCLExecutable:
             self._kernels[lanes] = _Kernel(text, cl.Kernel(program, "plan"), data)
         return self._kernels[lanes]
 
-    def _buffers_for(self, batch: int, lanes: int) -> _Buffers:
-        if batch not in self._buffers:
+    def _arrays_for(self, batch: int, lanes: int) -> _Arrays:
+        if batch not in self._arrays:
             text, width = self._kernel(lanes).text, self.dtype.itemsize
             cells_read = self.schedule.cells * len(self.schedule.channels_read)
-            context, flags = self.queue.context, cl.mem_flags
-            self._buffers.clear()  # one batch size at a time: large ones would pile up
-            self._buffers[batch] = _Buffers(
-                cl.Buffer(context, flags.READ_ONLY, max(1, batch * cells_read) * width),
-                cl.Buffer(context, flags.WRITE_ONLY, batch * text.output_size * width),
-                cl.Buffer(context, flags.READ_WRITE, max(1, batch * text.scratch) * width),
-                np.empty((batch, text.output_size), self.dtype),
+            self._arrays.clear()  # one batch size at a time: large ones would pile up
+            scratch = max(1, batch * text.scratch) * width
+            self._arrays[batch] = _Arrays(
+                self._array(batch * cells_read),
+                self._array(batch * text.output_size),
+                cl.Buffer(self.queue.context, cl.mem_flags.READ_WRITE, scratch),
             )
-        return self._buffers[batch]
+        return self._arrays[batch]
+
+    def _array(self, size: int) -> SharedArray:
+        share = shares_memory(self.queue.device)
+        return shared_array(self.queue.context, size, self.dtype, share=share)

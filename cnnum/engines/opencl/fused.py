@@ -16,6 +16,7 @@ from cnnum.engines.opencl.drive import constant_drive
 from cnnum.engines.opencl.text import fill, indented, rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
+from cnnum.network import taps
 
 BLOCK_COLUMNS = 10
 BLOCK_STATEMENTS = 400
@@ -32,10 +33,20 @@ def fused_euler(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
     _declare(text, scheme)
     with text.aside() as step:
-        _sweep(text, scheme)
-        if text.template.boundary.constant is None:
+        if text.tables.lanes > 1:
+            _sweep(text, scheme)
+        else:
+            _two_sweeps(text, scheme)
+        if text.template.boundary.constant is None and text.tables.lanes > 1:
             _rim_rows(text)
-    figures = {"method": scheme.tableau.name, "count": scheme.count, "step": f"{scheme.step:g}"}
+        elif text.template.boundary.constant is None:
+            text.fill_rims("y", text.layers, text.template.boundary, None)
+    figures = {
+        "method": scheme.tableau.name,
+        "count": scheme.count,
+        "step": f"{scheme.step:g}",
+        "other": "z" if text.tables.lanes > 1 else "y",
+    }
     name = "fused_settling" if scheme.settle else "fused_steps"
     if scheme.settle:
         figures["h"] = text.number(scheme.step)
@@ -50,10 +61,12 @@ def fused_euler(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
 def _declare(text: TransientText, scheme: FixedSteps) -> None:
     """Append the two arrays of outputs and the scaled drive."""
     boundary = text.template.boundary
-    text.array("z", text.layers * text.padded)
+    names = ("y", "z") if text.tables.lanes > 1 else ("y",)
+    for name in names[1:]:
+        text.array(name, text.layers * text.padded)
     if boundary.constant is not None:
         value = float(text.template.output.numpy(np.asarray(boundary.constant)))
-        for name in ("y", "z"):
+        for name in names:
             text.fill_rims(name, text.layers, boundary, value)
     if constant_drive(text) is None:
         text.array("wh", text.layers * text.cells)
@@ -111,6 +124,33 @@ def _sweep(text: TransientText, scheme: FixedSteps) -> None:
     text.lines.append("}")
 
 
+def _two_sweeps(text: TransientText, scheme: FixedSteps) -> None:
+    """Append one step of all cells of a single frame, as loops that compilers vectorise.
+
+    They do where nothing that is written may be what is read, so new outputs wait for a sweep of
+    their own, and the arrays are not swapped.
+    """
+    constant = constant_drive(text)
+    body: list[str] = []
+    for layer in range(text.layers):
+        at = text.at(layer)
+        kept = text.number(1.0 - scheme.step / float(text.template.tau[layer]))
+        drive = f"wh[{at}]" if constant is None else _number(text, scheme, layer, constant[layer])
+        terms = [
+            f" + {_number(text, scheme, layer, tap.weight)} * {text.neighbour('y', tap)}"
+            for tap in taps(text.template.A, layer)
+        ]
+        body.append(f"{{ real sum = {drive} + {kept} * x[{at}]{''.join(terms)};")
+        body += [f"    {line}" for line in _settle(text, scheme, "sum", f"x[{at}]", "")]
+        body.append(f"    x[{at}] = sum; }}")
+    text.over_grid(body)
+    outputs = [
+        f"y[{m * text.padded} + p] = {_output(text, f'x[{text.at(m)}]')};"
+        for m in range(text.layers)
+    ]
+    text.over_grid(outputs)
+
+
 def _state(text: TransientText, layer: int, column: int) -> str:
     return f"x[{layer * text.cells + column} + i]"
 
@@ -160,21 +200,25 @@ def _end(text: TransientText, scheme: FixedSteps, column: int) -> None:
     """Append what becomes of a column's finished sums."""
     for layer in range(text.layers):
         new, old = f"s{layer}_{column}", _state(text, layer, column)
-        if text.template.output.limited:
-            text.lines.append(f"{new} = clamp({new}, -ONE, ONE);")
-        if text.operands.mask is not None:
-            mask = text.operands.mask.replace("[i]", f"[i + {column}]").replace(
-                "+ i]", f"+ i + {column}]"
-            )
-            text.lines.append(f"{new} = PICK({mask} != ZERO, {old}, {new});")
-        if scheme.settle:
-            rate = text.number(float(text.template.tau.max()) / scheme.step)
-            text.lines.append(
-                f"change = fmax(change, {rate} * fabs({new} - {old}) - {text.scale(old)});"
-            )
-            text.lines.append(f"{new} = PICK(running != ZERO, {new}, {old});")
+        text.lines += _settle(text, scheme, new, old, f" + {column}")
         place = layer * text.padded + text.radius * text.pitch + text.radius + column
         text.lines.append(f"{old} = {new}; to[{place} + p] = {_output(text, new)};")
+
+
+def _settle(text: TransientText, scheme: FixedSteps, new: str, old: str, offset: str) -> list[str]:
+    """Return statements that keep a new state within limits, masks and lanes that have settled."""
+    lines: list[str] = []
+    if text.template.output.limited:
+        lines.append(f"{new} = clamp({new}, -ONE, ONE);")
+    if text.operands.mask is not None:
+        mask = text.operands.mask.replace("[i]", f"[i{offset}]")
+        mask = mask.replace("+ i]", f"+ i{offset}]")
+        lines.append(f"{new} = PICK({mask} != ZERO, {old}, {new});")
+    if scheme.settle:
+        rate = text.number(float(text.template.tau.max()) / scheme.step)
+        lines.append(f"change = fmax(change, {rate} * fabs({new} - {old}) - {text.scale(old)});")
+        lines.append(f"{new} = PICK(running != ZERO, {new}, {old});")
+    return lines
 
 
 def _rim_columns(text: TransientText, boundary: Boundary) -> list[str]:

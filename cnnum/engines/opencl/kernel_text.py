@@ -45,7 +45,7 @@ def lower(
     schedule: Schedule, solvers: Solvers, lanes: int, dtype: np.dtype[np.floating]
 ) -> KernelText:
     """Return the kernel text of a schedule for `lanes` frames side by side."""
-    tables = Tables(dtype)
+    tables = Tables(dtype, lanes)
     arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
     lowering = Lowering(schedule, solvers, tables, arena, Values(tables))
     lowering.lower()

@@ -46,9 +46,18 @@ class Arena:
 
 @dataclass(slots=True)
 class Tables:
-    """Index tables in constant memory and numbers in the data buffer, each stored once."""
+    """Index tables in constant memory and numbers in the data buffer, each stored once.
+
+    Attributes
+    ----------
+    dtype : dtype
+        Of the kernel's numbers.
+    lanes : int
+        Frames side by side in the kernel's type.
+    """
 
     dtype: np.dtype[np.floating]
+    lanes: int
     _tables: dict[str, str] = field(default_factory=dict[str, str])
     _data: list[Floats] = field(default_factory=list[Floats])
     _length: int = 0

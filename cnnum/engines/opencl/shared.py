@@ -1,0 +1,68 @@
+"""Arrays that host and device both see: shared memory where a device has it, else copies."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SharedArray:
+    """Numbers of the host and the device.
+
+    Attributes
+    ----------
+    host : (n,) float
+        What the host writes before `push`, and reads after `pull`.
+    argument : SVM or Buffer
+        What a kernel takes.
+    copied : Buffer or None
+        None where the memory is the same, so that nothing has to be copied.
+    """
+
+    host: NDArray[np.floating]
+    argument: object
+    copied: cl.Buffer | None
+
+    def push(self, queue: cl.CommandQueue) -> None:
+        """Let the device see what the host wrote."""
+        if self.copied is not None:
+            cl.enqueue_copy(queue, self.copied, self.host, is_blocking=False)
+
+    def pull(self, queue: cl.CommandQueue) -> None:
+        """Wait for the device, and let the host see what it wrote."""
+        if self.copied is None:
+            queue.finish()
+        else:
+            cl.enqueue_copy(queue, self.host, self.copied)
+
+
+def shares_memory(device: cl.Device) -> bool:
+    """Return whether host and device may use the same memory without telling each other.
+
+    OpenCL 2's fine-grained shared virtual memory: PoCL has it on processors.
+    """
+    try:
+        return bool(device.svm_capabilities & cl.device_svm_capabilities.FINE_GRAIN_BUFFER)
+    except cl.Error:  # a device of OpenCL 1
+        return False
+
+
+def shared_array(
+    context: cl.Context, size: int, dtype: np.dtype[np.floating], *, share: bool
+) -> SharedArray:
+    """Return an array of zeros, one number at least."""
+    size = max(size, 1)
+    if share:
+        empty = cast(Callable[..., Any], cl.fsvm_empty)
+        # whole vectors at the end may be read, and vectors begin at their own size
+        host = cast(NDArray[np.floating], empty(context, (size,), dtype, alignment=64))
+        host[:] = 0
+        return SharedArray(host, cl.SVM(host), None)
+    host = np.zeros(size, dtype)
+    flags = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
+    buffer = cl.Buffer(context, flags, hostbuf=host)
+    return SharedArray(host, buffer, buffer)
