@@ -161,7 +161,7 @@ def _panel(line: bool, title: str) -> Panel:
     arrows = Arrows(x, y, tips[:, 0], tips[:, 1])
     grid = 1e3 * (np.arange(9) - 4) * PITCH
     places = np.stack(np.meshgrid(grid, grid)).reshape(2, -1).astype(np.float64)
-    dots = Dots(places[0], places[1], np.full(81, 4.0), 1, "")
+    dots = Dots(places[0], places[1], np.full(81, 11.0), 1, "")
     return Panel(title, "x (mm)", "y (mm)", [dots, *rim, arrows], equal=True, reach=7.0)
 
 

@@ -63,7 +63,8 @@ tr{border-bottom:1px solid var(--line);padding:.7rem 0;display:grid;
 grid-template-columns:1fr 1fr;column-gap:1rem}tr:last-child{border-bottom:0}
 td.what{grid-column:1/-1;padding-bottom:.3rem}
 td,td.n{border:0;padding:.1rem 0;text-align:left;white-space:normal}
-td[data-l]::before{content:attr(data-l) " ";color:var(--soft);display:inline-block;min-width:5.2rem}
+td[data-l]::before{content:attr(data-l);color:var(--soft);display:block;font-size:.76rem;
+line-height:1.2;padding-top:.25rem}
 td.what{font-size:.95rem}
 .tile{flex:1 1 28%;min-width:0;padding:.6rem .7rem}.tile b{font-size:1.15rem}
 .tile span{font-size:.78rem;display:block;line-height:1.35}

@@ -33,7 +33,7 @@ def number(value: float, digits: int = 4) -> str:
     text = f"{value:.{digits}g}"
     if "e" in text:
         mantissa, _, power = text.partition("e")
-        times = "" if mantissa == "1" else f"{mantissa} · "
+        times = "" if mantissa == "1" else f"{mantissa} · "
         text = f"{times}10<sup>{int(power)}</sup>"
     return text.replace("-", "−")
 

@@ -176,10 +176,12 @@ CHAPTER = Chapter(
         *(
             Item(f"texture-{name}-direction", f"change of {name} over eight directions, at most",
                  "section 6.5: “insensitive to motion direction”", 0.0,
-                 partial(sway, feature, False), 6.0,
-                 "noise of the bridges alone, which wood's roughness of 2 % feels most", "%",
-                 figure="fig-6.19")
-            for feature, name in ((0, "friction"), (1, "roughness"))
+                 partial(sway, feature, False), tolerance, reason, "%", figure="fig-6.19")
+            for feature, name, tolerance, reason in (
+                (0, "friction", 1.0, "noise of the bridges alone: 0.5 % of a frame's signal"),
+                (1, "roughness", 6.0, "noise of the bridges alone: as much as a quarter of the "
+                 "2 % that wood has, and it adds to it in different shares"),
+            )
         ),
         Item("texture-friction-force", "change of friction as the force grows 2.8 times, at most",
              "section 6.5: “insensitive to … the overall force”", 0.0, partial(sway, 0, True),

@@ -110,7 +110,7 @@ def test_a_matrix_shows_its_numbers() -> None:
 def test_numbers_are_written_for_people() -> None:
     assert number(-2.0) == "−2"
     assert number(1e-12) == "10<sup>−12</sup>"
-    assert number(2.5e-7) == "2.5 · 10<sup>−7</sup>"
+    assert number(2.5e-7) == "2.5\u00a0·\u00a010<sup>−7</sup>"
     assert number(float("nan")) == "–"
     assert written("T_x < 1") == "T<sub>x</sub> &lt; 1"
 
