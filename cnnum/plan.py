@@ -2,9 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
-from importlib import import_module
-from typing import TYPE_CHECKING, cast
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,9 +14,7 @@ from cnnum.graph.cost import node_flops
 from cnnum.graph.nodes import Constant, ConstantMap, Pick, Transient
 from cnnum.graph.schedule import LeftOut, Schedule
 from cnnum.integrators.choice import FixedSteps
-
-if TYPE_CHECKING:
-    from cnnum.tracing import TraceStep
+from cnnum.tracing import TraceStep, everything_kept, trace_steps
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,10 +170,21 @@ class Plan:
             name: values.reshape((*lead, *values.shape[1:])) for name, values in outputs.items()
         }
 
-    def trace(self, frame: ArrayLike) -> "Iterator[TraceStep]":
-        """Yield each operation with its result for a frame: see `cnnum.tracing.trace`."""
-        tracing = import_module("cnnum.tracing")
-        return cast("Iterator[TraceStep]", tracing.trace(self, frame))
+    def trace(self, frame: ArrayLike) -> Iterator[TraceStep]:
+        """Yield each operation with its result for a frame, or a batch of frames.
+
+        The plan is built once more on its engine with every result kept, so what is shown is what
+        the device computed; what happens inside a loop shows in the loop's results.
+
+        Raises
+        ------
+        ArrayError
+            If the frame has another shape, or holds NaN or infinity.
+        """
+        kept = everything_kept(self.schedule)
+        executable = self.backend.build(kept, self.solvers)
+        values = replace(self, schedule=kept, executable=executable)(frame)
+        return trace_steps(self.schedule, values)
 
     def explain(self) -> Explanation:
         """Return what runs, what was left out and why, and what it costs."""

@@ -1,14 +1,13 @@
 """Single-stepping a plan: every operation with what the machine's memories hold after it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats
 from cnnum.graph.nodes import Constant, ConstantMap, Loop, Node, Transient
-from cnnum.plan import Plan
+from cnnum.graph.schedule import Schedule
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,22 +33,23 @@ class TraceStep:
     value: Floats
 
 
-def trace(plan: Plan, frame: ArrayLike) -> Iterator[TraceStep]:
-    """Yield each operation of a plan with its result for a frame, or a batch of them.
+def everything_kept(schedule: Schedule) -> Schedule:
+    """Return the schedule with every operation's result among its outputs."""
+    kept = {str(node.index): node for node in schedule.nodes if _has_value(node)}
+    return replace(schedule, outputs=kept)
 
-    The plan is built once more on its engine with every operation's result kept, so what is shown
-    is what the device computed; what happens inside a loop shows in the loop's results.
 
-    Raises
-    ------
-    ArrayError
-        If the frame has another shape, or holds NaN or infinity.
+def trace_steps(schedule: Schedule, values: Mapping[str, Floats]) -> Iterator[TraceStep]:
+    """Yield the operations of a schedule with their results.
+
+    Parameters
+    ----------
+    schedule : Schedule
+        As it runs without a trace: it tells which operations are outputs.
+    values : mapping of str to array
+        What `everything_kept` of it gave.
     """
-    schedule = plan.schedule
     shown = [node for node in schedule.nodes if _has_value(node)]
-    kept = {str(node.index): node for node in shown}
-    executable = plan.backend.build(replace(schedule, outputs=kept), plan.solvers)
-    values = replace(plan, schedule=replace(schedule, outputs=kept), executable=executable)(frame)
     numbers = {node.index: number for number, node in enumerate(shown)}
     for node in shown:
         yield TraceStep(
