@@ -56,23 +56,28 @@ def place(cells):
 
 
 def test_a_rectangle_has_its_rim_and_no_inside(opencl, run):
-    """Under a cover half a cell thick, all edge taxels lie on the outermost ring of the load."""
+    """Under a cover half a cell thick, edges lie on the outermost ring of the load.
+
+    Only next to its four corners, where the load bends both ways, one taxel more may be an edge.
+    """
     load = np.zeros((24, 24))
     load[6:18, 5:19] = 1.0
     found = run(opencl, edges, pressed(stress_under(load, 0.5)), ["edges"])["edges"][-1] > 0
     inner = np.zeros_like(found)
     inner[7:17, 6:18] = True
     rim = (load > 0) & ~inner
-    assert found[rim].mean() >= 0.95
-    assert not found[~rim].any()
+    corners = np.zeros_like(found)
+    corners[np.ix_([7, 16], [6, 17])] = True
+    assert found[rim].all()
+    assert not found[~(rim | corners)].any()
 
 
 def test_a_sphere_has_no_edge(opencl, run):
-    """Hertz's pressure, 8 cells in radius, is steep at its rim but bends little under a cover."""
+    """Hertz's pressure, 8 cells in radius, bends little anywhere under half a cell of cover."""
     y, x = place(24)
     sphere = np.sqrt(np.maximum(0.0, 1.0 - (x**2 + y**2) / 64.0))
     punch = (x**2 + y**2 < 64.0).astype(float)
-    smooth = run(opencl, edges, pressed(stress_under(sphere, 1.0)), ["edge_count"])
-    sharp = run(opencl, edges, pressed(stress_under(punch, 1.0)), ["edge_count"])
+    smooth = run(opencl, edges, pressed(stress_under(sphere, 0.5)), ["edge_count"])
+    sharp = run(opencl, edges, pressed(stress_under(punch, 0.5)), ["edge_count"])
     assert smooth["edge_count"][-1] == 0
     assert sharp["edge_count"][-1] >= 24

@@ -2,9 +2,9 @@
 
 import pytest
 
+from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Transient
 from cnnum.graph.passes import schedule
-from cnnum.frame import FORCE_AXES
 from cnnum.templates.tactile.tactile import tactile
 
 GRAPH = tactile.trace((8, 8))
