@@ -1,6 +1,7 @@
 """All items and figures, chapter by chapter. A new part is one file and one line here."""
 
 from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 
 from cnnum.errors import name_error
 from cnnum.reproduce import (
@@ -44,6 +45,11 @@ def item_names() -> tuple[str, ...]:
     return tuple(item.name for chapter in CHAPTERS for item in chapter.items)
 
 
+def beginnings() -> tuple[str, ...]:
+    """Return what names begin with: kinds and chapters, "fig-4"."""
+    return tuple(dict.fromkeys(name.split(".")[0] for name in item_names()))
+
+
 def figure_makers() -> dict[str, Callable[[], Figure]]:
     """Return what makes each figure, by name."""
     return {name: make for chapter in CHAPTERS for name, make in chapter.figures.items()}
@@ -68,7 +74,8 @@ def select(wanted: Sequence[str]) -> tuple[Item, ...]:
         return tuple(items)
     for name in wanted:
         if not any(_begins(item, name) for item in items):
-            raise name_error("item", name, item_names())
+            near = get_close_matches(name, item_names(), n=5)
+            raise name_error("item", name, near or beginnings())
     return tuple(item for item in items if any(_begins(item, name) for name in wanted))
 
 

@@ -7,7 +7,7 @@ import pytest
 from cnnum.errors import PhysicsError, UnknownNameError
 from cnnum.reproduce import errata, inverse
 from cnnum.reproduce.record import Item
-from cnnum.reproduce.registry import CHAPTERS, figure_makers, item_names, select
+from cnnum.reproduce.registry import CHAPTERS, beginnings, figure_makers, item_names, select
 from cnnum.reproduce.run import run, run_item
 
 ITEMS = select([])
@@ -148,6 +148,15 @@ def test_names_are_whole_parts() -> None:
     assert len(select(["W", "eq-5"])) == 3 + len(inverse.CHAPTER.items)
     with pytest.raises(UnknownNameError, match=r"fig-4\.1'"):
         select(["fig-4.1"])
+
+
+def test_unknown_names_are_answered_with_names_that_are_known() -> None:
+    for name in beginnings():
+        assert select([name])
+    with pytest.raises(UnknownNameError, match="'hyperacuity'"):
+        select(["hyperacurity"])
+    with pytest.raises(UnknownNameError, match=r"'fig-4'.*'erratum-3'"):
+        select(["§§"])
 
 
 def test_chapters_hold_every_item_once() -> None:
