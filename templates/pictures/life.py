@@ -1,0 +1,29 @@
+"""Conway's game of life: two counts by a template of two layers, then local logic, in a loop."""
+
+from collections.abc import Mapping
+
+from cnnum.library import get_template
+from cnnum.programs import program
+from cnnum.programs.fields import Field
+from cnnum.programs.loops import loop
+from cnnum.programs.machine import FrameFields
+from cnnum.programs.transients import transient
+
+
+@program
+def life(frame: FrameFields, *, generations: int = 1) -> Mapping[str, Field]:
+    """Play the game of life from a picture on, dead beyond the frame.
+
+    Returns
+    -------
+    picture : logic map of who lives at the end.
+    still : flag; the game came to rest before its last generation.
+    """
+    counts = get_template("LIFE_1")
+
+    def next_generation(alive: Field) -> Field:
+        few, alone = transient(counts, input=alive.picture()).outputs
+        return few.black() & ~alone.black()
+
+    game = loop(next_generation, frame.channel("picture").black(), limit=generations)
+    return {"picture": game.value, "still": game.finished}

@@ -1,0 +1,34 @@
+"""The skeleton of objects: eight peeling templates in turn until nothing changes."""
+
+from collections.abc import Mapping
+
+from cnnum.library import get_template
+from cnnum.programs import program
+from cnnum.programs.fields import Field
+from cnnum.programs.loops import loop
+from cnnum.programs.machine import FrameFields
+from cnnum.programs.transients import apply
+
+SIDES = tuple(get_template(f"SKELBW{number}") for number in range(1, 9))
+"""Peel corners and sides, clockwise from the north-west."""
+
+
+@program
+def skeleton(frame: FrameFields) -> Mapping[str, Field]:
+    """Thin the black objects of a picture to lines.
+
+    Returns
+    -------
+    picture : logic map of the skeleton.
+    rounds : how often all eight sides were peeled.
+    """
+
+    def peel(objects: Field) -> Field:
+        for side in SIDES:
+            objects = apply(side, input=objects.picture()).black()
+        return objects
+
+    # each round but the last takes a cell away
+    limit = frame.shape[0] * frame.shape[1] + 1
+    thinned = loop(peel, frame.channel("picture").black(), limit=limit)
+    return {"picture": thinned.value, "rounds": thinned.iterations}
