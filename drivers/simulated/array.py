@@ -8,6 +8,7 @@ import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters
+from cnnum.drivers.simulated.bumps import bumps_fem_influence
 from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
 from cnnum.drivers.simulated.motion import commands, largest_load, total_scans
 from cnnum.drivers.simulated.settings import Settings
@@ -173,6 +174,8 @@ def _influence(options: Settings, layout: Layout) -> Floats:
     cover = (layout, options.thickness, options.youngs_modulus)
     if options.cover == "bumpy":
         return bumpy_influence(*cover, options.bump_radius)
+    if options.cover == "bumps-fem":
+        return bumps_fem_influence(*cover, options.bump_radius)
     return flat_influence(*cover)
 
 

@@ -23,7 +23,8 @@ class Settings:
     shape : (rows, cols)
     rate : float, Hz
     pitch : float, m
-    cover : "flat" or "bumpy"
+    cover : "flat", "bumpy" or "bumps-fem"
+        "bumpy" spreads a bump's load evenly over its foot, "bumps-fem" as finite elements do.
     thickness : float, m
         Of the cover; with bumps, of the layer under them.
     bump_radius : float, m
@@ -55,7 +56,7 @@ class Settings:
     shape: tuple[int, int] = (8, 8)
     rate: float = 200.0
     pitch: float = 1.5e-3
-    cover: Literal["flat", "bumpy"] = "flat"
+    cover: Literal["flat", "bumpy", "bumps-fem"] = "flat"
     thickness: float = 1.0e-3
     bump_radius: float = 0.6e-3
     youngs_modulus: float = 0.87e6

@@ -1,0 +1,47 @@
+"""The bumpy cover as finite elements have it, for the same taxels and cells as `cover`."""
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.drivers.simulated.cover import MARGIN, Layout
+from cnnum.tactile.cover import BumpCover
+from cnnum.tactile.grid import make_grid
+
+
+def bumps_fem_influence(
+    layout: Layout, thickness: float, youngs_modulus: float, bump_radius: float
+) -> Floats:
+    """Return the strain at each taxel under a unit traction on each cell of a bumpy cover.
+
+    Only bumps are touched. Each takes the whole load of its pitch square on its top, and bends
+    as the shipped coefficients say: a shear force makes a moment, too.
+
+    Parameters
+    ----------
+    layout : Layout
+    thickness : float, m
+        Depth of the taxels below the foot of the bumps: 0.5 to 5 bump radii.
+    youngs_modulus : float, Pa
+        Of an incompressible cover.
+    bump_radius : float, m
+
+    Returns
+    -------
+    (rows, cols, surface rows, surface cols, load, component) float, 1/Pa
+        Loads q_x, q_y, p; components ε_xz, ε_yz, ε_zz.
+
+    Raises
+    ------
+    PhysicsError
+        If the thickness is none that the coefficients hold.
+    """
+    cover = BumpCover(thickness, youngs_modulus, bump_radius)
+    taxels, surface = layout.taxels, layout.surface
+    bumps = make_grid([n + 2 * MARGIN for n in layout.shape], layout.pitch)
+    at_taxels = np.stack(np.meshgrid(taxels.x, taxels.y), axis=-1)
+    at_bumps = np.stack(np.meshgrid(bumps.x, bumps.y), axis=-1).reshape(-1, 2)
+    away = at_taxels[:, :, None, None] - at_bumps[:, None]
+    force = np.eye(3) * surface.cell_area
+    strain = cover.strain([0.0, 0.0], away, force)
+    cells = strain[:, :, layout.nearest().reshape(-1)]
+    return np.asarray(cells.reshape(*layout.shape, *surface.shape, 3, 3))
