@@ -1,9 +1,11 @@
 """The shipped bump: equilibrium, symmetry, the far field, and the dissertation's own findings."""
 
+import sys
+
 import numpy as np
 import pytest
 
-from cnnum.errors import ArrayError, PhysicsError
+from cnnum.errors import ArrayError, MissingExtraError, PhysicsError
 from cnnum.tactile.cover import (
     BumpCover,
     BumpTables,
@@ -156,3 +158,12 @@ def test_refuses_what_the_tables_do_not_hold():
         BumpTables(tables.depths, tables.lever, tables.half_space, tables.rigid_base[1:])
     with pytest.raises(ArrayError, match="broadcast"):
         BumpCover(R, E, R).stress(np.zeros((2, 2)), np.zeros((3, 2)), [0, 0, 1.0])
+
+
+def test_nobody_needs_the_extra_to_use_the_tables(monkeypatch):
+    from cnnum.tactile.cover.fem.generate import regenerate
+
+    monkeypatch.setitem(sys.modules, "skfem", None)
+    assert BumpCover(R, E, R).stress(TOP, TOP, [0, 0, 1.0])[2] < 0
+    with pytest.raises(MissingExtraError, match=r"cnnum\[fem\]"):
+        regenerate(fineness=4, depths=(1.0,), plane_fineness=4)

@@ -10,7 +10,7 @@ from cnnum.tactile.checks import Array
 from cnnum.tactile.cover.flat import FlatCover
 from cnnum.tactile.cover.protocol import arguments
 
-RINGS, SPOKES = 8, 24
+RINGS, SPOKES = 16, 24
 """Gauss points along the radius of the rod's top, and equal angles around it."""
 
 

@@ -28,9 +28,9 @@ MARGIN = 12.0
 def regenerate(
     path: str | Path | None = None,
     *,
-    fineness: int = 16,
+    fineness: int = 8,
     depths: Sequence[float] = DEPTHS,
-    growth: float = 1.1,
+    growth: float = 1.05,
     plane_fineness: int = 16,
 ) -> dict[str, Array]:
     """Compute the influence of a bump, and the figures of the plane one.
