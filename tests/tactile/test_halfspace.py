@@ -76,13 +76,13 @@ def test_the_stated_error_holds_and_costs_few_waves(tolerance, depth):
 def test_the_lattice_nears_the_continuum_as_the_square_of_the_cell(opencl):
     """A smooth load without a net force, so that the mirrored ones beyond the rim fade quickly."""
     errors = []
-    for cells in (12, 24):
-        h = 12.0 / cells
-        place = (np.arange(cells) + 0.5) * h - 6.0
+    for cells in (10, 20):
+        h = 10.0 / cells
+        place = (np.arange(cells) + 0.5) * h - 5.0
         square = place[:, None] ** 2 + place[None, :] ** 2
         load = np.zeros((cells, cells, 3))
         load[..., 2] = (1.0 - square / 3.0) * np.exp(-square / 3.0)
-        program = halfspace_stress.bind(thickness=1.0, pitch=h, tolerance=1e-5)
+        program = halfspace_stress.bind(thickness=1.0, pitch=h, tolerance=1e-3)
         got = opencl.compile(program, (cells, cells), ["stress_zz"])(load)["stress_zz"]
         exact = SurfaceToDepth((cells, cells), h, 1.0)(load)[..., 2]
         errors.append(np.abs(got - exact).max() / np.abs(exact).max())
