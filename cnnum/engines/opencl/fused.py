@@ -13,6 +13,7 @@ import numpy as np
 
 from cnnum.boundary import Boundary
 from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.rows import fits_rows, row_steps
 from cnnum.engines.opencl.text import fill, indented, rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
@@ -31,6 +32,9 @@ def fuses(text: TransientText, scheme: FixedSteps) -> bool:
 
 def fused_euler(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
+    if fits_rows(text, scheme):
+        row_steps(text, scheme)
+        return _figures(text, scheme)
     _declare(text, scheme)
     with text.aside() as step:
         if text.tables.lanes > 1:
@@ -51,6 +55,10 @@ def fused_euler(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
     if scheme.settle:
         figures["h"] = text.number(scheme.step)
     text.lines += fill(name, step_text=indented(step, 3), **figures).splitlines()
+    return _figures(text, scheme)
+
+
+def _figures(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
     error = "-ONE" if np.isinf(scheme.error) else text.number(scheme.error)
     if scheme.settle:
         return {"time": "time", "steps": "steps", "settled": "settled", "error": error}

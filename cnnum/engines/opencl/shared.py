@@ -24,7 +24,7 @@ class SharedArray:
     """
 
     host: NDArray[np.floating]
-    argument: object
+    argument: "cl.Buffer | cl.SVM[Any]"
     copied: cl.Buffer | None
 
     def push(self, queue: cl.CommandQueue) -> None:

@@ -54,10 +54,13 @@ class Tables:
         Of the kernel's numbers.
     lanes : int
         Frames side by side in the kernel's type.
+    types : dict of str to str
+        Texts of further types that the kernel uses, by name.
     """
 
     dtype: np.dtype[np.floating]
     lanes: int
+    types: dict[str, str] = field(default_factory=dict[str, str])
     _tables: dict[str, str] = field(default_factory=dict[str, str])
     _data: list[Floats] = field(default_factory=list[Floats])
     _length: int = 0
@@ -91,8 +94,8 @@ class Tables:
 
     @property
     def text(self) -> str:
-        """The index tables as OpenCL C."""
-        return "\n".join(self._tables.values())
+        """Further types and the index tables as OpenCL C."""
+        return "\n".join([*self.types.values(), *self._tables.values()])
 
     def buffer(self) -> NDArray[np.floating]:
         """Return the data buffer's contents (one number if there is nothing)."""
