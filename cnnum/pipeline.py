@@ -22,6 +22,7 @@ from cnnum.program_library import get_program
 from cnnum.programs import Program
 from cnnum.scene import SceneSpec, read_scene
 from cnnum.tactile.taxel import Calibration
+from cnnum.tracing import TraceStep, trace_steps
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,6 +150,28 @@ class Scene:
         """Yield the events of the scene as they come."""
         for moment in self.moments():
             yield from moment.events
+
+    def trace(self, number: int) -> tuple[TraceStep, ...]:
+        """Return every operation of the program with its result on one frame of the scene.
+
+        The frames before it are run too, so that memories hold what they held.
+
+        Raises
+        ------
+        SceneError
+            If the scene has no such frame, or it was bad or a repeat and nothing ran on it.
+        """
+        plan = self.plan.keeping_everything()
+        stream, wanted = plan.stream(), plan.schedule.channels_read
+        with self.driver:
+            for at, frame in enumerate(self.driver.frames()):
+                runs = not (frame.bad or frame.quality & Quality.REPEATED)
+                outputs = stream.push_read(self.conversion.convert(frame, wanted)) if runs else {}
+                if at == number and runs:
+                    return tuple(trace_steps(self.plan.schedule, outputs))
+                if at == number:
+                    raise SceneError(f"Frame {number} is bad or a repeat: nothing runs on it.")
+        raise SceneError(f"The scene '{self.spec.name}' has no frame {number}.")
 
     def summary(self) -> Summary:
         """Return what has been seen so far."""

@@ -181,10 +181,13 @@ class Plan:
         ArrayError
             If the frame has another shape, or holds NaN or infinity.
         """
+        return trace_steps(self.schedule, self.keeping_everything()(frame))
+
+    def keeping_everything(self) -> "Plan":
+        """Return the plan built once more with the result of every operation as an output."""
         kept = everything_kept(self.schedule)
         executable = self.backend.build(kept, self.solvers)
-        values = replace(self, schedule=kept, executable=executable)(frame)
-        return trace_steps(self.schedule, values)
+        return replace(self, schedule=kept, executable=executable)
 
     def explain(self) -> Explanation:
         """Return what runs, what was left out and why, and what it costs."""

@@ -1,0 +1,89 @@
+"""`cnnum calibrate`: from a scan of point loads to a calibration file."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output, facts, quantity
+
+if TYPE_CHECKING:
+    from cnnum.tactile.taxel import CalibrationFit
+
+COLUMNS = ("x", "y", "fx", "fy", "fz", "left", "right", "top", "bottom")
+"""Columns of a scan: place of the load (m), force (N), bridge voltages (V)."""
+
+
+@click.command("calibrate")
+@click.argument("scan", type=click.Path(path_type=Path))
+@click.option("--youngs-modulus", type=float, required=True, metavar="PA", help="Of the cover.")
+@click.option(
+    "--depth", type=float, metavar="M", help="Thickness of the cover; fitted if left out."
+)
+@click.option("--limit", type=float, default=float("inf"), metavar="V", help="End of the range.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    default=Path("calibration.toml"),
+    show_default=True,
+)
+@json_option
+def command(
+    scan: Path, youngs_modulus: float, depth: float | None, limit: float, out: Path, as_json: bool
+) -> int:
+    """Fit a taxel's calibration to SCAN, a CSV file of point loads on its cover.
+
+    Columns: x, y (m, from the taxel), fx, fy, fz (N), left, right, top, bottom (V, amplified);
+    a column time (s, since switch-on) lets the offsets drift. The calibration is written as TOML,
+    for the key 'calibration.file' of a scene.
+    """
+    from cnnum.drivers.text_table import read_table
+    from cnnum.tactile.taxel import fit_calibration
+
+    table = read_table(scan)
+    numbers = table.numbers(COLUMNS)
+    times = table.numbers(("time",))[:, 0] if "time" in table.header else None
+    fit = fit_calibration(
+        numbers[:, :2],
+        numbers[:, 2:5],
+        numbers[:, 5:],
+        youngs_modulus=youngs_modulus,
+        depth=depth,
+        times=times,
+        limit=limit,
+    )
+    fit.calibration.save(out)
+    output = Output(as_json)
+    output.record(_record(fit, out, len(numbers)))
+    output.show(facts(_facts(fit, len(numbers)), title=f"Written: {out}"))
+    return 0
+
+
+def _record(fit: "CalibrationFit", out: Path, points: int) -> dict[str, object]:
+    field = fit.field
+    return {
+        "kind": "calibration",
+        "file": str(out),
+        "points": points,
+        "depth": fit.depth,
+        "alpha_normal": fit.calibration.alpha_normal,
+        "beta_ns": fit.calibration.beta_ns,
+        "residual": fit.residual,
+        "width": None if field is None else field.width,
+        "amplitude": None if field is None else field.amplitude,
+        "inhibition": None if field is None else field.inhibition,
+    }
+
+
+def _facts(fit: "CalibrationFit", points: int) -> list[tuple[str, str]]:
+    pairs = [
+        ("points", str(points)),
+        ("depth", quantity(fit.depth, "m")),
+        ("β_ns", f"{fit.calibration.beta_ns:.4g}"),
+        ("α_n", f"{fit.calibration.alpha_normal:.4g} 1/V"),
+        ("left over", quantity(fit.residual, "V")),
+    ]
+    if fit.field is not None:
+        pairs.append(("W", quantity(fit.field.width, "m")))
+    return pairs
