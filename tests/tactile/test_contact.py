@@ -43,12 +43,11 @@ def test_contact_is_what_numpy_says(engine, run, short_scene, shape):
         expected = (map_ * inside).sum(axis=(1, 2))
         # shear's rest is known to a quarter of the noise, a few 1e-3 of the largest load
         assert got[name] == pytest.approx(expected, abs=0.02 * np.abs(loads).sum(axis=(1, 2)).max())
-    level = 0.1 * loads.max(axis=(1, 2))
-    clear = flags & (loads.max(axis=(1, 2)) > 0.2 * loads.max())
-    expected = loads > level[:, None, None]
-    # cells within 1 % of the threshold may fall on either side of it
-    sure = np.abs(loads - level[:, None, None]) > 0.01 * level[:, None, None]
-    assert (inside == expected)[clear][sure[clear]].all()
+    noise = np.sqrt(np.diff(strain[:16, ..., 2], axis=0).var() / 2)
+    level = np.maximum(0.1 * loads.max(axis=(1, 2)), 4 * noise)[:, None, None]
+    # the noise of 16 small frames is known to 10 %; elsewhere rounding is all that can differ
+    sure = np.abs(loads - level) > np.where(level > 5 * noise, 0.01, 0.15) * level
+    assert ((loads > level) == inside)[flags][sure[flags]].all()
     np.testing.assert_array_equal(got["contact_area"], inside.sum(axis=(1, 2)))
 
 
