@@ -2,7 +2,7 @@
 
 import inspect
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
@@ -110,15 +110,16 @@ class Scene:
         CnnumError
             Whatever is wrong with the file, the array, the program or the device.
         """
-        rules = tuple(rule for want in spec.wants for rule in EVENT_RULES.get(want, ()))
-        fields = tuple(want for want in spec.wants if want not in EVENT_RULES)
-        needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
         used = engine or Engine(spec.engine, device=spec.device, precision=spec.precision)
         driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
             known = cast(Calibration | None, getattr(driver, "calibration", None))
             conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
             program = _bound(get_program(spec.program), spec, driver.rate)
+            outputs = program.trace(driver.shape, conversion.channels).outputs
+            rules = _rules(spec, outputs)
+            fields = tuple(want for want in spec.wants if want not in EVENT_RULES)
+            needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
             plan = used.compile(program, driver.shape, needs, channels=conversion.channels)
             plan.warm_up()
         except BaseException:
@@ -184,6 +185,27 @@ class Scene:
             p50_us=float(np.percentile(micros, 50)),
             p99_us=float(np.percentile(micros, 99)),
         )
+
+
+def _rules(spec: SceneSpec, outputs: Collection[str]) -> tuple[EventRule, ...]:
+    """Return the rules of the wanted events; one whose outputs the program lacks is no part of it.
+
+    Raises
+    ------
+    SceneError
+        If the program gives nothing of a wanted event.
+    """
+    found: list[EventRule] = []
+    for want in spec.wants:
+        rules = EVENT_RULES.get(want, ())
+        fitting = [rule for rule in rules if set(rule.needs) <= set(outputs)]
+        if rules and not fitting:
+            raise SceneError(
+                f"Scene '{spec.name}' wants '{want}', which the program '{spec.program}' does not "
+                f"give: it has {', '.join(outputs)}."
+            )
+        found += fitting
+    return tuple(found)
 
 
 def _bound(program: Program, spec: SceneSpec, rate: float) -> Program:

@@ -1,17 +1,30 @@
-"""The tactile programs by name: each is a module of `cnnum.templates.tactile`."""
+"""The programs of the library by name: each is a module under `cnnum.templates`."""
 
+from functools import cache
 from importlib import import_module, resources
 
 from cnnum.errors import name_error
 from cnnum.programs import Program
 
-_ROOM = "cnnum.templates.tactile"
+_ROOMS = ("cnnum.templates.tactile", "cnnum.templates.pictures")
+
+
+@cache
+def _programs() -> dict[str, Program]:
+    """Return every program that a module of the rooms holds under its own name."""
+    found: dict[str, Program] = {}
+    for room in _ROOMS:
+        modules = (f.name[:-3] for f in resources.files(room).iterdir() if f.name.endswith(".py"))
+        for name in modules:
+            program = getattr(import_module(f"{room}.{name}"), name, None)
+            if isinstance(program, Program):
+                found[name] = program
+    return dict(sorted(found.items()))
 
 
 def program_names() -> tuple[str, ...]:
     """Return the names of the programs in the library."""
-    modules = (f.name[:-3] for f in resources.files(_ROOM).iterdir() if f.name.endswith(".py"))
-    return tuple(sorted(name for name in modules if not name.startswith("_") and _find(name)))
+    return tuple(_programs())
 
 
 def get_program(name: str) -> Program:
@@ -22,14 +35,7 @@ def get_program(name: str) -> Program:
     UnknownNameError
         If there is none.
     """
-    names = program_names()
-    found = _find(name) if name in names else None
-    if found is None:
-        raise name_error("program", name, names)
-    return found
-
-
-def _find(name: str) -> Program | None:
-    """Return the program that a module holds under its own name, if it holds one."""
-    found = getattr(import_module(f"{_ROOM}.{name}"), name, None)
-    return found if isinstance(found, Program) else None
+    programs = _programs()
+    if name not in programs:
+        raise name_error("program", name, programs)
+    return programs[name]

@@ -89,9 +89,8 @@ def grasp_slip(
     Returns
     -------
     mapping
-        `gross_slip` (flag, until the pull turns), `incipient_slip` (never: it can not be told
-        without the touch; here so that either program serves a scene that wants slip),
-        `slip_x`, `slip_y` (unit vector of the shear's change on the pad that is pulled most),
+        `gross_slip` (flag, until the pull turns; incipient slip can not be told without having
+        seen the touch), `slip_x`, `slip_y` (unit vector of the shear's change on the pad that is pulled most),
         `slip_strength` (the score).
 
     Raises
@@ -113,7 +112,6 @@ def grasp_slip(
     score = where(count > START * rate, sqrt(pull * activity) / noise, 0.0)
     mean_pull = _mean([pad.pull for pad in known])
     return {
-        "incipient_slip": frame.first & ~frame.first,
         "gross_slip": _reported(frame, mean_pull, score > threshold, rate),
         "slip_x": x / pull,
         "slip_y": y / pull,

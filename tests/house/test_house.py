@@ -60,7 +60,7 @@ def room_of(relative):
 
 
 def imports_of(path):
-    """Modules that a file imports when it is loaded or run, but not those for type checkers only."""
+    """Modules that a file imports when it is loaded or run, not those for type checkers alone."""
     tree = ast.parse(path.read_text())
     skipped = {
         inner
