@@ -90,8 +90,8 @@ def grasp_slip(
     -------
     mapping
         `gross_slip` (flag, until the pull turns; incipient slip can not be told without having
-        seen the touch), `slip_x`, `slip_y` (unit vector of the shear's change on the pad that is pulled most),
-        `slip_strength` (the score).
+        seen the touch), `slip_x`, `slip_y` (unit vector of the shear's change on the pad that is
+        pulled most), `slip_strength` (the score).
 
     Raises
     ------
