@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, Shape, as_shape, maps
 from cnnum.engines.backend import Backend, open_backend
+from cnnum.engines.support import schemes_of
 from cnnum.errors import ArrayError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
@@ -36,8 +37,9 @@ class Result:
     settled : (...) bool
         Whether |dx/dt|·τ is below the tolerance in every cell.
     error : (...) float
-        Estimated error of the state: the sum of the steps' local errors. NaN would hide that a
-        method does not know, so such a method gives infinity.
+        Estimated error of the state: twice the sum of the steps' local errors and roundings; of
+        an exact answer, its roundings. A method that does not know gives infinity, as NaN would
+        hide it.
     method : str
     """
 
@@ -134,7 +136,7 @@ class Engine:
     ) -> Plan:
         thinned = schedule(graph, channels, needs)
         chosen = {
-            operation: choose(operation, graph.shape)
+            operation: choose(operation, graph.shape, schemes_of(self.name))
             for operation in {node.operation for node in thinned.transients}
             if isinstance(operation, Transient)
         }
@@ -161,6 +163,7 @@ class Engine:
         rtol: float = 1e-4,
         atol: float = 1e-5,
         dt: float | None = None,
+        force: bool = False,
     ) -> Result:
         """Run one template's transient.
 
@@ -181,11 +184,14 @@ class Engine:
         duration : float or "settle", optional
             In time constants; the template's own unless given.
         method : str
-            "auto", "propagator", or the name of a Runge–Kutta method.
+            "auto", "propagator", or one of `cnnum.integrators.stability.METHODS`.
         rtol, atol : float
             Wanted error of the state.
         dt : float, optional
             Fixed step, in time constants; Euler's method unless `method` says otherwise.
+        force : bool
+            Take a fixed step outside the stability bound all the same. The result is marked: not
+            settled, error infinite.
 
         Returns
         -------
@@ -202,13 +208,18 @@ class Engine:
         roles = {"input": input, "previous": previous, "state": state, "bias": bias, "mask": mask}
         given = _given(template, roles)
         names, stack, shape, lead = _stack(given)
-        spec = RunSpec(duration, method, rtol, atol, dt)
+        spec = RunSpec(duration, method, rtol, atol, dt, force=force)
         key = (template.digest, shape, names, spec)
         if key not in self._plans:
             self._plans[key] = self._transient_plan(template, shape, names, spec)
         plan = self._plans[key]
         outputs = plan(stack)
         (solver,) = plan.solvers.values()
+        if solver.forced:
+            outputs |= {
+                "settled": np.zeros_like(outputs["settled"]),
+                "error": np.full_like(outputs["error"], -1.0),
+            }
         return _result(template, outputs, lead, solver.method)
 
     def _transient_plan(

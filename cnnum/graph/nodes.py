@@ -102,6 +102,8 @@ class RunSpec:
         Fixed step in time constants.
     settle_limit : float
         Time constants after which a run to equilibrium gives up and says so.
+    force : bool
+        Take a fixed step outside the stability bound; the result is marked.
     """
 
     duration: Duration | None = None
@@ -110,6 +112,7 @@ class RunSpec:
     atol: float = 1e-5
     dt: float | None = None
     settle_limit: float = 1000.0
+    force: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -96,7 +96,8 @@ def chebyshev_method(stages: int) -> Chebyshev:
 def _derivatives(at: float, highest: int, order: int) -> Floats:
     """Return the derivatives of that order of T₀ … T_highest at a place."""
     unit = np.eye(highest + 1)
-    values = [chebyshev.chebval(at, chebyshev.chebder(row, order) if order else row) for row in unit]
+    series = [chebyshev.chebder(row, order) if order else row for row in unit]
+    values = [chebyshev.chebval(at, row) for row in series]
     return np.array(values, dtype=np.float64)
 
 

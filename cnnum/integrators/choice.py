@@ -3,15 +3,21 @@
 import math
 from dataclasses import dataclass
 
+import numpy as np
+
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec, Transient
+from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
 from cnnum.integrators.propagator import DENSE_LIMIT, Decay, Propagator, decay, propagator
+from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
+from cnnum.integrators.spectral import Spectral, spectral
+from cnnum.integrators.spectrum import Spectrum, spectrum
+from cnnum.integrators.stability import CHEBYSHEV, stability_bound, tableau_step
 from cnnum.integrators.tableau import (
     BOGACKI_SHAMPINE,
     EULER,
     HEUN,
     ButcherTableau,
-    stable_step,
     tableau,
 )
 from cnnum.network import Network
@@ -55,8 +61,19 @@ class AdaptiveSteps:
     settle: bool
 
 
-Stepping = FixedSteps | AdaptiveSteps
-Scheme = Decay | Propagator | FixedSteps | AdaptiveSteps
+Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps | ExponentialSteps
+Scheme = Decay | Propagator | Spectral | Stepping
+
+BASIC_SCHEMES: frozenset[type] = frozenset({Decay, Propagator, FixedSteps, AdaptiveSteps})
+ALL_SCHEMES: frozenset[type] = BASIC_SCHEMES | {Spectral, ChebyshevSteps, ExponentialSteps}
+
+STIFF = 30.0
+"""Rates times run time above which Chebyshev's steps are chosen where the rates are real. An
+explicit method of three stages then takes more evaluations for stability (1.2 · rate · time) than
+25 steps of Chebyshev's √(1.5 · rate · time / 25) stages, which is about what 1e-4 takes."""
+
+SLOW_TIMES = 10.0
+"""Run time of a transient to equilibrium for that estimate, in times of its slowest decay."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -77,6 +94,9 @@ class Solver:
     rtol, atol : float
     asked : bool
         Whether the method or the step was asked for, not chosen.
+    forced : bool
+        Whether its step is outside the stability bound, as was insisted on: nothing is known of
+        its error then.
     """
 
     method: str
@@ -87,10 +107,20 @@ class Solver:
     rtol: float
     atol: float
     asked: bool = False
+    forced: bool = False
 
 
-def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
+def choose(
+    transient: Transient, shape: tuple[int, int], schemes: frozenset[type] = ALL_SCHEMES
+) -> Solver:
     """Return how a transient runs on an array of that shape.
+
+    Parameters
+    ----------
+    transient : Transient
+    shape : (rows, cols)
+    schemes : frozenset of type
+        The kinds of scheme that the engine runs.
 
     Raises
     ------
@@ -105,15 +135,22 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
     settle = wanted == "settle"
     duration = spec.settle_limit if wanted == "settle" else float(wanted)
     if spec.method in ("auto", "propagator") and spec.dt is None:
-        exact, reason = _exact(transient, network, math.inf if settle else duration)
+        exact, reason = _exact(transient, network, math.inf if settle else duration, schemes)
         if exact is not None:
             return Solver("propagator", reason, exact, duration, settle, spec.rtol, spec.atol)
         if spec.method == "propagator":
             raise MethodError(f"Template '{transient.template.name}' has no propagator: {reason}.")
     asked = spec.method != "auto" or spec.dt is not None
-    stepping, reason = _stepping(transient, network, spec, duration, settle)
-    name = stepping.tableau.name
-    return Solver(name, reason, stepping, duration, settle, spec.rtol, spec.atol, asked)
+    choice = _Choice(transient.template, shape, spec, duration, settle, schemes)
+    stepping, reason, forced = choice.stepping()
+    name = _name(stepping)
+    return Solver(name, reason, stepping, duration, settle, spec.rtol, spec.atol, asked, forced)
+
+
+def _name(stepping: Stepping) -> str:
+    if isinstance(stepping, ChebyshevSteps):
+        return CHEBYSHEV
+    return stepping.method.name if isinstance(stepping, ExponentialSteps) else stepping.tableau.name
 
 
 def _checked(transient: Transient) -> RunSpec:
@@ -128,8 +165,8 @@ def _checked(transient: Transient) -> RunSpec:
 
 
 def _exact(
-    transient: Transient, network: Network, duration: float
-) -> tuple[Decay | Propagator | None, str]:
+    transient: Transient, network: Network, duration: float, schemes: frozenset[type]
+) -> tuple[Decay | Propagator | Spectral | None, str]:
     template = transient.template
     if template.output.limited or template.output.discrete:
         return None, "its state is limited, or runs in discrete time"
@@ -141,6 +178,10 @@ def _exact(
         return None, "its output saturates, so the array is not linear"
     if transient.has_mask:
         return None, "its fixed-state mask is only known at run time"
+    if Spectral in schemes:
+        modal = spectral(network, duration)
+        if modal is not None:
+            return modal, "the array is linear, and exact in the modes of its boundary"
     if network.states > DENSE_LIMIT:
         return None, f"{network.states} states are more than the {DENSE_LIMIT} of a dense product"
     exact = propagator(network, duration)
@@ -149,25 +190,99 @@ def _exact(
     return exact, "the array is linear: one dense product is exact"
 
 
-def _stepping(
-    transient: Transient, network: Network, spec: RunSpec, duration: float, settle: bool
-) -> tuple[Stepping, str]:
-    template = transient.template
-    if template.output.discrete:
-        count = math.ceil(duration - 1e-9)
-        return FixedSteps(EULER, 1.0, count, settle, 1.0, error=0.0), "it runs in discrete time"
-    method, preset, reason = _preset(template, spec)
-    bound = stable_step(method, network.fastest_rate())
-    if preset is None and method.adaptive and template.delayed is None:
-        first = min(0.1 * bound, duration) or 0.1 * bound
-        return AdaptiveSteps(method, first, settle), "steps follow the error estimate"
-    step = 0.5 * bound if preset is None else preset
-    if step > bound:
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    """Chooses how a transient without an exact answer steps."""
+
+    template: Template
+    shape: tuple[int, int]
+    spec: RunSpec
+    duration: float
+    settle: bool
+    schemes: frozenset[type]
+
+    def stepping(self) -> tuple[Stepping, str, bool]:
+        """Return the steps, why they are taken, and whether they were forced."""
+        template = self.template
+        if template.output.discrete:
+            count = math.ceil(self.duration - 1e-9)
+            whole = FixedSteps(EULER, 1.0, count, self.settle, 1.0, error=0.0)
+            return whole, "it runs in discrete time", False
+        found = spectrum(template, self.shape)
+        if self.spec.method == CHEBYSHEV or self._stiff(found):
+            return self._chebyshev(found)
+        if self.spec.method in EXPONENTIAL_METHODS:
+            return self._exponential(EXPONENTIAL_METHODS[self.spec.method])
+        method, preset, reason = _preset(template, self.spec)
+        bound = tableau_step(method, found)
+        if preset is None and method.adaptive and template.delayed is None:
+            longest = min(bound, self.duration or bound)
+            first = 0.1 * min(longest, 1.0 / found.fastest) if found.fastest else 0.1 * longest
+            steps = AdaptiveSteps(method, first, self.settle)
+            return steps, "steps follow the error estimate", False
+        step, forced = self._bounded(method.name, bound, found.reason, preset)
+        fixed = _fixed(template, method, step, self.duration, self.settle)
+        return fixed, (f"{reason}, outside its stability bound" if forced else reason), forced
+
+    def _bounded(
+        self, method: str, bound: float, reason: str, preset: float | None
+    ) -> tuple[float, bool]:
+        """Return the step, refused where it is unstable unless that is insisted on."""
+        step = (0.5 * bound if math.isfinite(bound) else 1.0) if preset is None else preset
+        if step <= bound * (1.0 + 1e-12):
+            if step > 0.0:
+                return step, False
+        elif self.spec.force:
+            return step, True
         raise MethodError(
-            f"dt={step:g} is outside the stability bound {bound:.4g} of '{method.name}' for "
-            f"template '{template.name}'; take a shorter step or method='auto'."
+            f"dt={step:g} is outside the stability bound {bound:.4g} of '{method}' for template "
+            f"'{self.template.name}' ({reason}): take a shorter step, method='auto', or force=True."
         )
-    return _fixed(template, method, step, duration, settle), reason
+
+    def _stiff(self, found: Spectrum) -> bool:
+        """Return whether Chebyshev's steps are the cheapest that are stable."""
+        if self.spec.method != "auto" or self.spec.dt is not None or not self._has_stages(found):
+            return False
+        slowest = float(np.abs(found.values.real).min())
+        time = self.duration
+        if self.settle and slowest > 0.0:
+            time = min(time, SLOW_TIMES / slowest)
+        steps = (1e-4 / max(self.spec.rtol, 1e-8)) ** (1.0 / 3.0)
+        return bool(found.fastest * time > STIFF * steps)
+
+    def _has_stages(self, found: Spectrum) -> bool:
+        steady = self.template.plain and not self.template.output.limited
+        moving = found.real and found.fastest > 0.0
+        return steady and moving and ChebyshevSteps in self.schemes
+
+    def _chebyshev(self, found: Spectrum) -> tuple[ChebyshevSteps, str, bool]:
+        if not self._has_stages(found):
+            raise MethodError(
+                f"'{CHEBYSHEV}' needs rates that are known to be real ({found.reason}), linear "
+                f"couplings, and an engine that has it: template '{self.template.name}' runs with "
+                "method='auto'."
+            )
+        if self.spec.dt is not None:
+            raise MethodError(f"'{CHEBYSHEV}' chooses its own steps: leave dt out.")
+        first = min(0.5 / found.fastest, self.duration or 1.0)
+        reason = (
+            f"rates up to {found.fastest:.3g} ({found.reason}) are real and fast for the time: "
+            "stages grow with the root of a step's length"
+        )
+        return ChebyshevSteps(found.fastest, first, self.settle), reason, False
+
+    def _exponential(self, method: ExponentialMethod) -> tuple[ExponentialSteps, str, bool]:
+        if not self.template.plain or ExponentialSteps not in self.schemes:
+            raise MethodError(
+                f"'{method.name}' runs linear couplings only, on engines that have it: template "
+                f"'{self.template.name}' runs with method='auto'."
+            )
+        bound = stability_bound(method.name, self.template, self.shape)
+        step, forced = self._bounded(method.name, bound.step, bound.reason, self.spec.dt)
+        count = max(1, math.ceil(self.duration / step - 1e-9)) if self.duration > 0 else 0
+        even = self.duration / count if count else step
+        reason = "a fixed step was asked for" if self.spec.dt else "half of the stability bound"
+        return ExponentialSteps(method, even, count, self.settle), reason, forced
 
 
 def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau, float | None, str]:

@@ -145,7 +145,8 @@ def tableau(name: str) -> ButcherTableau:
         If there is none.
     """
     if name not in TABLEAUX:
-        raise name_error("method", name, ("auto", "propagator", *TABLEAUX))
+        known = ("auto", "propagator", *TABLEAUX, "runge-kutta-chebyshev")
+        raise name_error("method", name, (*known, "exponential-euler", "etd-rk2"))
     return TABLEAUX[name]
 
 

@@ -77,7 +77,7 @@ def outputs(text: TransientText, state: list[str], keep: str | None = None) -> N
 def rates(text: TransientText, state: str, then: list[str], instant: Instant) -> None:
     """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it.
 
-    In `then`, {at} is the cell's place among the stacked states.
+    In `then`, {at} is the cell's place among the stacked states, {layer} the layer's number.
     """
     _delayed_outputs(text, instant)
     _gains(text, instant)
@@ -95,7 +95,7 @@ def rates(text: TransientText, state: str, then: list[str], instant: Instant) ->
             )
         if text.operands.mask is not None:
             body.append(f"rate = PICK({text.operands.mask} != ZERO, ZERO, rate);")
-        body += [line.replace("{at}", place) for line in then]
+        body += [line.replace("{at}", place).replace("{layer}", str(layer)) for line in then]
     text.over_grid(body)
 
 

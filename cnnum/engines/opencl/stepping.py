@@ -2,12 +2,17 @@
 
 import math
 
+import numpy as np
+
 from cnnum.engines.opencl.drive import arrive, has_history
 from cnnum.engines.opencl.rates import Instant, delays_outputs, outputs, rates, watch_change
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import MAX_STEPS, AdaptiveSteps, FixedSteps
 from cnnum.integrators.tableau import ButcherTableau, Row
+
+ROUNDINGS = 4.0
+"""Of a step: those of its sum and of the rates in it, as parts of the state."""
 
 
 def _combination(weights: Row, text: TransientText, at: str) -> str:
@@ -200,7 +205,7 @@ def adaptive(text: TransientText, scheme: AdaptiveSteps) -> dict[str, str]:
         exponent=text.number(-1.0 / tableau.order),
     )
     text.lines += filled.splitlines()
-    figures = {"time": "time", "steps": "steps", "error": "error"}
+    figures = {"time": "time", "steps": "steps", "error": "R(2) * error"}
     return figures | ({"settled": "settled"} if scheme.settle else {})
 
 
@@ -208,12 +213,13 @@ def _judge(text: TransientText, tableau: ButcherTableau) -> None:
     """Append the text that finds the worst error of a step, and the change at its end."""
     last, body = tableau.stages - 1, list[str]()
     tau = text.number(float(text.template.tau.max()))
+    rounding = text.number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
     for layer in range(text.layers):
         at = text.at(layer)
         scale = text.scale(f"fmax(fabs(x[{at}]), fabs(xs[{at}]))")
         body += [
             f"{{ const real e = fabs(h * ({_combination(tableau.error, text, at)}));",
-            "local_error = fmax(local_error, e);",
+            f"local_error = fmax(local_error, e + {rounding} * fabs(xs[{at}]));",
             f"worst = fmax(worst, e / {scale});",
             f"change = fmax(change, fabs({tau} * k{last}[{at}]) / {text.scale(f'xs[{at}]')}); }}",
         ]

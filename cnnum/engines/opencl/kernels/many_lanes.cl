@@ -3,6 +3,17 @@
 
 static inline int any_lane(const $bits lanes) { return any(lanes.lo | lanes.hi); }
 
+static inline scalar largest_lane(const real value)
+{
+    scalar largest = ((const scalar *)&value)[0];
+    for (int l = 1; l < LANES; ++l) {
+        const scalar lane = ((const scalar *)&value)[l];
+        largest = lane > largest ? lane : largest;
+    }
+    return largest;
+}
+#define LARGEST_LANE(value) largest_lane(value)
+
 // The tail of a batch repeats its last frame in the lanes that are left over.
 static real gather(__global const scalar *base, const int frame, const int last, const int stride)
 {

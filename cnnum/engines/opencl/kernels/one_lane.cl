@@ -1,5 +1,6 @@
 #define PICK(condition, yes, no) ((condition) ? (yes) : (no))
 #define ANY_LANE(value) ((value) != ZERO)
+#define LARGEST_LANE(value) (value)
 
 static real gather(__global const scalar *base, const int frame, const int last, const int stride)
 {

@@ -1,0 +1,89 @@
+"""The kernel text of Runge–Kutta–Chebyshev steps: as many stages as a step's length needs."""
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.engines.opencl.rates import Instant, outputs, rates
+from cnnum.engines.opencl.text import fill, indented
+from cnnum.engines.opencl.transients import TransientText
+from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
+from cnnum.integrators.choice import MAX_STEPS
+from cnnum.integrators.schemes import ChebyshevSteps
+
+
+def chebyshev(text: TransientText, scheme: ChebyshevSteps) -> dict[str, str]:
+    """Append the steps and return the figures of the run."""
+    n = text.layers * text.cells
+    for name in ("xs", "old", "k0", "k1"):
+        text.array(name, n)
+    with text.aside() as first_rates:
+        _rates(text, "x", ["k0[{at}] = rate;"])
+    with text.aside() as stage:
+        body = (
+            "old[{at}] = (ONE - back1 - back2) * x[{at}] + back1 * xs[{at}] + back2 * old[{at}]"
+            " + h * (weight * rate + start * k0[{at}]);"
+        )
+        _rates(text, "xs", [body])
+        # what was before is not needed any more: the two change places
+        text.lines.append(f"for (int i = 0; i < {n}; ++i) {{")
+        text.lines += ["    const real new = old[i]; old[i] = xs[i]; xs[i] = new;", "}"]
+    with text.aside() as last_rates:
+        _rates(text, "xs", ["k1[{at}] = rate;"])
+    filled = fill(
+        "chebyshev_steps",
+        cells=n,
+        first_step=text.number(scheme.first_step),
+        duration=text.number(text.solver.duration),
+        longest=text.number(chebyshev_method(MAX_STAGES).real_stability / scheme.fastest),
+        fastest=text.number(scheme.fastest),
+        reach=text.number(1.0 / _reach()),
+        most=MAX_STAGES,
+        rows=text.tables.data(_coefficients()),
+        first_rates=indented(["{", *first_rates, "}"], 2),
+        stage=indented(stage, 4),
+        last_rates=indented(["{", *last_rates, "}"], 3),
+        limit=MAX_STEPS,
+        judge=indented(_judge(text), 3),
+        settle=text.number(float(scheme.settle)),
+        almost_one=text.number(1.0 - 1e-6),
+    )
+    text.lines += filled.splitlines()
+    error = "R(2) * error"
+    figures = {"time": "time", "steps": "steps", "error": error}
+    return figures | ({"settled": "settled"} if scheme.settle else {})
+
+
+def _rates(text: TransientText, state: str, then: list[str]) -> None:
+    outputs(text, [f"{state}[{text.at(layer)}]" for layer in range(text.layers)])
+    rates(text, state, then, Instant())
+
+
+def _reach() -> float:
+    """Return the interval of stability over s² − 1."""
+    return chebyshev_method(MAX_STAGES).real_stability / (MAX_STAGES**2 - 1)
+
+
+def _coefficients() -> Floats:
+    """Return (most + 1, most, 4) numbers: method s, stage j; the first stage's weight at j = 0."""
+    table = np.zeros((MAX_STAGES + 1, MAX_STAGES, 4))
+    for stages in range(2, MAX_STAGES + 1):
+        method = chebyshev_method(stages)
+        table[stages, 0, 2] = method.first
+        table[stages, 1:stages] = method.rows
+    return table
+
+
+def _judge(text: TransientText) -> list[str]:
+    """Return the text that finds the worst error of a step, and the change at its end."""
+    tau = text.number(float(text.template.tau.max()))
+    rounding = text.number(4.0 * float(np.finfo(text.tables.dtype).eps))
+    scale = text.scale("fmax(fabs(x[i]), fabs(xs[i]))")
+    return [
+        f"for (int i = 0; i < {text.layers * text.cells}; ++i) {{",
+        # Sommeijer, Shampine & Verwer 1998, section 2.2
+        "    const real e = fabs(R(0.8) * (x[i] - xs[i]) + R(0.4) * h * (k0[i] + k1[i]));",
+        f"    local_error = fmax(local_error, e + {rounding} * fabs(xs[i]));",
+        f"    worst = fmax(worst, e / {scale});",
+        f"    change = fmax(change, fabs({tau} * k1[i]) / {text.scale('xs[i]')});",
+        "}",
+    ]

@@ -1,0 +1,42 @@
+        // runge-kutta-chebyshev: steps follow the error estimate, stages follow the steps
+        real time = ZERO, steps = ZERO, settled = ZERO, error = ZERO, h = $first_step;
+        real running = PICK(time < $duration, ONE, ZERO);
+$first_rates
+        for (int n = 0; n < $limit && ANY_LANE(running); ++n) {
+            real worst = ZERO, local_error = ZERO, change = ZERO;
+            h = fmin(h, fmin($longest, $duration - time));
+            // the lane with the longest step says how many stages all of them take
+            const scalar reach = LARGEST_LANE(running * h * $fastest * $reach) + (scalar)1;
+            int stages = 2;
+            while (stages < $most && (scalar)(stages * stages) < reach) {
+                ++stages;
+            }
+            __global const scalar *row = data + $rows + stages * $most * 4;
+            const real first = R(row[2]);
+            for (int i = 0; i < $cells; ++i) {
+                old[i] = x[i];
+                xs[i] = x[i] + first * h * k0[i];
+            }
+            for (int j = 1; j < stages; ++j) {
+                row += 4;
+                const real back1 = R(row[0]), back2 = R(row[1]);
+                const real weight = R(row[2]), start = R(row[3]);
+$stage
+            }
+$last_rates
+$judge
+            const real accept = PICK(worst <= ONE, running, ZERO);
+            for (int i = 0; i < $cells; ++i) {
+                x[i] = PICK(accept != ZERO, xs[i], x[i]);
+                k0[i] = PICK(accept != ZERO, k1[i], k0[i]);
+            }
+            time += accept * h;
+            steps += running;
+            error += accept * local_error;
+            settled = PICK(accept * $settle != ZERO && change <= ONE, ONE, settled);
+            running = PICK(time >= $duration * $almost_one || settled != ZERO, ZERO, running);
+            h = PICK(running != ZERO,
+                     h * clamp(R(0.8) * pow(fmax(worst, R(1e-10)), R(-1.0f / 3.0f)), R(0.1), R(5)),
+                     h);
+        }
+        unfinished = fmax(unfinished, running);
