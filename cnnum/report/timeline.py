@@ -105,7 +105,7 @@ def _lane(
         x1, x2 = _edges(record, first, after, time)
         title = f"{lane.title}, true from {record.times[first]:.3f} s"
         yield box(x1, y + 17.0, x2 - x1, 8.0, f"bar {_hue(lane)}", title)
-    for first, after in held(record, record.outputs.get(lane.flag)):
+    for first, after in held(record.outputs.get(lane.flag)):
         x1, x2 = _edges(record, first, after, time)
         yield box(x1, y + 26.5, x2 - x1, 3.0, "flag", f"{lane.title}, as the program saw it")
     for verdict in mine:

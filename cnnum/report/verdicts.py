@@ -130,10 +130,10 @@ class Verdict:
 
 def spans(record: SceneRecord, lane: Lane) -> list[tuple[int, int]]:
     """Return the first frame and the frame after the last of every time that a lane holds."""
-    return held(record, record.truth.get(lane.truth))
+    return held(record.truth.get(lane.truth))
 
 
-def held(record: SceneRecord, values: np.ndarray | None) -> list[tuple[int, int]]:
+def held(values: np.ndarray | None) -> list[tuple[int, int]]:
     """Return (first, after the last) of every run of frames in which values are above 0."""
     if values is None:
         return []

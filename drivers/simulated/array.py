@@ -35,6 +35,9 @@ class SimulatedArray(Closing):
         The exact way back from voltages to strain at the taxels.
     total_frames : int
         Scans of the whole script.
+    influence : (rows, cols, surface rows, surface cols, load, component) float, 1/Pa
+        Strain at each taxel under a unit traction on each cell: costly for large arrays, so
+        that another array of the same taxels and cover may be given it.
 
     Raises
     ------
@@ -42,7 +45,7 @@ class SimulatedArray(Closing):
         If the contact gets too wide for the sphere.
     """
 
-    def __init__(self, options: Settings) -> None:
+    def __init__(self, options: Settings, influence: Floats | None = None) -> None:
         self._options = options
         self.shape: Shape = options.shape
         self.channels = SIDES
@@ -52,7 +55,7 @@ class SimulatedArray(Closing):
         layout = Layout(options.shape, options.pitch)
         self._surface = layout.surface
         self._tractions = Tractions(self._springs, layout.surface)
-        self._influence = _influence(options, layout)
+        self.influence = _influence(options, layout) if influence is None else influence
         self._rng = np.random.default_rng(options.seed)
         self._taxel = _taxel(options, self._rng)
         self._noise = self._rng.bit_generator.state
@@ -110,7 +113,7 @@ class SimulatedArray(Closing):
         self._check_inside(states)
         window = self._tractions.window(states)
         traction = self._tractions(states, window)
-        influence = self._influence[:, :, window.rows, window.cols]
+        influence = self.influence[:, :, window.rows, window.cols]
         return np.tensordot(traction, influence, axes=([1, 2, 3], [2, 3, 4]))
 
     def read(self, states: list[State]) -> Reading:
