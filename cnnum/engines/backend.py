@@ -90,6 +90,7 @@ class Backend(Protocol):
 
 _FACTORIES = {
     "opencl": ("cnnum.engines.opencl", "OpenCLBackend"),
+    "numba": ("cnnum.engines.numba", "NumbaBackend"),
     "reference": ("cnnum.engines.reference", "ReferenceBackend"),
 }
 

@@ -1,0 +1,73 @@
+"""What an engine does not do, and why: one table, read by the engines and the tests."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from cnnum.engines.backend import Solvers
+from cnnum.errors import NotSupportedError
+from cnnum.graph.nodes import Transient
+from cnnum.graph.schedule import Schedule
+from cnnum.integrators.choice import AdaptiveSteps, FixedSteps, Solver
+from cnnum.integrators.propagator import Decay, Propagator
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Something that an engine does not do.
+
+    Attributes
+    ----------
+    engine : str
+    what, why : str
+    applies : callable
+        Whether a transient and its solver ask for it.
+    """
+
+    engine: str
+    what: str
+    why: str
+    applies: Callable[[Transient, Solver], bool]
+
+
+def _other_scheme(transient: Transient, solver: Solver) -> bool:
+    return not isinstance(solver.scheme, Decay | Propagator | FixedSteps | AdaptiveSteps)
+
+
+def _other_output(transient: Transient, solver: Solver) -> bool:
+    known = {"standard", "full-range", "linear", "tanh", "sign"}
+    return transient.template.output.name not in known
+
+
+LIMITS = (
+    Limit(
+        "numba",
+        "this integration method",
+        "its compiled functions know exact dense products and Runge–Kutta steps only",
+        _other_scheme,
+    ),
+    Limit(
+        "numba",
+        "this output function",
+        "it has no compiled form of it",
+        _other_output,
+    ),
+)
+
+
+def refuse_beyond(engine: str, schedule: Schedule, solvers: Solvers) -> None:
+    """Raise if a schedule asks for something that the engine does not do.
+
+    Raises
+    ------
+    NotSupportedError
+        With the reason.
+    """
+    for node in schedule.transients:
+        assert isinstance(node.operation, Transient)
+        solver = solvers[node.index]
+        for limit in LIMITS:
+            if limit.engine == engine and limit.applies(node.operation, solver):
+                raise NotSupportedError(
+                    f"The {engine} engine does not do {limit.what} ('{solver.method}' for "
+                    f"'{node.operation}'): {limit.why}; name another method or use another engine."
+                )

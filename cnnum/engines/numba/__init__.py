@@ -1,0 +1,44 @@
+"""The numba engine: for machines without OpenCL, and a second implementation of the machine.
+
+It shares graphs, tableaux and the choice of methods with the other engines, and none of their
+neighbourhood code: local arithmetic runs in NumPy over a whole batch, transients in compiled
+functions that take any template as lists of taps, so that nothing is compiled for a template.
+"""
+
+import numpy as np
+
+from cnnum.engines.backend import Solvers
+from cnnum.engines.limits import refuse_beyond
+from cnnum.engines.numba.compiling import cores
+from cnnum.engines.numba.executable import NumbaExecutable
+from cnnum.engines.numba.records import Real
+from cnnum.errors import DeviceError, name_error
+from cnnum.graph.schedule import Schedule
+
+_TYPES: dict[str, Real] = {
+    "float32": np.dtype(np.float32),
+    "float64": np.dtype(np.float64),
+}
+
+
+class NumbaBackend:
+    """Runs on all cores of the host."""
+
+    name = "numba"
+
+    def __init__(self, device: str | None, precision: str | None) -> None:
+        if device is not None:
+            raise DeviceError(f"The numba engine runs on the host, got device='{device}'.")
+        self.precision = precision or "float32"
+        if self.precision not in _TYPES:
+            raise name_error("precision", self.precision, _TYPES)
+
+    @property
+    def device(self) -> str:
+        """The device in words."""
+        return f"{cores()} core(s) of the host"
+
+    def build(self, schedule: Schedule, solvers: Solvers) -> NumbaExecutable:
+        """Return the schedule ready to run."""
+        refuse_beyond(self.name, schedule, solvers)
+        return NumbaExecutable.of(schedule, solvers, _TYPES[self.precision])

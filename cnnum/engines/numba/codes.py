@@ -1,0 +1,27 @@
+"""Numbers that stand for words inside compiled functions."""
+
+DECAY, PROPAGATE, FIXED, ADAPTIVE = range(4)
+"""How a transient is brought to its end."""
+
+CLAMP, IDENTITY, TANH, SIGN = range(4)
+"""Output functions."""
+
+FEEDBACK, CONTROL, LATE_FEEDBACK, LATE_CONTROL, MOVING, STILL = range(6)
+"""Kinds of taps: A, B, delayed A and B; nonlinear ones that follow the states, or inputs alone."""
+
+STATE, MOVED, OUTPUT, INPUT, DRIVE, PACE, PAST, LATER, SLOPES = range(9)
+"""Maps of a frame at work: x; x at a stage; y = f(x); u; what drives the cells; 1/τ, or 0 where a
+cell is held; outputs a delay ago; what delayed inputs add when the delay is over; and from SLOPES
+on one dx/dt a stage, then the outputs of the last steps."""
+
+NOTHING = -1
+"""Centre of a nonlinear coupling that reads only the neighbour."""
+
+MOVE, SLOPE, JUDGE, CHANGE, ACCEPT, STEP = range(6)
+"""Phases of a step."""
+
+WEIGHTS, TIMES, ERRORS, STAGES = range(4)
+"""Rows of a tableau: b, c, b − b̂, and from STAGES on the rows of a."""
+
+AT_REST = -1
+"""Number of no step: outputs a delay ago are those of now."""

@@ -1,0 +1,183 @@
+"""Operations of a program on a whole batch: local arithmetic in NumPy, transients compiled.
+
+Maps are (batch, rows, cols) and numbers (batch, 1, 1); the batch is 1 where all frames share the
+value.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.engines.numba.records import Real, Reals
+from cnnum.engines.numba.reductions import sums
+from cnnum.engines.numba.transients import TransientRunner
+from cnnum.graph.nodes import (
+    CAPTURED,
+    Apply,
+    Constant,
+    ConstantMap,
+    Loop,
+    Node,
+    Parameter,
+    Pick,
+    Reduce,
+    Transient,
+)
+
+ORDERED: Mapping[str, Callable[[Reals], Floats]] = {"sum": sums}
+"""Read-outs whose rounding depends on the order of the cells: NumPy may order a batch otherwise
+than a frame."""
+
+Answers = dict[str, Reals]
+"""What a transient or a loop gives, by the name that a `Pick` asks for."""
+
+
+@dataclass(slots=True, eq=False)
+class Evaluation:
+    """One batch on its way through a schedule.
+
+    Attributes
+    ----------
+    batch : int
+    dtype : dtype
+    runners : mapping of int to TransientRunner
+        By the index of their node.
+    running : (batch, 1, 1) bool
+        Frames whose results count: inside a loop, those that have not stopped.
+    unfinished : (batch,) bool
+        Frames in which a transient or a loop did not reach its end.
+    """
+
+    batch: int
+    dtype: Real
+    runners: Mapping[int, TransientRunner]
+    running: NDArray[np.bool_] = field(init=False)
+    unfinished: NDArray[np.bool_] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.running = np.ones((self.batch, 1, 1), bool)
+        self.unfinished = np.zeros(self.batch, bool)
+
+    def run(
+        self,
+        nodes: Sequence[Node],
+        values: dict[int, Reals],
+        dead: Mapping[int, Sequence[int]] | None = None,
+    ) -> None:
+        """Fill in the values of nodes, in their order; after a node, forget what is dead."""
+        answers: dict[int, Answers] = {}
+        for node in nodes:
+            if node.index not in values:
+                self._node(node, nodes, values, answers)
+            for index in (dead or {}).get(node.index, ()):
+                values.pop(index, None)
+                answers.pop(index, None)
+
+    def _node(
+        self,
+        node: Node,
+        nodes: Sequence[Node],
+        values: dict[int, Reals],
+        answers: dict[int, Answers],
+    ) -> None:
+        operation = node.operation
+        if isinstance(operation, Pick):
+            picked = _picked(operation, answers[node.arguments[0].index])
+            values[node.index] = np.ascontiguousarray(picked, dtype=self.dtype)
+            return
+        arguments = [values[argument.index] for argument in node.arguments]
+        if isinstance(operation, Transient):
+            answers[node.index] = self._transient(node, arguments)
+        elif isinstance(operation, Loop):
+            answer = self._loop(operation, arguments)
+            answers[node.index] = answer
+            if not _picks(node, "finished", nodes):
+                self._count(answer["finished"][:, 0, 0] == 0.0)
+        else:
+            value = _local(operation, arguments)
+            values[node.index] = np.ascontiguousarray(value, dtype=self.dtype)
+
+    def _count(self, unfinished: NDArray[np.bool_]) -> None:
+        self.unfinished |= unfinished & self.running[:, 0, 0]
+
+    def _transient(self, node: Node, arguments: Sequence[Reals]) -> Answers:
+        answer = self.runners[node.index].run(arguments, self.batch)
+        self._count(answer["unfinished"] != 0.0)
+        return answer
+
+    def _loop(self, loop: Loop, arguments: Sequence[Reals]) -> Answers:
+        """Run a loop's body on all frames; those that have stopped keep their values."""
+        start, *rest = arguments
+        count, outside = len(loop.results), self.running
+        self.running = outside & np.broadcast_to(start != 0.0, outside.shape)
+        carried = [np.broadcast_to(v, (self.batch, *v.shape[1:])) for v in rest[:count]]
+        iterations = np.zeros(outside.shape, self.dtype)
+        for _ in range(loop.limit):
+            if not self.running.any():
+                break
+            iterations += self.running
+            carried, again = self._turn(loop, carried, rest[count:])
+            self.running = self.running & again
+        finished = ~self.running
+        self.running = outside
+        answer = {f"carried {place}": value for place, value in enumerate(carried)}
+        return answer | {"iterations": iterations, "finished": finished.astype(self.dtype)}
+
+    def _turn(
+        self, loop: Loop, carried: Sequence[Reals], captured: Sequence[Reals]
+    ) -> tuple[list[Reals], NDArray[np.bool_]]:
+        """Run a loop's body once; return what the values become, and the frames that go on."""
+        values: dict[int, Reals] = {}
+        for node in loop.parameters:
+            assert isinstance(node.operation, Parameter)
+            place = node.operation.place
+            values[node.index] = carried[place] if place < CAPTURED else captured[place - CAPTURED]
+        self.run(loop.nodes, values)
+        becomes = [
+            np.where(self.running, values[node.index], was)
+            for node, was in zip(loop.results, carried, strict=True)
+        ]
+        if loop.again is not None:
+            return becomes, values[loop.again.index] != 0.0
+        changed = np.zeros(self.running.shape, bool)
+        for was, now in zip(carried, becomes, strict=True):
+            changed |= (was != now).any(axis=(1, 2), keepdims=True)
+        return becomes, changed
+
+
+def _picks(node: Node, what: str, nodes: Sequence[Node]) -> bool:
+    return any(
+        isinstance(user.operation, Pick)
+        and user.arguments == (node,)
+        and user.operation.what == what
+        for user in nodes
+    )
+
+
+def _picked(operation: Pick, answer: Answers) -> Reals:
+    if operation.what in ("output", "state"):
+        return answer[operation.what][:, operation.layer]
+    if operation.what == "carried":
+        return answer[f"carried {operation.layer}"]
+    figure = answer[operation.what]
+    return figure if figure.ndim == 3 else figure[:, np.newaxis, np.newaxis]
+
+
+def _local(operation: object, arguments: Sequence[Reals]) -> Reals:
+    if isinstance(operation, Constant):
+        return np.full((1, 1, 1), operation.value)
+    if isinstance(operation, ConstantMap):
+        return operation.values[np.newaxis]
+    if isinstance(operation, Apply):
+        return operation.function.numpy(*arguments)
+    assert isinstance(operation, Reduce)
+    ordered = ORDERED.get(operation.function.name)
+    values = arguments[0]
+    if ordered is not None:
+        return ordered(values.reshape(len(values), -1))[:, np.newaxis, np.newaxis]
+    return np.asarray(operation.function.numpy(values.astype(np.float64, copy=False)))[
+        :, np.newaxis, np.newaxis
+    ]

@@ -1,0 +1,151 @@
+"""What the compiled functions take: few arrays, of the same types for every template.
+
+Maps lie one after the other, each with a rim around it, all flat: a neighbour is at a fixed
+distance. Cells of a rim are cells that never move, as their pace is 0.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Reals = NDArray[np.floating[Any]]
+"""Numbers of the engine's own type, float32 or float64."""
+
+Ints = NDArray[np.int64]
+
+Real = np.dtype[np.floating[Any]]
+
+SETTINGS = np.dtype(
+    [
+        # the array: `size` is the length of a map with its rim
+        ("layers", "i8"),
+        ("size", "i8"),
+        # the cells: code of the output function, whether the state is kept within [−1, 1],
+        # whether a coupling reads the neighbours' states
+        ("response", "i8"),
+        ("limited", "i8"),
+        ("reads_states", "i8"),
+        # the method: code, stages, −1/order, length of a (first) step and of the last one
+        ("scheme", "i8"),
+        ("stages", "i8"),
+        ("exponent", "f8"),
+        ("step", "f8"),
+        ("last", "f8"),
+        ("duration", "f8"),
+        # steps that are taken at most, the delay in steps, what is known of the error (−1: nothing)
+        ("count", "i8"),
+        ("lag", "i8"),
+        ("error", "f8"),
+        # when the state is at rest; `slowest` is the largest τ
+        ("settle", "i8"),
+        ("rtol", "f8"),
+        ("atol", "f8"),
+        ("slowest", "f8"),
+    ]
+)
+"""Numbers of a plan."""
+
+TAP = np.dtype(
+    [
+        # from a cell of the first map to the neighbour's; the weight; the place of its gain
+        ("offset", "i8"),
+        ("weight", "f8"),
+        ("gain", "i8"),
+        # of a nonlinear coupling: what it reads of the neighbour and of the centre, and where that
+        # lies; the sign of the argument; whether it is multiplied by it; the function
+        ("neighbour", "i8"),
+        ("centre", "i8"),
+        ("centre_offset", "i8"),
+        ("sign", "f8"),
+        ("times", "i8"),
+        ("table", "i8"),
+    ]
+)
+"""One weight of a template."""
+
+TABLE = np.dtype([("first", "i8"), ("last", "i8"), ("linear", "i8")])
+"""A function table: places of its points."""
+
+GAIN = np.dtype([("place", "i8"), ("table", "i8")])
+"""A gain in time."""
+
+
+class Plan(NamedTuple):
+    """A template on an array, and how it runs.
+
+    Attributes
+    ----------
+    settings : (1,) SETTINGS
+    tableau : (3 + stages, stages) float64
+        b, c, b − b̂, and the rows of a.
+    taps : (taps,) TAP
+    first : (6, layers + 1) int
+        Where the taps of every kind into each layer begin.
+    tables : (tables,) TABLE
+    points : (2, points) float
+        Arguments and values of the function tables.
+    gains : (gains,) GAIN
+    rim : (2, rim cells) int
+        Where a rim's cells lie in a map, and which cell each copies; none of a constant rim.
+    inside : (layers·rows·cols,) int
+        Places of the cells that are no rim.
+    bands : (bands, 3) int
+        Pieces of the layers that are worked on at a time: layer, first place, place after the last.
+    exact : (n, m) float
+        Of DECAY (1, layers) kept parts; of PROPAGATE the columns of E and D, then the constant.
+    """
+
+    settings: Any
+    tableau: NDArray[np.float64]
+    taps: Any
+    first: Ints
+    tables: Any
+    points: Reals
+    gains: Any
+    rim: Ints
+    inside: Ints
+    bands: Ints
+    exact: Reals
+
+
+class Batch(NamedTuple):
+    """Frames on their way: maps with rims; the state is left where the transient ends.
+
+    Attributes
+    ----------
+    state, output : (batch, layers·size) float
+    drive : (batch, layers·size) float
+        z + bias.
+    pace : (batch or 1, layers·size) float
+    inputs, previous : (batch, inputs·size) float
+        `previous` has no frame where it is not given.
+    figures : (batch, 5) float64
+        Time, steps, settled, error, unfinished.
+    """
+
+    state: Reals
+    output: Reals
+    drive: Reals
+    pace: Reals
+    inputs: Reals
+    previous: Reals
+    figures: NDArray[np.float64]
+
+
+class Frame(NamedTuple):
+    """One frame while its transient runs.
+
+    Attributes
+    ----------
+    work : (maps, n) float
+        Maps with rims of all layers, as `codes` names them.
+    gains : (layers² + 1,) float
+        Gain of every pair of layers, and the 1 of couplings that have none.
+    found : (bands, 3) float
+        Of every band: error in units of the tolerance, error, change in units of the tolerance.
+    """
+
+    work: Reals
+    gains: Reals
+    found: Reals

@@ -1,0 +1,128 @@
+"""A transient of a batch: NumPy in, compiled functions, NumPy out."""
+
+import threading
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from cnnum.arrays import Shape
+from cnnum.boundary import Boundary
+from cnnum.engines.numba.compiling import cores
+from cnnum.engines.numba.kernels import run_frames
+from cnnum.engines.numba.layout import Layout
+from cnnum.engines.numba.plans import plan_of
+from cnnum.engines.numba.records import Batch, Plan, Real, Reals
+from cnnum.graph.nodes import FIGURES, Transient
+from cnnum.integrators.choice import Solver
+
+SPREAD_CELLS = 128 * 128
+"""Smallest array of which one frame lies on all cores; below it, the cores wait for each other
+longer than they work."""
+
+_CORES = threading.Lock()
+"""Numba's simplest pool of threads, the only one on some systems, serves one caller at a time."""
+
+FRAMES_A_THREAD = 8
+"""Fewest frames that are worth a thread of their own."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TransientRunner:
+    """A template on an array, ready to run."""
+
+    operation: Transient
+    layout: Layout
+    plan: Plan
+    dtype: Real
+
+    @classmethod
+    def of(
+        cls, operation: Transient, shape: Shape, solver: Solver, dtype: Real
+    ) -> "TransientRunner":
+        """Return the runner of a transient."""
+        layout = Layout(shape, operation.template.radius)
+        return cls(operation, layout, plan_of(operation.template, layout, solver, dtype), dtype)
+
+    def run(self, arguments: Sequence[Reals], batch: int) -> dict[str, Reals]:
+        """Return states and outputs (batch, layers, rows, cols), and figures (batch,), by name.
+
+        Parameters
+        ----------
+        arguments : sequence of (batch or 1, rows or 1, cols or 1) float
+        batch : int
+        """
+        frames = self._frames(self.operation.by_role(arguments), batch)
+        self._launch(frames, batch)
+        figures = dict(zip((*FIGURES, "unfinished"), frames.figures.T, strict=True))
+        state, output = self.layout.inner(frames.state), self.layout.inner(frames.output)
+        return {"state": state, "output": output, **figures}
+
+    def _launch(self, frames: Batch, batch: int) -> None:
+        if self.layout.shape[0] * self.layout.shape[1] >= SPREAD_CELLS:
+            with _CORES:
+                run_frames(self.plan, frames, 0, batch, True)
+            return
+        threads = min(cores(), -(-batch // FRAMES_A_THREAD))
+        if threads == 1:
+            run_frames(self.plan, frames, 0, batch, False)
+            return
+        ends = [batch * part // threads for part in range(threads + 1)]
+        with ThreadPoolExecutor(threads) as pool:
+            for done in [
+                pool.submit(run_frames, self.plan, frames, start, end, False)
+                for start, end in pairwise(ends)
+            ]:
+                done.result()
+
+    def _frames(self, given: dict[str, tuple[Reals, ...]], batch: int) -> Batch:
+        template = self.operation.template
+        state = self._start(given, batch)
+        previous = given["previous"] if template.delayed is not None else ()
+        return Batch(
+            state=state,
+            output=np.empty_like(state),
+            drive=self._drive(given["bias"], batch),
+            pace=self._pace(given["mask"], batch),
+            inputs=self._rimmed(given["input"], template.input_boundary, batch),
+            previous=self._rimmed(previous, template.input_boundary, batch if previous else 0),
+            figures=np.zeros((batch, len(FIGURES) + 1)),
+        )
+
+    def _start(self, given: dict[str, tuple[Reals, ...]], batch: int) -> Reals:
+        template = self.operation.template
+        starts = given["state"] or (given["input"] if template.initial == "input" else ())
+        rim = template.boundary.constant or 0.0
+        state = self.layout.maps(batch, template.layers, rim, self.dtype)
+        inner = self.layout.inner(state)
+        for layer in range(template.layers):
+            inner[:, layer] = starts[layer] if starts else float(template.initial)
+        return state
+
+    def _drive(self, bias: tuple[Reals, ...], batch: int) -> Reals:
+        template = self.operation.template
+        drive = self.layout.maps(batch, template.layers, 0.0, self.dtype)
+        inner = self.layout.inner(drive)
+        inner[:] = template.z[:, np.newaxis, np.newaxis]
+        for layer, values in enumerate(bias):
+            inner[:, layer] += values
+        return drive
+
+    def _pace(self, mask: tuple[Reals, ...], batch: int) -> Reals:
+        template = self.operation.template
+        pace = self.layout.maps(batch if mask else 1, template.layers, 0.0, self.dtype)
+        inner = self.layout.inner(pace)
+        inner[:] = (1.0 / template.tau)[:, np.newaxis, np.newaxis]
+        for held in mask:
+            inner[np.broadcast_to(held[:, np.newaxis] != 0.0, inner.shape)] = 0.0
+        return pace
+
+    def _rimmed(self, given: tuple[Reals, ...], boundary: Boundary, batch: int) -> Reals:
+        maps = self.layout.maps(batch, len(given), boundary.constant or 0.0, self.dtype)
+        inner = self.layout.inner(maps)
+        for place, values in enumerate(given):
+            inner[:, place] = values
+        self.layout.fill_rims(maps, boundary)
+        return maps
