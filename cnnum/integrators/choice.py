@@ -59,6 +59,9 @@ class AdaptiveSteps:
     tableau: ButcherTableau
     first_step: float
     settle: bool
+    longest: float
+    """No step is longer: at the stability bound a decay bounces instead of settling, by less than
+    the error estimate sees."""
 
 
 Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps | ExponentialSteps
@@ -218,7 +221,8 @@ class _Choice:
         if preset is None and method.adaptive and template.delayed is None:
             longest = min(bound, self.duration or bound)
             first = 0.1 * min(longest, 1.0 / found.fastest) if found.fastest else 0.1 * longest
-            steps = AdaptiveSteps(method, first, self.settle)
+            safe = 0.8 * bound if self.settle and math.isfinite(bound) else self.duration
+            steps = AdaptiveSteps(method, first, self.settle, safe)
             return steps, "steps follow the error estimate", False
         step, forced = self._bounded(method.name, bound, found.reason, preset)
         fixed = _fixed(template, method, step, self.duration, self.settle)

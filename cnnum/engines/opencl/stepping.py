@@ -194,6 +194,7 @@ def adaptive(text: TransientText, scheme: AdaptiveSteps) -> dict[str, str]:
         "adaptive_steps",
         method=tableau.name,
         first_step=text.number(scheme.first_step),
+        longest=text.number(scheme.longest),
         duration=text.number(text.solver.duration),
         first_rates=indented(["{", *first_rates, "}"], 2),
         limit=MAX_STEPS,

@@ -4,7 +4,7 @@
 $first_rates
         for (int n = 0; n < $limit && ANY_LANE(running); ++n) {
             real worst = ZERO, local_error = ZERO, change = ZERO;
-            h = fmin(h, $duration - time);
+            h = fmin(fmin(h, $longest), $duration - time);
 $stages
 $judge
             const real accept = PICK(worst <= ONE, running, ZERO);
