@@ -11,6 +11,7 @@ from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.opencl.kernel_text import KernelText, lower
 from cnnum.engines.opencl.shared import SharedArray, shared_array, shares_memory
+from cnnum.engines.opencl.tiles import Tiling
 from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
 
@@ -23,10 +24,19 @@ QUIET = ["-w"]
 
 
 @dataclass(slots=True, eq=False)
+class _Tiled:
+    advance: cl.Kernel
+    finish: cl.Kernel
+    tiles: cl.Buffer
+    items: int
+
+
+@dataclass(slots=True, eq=False)
 class _Kernel:
     text: KernelText
     kernel: cl.Kernel
     data: cl.Buffer
+    tiled: _Tiled | None
 
 
 @dataclass(slots=True, eq=False)
@@ -53,7 +63,8 @@ class OpenCLExecutable:
     @property
     def launches(self) -> int:
         """Kernel launches a batch."""
-        return 1
+        tiling = self._kernel(1).text.tiling if self.schedule.cells > WIDE_CELLS else None
+        return 1 if tiling is None else 2 + len(tiling.steps)
 
     @property
     def source(self) -> str:
@@ -87,6 +98,9 @@ class OpenCLExecutable:
             arrays.input.push(self.queue)
         self._bind(built, arrays, memory, batch, first)
         cl.enqueue_nd_range_kernel(self.queue, built.kernel, (-(-batch // lanes),), (1,))
+        if built.tiled is not None and built.text.tiling is not None:
+            self._advance(built.tiled, built.text.tiling, arrays.scratch, batch)
+            cl.enqueue_nd_range_kernel(self.queue, built.tiled.finish, (batch,), (1,))
         arrays.output.pull(self.queue)
         return self._unpack(built.text, arrays.output.host.reshape(batch, -1))
 
@@ -99,7 +113,7 @@ class OpenCLExecutable:
             a is b for a, b in zip(bound, self._bound, strict=True)
         ):
             return
-        built.kernel.set_args(
+        arguments = (
             arrays.input.argument,
             arrays.output.argument,
             memory.argument,
@@ -108,7 +122,25 @@ class OpenCLExecutable:
             np.int32(batch),
             np.int32(first),
         )
+        built.kernel.set_args(*arguments)
+        if built.tiled is not None:
+            built.tiled.finish.set_args(*arguments)
         self._bound = bound
+
+    def _advance(self, tiled: _Tiled, tiling: Tiling, scratch: cl.Buffer, batch: int) -> None:
+        """Take the steps of large arrays, from one place of the states to the other and back."""
+        places = (tiling.source, tiling.target)
+        for number, steps in enumerate(tiling.steps):
+            source, target = places if number % 2 == 0 else places[::-1]
+            tiled.advance.set_args(
+                scratch,
+                tiled.tiles,
+                np.int32(batch),
+                np.int32(source),
+                np.int32(target),
+                np.int32(steps),
+            )
+            cl.enqueue_nd_range_kernel(self.queue, tiled.advance, (tiled.items,), (1,))
 
     def _unpack(self, text: KernelText, result: NDArray[np.floating]) -> dict[str, Floats]:
         refuse_unfinished(result[:, -1])
@@ -131,8 +163,16 @@ class OpenCLExecutable:
                 raise NotSupportedError(f"The OpenCL compiler refused a plan: {error}") from error
             flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
             data = cl.Buffer(context, flags, hostbuf=text.data)
-            self._kernels[lanes] = _Kernel(text, cl.Kernel(program, "plan"), data)
+            tiled = self._tiled(program, text.tiling) if text.tiling is not None else None
+            self._kernels[lanes] = _Kernel(text, cl.Kernel(program, "plan"), data, tiled)
         return self._kernels[lanes]
+
+    def _tiled(self, program: cl.Program, tiling: Tiling) -> _Tiled:
+        items = 2 * int(self.queue.device.max_compute_units)
+        size = items * tiling.scratch * self.dtype.itemsize
+        tiles = cl.Buffer(self.queue.context, cl.mem_flags.READ_WRITE, size)
+        kernels = (cl.Kernel(program, name) for name in ("advance", "finish"))
+        return _Tiled(*kernels, tiles, items)
 
     def _arrays_for(self, batch: int, lanes: int) -> _Arrays:
         if batch not in self._arrays:

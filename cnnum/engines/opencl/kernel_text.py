@@ -1,5 +1,6 @@
 """From a schedule to the text of one kernel that runs all of it."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,8 +10,12 @@ from cnnum.engines.backend import Solvers
 from cnnum.engines.opencl.lowering import Lowering
 from cnnum.engines.opencl.storage import PRIVATE_CELLS, Arena, Tables, Values
 from cnnum.engines.opencl.text import fill, indented
-from cnnum.graph.nodes import Node
+from cnnum.engines.opencl.tiles import SPLIT, Tiling
+from cnnum.graph.nodes import Constant, Input, Node, Pick, Transient
 from cnnum.graph.schedule import Schedule
+
+_DECLARES = re.compile(r"\s*(\{|real \w+;|__global real \*const \w+ = .*;)$")
+"""Lines before the steps that stand before what comes after them too."""
 
 WIDE_BYTES = 64
 """Vectors from this size on have no built-ins that every compiler can handle."""
@@ -31,6 +36,8 @@ class KernelText:
         Where each output starts within a frame's numbers; the last number is `unfinished`.
     scratch : int
         Values of global scratch a work item needs (0: everything is private).
+    tiling : Tiling or None
+        Launches of their own that take the steps of a large array.
     """
 
     source: str
@@ -39,13 +46,14 @@ class KernelText:
     memory_size: int
     outputs: dict[str, int]
     scratch: int
+    tiling: Tiling | None = None
 
 
 def lower(
     schedule: Schedule, solvers: Solvers, lanes: int, dtype: np.dtype[np.floating]
 ) -> KernelText:
     """Return the kernel text of a schedule for `lanes` frames side by side."""
-    tables = Tables(dtype, lanes)
+    tables = Tables(dtype, lanes, splits=_one_transient(schedule))
     arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
     lowering = Lowering(schedule, solvers, tables, arena, Values(tables))
     lowering.lower()
@@ -56,7 +64,7 @@ def lower(
         slots.insert(0, f"__global real *const mine = scratch + get_global_id(0) * {arena.size};")
     size = sum(_numbers(node, schedule) for node in schedule.outputs.values()) + 1
     body = indented([*slots, *lowering.body, *writes], 1)
-    source = _prelude(lanes, dtype) + "\n" + fill("plan", tables=tables.text, body=body)
+    source = _prelude(lanes, dtype) + "\n" + _kernels(tables, arena, body)
     return KernelText(
         source,
         tables.buffer(),
@@ -64,6 +72,36 @@ def lower(
         lowering.memory_size,
         outputs,
         0 if arena.private else arena.size,
+        tables.tiling,
+    )
+
+
+def _one_transient(schedule: Schedule) -> bool:
+    """Return whether nothing runs but one template, so that its kernel can be parted."""
+    parts = [n.operation for n in schedule.nodes]
+    alone = all(isinstance(part, Input | Transient | Pick | Constant) for part in parts)
+    return alone and len(schedule.transients) == 1
+
+
+def _kernels(tables: Tables, arena: Arena, body: str) -> str:
+    """Return the plan's kernel; or, parted, what comes before the steps, the steps, and the rest.
+
+    The part after the steps begins with the declarations of the part before.
+    """
+    text = tables.text
+    if tables.tiling is None:
+        return fill("plan", kernel="plan", tables=text, body=body)
+    lines = body.splitlines()
+    at = next(n for n, line in enumerate(lines) if line.strip() == SPLIT)
+    declared = [line for line in lines[:at] if _DECLARES.match(line)]
+    before = "\n".join([*lines[:at], "    }"])
+    after = "\n".join([*declared, *lines[at + 1 :]])
+    return "\n".join(
+        [
+            fill("plan", kernel="plan", tables=text, body=before),
+            f"#define FRAME_SIZE {arena.size}\n{tables.tiling.text}",
+            fill("plan", kernel="finish", tables="", body=after),
+        ]
     )
 
 

@@ -9,6 +9,7 @@ from cnnum.engines.opencl.rates import Instant, declare_outputs, outputs, rates,
 from cnnum.engines.opencl.start import start
 from cnnum.engines.opencl.stepping import adaptive, fixed
 from cnnum.engines.opencl.text import rename
+from cnnum.engines.opencl.tiles import tiled_euler, tiles_fit
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
 from cnnum.integrators.propagator import Decay, Propagator
@@ -36,6 +37,11 @@ def _run(text: TransientText) -> Figures:
     if isinstance(scheme, Decay | Propagator | Spectral):
         return exact(text, scheme)
     start(text)
+    if isinstance(scheme, FixedSteps) and tiles_fit(text, scheme):
+        tiled_euler(text, scheme)
+        declare_outputs(text)
+        time = text.number(text.solver.duration)
+        return {"time": time, "steps": text.number(scheme.count), "error": "-ONE"}
     declare_outputs(text)
     if isinstance(scheme, ChebyshevSteps):
         return chebyshev(text, scheme)

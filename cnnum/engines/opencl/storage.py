@@ -1,6 +1,7 @@
 """Where values live while a plan's kernel runs: arrays, their slots, and constant data."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +10,9 @@ from cnnum.arrays import Floats
 from cnnum.boundary import Boundary, halo_sources
 from cnnum.engines.opencl.text import number
 from cnnum.graph.nodes import Constant, ConstantMap, Node
+
+if TYPE_CHECKING:
+    from cnnum.engines.opencl.tiles import Tiling
 
 PRIVATE_CELLS = 32 * 32
 """Largest array that lives in private memory, so that a whole program is one launch."""
@@ -21,12 +25,13 @@ class Arena:
     private: bool
     size: int = 0
     _top: int = 0
+    places: dict[str, int] = field(default_factory=dict[str, int])
 
     def array(self, name: str, length: int) -> str:
         """Return the declaration of an array."""
         if self.private:
             return f"real {name}[{length}];"
-        start = self._top
+        start = self.places[name] = self._top
         self._top += length
         self.size = max(self.size, self._top)
         return f"__global real *const {name} = mine + {start};"
@@ -54,12 +59,18 @@ class Tables:
         Of the kernel's numbers.
     lanes : int
         Frames side by side in the kernel's type.
+    splits : bool
+        Whether the plan's kernel may be parted for steps that are launches of their own.
     types : dict of str to str
         Texts of further types that the kernel uses, by name.
+    tiling : Tiling or None
+        Those steps.
     """
 
     dtype: np.dtype[np.floating]
     lanes: int
+    splits: bool = False
+    tiling: "Tiling | None" = None
     types: dict[str, str] = field(default_factory=dict[str, str])
     _tables: dict[str, str] = field(default_factory=dict[str, str])
     _data: list[Floats] = field(default_factory=list[Floats])
