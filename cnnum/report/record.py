@@ -1,5 +1,6 @@
 """What a run of a scene leaves behind for a report: frames, outputs, events, ground truth."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import cast
 
@@ -9,7 +10,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.conversion import ByCalibration
 from cnnum.drivers.registry import driver_options
 from cnnum.events import Event
-from cnnum.frame import FORCE_AXES
+from cnnum.frame import FORCE_AXES, Truth
 from cnnum.pipeline import Moment, Scene, Summary
 from cnnum.plan import Explanation
 from cnnum.report.environment import Environment
@@ -126,7 +127,7 @@ class SceneRecorder:
             push=_push(scene, calibrated),
             outputs=_outputs(moments),
             events=tuple(event for moment in moments for event in moment.events),
-            truth=_truth(moments),
+            truth=truth_columns([moment.frame.truth for moment in moments]),
             seconds=np.array([m.seconds if m.outputs else np.nan for m in moments]),
             explanation=explanation,
             summary=scene.summary(),
@@ -164,8 +165,8 @@ def _outputs(moments: list[Moment]) -> dict[str, Floats]:
     return found
 
 
-def _truth(moments: list[Moment]) -> dict[str, Floats]:
-    truths = [moment.frame.truth for moment in moments]
+def truth_columns(truths: Sequence[Truth | None]) -> dict[str, Floats]:
+    """Return (frames,) arrays of the ground truth by name; NaN in frames without."""
     names = dict.fromkeys(name for truth in truths if truth for name in truth.values)
     return {
         name: np.array([truth.get(name, np.nan) if truth else np.nan for truth in truths])

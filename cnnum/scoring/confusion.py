@@ -1,0 +1,74 @@
+"""What is taken for what: slip, twist, grip, roll and the rest against what was reported."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from cnnum.report.verdicts import MAX_DELAY
+from cnnum.scoring.judge import Judgement
+from cnnum.scoring.measures import Measure, share
+
+TRUE_KINDS = ("slip", "part pull", "twist", "part twist", "grip", "roll", "vibrate")
+REPORTED = ("slip", "twist")
+
+CONFUSED = 0.01
+"""Share of slips and twists that may be taken for the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """One thing that the hand did, and what was reported of it.
+
+    Attributes
+    ----------
+    kind : str
+        One of `TRUE_KINDS`.
+    reported : frozenset of str
+        "slip", "twist", both or neither.
+    """
+
+    kind: str
+    reported: frozenset[str]
+
+
+def confusion_measures(suite: str, judged: Sequence[Judgement]) -> Iterator[Measure]:
+    """Yield how often each thing that was done was reported as slip and as twist."""
+    seen = [item for one in judged for item in seen_of(one)]
+    both = [item for item in seen if item.kind in REPORTED]
+    if both:
+        wrong = sum(_other(item.kind) in item.reported for item in both)
+        value = share(wrong, len(both))
+        yield Measure("slip against twist", suite, value, len(both), "", CONFUSED, "at most")
+    for kind in TRUE_KINDS:
+        mine = [item for item in seen if item.kind == kind]
+        for told in REPORTED if mine else ():
+            value = share(sum(told in item.reported for item in mine), len(mine))
+            yield Measure(f"{kind} reported as {told}", suite, value, len(mine))
+
+
+def _other(kind: str) -> str:
+    return REPORTED[1 - REPORTED.index(kind)]
+
+
+def seen_of(one: Judgement) -> Iterator[Seen]:
+    """Yield what was done in a play, with what was reported meanwhile.
+
+    Pulls and twists are the episodes of the truth, the rest the phases of the script in which
+    neither is there; a report may come `MAX_DELAY` frames late.
+    """
+    for episode in one.episodes:
+        reached = episode.loose is not None if episode.kind == "twist" else episode.gross is not None
+        part = f"part {episode.kind}"
+        kind = {"pull": "slip", "twist": "twist"}[episode.kind] if reached else part
+        yield Seen(kind, _reported(one, episode.first, episode.after))
+    for phase in one.play.phases:
+        busy = any(e.first < phase.after and phase.first < e.after for e in one.episodes)
+        if phase.kind in TRUE_KINDS and not busy:
+            yield Seen(phase.kind, _reported(one, phase.first, phase.after))
+
+
+def _reported(one: Judgement, first: int, after: int) -> frozenset[str]:
+    return frozenset(
+        event.kind
+        for event in one.play.events
+        if event.kind in REPORTED and first <= event.frame < after + MAX_DELAY
+    )
