@@ -18,14 +18,18 @@ from cnnum.network import taps
 SPLIT = "// from here on in the kernel 'finish'"
 """Line at which a plan's kernel is parted: the steps are launches of their own."""
 
-CACHE_BYTES = 640 * 1024
-"""Of a tile's four arrays: they stay in the second-level cache of a core (1 MiB and more)."""
+CACHE_BYTES = 384 * 1024
+"""Of a tile's four arrays: they stay in the second-level cache of a core, which others use too."""
 
-TILE_COLUMNS = 512
+TILE_COLUMNS = 256
 STEPS = 8
 """Steps a launch, at most: a tile's overlap grows with them, its traffic shrinks."""
 
+WHOLE_CELLS = 96 * 96
+"""Arrays up to this are one tile and one launch: a launch takes as long as 8 of their steps."""
+
 BLOCK_ROWS = 4
+PIECES = 2
 VECTOR_BYTES = 64
 
 
@@ -44,7 +48,8 @@ class Tiling:
     source, target : int
         Where the states stand in a frame's numbers, and where they go; then the other way.
     steps : tuple of int
-        Steps of each launch; an even number of launches, so that the states end at `source`.
+        Steps of each launch; an even number of launches, so that the states end at `source`
+        (a single one where that is the target too).
     """
 
     text: str
@@ -84,23 +89,22 @@ def _tiling(text: TransientText, scheme: FixedSteps) -> Tiling:
     (rows, cols), radius = text.shape, text.radius
     size = text.tables.dtype.itemsize
     width = VECTOR_BYTES // size
-    most = max(1, min(STEPS, (width - radius) // radius))
-    launches = math.ceil(scheme.count / most)
-    launches += launches % 2
-    steps = tuple(
-        scheme.count * (n + 1) // launches - scheme.count * n // launches for n in range(launches)
-    )
-    reach = max(steps) * radius
-    tile_cols = min(TILE_COLUMNS, -(-cols // width) * width)
+    periodic = text.template.boundary.pad_mode == "wrap"
+    whole = text.cells <= WHOLE_CELLS and not periodic
+    steps = (scheme.count,) if whole else _launches(scheme.count, (width - radius) // radius)
+    reach = 0 if whole else max(steps) * radius
+    widest = -(-cols // width) * width
+    tile_cols = widest if whole else min(TILE_COLUMNS, widest)
     pitch = tile_cols + 3 * width
     halo = reach + radius
     held = CACHE_BYTES // (4 * size * pitch)
-    tile_rows = max(8, min(rows, held - 2 * halo - BLOCK_ROWS))
+    # two pieces at least, so that more than one core has something to do
+    tile_rows = max(8, min(-(-rows // PIECES), held - 2 * halo - BLOCK_ROWS))
+    tile_rows = rows if whole else tile_rows
     area = (tile_rows + 2 * halo + BLOCK_ROWS) * pitch
     slack = pitch
     across = -(-cols // tile_cols)
     tiles = across * -(-rows // tile_rows)
-    periodic = text.template.boundary.pad_mode == "wrap"
     names: dict[str, object] = {
         "width": width,
         "bytes": size,
@@ -130,7 +134,15 @@ def _tiling(text: TransientText, scheme: FixedSteps) -> Tiling:
     }
     places = text.arena.places
     source = fill("tiles", **names)
-    return Tiling(source, 4 * area + 2 * slack, tiles, places["x"], places["x2"], steps)
+    target = places["x" if whole else "x2"]
+    return Tiling(source, 4 * area + 2 * slack, tiles, places["x"], target, steps)
+
+
+def _launches(count: int, most: int) -> tuple[int, ...]:
+    """Return the steps of each launch, an even number of launches."""
+    launches = math.ceil(count / max(1, min(STEPS, most)))
+    launches += launches % 2
+    return tuple(count * (n + 1) // launches - count * n // launches for n in range(launches))
 
 
 def _scale(scheme: FixedSteps, text: TransientText, factor: float = 1.0) -> str:
