@@ -18,6 +18,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "Compare the dissertation's numbers and figures with ours.",
     ),
     "calibrate": ("cnnum.cli.calibrate", "Fit a taxel's calibration to a scan of point loads."),
+    "score": ("cnnum.cli.score", "Score slip and twist where the truth is known."),
     "probe": ("cnnum.cli.probe", "Look at what an array sends: rate, losses, dead cells."),
     "record": ("cnnum.cli.record", "Record an array's frames to a file."),
     "replay": ("cnnum.cli.replay", "Run a scene's program over a recording."),

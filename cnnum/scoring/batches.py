@@ -98,7 +98,7 @@ class Player:
 def events_of(
     detector: EventDetector, times: Floats, outputs: Mapping[str, Floats]
 ) -> tuple[Event, ...]:
-    """Return the events of a scene from its (frames,) outputs, as its pipeline would report them."""
+    """Return the events of a scene from its (frames,) outputs, as its pipeline reports them."""
     found: list[Event] = []
     for frame, time in enumerate(times.tolist()):
         now = {name: values[frame] for name, values in outputs.items()}

@@ -66,5 +66,5 @@ class Bounds:
 
 def load_of(contact_radius: float, radius: float, youngs_modulus: float) -> float:
     """Return the load (N) under which a sphere makes a contact of that radius (Hertz)."""
-    return float(4.0 * contact_modulus(youngs_modulus, POISSON) * contact_radius**3 / (3.0 * radius))
-
+    modulus = float(contact_modulus(youngs_modulus, POISSON))
+    return 4.0 * modulus * contact_radius**3 / (3.0 * radius)

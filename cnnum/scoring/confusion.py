@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from cnnum.report.verdicts import MAX_DELAY
+from cnnum.scoring.episodes import Episode
 from cnnum.scoring.judge import Judgement
 from cnnum.scoring.measures import Measure, share
 
@@ -56,14 +57,27 @@ def seen_of(one: Judgement) -> Iterator[Seen]:
     neither is there; a report may come `MAX_DELAY` frames late.
     """
     for episode in one.episodes:
-        reached = episode.loose is not None if episode.kind == "twist" else episode.gross is not None
-        part = f"part {episode.kind}"
-        kind = {"pull": "slip", "twist": "twist"}[episode.kind] if reached else part
-        yield Seen(kind, _reported(one, episode.first, episode.after))
+        kind = _kind(episode)
+        # a twist sets free what a pull has left behind, and the other way round: not one of its own
+        part = kind not in REPORTED and any(_overlap(episode, e) for e in one.episodes)
+        if not part:
+            yield Seen(kind, _reported(one, episode.first, episode.after))
     for phase in one.play.phases:
         busy = any(e.first < phase.after and phase.first < e.after for e in one.episodes)
         if phase.kind in TRUE_KINDS and not busy:
             yield Seen(phase.kind, _reported(one, phase.first, phase.after))
+
+
+def _kind(episode: Episode) -> str:
+    reached = episode.loose if episode.kind == "twist" else episode.gross
+    whole = {"pull": "slip", "twist": "twist"}[episode.kind]
+    return f"part {episode.kind}" if reached is None else whole
+
+
+def _overlap(part: Episode, other: Episode) -> bool:
+    """Return whether a whole pull or twist goes on at the time of a part of one."""
+    together = part.first < other.after and other.first < part.after
+    return together and _kind(other) in REPORTED
 
 
 def _reported(one: Judgement, first: int, after: int) -> frozenset[str]:

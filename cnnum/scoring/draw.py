@@ -56,7 +56,7 @@ class Draw:
         self.rng = np.random.default_rng([seed, *suite.encode()])
         self.shape = self.chosen(SHAPES)
         self.rate = self.chosen(RATES)
-        self.cover = self._cover()
+        self.cover: Cover = self._cover()
         self.thickness = THICKNESSES[int(self.rng.integers(len(THICKNESSES)))]
         self.bounds = self._grip()
 
@@ -70,7 +70,7 @@ class Draw:
 
     def log(self, low: float, high: float) -> float:
         """Return a number between two, every octave as likely."""
-        return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
+        return float(low * (high / low) ** self.rng.uniform())
 
     def angle(self) -> float:
         """Return a direction, rad."""
@@ -100,8 +100,10 @@ class Draw:
 
     def _cover(self) -> Cover:
         """Return the cover; even bumps over 256 taxels take 12 s to work out, so they get none."""
-        cover = self.chosen(COVERS)
-        return "bumps-fem" if cover == "bumpy" and self.shape == (16, 16) else cover
+        cover: Cover = self.chosen(COVERS)
+        if cover == "bumpy" and self.shape == (16, 16):
+            return "bumps-fem"
+        return cover
 
     def _grip(self) -> Bounds:
         radius = self.log(*RADIUS)
@@ -124,4 +126,5 @@ class Draw:
             noisy=broken if which == 2 else 0,
             drift=DRIFT * self.sign() if warms else 0.0,
             drift_time=self.log(10.0, 180.0),
+            begins=self.uniform(-2.5, 2.5) if self.suite == "false-alarms" else 0.0,
         )

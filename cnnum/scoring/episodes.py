@@ -58,7 +58,8 @@ def episodes_of(play: Play) -> tuple[Episode, ...]:
 
 def _pulls(play: Play) -> Iterator[Episode]:
     truth = play.truth
-    force, least = np.hypot(truth["shear_x"], truth["shear_y"]), LOADED * truth["normal_force"].max()
+    force = np.hypot(truth["shear_x"], truth["shear_y"])
+    least = LOADED * truth["normal_force"].max()
     slides = truth["slip"] > 0
     for first, after in held((force > least).astype(float)):
         loose = _first((truth["incipient"] > 0) | slides, first, after)

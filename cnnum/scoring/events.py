@@ -6,7 +6,7 @@ from math import degrees
 import numpy as np
 
 from cnnum.report.verdicts import MAX_DELAY, MAX_TURN
-from cnnum.scoring.judge import Find, Judgement
+from cnnum.scoring.judge import QUIET, Find, Judgement
 from cnnum.scoring.measures import Measure, auc, quantile, share
 
 KINDS = ("contact", "release", "incipient slip", "gross slip", "twist")
@@ -54,8 +54,10 @@ def _delays(suite: str, kind: str, found: Sequence[Find]) -> Iterator[Measure]:
     seconds = [(find.delay or 0) / find.play.rate for find in found]
     for name, place in (("median", 0.5), ("5 % below", 0.05), ("95 % below", 0.95)):
         count = len(found)
-        yield Measure(f"{kind}: delay, {name}", suite, quantile(frames, place), count, "frames")
-        yield Measure(f"{kind}: delay, {name}", suite, quantile(seconds, place), count, "s")
+        title, more = f"{kind}: delay, {name}", name != "median" or kind in QUIET
+        in_frames, in_seconds = quantile(frames, place), quantile(seconds, place)
+        yield Measure(title, suite, in_frames, count, "frames", detail=more)
+        yield Measure(title, suite, in_seconds, count, "s", detail=more)
 
 
 def _directions(suite: str, kind: str, found: Sequence[Find]) -> Iterator[Measure]:
@@ -80,6 +82,10 @@ def warning_measures(suite: str, judged: Sequence[Judgement]) -> Iterator[Measur
         "of pulls",
         BEFORE,
     )
+    slow = warnings(judged, room=MAX_DELAY)
+    value = share(sum(stick is not None for stick in slow), len(slow))
+    name = f"incipient slip before gross slip, {MAX_DELAY} frames or more after c = a/2"
+    yield Measure(name, suite, value, len(slow), "of pulls")
     known = [stick for stick in told if np.isfinite(stick)]
     yield Measure(
         "stick radius c/a at the report of incipient slip, median",
@@ -91,12 +97,15 @@ def warning_measures(suite: str, judged: Sequence[Judgement]) -> Iterator[Measur
     )
 
 
-def warnings(judged: Sequence[Judgement]) -> list[float | None]:
-    """Return, for each pull that ends in gross slip, c/a at the report before it, if any."""
+def warnings(judged: Sequence[Judgement], room: int = 0) -> list[float | None]:
+    """Return, for each pull that ends in gross slip, c/a at the report before it, if any.
+
+    Only pulls in which gross slip comes at least `room` frames after c = a/2 are looked at.
+    """
     found: list[float | None] = []
     for one in judged:
         for episode in one.episodes:
-            if episode.gross is None:
+            if episode.gross is None or episode.gross - (episode.loose or 0) < room:
                 continue
             early = [
                 event.frame

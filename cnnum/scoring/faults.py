@@ -26,6 +26,8 @@ class Faults:
         Bridges that stand at a voltage of their own.
     noisy : int
         Taxels with ten times the noise.
+    begins : float, s
+        When taxels and bridges break; before 0 they always were.
     drift : float, V
         Warming up: how far the bridges drift in all (Table 3.II: 10 mV under a cover).
     drift_time : float, s
@@ -38,6 +40,7 @@ class Faults:
     dead: int = 0
     stuck: int = 0
     noisy: int = 0
+    begins: float = 0.0
     drift: float = 0.0
     drift_time: float = 180.0
     drift_spread: float = 0.2
@@ -69,7 +72,9 @@ class Faults:
         spread = 1.0 + self.drift_spread * rng.standard_normal(volts.shape[1:])
         rise = self.drift * (1.0 - np.exp(-times / self.drift_time))
         moved = volts + rise[:, None, None, None] * spread
-        self._break(moved.reshape(len(volts), -1, 4), rng, readout)
+        broken = moved[times >= self.begins]
+        self._break(broken.reshape(len(broken), -1, 4), rng, readout)
+        moved[times >= self.begins] = broken
         return Readout(gain=1.0, bits=readout.bits, limit=readout.limit).read(moved)[0]
 
     def _break(self, volts: Floats, rng: np.random.Generator, readout: Readout) -> None:

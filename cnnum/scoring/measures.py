@@ -30,6 +30,8 @@ class Measure:
         How the value must stand to the target.
     group : str
         What part of the suite it is of; empty for all of it.
+    detail : bool
+        Whether it can be left out where space is short.
     """
 
     measure: str
@@ -40,6 +42,7 @@ class Measure:
     target: float | None = None
     rule: Rule = "at least"
     group: str = ""
+    detail: bool = False
 
     @property
     def reached(self) -> bool | None:

@@ -96,4 +96,3 @@ def spans_of(script: Sequence[Phase], rate: float) -> tuple[Span, ...]:
         Span(phase.kind, first, after)
         for phase, first, after in zip(script, ends[:-1], ends[1:], strict=True)
     )
-

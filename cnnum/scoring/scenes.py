@@ -63,5 +63,3 @@ def _settings(scene: Scene) -> Settings | None:
     spec = scene.spec
     options = driver_options(spec.driver, spec.driver_options, base=spec.base)
     return options if isinstance(options, Settings) else None
-
-

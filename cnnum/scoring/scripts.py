@@ -1,5 +1,7 @@
 """What the hand does in generated scenes: scenes that slip or twist, and scenes that do neither."""
 
+from math import pi
+
 from cnnum.drivers.simulated.script import Phase
 from cnnum.scoring.bounds import LOOSE_TORQUE
 from cnnum.scoring.case import Case
@@ -28,7 +30,8 @@ HELD_FOR = 6.0
 
 def slip_case(seed: int) -> Case:
     """Return a scene of the suite "slip": half of them pull, the rest pull and twist, twist only,
-    or do either and stop before anything slips."""
+    or do either and stop before anything slips.
+    """
     return Draw("slip", seed).case(_slip_script)
 
 
@@ -128,7 +131,7 @@ def _roll(draw: Draw) -> Phases:
     speed, direction = draw.log(*SPEED), draw.angle()
     lasts = min(draw.uniform(0.2, 0.8), 0.8e-3 / speed)
     there = Phase("roll", lasts, speed=speed, direction=direction)
-    return (there, Phase("roll", lasts, speed=speed, direction=direction + 3.141592653589793))
+    return (there, Phase("roll", lasts, speed=speed, direction=direction + pi))
 
 
 def _vibrate(draw: Draw) -> Phases:

@@ -16,6 +16,7 @@ from cnnum.scoring.groups import group_measures
 from cnnum.scoring.judge import Judgement, judge
 from cnnum.scoring.measures import Measure
 from cnnum.scoring.recordings import (
+    Trial,
     failing_trials,
     play_trial,
     recording_measures,
@@ -100,6 +101,11 @@ class Report:
     measures: tuple[Measure, ...]
     failing: tuple[Failing, ...] = field(default=())
 
+    def records(self) -> Iterator[dict[str, object]]:
+        """Yield all of it as JSON objects: a measure each, then a scene that went wrong each."""
+        yield from (measure.record() for measure in self.measures)
+        yield from (item.record() for item in self.failing)
+
     @property
     def missed(self) -> tuple[Measure, ...]:
         """Measures whose target is not reached."""
@@ -135,7 +141,7 @@ def score(
     for suite, ones in judged.items():
         measures += suite_measures(suite, ones)
         wrong += failing(ones)
-    trials = []
+    trials = list[Trial]()
     for folder in request.trials():
         trials.append(play_trial(folder, engine))
         advance(folder.name)

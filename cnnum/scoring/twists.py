@@ -32,9 +32,7 @@ def _rates(suite: str, found: Sequence[Find]) -> Iterator[Measure]:
     """Yield how far `twist_rate` is off; a program that does not report it has no count."""
     errors = [error for find in found if (error := rate_error(find)) is not None]
     near, count = sum(error <= RATE_SHARE for error in errors), len(errors)
-    yield Measure(
-        "twist: rate within 10 %", suite, share(near, count), count, target=NEARLY_ALL
-    )
+    yield Measure("twist: rate within 10 %", suite, share(near, count), count, target=NEARLY_ALL)
     yield Measure("twist: rate error, median", suite, quantile(errors, 0.5), count)
 
 
