@@ -55,7 +55,7 @@ def _through_piece(
 def _time_to(goal: Floats, state: Floats, rate: Floats | float, drift: Floats) -> Floats:
     """Return when x' = rate·x + drift reaches the goal, infinite where it does not."""
     speed = rate * state + drift
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         # log1p, because a rate near 0 leaves only roundings of the quotient of the speeds
         curved = np.log1p(rate * (goal - state) / speed) / rate
         time = np.where(np.equal(rate, 0.0), (goal - state) / speed, curved)

@@ -298,7 +298,7 @@ def _adaptive(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
     step, end = settings.step, settings.duration * (1.0 - 1e-6)
     _evaluate(plan, now, _NONE, step, time, _AT_REST, spread)
     while time < end and settled == 0.0 and taken < settings.count:
-        step = min(step, settings.duration - time)
+        step = min(step, settings.longest, settings.duration - time)
         for stage in range(1, settings.stages):
             _evaluate(plan, now, stage, step, time, _AT_REST, spread)
         _all_bands(codes.JUDGE, plan, now, _NONE, step, spread)

@@ -37,7 +37,8 @@ def _steps(template: Template, solver: Solver) -> dict[str, Any]:
     if isinstance(scheme, AdaptiveSteps):
         # the estimate of the error belongs to the state at the last stage
         assert scheme.tableau.first_same_as_last
-        return settings | {"scheme": ADAPTIVE, "count": MAX_STEPS, "step": scheme.first_step}
+        steps = {"step": scheme.first_step, "longest": scheme.longest, "count": MAX_STEPS}
+        return settings | steps | {"scheme": ADAPTIVE}
     return settings | {
         "scheme": FIXED,
         "count": scheme.count,

@@ -26,11 +26,12 @@ SETTINGS = np.dtype(
         ("response", "i8"),
         ("limited", "i8"),
         ("reads_states", "i8"),
-        # the method: code, stages, −1/order, length of a (first) step and of the last one
+        # the method: code, stages, −1/order, length of a (first) step, of the longest and the last
         ("scheme", "i8"),
         ("stages", "i8"),
         ("exponent", "f8"),
         ("step", "f8"),
+        ("longest", "f8"),
         ("last", "f8"),
         ("duration", "f8"),
         # steps that are taken at most, the delay in steps, what is known of the error (−1: nothing)
