@@ -19,6 +19,8 @@ WIDE_CELLS = 256
 """Largest array whose frames lie side by side in lanes; the compiler vectorises along the
 columns of larger ones, whose lanes would no longer fit the cache."""
 
+MOST_LANES = 16
+
 QUIET = "-w"
 """Compilers warn of how vectors of this width are handed to built-in functions, which is theirs."""
 
@@ -185,7 +187,8 @@ class OpenCLExecutable:
             text, width = self._kernel(lanes).text, self.dtype.itemsize
             cells_read = self.schedule.cells * len(self.schedule.channels_read)
             self._arrays.clear()  # one batch size at a time: large ones would pile up
-            scratch = max(1, batch * text.scratch) * width
+            # a vector may be read over the end
+            scratch = (batch * text.scratch + MOST_LANES) * width
             self._arrays[batch] = _Arrays(
                 self._array(batch * cells_read),
                 self._array(batch * text.output_size),

@@ -25,7 +25,10 @@ TILE_COLUMNS = 256
 STEPS = 8
 """Steps a launch, at most: a tile's overlap grows with them, its traffic shrinks."""
 
-WHOLE_CELLS = 96 * 96
+SMALL_CELLS = 256 * 256
+"""Arrays up to this take twice as many: there a launch costs more than the overlap."""
+
+WHOLE_CELLS = 128 * 128
 """Arrays up to this are one tile and one launch: a launch takes as long as 8 of their steps."""
 
 BLOCK_ROWS = 4
@@ -91,7 +94,9 @@ def _tiling(text: TransientText, scheme: FixedSteps) -> Tiling:
     width = VECTOR_BYTES // size
     periodic = text.template.boundary.pad_mode == "wrap"
     whole = text.cells <= WHOLE_CELLS and not periodic
-    steps = (scheme.count,) if whole else _launches(scheme.count, (width - radius) // radius)
+    longest = STEPS if text.cells > SMALL_CELLS else 2 * STEPS
+    most = min(longest, (width - radius) // radius)
+    steps = (scheme.count,) if whole else _launches(scheme.count, most)
     reach = 0 if whole else max(steps) * radius
     widest = -(-cols // width) * width
     tile_cols = widest if whole else min(TILE_COLUMNS, widest)
@@ -127,8 +132,11 @@ def _tiling(text: TransientText, scheme: FixedSteps) -> Tiling:
         "margin": width,
         "wrap_row": f"(r + {rows}) % {rows}" if periodic else "r",
         "wrap_col": f"(c + {cols}) % {cols}" if periodic else "c",
-        "drive": _drive(text, scheme),
-        "first": rename(text.template.output.opencl, {"x": "value"}),
+        # whole vectors run over a tile's end, where nothing is; around a torus they can not
+        "stride": 1 if periodic else width,
+        "group": "scalar" if periodic else "vec",
+        "drive": _drive(text, scheme, "scalar" if periodic else "vec"),
+        "first": _first(text) if periodic else "shown(value)",
         "block": BLOCK_ROWS,
         "step": indented(_step(text, scheme, pitch), 5),
     }
@@ -140,7 +148,7 @@ def _tiling(text: TransientText, scheme: FixedSteps) -> Tiling:
 
 def _launches(count: int, most: int) -> tuple[int, ...]:
     """Return the steps of each launch, an even number of launches."""
-    launches = math.ceil(count / max(1, min(STEPS, most)))
+    launches = math.ceil(count / max(1, most))
     launches += launches % 2
     return tuple(count * (n + 1) // launches - count * n // launches for n in range(launches))
 
@@ -149,11 +157,16 @@ def _scale(scheme: FixedSteps, text: TransientText, factor: float = 1.0) -> str:
     return text.number(factor * scheme.step / float(text.template.tau[0]))
 
 
-def _drive(text: TransientText, scheme: FixedSteps) -> str:
+def _drive(text: TransientText, scheme: FixedSteps, group: str) -> str:
     constant = constant_drive(text)
     if constant is not None:
-        return _scale(scheme, text, constant[0])
-    return f"{_scale(scheme, text)} * mine[{text.arena.places['w']} + cell]"
+        return _scale(scheme, text, constant[0]).replace("R(", f"({group})(")
+    given = f"*(__global const {group} *)(mine + {text.arena.places['w']} + cell)"
+    return f"{_scale(scheme, text)} * {given}".replace("R(", f"({group})(")
+
+
+def _first(text: TransientText) -> str:
+    return rename(text.template.output.opencl, {"x": "value"})
 
 
 def _shown(text: TransientText) -> str:

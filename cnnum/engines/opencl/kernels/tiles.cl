@@ -30,12 +30,12 @@ void advance(__global scalar *scratch, __global scalar *tiles, const int frames,
         // cell (r, c) stands at (r - r0 + $halo) * $pitch + c - c0 + $margin
         for (int r = ra; r < rb; ++r) {
             const int row = $wrap_row, at = (r - r0 + $halo) * $pitch - c0 + $margin;
-            for (int c = ca; c < cb; ++c) {
+            for (int c = ca; c < cb; c += $stride) {
                 const int cell = row * $cols + $wrap_col;
-                const scalar value = mine[source + cell];
-                x[at + c] = value;
-                w[at + c] = $drive;
-                from[at + c] = $first;
+                const $group value = *(__global const $group *)(mine + source + cell);
+                *(__global $group *)(x + at + c) = value;
+                *(__global $group *)(w + at + c) = $drive;
+                *(__global $group *)(from + at + c) = $first;
             }
         }
         const int low = (ra - r0 + $halo), high = (rb - r0 + $halo);
@@ -57,8 +57,13 @@ $step
         }
         for (int r = r0; r < r1; ++r) {
             const int at = (r - r0 + $halo) * $pitch - c0 + $margin;
-            for (int c = c0; c < c1; ++c) {
-                mine[target + r * $cols + c] = x[at + c];
+            __global scalar *const end_of = mine + target + r * $cols;
+            int c = c0;
+            for (; c + $width <= c1; c += $width) {
+                *(__global vec *)(end_of + c) = *(__global const vec *)(x + at + c);
+            }
+            for (; c < c1; ++c) {
+                end_of[c] = x[at + c];
             }
         }
     }
