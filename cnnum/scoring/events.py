@@ -17,12 +17,14 @@ BEFORE, STICK_LEFT = 0.95, 0.3
 
 
 def event_measures(suite: str, judged: Sequence[Judgement]) -> Iterator[Measure]:
-    """Yield precision, recall and delays of every kind of event."""
+    """Yield precision, recall and delays of every kind of event that was there or reported."""
     for kind in KINDS:
         finds = [find for one in judged for find in one.of(kind)]
         found = [find for find in finds if find.report is not None]
         false = sum(title_of(e.phase, e.kind) == kind for one in judged for e in one.false)
         reports = len(found) + false
+        if not finds and not reports:
+            continue
         gross = kind == "gross slip"
         in_time = sum(find.in_time for find in finds)
         yield Measure(
@@ -73,6 +75,8 @@ def _directions(suite: str, kind: str, found: Sequence[Find]) -> Iterator[Measur
 def warning_measures(suite: str, judged: Sequence[Judgement]) -> Iterator[Measure]:
     """Yield how often and how early incipient slip was told before gross slip."""
     pulls = warnings(judged)
+    if not pulls:
+        return
     told = [stick for stick in pulls if stick is not None]
     yield Measure(
         "incipient slip before gross slip",

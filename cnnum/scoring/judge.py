@@ -200,7 +200,7 @@ def _faults_of(find: Find) -> Iterator[str]:
     if title == "gross slip" and not find.in_time:
         yield f"{title} {at} reported {find.delay} frames late"
     if find.turn is not None and abs(find.turn) > MAX_TURN:
-        yield f"{title} {at}: direction off by {degrees(find.turn):.0f}°"
+        yield f"{title} {at}: direction off by {abs(degrees(find.turn)):.0f}°"
     if find.truth.sense is not None and find.report.sense != find.truth.sense:
         yield f"{title} {at}: wrong sense"
     if find.away is not None and find.away > HALF_PITCH:

@@ -13,7 +13,10 @@ NEARLY_ALL = 0.995
 
 def twist_measures(suite: str, judged: Sequence[Judgement]) -> Iterator[Measure]:
     """Yield sense, centre and rate of the twists that were reported."""
-    found = [find for one in judged for find in one.of("twist") if find.report is not None]
+    finds = [find for one in judged for find in one.of("twist")]
+    if not finds:
+        return
+    found = [find for find in finds if find.report is not None]
     right = sum(find.report is not None and find.report.sense == find.truth.sense for find in found)
     count = len(found)
     yield Measure("twist: sense right", suite, share(right, count), count, target=NEARLY_ALL)
