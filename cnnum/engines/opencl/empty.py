@@ -3,6 +3,7 @@
 import numpy as np
 import pyopencl as cl
 
+from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.devices import choose_device
 
 _TEXT = """
@@ -26,7 +27,7 @@ class EmptyLaunch:
     def __init__(self, device: str, bytes_in: int, bytes_out: int) -> None:
         context = cl.Context([choose_device(device).handle])
         self._queue = cl.CommandQueue(context)
-        self._kernel = cl.Kernel(cl.Program(context, _TEXT).build(), "nothing")
+        self._kernel = cl.Kernel(build_program(context, _TEXT), "nothing")
         self._given = np.zeros(max(bytes_in, 4), np.uint8)
         self._taken = np.zeros(max(bytes_out, 4), np.uint8)
         flags = cl.mem_flags

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
+from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.kernel_text import KernelText, lower
 from cnnum.engines.opencl.shared import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.tiles import Tiling
@@ -163,7 +164,7 @@ class OpenCLExecutable:
             text = lower(self.schedule, self.solvers, lanes, self.dtype)
             context = self.queue.context
             try:
-                program = cl.Program(context, text.source).build(options=self._options())
+                program = build_program(context, text.source, self._options())
             except cl.RuntimeError as error:
                 raise NotSupportedError(f"The OpenCL compiler refused a plan: {error}") from error
             flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR

@@ -9,6 +9,7 @@ from itertools import product
 import numpy as np
 import pyopencl as cl
 
+from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.devices import Device
 from cnnum.engines.opencl.text import fill, indented
 
@@ -119,7 +120,7 @@ class Bench:
         return 2.0 * size / copy
 
     def _kernel(self, arithmetic: Arithmetic, name: str) -> cl.Kernel:
-        return cl.Kernel(cl.Program(self._context, arithmetic.text).build(), name)
+        return cl.Kernel(build_program(self._context, arithmetic.text), name)
 
     def _items(self, width: int) -> tuple[int, int]:
         """Return work items and those of a group: enough to keep every unit busy."""

@@ -1,0 +1,23 @@
+"""Building programs: one place that keeps compilers' chatter from the user."""
+
+import warnings
+from collections.abc import Sequence
+
+import pyopencl as cl
+
+
+def build_program(context: cl.Context, source: str, options: Sequence[str] = ()) -> cl.Program:
+    """Return a built program.
+
+    Some compilers write a line to their log at every build (Intel's: that it has started), and
+    PyOpenCL warns of any log that is not empty; what is wrong with a kernel is an error.
+
+    Raises
+    ------
+    pyopencl.RuntimeError
+        If the compiler refuses the source.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", cl.CompilerWarning)
+        program: cl.Program = cl.Program(context, source).build(options=list(options))
+    return program
