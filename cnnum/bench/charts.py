@@ -2,12 +2,15 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any, cast
 
-from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 Row = Mapping[str, object]
+Axes = Any
+Picture = Any
+"""Matplotlib says little of the types of its arguments."""
 MARKERS = "osD^v<>Ph*X"
 
 
@@ -23,15 +26,15 @@ def _curves(rows: Sequence[Row], keys: Sequence[str]) -> dict[str, list[Row]]:
     return found
 
 
-def work_precision(rows: Sequence[Row]) -> Figure:
+def work_precision(rows: Sequence[Row]) -> Picture:
     """Return error over time, a panel a case, a curve a method and engine."""
     panels = _curves(rows, ["case"])
     columns = min(3, len(panels))
     lines = -(-len(panels) // columns)
-    figure = Figure(figsize=(5.2 * columns, 3.9 * lines), layout="constrained")
+    figure: Picture = Figure(figsize=(5.2 * columns, 3.9 * lines), layout="constrained")
     labels: dict[str, int] = {}
     for place, (case, inside) in enumerate(panels.items()):
-        axes = figure.add_subplot(lines, columns, place + 1)
+        axes: Axes = figure.add_subplot(lines, columns, place + 1)
         for name, points in _curves(inside, ["method", "engine", "precision"]).items():
             style = labels.setdefault(name, len(labels))
             ordered = sorted(points, key=lambda row: _value(row, "seconds"))
@@ -58,10 +61,10 @@ def _line(axes: Axes, x: Sequence[float], y: Sequence[float], name: str, style: 
     )  # fmt: skip
 
 
-def bars(rows: Sequence[Row], label: Sequence[str], value: str, title: str) -> Figure:
+def bars(rows: Sequence[Row], label: Sequence[str], value: str, title: str) -> Picture:
     """Return one horizontal bar a row."""
-    figure = Figure(figsize=(8, 1.2 + 0.36 * len(rows)), layout="constrained")
-    axes = figure.add_subplot()
+    figure: Picture = Figure(figsize=(8, 1.2 + 0.36 * len(rows)), layout="constrained")
+    axes: Axes = figure.add_subplot()
     names = ["  ".join(str(row[key]) for key in label) for row in rows]
     numbers = [_value(row, value) for row in rows]
     axes.barh(range(len(rows)), numbers, color="C0")
@@ -74,34 +77,34 @@ def bars(rows: Sequence[Row], label: Sequence[str], value: str, title: str) -> F
     return figure
 
 
-def throughput(rows: Sequence[Row]) -> Figure:
+def throughput(rows: Sequence[Row]) -> Picture:
     """Return the share of the device's peak."""
     return bars(rows, ["case", "device"], "share_of_peak", "share of the multiply-add peak")
 
 
-def latency(rows: Sequence[Row]) -> Figure:
+def latency(rows: Sequence[Row]) -> Picture:
     """Return the median latency of each program."""
     return bars(rows, ["case", "device"], "p50_us", "µs a frame, median")
 
 
-def compile_time(rows: Sequence[Row]) -> Figure:
+def compile_time(rows: Sequence[Row]) -> Picture:
     """Return the cold build time."""
     return bars(rows, ["case", "device"], "cold_s", "s to the first result, empty caches")
 
 
-def peers(rows: Sequence[Row]) -> Figure:
+def peers(rows: Sequence[Row]) -> Picture:
     """Return how many times longer each peer takes."""
     figure = bars(rows, ["case", "peer"], "ratio", "times as long as this engine")
     figure.axes[0].set_xscale("log")
     return figure
 
 
-def scaling(rows: Sequence[Row]) -> Figure:
+def scaling(rows: Sequence[Row]) -> Picture:
     """Return the cost of a cell update along each curve."""
     curves = _curves(rows, ["case"])
-    figure = Figure(figsize=(4 * len(curves), 3.4), layout="constrained")
+    figure: Picture = Figure(figsize=(4 * len(curves), 3.4), layout="constrained")
     for place, (case, inside) in enumerate(curves.items()):
-        axes = figure.add_subplot(1, len(curves), place + 1)
+        axes: Axes = figure.add_subplot(1, len(curves), place + 1)
         names = [_place(row) for row in inside]
         _line(axes, list(range(len(names))), [_value(r, "ns_per_update") for r in inside], case, 0)
         axes.set_xticks(range(len(names)), names, rotation=60, fontsize=7)
@@ -112,12 +115,13 @@ def scaling(rows: Sequence[Row]) -> Figure:
 
 def _place(row: Row) -> str:
     shape = row["shape"]
-    sides = "×".join(str(side) for side in shape) if isinstance(shape, list | tuple) else str(shape)
+    several = cast("Sequence[int]", shape) if isinstance(shape, list | tuple) else (shape,)
+    sides = "×".join(str(side) for side in several)
     at = {"batch": row["batch"], "radius": row["radius"], "layers": row["layers"]}
     return str(at.get(str(row["case"]), sides))
 
 
-CHARTS: Mapping[str, Callable[[Sequence[Row]], Figure]] = {
+CHARTS: Mapping[str, Callable[[Sequence[Row]], Picture]] = {
     "work-precision": work_precision,
     "throughput": throughput,
     "latency": latency,
@@ -127,7 +131,7 @@ CHARTS: Mapping[str, Callable[[Sequence[Row]], Figure]] = {
 }
 
 
-def save(figure: Figure, path: Path) -> None:
+def save(figure: Picture, path: Path) -> None:
     """Write a figure as PNG."""
-    FigureCanvasAgg(figure)
-    figure.savefig(path, dpi=110)
+    canvas: Any = FigureCanvasAgg(figure)
+    canvas.figure.savefig(path, dpi=110)

@@ -11,7 +11,7 @@ from cnnum.arrays import Floats
 from cnnum.bench.peers import PEERS, Peer, Work, peer_version
 from cnnum.bench.samples import full_template, generator
 from cnnum.bench.timing import interleaved
-from cnnum.engine import Engine
+from cnnum.engine import Engine, Result
 from cnnum.errors import MissingExtraError
 from cnnum.library import get_template
 
@@ -140,25 +140,21 @@ def _own(engine: Engine, race: Race) -> tuple[Callable[[], Floats], str]:
     tolerance = 1e-4 if race.wanted is None else 0.1 * race.wanted
     step = work.step if race.wanted is None else None
 
-    def run() -> Floats:
+    def once() -> Result:
         return engine.run(
             work.template,
-            **given,
+            input=given.get("input"),
+            state=given["state"],
             duration=work.duration,
             dt=step,
             rtol=tolerance,
-            atol=tolerance,  # type: ignore[arg-type]
-        ).state
+            atol=tolerance,
+        )
 
-    first = engine.run(
-        work.template,
-        **given,
-        duration=work.duration,
-        dt=step,
-        rtol=tolerance,
-        atol=tolerance,  # type: ignore[arg-type]
-    )
-    return run, first.method
+    def run() -> Floats:
+        return once().state
+
+    return run, once().method
 
 
 def _race(

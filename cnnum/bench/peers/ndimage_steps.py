@@ -1,5 +1,7 @@
 """Euler's steps as an image person writes them with scipy.ndimage."""
 
+from typing import Literal
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import correlate
@@ -26,5 +28,5 @@ def _couple(
     work: Work,
     out: NDArray[np.floating] | None = None,
 ) -> NDArray[np.floating]:
-    mode = "reflect" if work.mirrored else "constant"
+    mode: Literal["reflect", "constant"] = "reflect" if work.mirrored else "constant"
     return np.asarray(correlate(maps, kernel, output=out, mode=mode, cval=work.rim))

@@ -39,17 +39,22 @@ def _march(
 
 def run(work: Work) -> Array:
     """Return the state at the end."""
-    dtype, mode = work.dtype, "symmetric" if work.mirrored else "constant"
-    rim = {} if work.mirrored else {"constant_values": work.rim}
-    padded = np.pad(work.input, 1, mode=mode, **rim).astype(dtype)  # type: ignore[call-overload]
+    dtype = work.dtype
+    padded = _padded(work.input, work)
     rows, cols = work.start.shape
     drive = np.full((rows, cols), work.bias, dtype)
     for (r, q), weight in np.ndenumerate(work.control):
         drive += dtype.type(weight) * padded[r : r + rows, q : q + cols]
     state = work.start.astype(dtype)
-    first = np.pad(work.output(state), 1, mode=mode, **rim).astype(dtype)  # type: ignore[call-overload]
+    first = _padded(work.output(state), work)
     outputs = np.stack([first, first])
     constant = None if work.mirrored else dtype.type(work.rim)
     kernel, step = work.feedback.astype(dtype), dtype.type(work.step)
     _march(state, outputs, drive, kernel, step, work.steps, work.linear, constant)
     return state
+
+
+def _padded(maps: Array, work: Work) -> Array:
+    if work.mirrored:
+        return np.pad(maps, 1, mode="symmetric").astype(work.dtype)
+    return np.pad(maps, 1, mode="constant", constant_values=work.rim).astype(work.dtype)

@@ -31,10 +31,11 @@ def _filtered(
 ) -> NDArray[np.floating]:
     if work.mirrored or work.rim == 0.0:
         border = cv2.BORDER_REFLECT if work.mirrored else cv2.BORDER_CONSTANT
-        return np.asarray(cv2.filter2D(maps, -1, kernel, borderType=border))
+        return np.asarray(cv2.filter2D(maps, -1, kernel, borderType=border), dtype=work.dtype)
     # filter2D knows no constant but 0
     radius = kernel.shape[0] // 2
     padded = cv2.copyMakeBorder(
         maps, radius, radius, radius, radius, cv2.BORDER_CONSTANT, value=work.rim
     )
-    return np.asarray(cv2.filter2D(padded, -1, kernel)[radius:-radius, radius:-radius])
+    filtered = cv2.filter2D(padded, -1, kernel)[radius:-radius, radius:-radius]
+    return np.asarray(filtered, dtype=work.dtype)

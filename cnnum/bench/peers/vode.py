@@ -28,6 +28,6 @@ def run(work: Work) -> NDArray[np.floating]:
 
 
 def _convolved(maps: Floats, kernel: Floats, work: Work) -> Floats:
-    boundary = "symm" if work.mirrored else "fill"
-    found = convolve2d(maps, kernel, mode="same", boundary=boundary, fillvalue=work.rim)
-    return np.asarray(found, dtype=np.float64)
+    if work.mirrored:
+        return np.asarray(convolve2d(maps, kernel, mode="same", boundary="symm"))
+    return np.asarray(convolve2d(maps, kernel, "same", "fill", work.rim))

@@ -40,7 +40,7 @@ class Work:
     @property
     def feedback(self) -> Floats:
         """A, (k, k)."""
-        return self.template.A[0, 0]
+        return np.asarray(self.template.A[0, 0])
 
     @property
     def control(self) -> Floats:
