@@ -158,5 +158,5 @@ def _worst(failing: "tuple[Failing, ...]", total: int) -> Table:
     made = table("Scene", "what went wrong", "about", title=f"The worst of {total} scenes")
     for item in failing:
         about = ", ".join(f"{key} {value}" for key, value in item.about.items())
-        made.add_row(item.name, "; ".join(item.faults), about)
+        made.add_row(item.name, "; ".join(item.wrong), about)
     return made

@@ -126,7 +126,7 @@ def _failing(item: Failing) -> Sequence[Cell]:
     about = (str(item.about.get(key, "–")) for key in ("array", "rate", "cover", "faults"))
     return (
         Cell(item.name, strong=True),
-        Cell("; ".join(item.faults), style="text"),
+        Cell("; ".join(item.wrong), style="text"),
         *(Cell(text) for text in about),
     )
 

@@ -158,7 +158,7 @@ def extra_reports(trial: Trial) -> list[int]:
 def failing_trials(trials: Sequence[Trial]) -> list[Failing]:
     """Return the trials in which something went wrong."""
     found = [Failing(SUITE, trial.name, None, tuple(_faults(trial))) for trial in trials]
-    return [item for item in found if item.faults]
+    return [item for item in found if item.wrong]
 
 
 def _faults(trial: Trial) -> Iterator[str]:

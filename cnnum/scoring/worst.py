@@ -15,7 +15,7 @@ class Failing:
     suite, name : str
     seed : int or None
         Gives the scene again: `cnnum score --suite SUITE --seed SEED --count 1`.
-    faults : tuple of str
+    wrong : tuple of str
         False reports first.
     about : mapping
         What sets the scene apart.
@@ -24,7 +24,7 @@ class Failing:
     suite: str
     name: str
     seed: int | None
-    faults: tuple[str, ...]
+    wrong: tuple[str, ...]
     about: dict[str, object] = field(default_factory=dict[str, object])
 
     def record(self) -> dict[str, object]:
@@ -33,7 +33,7 @@ class Failing:
             "worst": self.name,
             "suite": self.suite,
             "seed": self.seed,
-            "faults": list(self.faults),
+            "wrong": list(self.wrong),
             **self.about,
         }
 
@@ -45,4 +45,4 @@ def failing(judged: Iterable[Judgement]) -> list[Failing]:
         for one in judged
         if (wrong := tuple(faults(one)))
     ]
-    return sorted(found, key=lambda item: (-len(item.faults), item.name))
+    return sorted(found, key=lambda item: (-len(item.wrong), item.name))

@@ -17,6 +17,7 @@ from cnnum.scoring.play import Play, Span
 from cnnum.scoring.recordings import Trial, failing_trials, recording_measures
 from cnnum.scoring.suites import Request, score
 from cnnum.scoring.twists import twist_measures
+from cnnum.scoring.worst import failing
 
 FRAMES, RATE, PITCH = 400, 100.0, 1.5e-3
 CONTACT, LIFTED = 50, 390
@@ -186,6 +187,21 @@ def test_nothing_reported_misses_every_target():
     aimed = [measure for measure in measures if measure.target is not None]
     assert len(aimed) == 7
     assert all(measure.reached is False for measure in aimed)
+
+
+def test_the_worst_scenes_come_with_their_seed_and_what_went_wrong():
+    bad = invented(name="bad", about={"kind": "pull and twist", "faults": "dead"})
+    better = invented(all_right()[:3], name="better")
+    worst, second = failing([judge(better), judge(invented(all_right())), judge(bad)])
+    assert (worst.name, second.name) == ("bad", "better")
+    record = worst.record()
+    assert (record["worst"], record["seed"], record["faults"]) == ("bad", 7, "dead")
+    assert record["wrong"] == [
+        f"incipient slip at frame {LOOSE} missed",
+        f"gross slip at frame {GROSS} missed",
+        f"twist at frame {TURNS} missed",
+    ]
+    assert second.wrong == (f"twist at frame {TURNS} missed",)
 
 
 @pytest.mark.parametrize(("told", "near"), [(-0.46, 1.0), (-0.44, 0.0), (0.5, 0.0)])

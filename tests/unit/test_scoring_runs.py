@@ -88,9 +88,9 @@ def test_a_batch_gives_what_the_pipeline_gives(engine, scene):
     assert (alone.phases[3].kind, alone.phases[3].first) == ("pull", 140)
 
 
-def test_plays_on_the_reference_find_the_same(scene):
-    play = play_scene(scene, Engine("reference"))
-    report = score(Request(scenes=(str(scene),)), Engine("reference"))
+def test_a_scene_file_is_scored(scene, engine):
+    play = play_scene(scene, engine)
+    report = score(Request(scenes=(str(scene),)), engine)
     by_name = {m.measure: m for m in report.measures if m.unit != "s"}
     assert by_name["gross slip: recall"].value == 1.0
     gross = next(e.frame for e in play.events if e.phase == "gross")
@@ -182,7 +182,7 @@ def test_the_command_scores_a_scene(scene, tmp_path):
 
 
 def test_strict_fails_when_a_target_is_missed(tmp_path):
-    """A program without slip's touch: the pull is over before the array is at rest."""
+    """A scene that begins with a touch: nothing says what rest is."""
     scene = tmp_path / "hasty.toml"
     scene.write_text(TOML.replace("duration = 0.3}", "duration = 0.01}", 1))
     assert run(scene).exit_code == 0
