@@ -20,8 +20,11 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/pyright
 
-bench: $(VENV)/run.stamp
-	$(BIN)/cnnum bench --help
+# a quick round of every benchmark, with its data, picture and page in bench-results/
+bench: $(VENV)/dev.stamp
+	for each in work-precision throughput latency compile scaling peers; do \
+	    $(BIN)/cnnum bench $$each --quick --out bench-results || exit 1; \
+	done
 
 $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)

@@ -6,25 +6,28 @@ from importlib import import_module, resources
 from cnnum.errors import name_error
 from cnnum.programs import Program
 
-_ROOMS = ("cnnum.templates.tactile", "cnnum.templates.pictures")
+_ROOMS = ("tactile", "pictures")
 
 
 @cache
-def _programs() -> dict[str, Program]:
-    """Return every program that a module of the rooms holds under its own name."""
-    found: dict[str, Program] = {}
-    for room in _ROOMS:
-        modules = (f.name[:-3] for f in resources.files(room).iterdir() if f.name.endswith(".py"))
-        for name in modules:
-            program = getattr(import_module(f"{room}.{name}"), name, None)
-            if isinstance(program, Program):
-                found[name] = program
-    return dict(sorted(found.items()))
+def _programs(room: str) -> dict[str, Program]:
+    """Return every program that a module of a room holds under its own name."""
+    package = f"cnnum.templates.{room}"
+    modules = (f.name[:-3] for f in resources.files(package).iterdir() if f.name.endswith(".py"))
+    found = {name: getattr(import_module(f"{package}.{name}"), name, None) for name in modules}
+    return {name: p for name, p in sorted(found.items()) if isinstance(p, Program)}
 
 
-def program_names() -> tuple[str, ...]:
-    """Return the names of the programs in the library."""
-    return tuple(_programs())
+def program_names(room: str | None = None) -> tuple[str, ...]:
+    """Return the names of the programs in the library.
+
+    Parameters
+    ----------
+    room : "tactile" or "pictures", optional
+        Those for three-axial frames, or those for pictures; all unless given.
+    """
+    rooms = _ROOMS if room is None else (room,)
+    return tuple(name for each in rooms for name in _programs(each))
 
 
 def get_program(name: str) -> Program:
@@ -35,7 +38,7 @@ def get_program(name: str) -> Program:
     UnknownNameError
         If there is none.
     """
-    programs = _programs()
+    programs = {name: program for room in _ROOMS for name, program in _programs(room).items()}
     if name not in programs:
         raise name_error("program", name, programs)
     return programs[name]

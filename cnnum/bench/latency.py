@@ -59,7 +59,7 @@ def measure_latency(
     """
     plans = {
         name: engine.compile(get_program(name), SHAPE)
-        for name in (program_names() if programs is None else programs)
+        for name in (program_names("tactile") if programs is None else programs)
     }
     return [_measure(engine, name, plan, count) for name, plan in plans.items()]
 

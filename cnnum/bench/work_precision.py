@@ -71,14 +71,14 @@ def engines_here(device: str | None) -> tuple[Engine, ...]:
 
 def cases() -> tuple[str, ...]:
     """Return the names of what is measured: templates, then programs."""
-    return (*(template.name for template in wave_templates()), *program_names())
+    return (*(template.name for template in wave_templates()), *program_names("tactile"))
 
 
 def measure_case(
     name: str, engines: Sequence[Engine], *, quick: bool = False
 ) -> Iterator[WorkPrecision]:
     """Yield the rows of a template or a tactile program."""
-    if name in program_names():
+    if name in program_names("tactile"):
         yield from _program(name, engines)
         return
     yield from measure_work_precision(
