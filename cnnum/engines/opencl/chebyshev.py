@@ -8,6 +8,7 @@ from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.choice import MAX_STEPS
+from cnnum.integrators.estimate import error_factor
 from cnnum.integrators.schemes import ChebyshevSteps
 
 
@@ -48,7 +49,7 @@ def chebyshev(text: TransientText, scheme: ChebyshevSteps) -> dict[str, str]:
         almost_one=text.number(1.0 - 1e-6),
     )
     text.lines += filled.splitlines()
-    error = "R(2) * error"
+    error = f"{text.number(error_factor(text.template))} * error"
     figures = {"time": "time", "steps": "steps", "error": error}
     return figures | ({"settled": "settled"} if scheme.settle else {})
 

@@ -73,6 +73,16 @@ class OpenCLExecutable:
         return 1 if tiling is None else 2 + len(tiling.steps)
 
     @property
+    def private_bytes(self) -> int:
+        """Private memory of a work item that runs one frame, in arrays; no local memory is used."""
+        return self._kernel(1).text.private * self.dtype.itemsize
+
+    @property
+    def scratch_bytes(self) -> int:
+        """Global memory that one frame works in where its array is too large to be private."""
+        return self._kernel(1).text.scratch * self.dtype.itemsize
+
+    @property
     def source(self) -> str:
         """The exact text that was built, the widest kernel that has run (or would for a frame)."""
         return self._kernel(max(self._kernels, default=1)).text.source

@@ -36,6 +36,8 @@ class KernelText:
         Where each output starts within a frame's numbers; the last number is `unfinished`.
     scratch : int
         Values of global scratch a work item needs (0: everything is private).
+    private : int
+        Values in private arrays of a work item at the most (0: they are in scratch).
     tiling : Tiling or None
         Launches of their own that take the steps of a large array.
     """
@@ -46,6 +48,7 @@ class KernelText:
     memory_size: int
     outputs: dict[str, int]
     scratch: int
+    private: int
     tiling: Tiling | None = None
 
 
@@ -72,6 +75,7 @@ def lower(
         lowering.memory_size,
         outputs,
         0 if arena.private else arena.size,
+        arena.size if arena.private else 0,
         tables.tiling,
     )
 

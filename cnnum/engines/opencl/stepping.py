@@ -9,6 +9,7 @@ from cnnum.engines.opencl.rates import Instant, delays_outputs, outputs, rates, 
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import MAX_STEPS, AdaptiveSteps, FixedSteps
+from cnnum.integrators.estimate import error_factor
 from cnnum.integrators.tableau import ButcherTableau, Row
 
 ROUNDINGS = 4.0
@@ -206,7 +207,8 @@ def adaptive(text: TransientText, scheme: AdaptiveSteps) -> dict[str, str]:
         exponent=text.number(-1.0 / tableau.order),
     )
     text.lines += filled.splitlines()
-    figures = {"time": "time", "steps": "steps", "error": "R(2) * error"}
+    factor = text.number(error_factor(text.template))
+    figures = {"time": "time", "steps": "steps", "error": f"{factor} * error"}
     return figures | ({"settled": "settled"} if scheme.settle else {})
 
 

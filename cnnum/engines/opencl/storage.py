@@ -29,11 +29,11 @@ class Arena:
 
     def array(self, name: str, length: int) -> str:
         """Return the declaration of an array."""
-        if self.private:
-            return f"real {name}[{length}];"
         start = self.places[name] = self._top
         self._top += length
         self.size = max(self.size, self._top)
+        if self.private:
+            return f"real {name}[{length}];"
         return f"__global real *const {name} = mine + {start};"
 
     def mark(self) -> int:

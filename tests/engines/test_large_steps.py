@@ -1,0 +1,72 @@
+"""Steps of large arrays, tile by tile, and of wide batches are the reference's own steps."""
+
+import numpy as np
+import pytest
+
+from cnnum.engine import Engine
+from cnnum.engines.opencl.devices import list_devices
+from cnnum.template import Template
+
+REFERENCE = Engine("reference")
+DEVICES = [device.label for device in list_devices()]
+
+# within one tile; several tiles in rows, in columns, in both; more steps than a launch takes
+SHAPES = [((40, 33), 9), ((300, 70), 33), ((40, 700), 9), ((300, 300), 6)]
+
+
+def random_template(rng, boundary, output, radius):
+    k = 2 * radius + 1
+    return Template(
+        "random",
+        rng.normal(size=(k, k)) * (0.3 / k),
+        rng.normal(size=(3, 3)),
+        0.1,
+        tau=1.5,
+        boundary=boundary,
+        output=output,
+    )
+
+
+@pytest.mark.parametrize("boundary", [0.3, "zero-flux", "periodic"])
+@pytest.mark.parametrize(
+    ("output", "radius"), [("standard", 1), ("standard", 2), ("linear", 1), ("full-range", 1)]
+)
+def test_tiles_step_as_one_array(boundary, output, radius):
+    """To rounding: 33 steps of values of order 1 in float32, and in float64."""
+    rng = np.random.default_rng(4)
+    template = random_template(rng, boundary, output, radius)
+    for precision, tolerance in (("float32", 3e-6), ("float64", 1e-13)):
+        engine = Engine(precision=precision)
+        for shape, steps in SHAPES:
+            maps = {name: rng.uniform(-1, 1, (2, *shape)) for name in ("input", "state")}
+            wanted = REFERENCE.run(template, duration=0.05 * steps, dt=0.05, **maps)
+            got = engine.run(template, duration=0.05 * steps, dt=0.05, **maps)
+            scale = np.abs(wanted.state).max()
+            assert np.abs(got.state - wanted.state).max() <= tolerance * scale
+            assert np.abs(got.output - wanted.output).max() <= tolerance * scale
+
+
+@pytest.mark.parametrize("device", DEVICES)
+@pytest.mark.parametrize("batch", [1, 7, 33])
+def test_lanes_and_rows_step_as_one_frame(device, batch):
+    """A single frame in registers, and frames side by side in lanes, on every device."""
+    rng = np.random.default_rng(5)
+    for boundary in (0.3, "zero-flux", "periodic"):
+        template = random_template(rng, boundary, "standard", 1)
+        maps = {name: rng.uniform(-1, 1, (batch, 5, 7)) for name in ("input", "state")}
+        wanted = REFERENCE.run(template, duration=1.0, dt=0.05, **maps).state
+        got = Engine(device=device).run(template, duration=1.0, dt=0.05, **maps).state
+        # 20 steps of values of order 1
+        assert np.abs(got - wanted).max() <= 3e-6 * np.abs(wanted).max()
+
+
+def test_runs_are_the_same_to_the_bit():
+    rng = np.random.default_rng(6)
+    template = random_template(rng, "zero-flux", "standard", 1)
+    engine = Engine()
+    for shape in ((8, 8), (200, 300)):
+        u = rng.uniform(-1, 1, (3, *shape))
+        first, second = (
+            engine.run(template, input=u, duration=1.0, dt=0.05).state for _ in range(2)
+        )
+        np.testing.assert_array_equal(first, second)

@@ -1,0 +1,191 @@
+"""Methods as data: their order, their stability, and the bounds that follow for templates."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from cnnum.errors import MethodError, UnknownNameError
+from cnnum.graph.nodes import RunSpec, Transient
+from cnnum.integrators.chebyshev import chebyshev_method, stages_for
+from cnnum.integrators.choice import FixedSteps, choose
+from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER, phi
+from cnnum.integrators.propagator import propagator
+from cnnum.integrators.schemes import ChebyshevSteps
+from cnnum.integrators.spectral import Spectral, evaluate, spectral
+from cnnum.integrators.spectrum import spectrum
+from cnnum.integrators.stability import METHODS, stability_bound
+from cnnum.library import get_template
+from cnnum.network import Network
+from cnnum.template import Template
+
+EVEN = np.array([[0.02, 0.3, 0.02], [0.1, -1.7, 0.1], [0.02, 0.3, 0.02]])
+
+
+def transient(template, **spec):
+    return Transient(
+        template,
+        template.digest,
+        RunSpec(**spec),
+        has_previous=False,
+        has_state=True,
+        has_bias=False,
+        has_mask=False,
+    )
+
+
+@pytest.mark.parametrize("stages", [2, 3, 7, 20, 40])
+def test_chebyshev_is_of_second_order_and_reaches_far(stages):
+    method = chebyshev_method(stages)
+    steps = np.array([-0.08, -0.04, -0.02])
+    errors = np.abs(method.growth(steps) - np.exp(steps))
+    slopes = np.log2(errors[:-1] / errors[1:])
+    # a local error of order 3; the next order still shows at these steps
+    assert np.all(np.abs(slopes - 3.0) < 0.15)
+    assert method.real_stability > 0.65 * (stages**2 - 1)
+    beyond = method.growth(-np.linspace(1.0, 1.3, 200) * method.real_stability)
+    assert np.abs(beyond).max() > 1.0
+
+
+def test_stages_are_the_fewest_that_are_stable():
+    for reach in (0.5, 3.0, 50.0, 700.0):
+        stages = stages_for(reach)
+        assert chebyshev_method(stages).real_stability >= reach
+        assert stages == 2 or chebyshev_method(stages - 1).real_stability < reach
+
+
+@pytest.mark.parametrize(("method", "order"), [(EXPONENTIAL_EULER, 1), (ETD_RK2, 2)])
+def test_exponential_steps_have_their_order(method, order):
+    """x' = −x + a x, one mode: the error of a fixed time falls with the order of the method."""
+    mode = np.array([-0.6 + 0.8j])
+    errors = []
+    for count in (16, 32, 64):
+        factor = method.growth(1.0 / count, mode)[0] ** count
+        errors.append(abs(factor - np.exp(mode[0])))
+    slopes = np.log2(np.array(errors[:-1]) / errors[1:])
+    assert np.all(np.abs(slopes - order) < 0.1)
+
+
+def test_phi_has_no_cancellation():
+    z = np.array([-1e-9, -1e-3, -0.4999, -0.5001, -5.0])
+    assert phi(1, z) == pytest.approx([1 - 5e-10, *np.expm1(z[1:]) / z[1:]], rel=1e-13)
+    # φ₂ at −10⁻³ by its series: 1/2 + z/6 + z²/24 + z³/120
+    assert phi(2, z)[1] == pytest.approx(0.5 - 1e-3 / 6 + 1e-6 / 24 - 1e-9 / 120, rel=1e-14)
+
+
+@pytest.mark.parametrize("boundary", ["zero-flux", "periodic", 0.0, 0.4])
+@pytest.mark.parametrize("duration", [0.7, math.inf])
+@pytest.mark.parametrize("layers", [1, 2])
+def test_modes_give_what_the_dense_matrix_gives(boundary, duration, layers):
+    rng = np.random.default_rng(3)
+    feedback = EVEN * rng.uniform(0.2, 0.6, (layers, layers, 1, 1))
+    template = Template(
+        "even", feedback, None, [0.1] * layers, tau=[0.7, 1.9][:layers],
+        boundary=boundary, output="linear",
+    )  # fmt: skip
+    network = Network(template, (5, 6))
+    modes, dense = spectral(network, duration), propagator(network, duration)
+    start, drive = rng.normal(size=(2, layers, 5, 6))
+    got = evaluate(modes, start, drive)
+    wanted = dense.state @ start.ravel() + dense.drive @ drive.ravel() + dense.constant
+    # two ways to add up 60 products of order 1
+    assert np.abs(got.ravel() - wanted).max() < 1e-13
+
+
+def test_modes_are_not_claimed_where_they_are_not():
+    lopsided = EVEN.copy()
+    lopsided[1, 0] = 0.2
+    for template in (
+        Template("lopsided", lopsided, output="linear"),
+        Template("wide", np.pad(EVEN, 1, constant_values=0.01), boundary=0.0, output="linear"),
+    ):
+        assert spectral(Network(template, (6, 6)), 1.0) is None
+
+
+@pytest.mark.parametrize("boundary", ["zero-flux", "periodic", 0.0])
+@pytest.mark.parametrize("method", [m for m in METHODS if m != "runge-kutta-chebyshev"])
+def test_bounds_are_sharp_for_linear_arrays(boundary, method):
+    """Just inside the bound the fastest mode dies out, just outside it grows."""
+    template = Template("linear", EVEN, boundary=boundary, output="linear")
+    bound = stability_bound(method, template, (6, 7))
+    assert bound.exact
+    matrix = Network(template, (6, 7)).linear_system().matrix
+    eigenvalues = np.linalg.eigvals(matrix)
+    for factor, stable in ((0.99, True), (1.01, False)):
+        growth = np.abs(_growth(method, factor * bound.step, eigenvalues)).max()
+        assert (growth <= 1.0 + 1e-9) == stable
+
+
+def _growth(method, step, values):
+    from cnnum.integrators.exponential import EXPONENTIAL_METHODS
+    from cnnum.integrators.tableau import TABLEAUX
+
+    if method in EXPONENTIAL_METHODS:
+        return EXPONENTIAL_METHODS[method].growth(step, values)
+    return TABLEAUX[method].growth(step * values)
+
+
+def test_turning_modes_have_a_bound_too():
+    """x' = −x + (neighbour differences): λ = −1 + 2i sin k; Euler holds where |1 + hλ| ≤ 1."""
+    turning = np.array([[0, 0, 0], [1.0, 0, -1.0], [0, 0, 0]])
+    template = Template("turning", turning, boundary="periodic", output="linear")
+    bound = stability_bound("euler", template, (4, 8))
+    # the worst mode has λ = −1 + 2i: h = 2·1/(1 + 4)
+    assert bound.step == pytest.approx(0.4, rel=1e-3)
+    assert not spectrum(template, (4, 8)).real
+
+
+def test_saturating_symmetric_arrays_stay_within_their_linear_bound():
+    """Eigenvalues of A D − 1, D any diagonal of 0..1, against the interval that is claimed."""
+    template = Template("saturating", EVEN, boundary="zero-flux")
+    found = spectrum(template, (5, 5))
+    linear = Network(template, (5, 5)).linear_system().matrix + np.eye(25)
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        jacobian = linear * rng.integers(0, 2, 25) - np.eye(25)
+        values = np.linalg.eigvals(jacobian)
+        assert values.real.min() >= found.values.real.min() - 1e-12
+        assert np.abs(values.imag).max() < 1e-9
+
+
+def test_unstable_steps_are_refused_unless_forced():
+    heat = get_template("tactile_diffusion")
+    with pytest.raises(MethodError, match="stability bound"):
+        choose(transient(heat, dt=0.3), (8, 8))
+    solver = choose(transient(heat, dt=0.3, force=True), (8, 8))
+    assert solver.forced
+    assert isinstance(solver.scheme, FixedSteps)
+    assert "outside" in solver.reason
+
+
+def test_auto_is_stable_and_says_why():
+    heat = get_template("tactile_diffusion")
+    long = choose(transient(heat, duration=30.0), (600, 600))
+    assert isinstance(long.scheme, ChebyshevSteps)
+    assert "real" in long.reason
+    small = choose(transient(heat), (8, 8))
+    assert isinstance(small.scheme, Spectral)
+    assert "modes" in small.reason
+
+
+def test_chebyshev_is_refused_where_rates_turn():
+    skew = Template("skew", [[0, 0, 0], [1.0, 0, -1.0], [0, 0, 0]], initial="input")
+    with pytest.raises(MethodError, match="real"):
+        choose(transient(skew, duration=1.0, method="runge-kutta-chebyshev"), (6, 6))
+
+
+def test_unknown_methods_are_named():
+    with pytest.raises(UnknownNameError, match="etd-rk2"):
+        choose(transient(get_template("EDGE"), method="leapfrog"), (4, 4))
+    with pytest.raises(UnknownNameError):
+        stability_bound("leapfrog", get_template("EDGE"), (4, 4))
+
+
+def test_spectral_solves_the_heat_equation():
+    heat = get_template("tactile_diffusion")
+    network = Network(heat, (4, 5))
+    start = np.random.default_rng(1).normal(size=(1, 4, 5))
+    got = evaluate(spectral(network, 0.8), start, np.zeros_like(start))
+    wanted = expm(0.8 * network.linear_system().matrix) @ start.ravel()
+    assert np.abs(got.ravel() - wanted).max() < 1e-13
