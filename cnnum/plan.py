@@ -38,6 +38,9 @@ class Explanation:
         Arithmetic a frame; a transient of adaptive steps counts one step.
     bytes_in, bytes_out : int
         Traffic to and from the device a frame.
+    private_bytes, scratch_bytes : int
+        Private memory of a work item, and global memory where the array is too large for it. No
+        local (work-group) memory is used: a work item runs whole frames.
     left_out : tuple of LeftOut
     """
 
@@ -54,6 +57,8 @@ class Explanation:
     flops: int
     bytes_in: int
     bytes_out: int
+    private_bytes: int
+    scratch_bytes: int
     left_out: tuple[LeftOut, ...]
 
     def __str__(self) -> str:
@@ -61,7 +66,8 @@ class Explanation:
             f"{self.program} on {self.shape[0]}×{self.shape[1]} cells, {self.engine} "
             f"({self.precision}) on {self.device}",
             f"  {self.ops} operations in {self.launches} launch(es), {self.flops} flops, "
-            f"{self.bytes_in} B in, {self.bytes_out} B out a frame",
+            f"{self.bytes_in} B in, {self.bytes_out} B out a frame; "
+            f"{self.private_bytes} B of private and {self.scratch_bytes} B of scratch memory",
             f"  reads {', '.join(self.channels_read) or 'no channel'}; "
             f"reads back {', '.join(self.maps_read_back) or 'no map'}",
         ]
@@ -211,6 +217,8 @@ class Plan:
             flops=sum(node_flops(n, schedule.shape, self._steps(n.index)) for n in runs),
             bytes_in=width * cells * len(schedule.channels_read),
             bytes_out=width * (cells * len(maps) + numbers),
+            private_bytes=self.executable.private_bytes,
+            scratch_bytes=self.executable.scratch_bytes,
             left_out=schedule.left_out,
         )
 

@@ -54,6 +54,8 @@ def _record(scene: str, wants: tuple[str, ...], plan: "Explanation") -> dict[str
         "transients": plan.transients,
         "flops": plan.flops,
         "bytes_in": plan.bytes_in,
+        "private_bytes": plan.private_bytes,
+        "scratch_bytes": plan.scratch_bytes,
         "bytes_out": plan.bytes_out,
         "engine": plan.engine,
         "device": plan.device,

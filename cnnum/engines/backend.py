@@ -29,6 +29,16 @@ class Executable(Protocol):
         """Kernel launches a batch."""
         ...
 
+    @property
+    def private_bytes(self) -> int:
+        """Private memory of a work item that runs one frame; 0 where there is no such thing."""
+        ...
+
+    @property
+    def scratch_bytes(self) -> int:
+        """Global memory that one frame works in, beside what it takes and gives."""
+        ...
+
     def new_memory(self, batch: int) -> object:
         """Return cleared memories for a batch of streams, in a form of the engine's own."""
         ...

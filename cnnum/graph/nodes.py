@@ -81,9 +81,10 @@ class Read:
     """What a memory held at the end of the frame before (0 on the first)."""
 
     memory: int
+    name: str = ""
 
     def __str__(self) -> str:
-        return f"memory {self.memory}"
+        return f"memory {self.name or self.memory}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,10 +16,10 @@ class LocalMemory:
 
     __slots__ = ("_graph", "_number", "value")
 
-    def __init__(self, graph: Graph, *, scalar: bool, logic: bool) -> None:
+    def __init__(self, graph: Graph, name: str, *, scalar: bool, logic: bool) -> None:
         self._graph = graph
         self._number = len(graph.memories)
-        read = graph.add(Read(self._number), scalar=scalar, logic=logic)
+        read = graph.add(Read(self._number, name), scalar=scalar, logic=logic)
         graph.memories[self._number] = Memory(read, read)
         self.value = Field(graph, read)
         """What was stored at the end of the frame before; 0 on the first frame."""
@@ -87,9 +87,19 @@ class FrameFields:
         """Return a map (rows, cols), or a number, that is the same in every frame."""
         return constant(self._graph, values)
 
-    def memory(self, *, scalar: bool = False, logic: bool = False) -> LocalMemory:
-        """Return a new memory that outlives the frame; it holds 0 before the first store."""
-        return LocalMemory(self._graph, scalar=scalar, logic=logic)
+    def memory(self, name: str = "", *, scalar: bool = False, logic: bool = False) -> LocalMemory:
+        """Return a new memory that outlives the frame; it holds 0 before the first store.
+
+        Parameters
+        ----------
+        name : str
+            What traces call it.
+        scalar : bool
+            It holds one number a frame, not a map.
+        logic : bool
+            It is a local logic memory: 0 or 1.
+        """
+        return LocalMemory(self._graph, name, scalar=scalar, logic=logic)
 
     def previous(self, value: Field) -> Field:
         """Return what `value` was on the frame before; on the first frame, what it is."""

@@ -51,6 +51,16 @@ class ReferenceExecutable:
         return 0
 
     @property
+    def private_bytes(self) -> int:
+        """There is no device with private memory."""
+        return 0
+
+    @property
+    def scratch_bytes(self) -> int:
+        """The host's memory is not counted."""
+        return 0
+
+    @property
     def source(self) -> str:
         """The operations in words."""
         lines = [
