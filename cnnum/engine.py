@@ -38,8 +38,8 @@ class Result:
         Whether |dx/dt|·τ is below the tolerance in every cell.
     error : (...) float
         Estimated error of the state: the sum of the steps' local errors and roundings, times a
-        safety factor; of an exact answer, its roundings. A method that does not know gives infinity, as NaN would
-        hide it.
+        safety factor; of an exact answer, its roundings. A method that does not know gives
+        infinity, as NaN would hide it.
     method : str
     """
 

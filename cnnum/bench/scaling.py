@@ -5,12 +5,12 @@ from dataclasses import dataclass
 
 from cnnum.arrays import Shape
 from cnnum.bench.samples import full_template, maps
-from cnnum.bench.timing import interleaved
+from cnnum.bench.timing import difference
 from cnnum.engine import Engine
 from cnnum.template import Template
 
 STEP = 0.02
-WORK = 3e8
+WORK = 6e8
 """Cell updates a timed run takes at most; a larger case takes fewer steps."""
 
 
@@ -83,13 +83,13 @@ def _measure(engine: Engine, point: Point, budget: float) -> Scaling:
     template = full_template(point.radius, point.layers)
     u = maps(point.batch, *point.shape)
     cells = u.size * point.layers
-    few = int(min(max(WORK / (4 * cells * template.A[0].size), 4), 400))
+    few = int(min(max(WORK / (4 * cells * template.A[0].size / 9), 8), 4000))
 
     def run(steps: int, given: Template = template) -> None:
         engine.run(given, input=u, duration=steps * STEP, dt=STEP)
 
-    short, long = interleaved([lambda: run(few), lambda: run(3 * few)], budget=budget, runs=9)
-    rate = cells * 2 * few / max(long.least - short.least, 1e-9)
+    more, long = difference(lambda: run(few), lambda: run(3 * few), budget=budget, runs=9)
+    rate = cells * 2 * few / more
     return Scaling(
         case=point.case,
         device=engine.device,

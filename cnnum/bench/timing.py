@@ -68,3 +68,21 @@ def interleaved(calls: Sequence[Call], *, budget: float = 2.0, runs: int = 9) ->
         if time.perf_counter() > until:
             break
     return tuple(Timing.of(seconds) for seconds in taken)
+
+
+def difference(
+    short: Call, long: Call, *, budget: float = 2.0, runs: int = 15
+) -> tuple[float, Timing]:
+    """Return how much longer the long call takes, and its own time.
+
+    Both take turns; the median over the turns is not moved by a disturbance that hits one of them.
+    At least three turns are taken.
+    """
+    short()
+    long()
+    until = time.perf_counter() + budget
+    turns: list[tuple[float, float]] = []
+    while len(turns) < runs and (len(turns) < 3 or time.perf_counter() < until):
+        turns.append((seconds_of(short), seconds_of(long)))
+    more = statistics.median(second - first for first, second in turns)
+    return max(more, 1e-9), Timing.of([second for _, second in turns])
