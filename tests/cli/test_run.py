@@ -115,8 +115,11 @@ def test_an_error_on_the_way_keeps_the_summary(call, records, scene):
 
 
 def start(*arguments: object, **streams: object) -> subprocess.Popen:
+    # a suite that was started in the background hands on that Ctrl-C is ignored
+    code = "import signal as s, runpy; s.signal(s.SIGINT, s.default_int_handler); "
+    code += "runpy.run_module('cnnum', run_name='__main__', alter_sys=True)"
     return subprocess.Popen(
-        [sys.executable, "-m", "cnnum", *map(str, arguments)], text=True, **streams
+        [sys.executable, "-c", code, *map(str, arguments)], text=True, **streams
     )
 
 
