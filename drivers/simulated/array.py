@@ -8,8 +8,9 @@ import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters
-from cnnum.drivers.simulated.bumps import bumps_fem_influence
-from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
+from cnnum.drivers.simulated.cover import Layout
+from cnnum.drivers.simulated.creep import Creeping
+from cnnum.drivers.simulated.influence import influence_of
 from cnnum.drivers.simulated.motion import commands, largest_load, total_scans
 from cnnum.drivers.simulated.settings import Settings
 from cnnum.drivers.simulated.springs import Pair, Springs, State
@@ -55,11 +56,12 @@ class SimulatedArray(Closing):
         layout = Layout(options.shape, options.pitch)
         self._surface = layout.surface
         self._tractions = Tractions(self._springs, layout.surface)
-        self.influence = _influence(options, layout) if influence is None else influence
+        self.influence = influence_of(options, layout) if influence is None else influence
+        self._creeping = Creeping(options)
         self._rng = np.random.default_rng(options.seed)
         self._taxel = _taxel(options, self._rng)
         self._noise = self._rng.bit_generator.state
-        self.calibration: Calibration = self._taxel.calibration(options.thickness)
+        self.calibration: Calibration = self._taxel.calibration(options.depth)
         self.total_frames = total_scans(options.script, options.rate)
         self._counters = Counters()
         self._closed = False
@@ -84,9 +86,11 @@ class SimulatedArray(Closing):
         self._rng.bit_generator.state = self._noise
         self._counters = Counters()
         scans = self.scans()
-        first = 0
+        first, memory = 0, self._creeping.rest()
         while chunk := list(islice(scans, CHUNK)):
-            reading = self.read([state for state, _ in chunk])
+            elastic = self.strain([state for state, _ in chunk])
+            strain, memory = self._creeping(memory, elastic)
+            reading = self.read(strain)
             for n, (_, truth) in enumerate(chunk):
                 if self._closed:
                     return
@@ -103,7 +107,7 @@ class SimulatedArray(Closing):
             yield state, truth_of(self._springs, state, turned, turn, self.rate)
 
     def strain(self, states: list[State]) -> Floats:
-        """Return ε_xz, ε_yz, ε_zz at the taxels, (states, rows, cols, 3).
+        """Return ε_xz, ε_yz, ε_zz at the taxels before they creep, (states, rows, cols, 3).
 
         Raises
         ------
@@ -116,10 +120,10 @@ class SimulatedArray(Closing):
         influence = self.influence[:, :, window.rows, window.cols]
         return np.tensordot(traction, influence, axes=([1, 2, 3], [2, 3, 4]))
 
-    def read(self, states: list[State]) -> Reading:
-        """Return the voltages of contacts, with noise if there is any."""
+    def read(self, strain: Floats) -> Reading:
+        """Return the voltages of strain at the taxels, with noise if there is any."""
         rng = self._rng if self._options.noise > 0 else None
-        return self._taxel.read(self.strain(states), rng=rng)
+        return self._taxel.read(strain, rng=rng)
 
     def _frame(self, number: int, reading: Reading, place: int, truth: Truth) -> Frame:
         self._counters = replace(self._counters, frames=self._counters.frames + 1)
@@ -173,18 +177,9 @@ def _springs(options: Settings) -> Springs:
     return Springs(pair, reach=1.02 * widest)
 
 
-def _influence(options: Settings, layout: Layout) -> Floats:
-    cover = (layout, options.thickness, options.youngs_modulus)
-    if options.cover == "bumpy":
-        return bumpy_influence(*cover, options.bump_radius)
-    if options.cover == "bumps-fem":
-        return bumps_fem_influence(*cover, options.bump_radius)
-    return flat_influence(*cover)
-
-
 def _taxel(options: Settings, rng: np.random.Generator) -> Taxel:
     coupling = Coupling.nominal(
-        depth=options.thickness,
+        depth=options.depth,
         youngs_modulus=options.youngs_modulus,
         reduction=options.loss,
     )

@@ -65,11 +65,30 @@ def flat_influence(layout: Layout, thickness: float, youngs_modulus: float) -> F
     (rows, cols, surface rows, surface cols, load, component) float, 1/Pa
         Loads q_x, q_y, p; components ε_xz, ε_yz, ε_zz.
     """
+    return gathered(layout, _kernel(layout.surface, thickness, youngs_modulus))
+
+
+def gathered(layout: Layout, kernel: Floats) -> Floats:
+    """Return what each taxel has of each cell, from what one cell does at every offset.
+
+    Parameters
+    ----------
+    layout : Layout
+    kernel : (2 surface rows - 1, 2 surface cols - 1, ...) float
+
+    Returns
+    -------
+    (rows, cols, surface rows, surface cols, ...) float
+    """
     surface, taxels = layout.surface, layout.taxels
-    kernel = _kernel(surface, thickness, youngs_modulus)
     rows = _offsets(taxels.y, surface.y, surface.dy) + surface.rows - 1
     cols = _offsets(taxels.x, surface.x, surface.dx) + surface.cols - 1
     return np.asarray(kernel[rows[:, None, :, None], cols[None, :, None, :]])
+
+
+def offsets(count: int, size: float) -> Floats:
+    """Return the distances between cells of a row of `count`, (2 count - 1,) m, signed."""
+    return np.asarray(np.arange(1 - count, count) * size)
 
 
 def bumpy_influence(
@@ -111,8 +130,7 @@ def _feet(layout: Layout, radius: float) -> NDArray[np.bool_]:
 
 def _kernel(surface: Grid, depth: float, youngs_modulus: float) -> Floats:
     """Return the strain of one cell at every offset, (2 rows - 1, 2 cols - 1, load, component)."""
-    y = np.arange(1 - surface.rows, surface.rows) * surface.dy
-    x = np.arange(1 - surface.cols, surface.cols) * surface.dx
+    x, y = offsets(surface.cols, surface.dx), offsets(surface.rows, surface.dy)
     strain = rectangle_strain(
         x[None, :, None],
         y[:, None, None],

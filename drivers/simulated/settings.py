@@ -7,6 +7,9 @@ from cnnum.drivers.options import require
 from cnnum.drivers.simulated.motion import largest_load
 from cnnum.drivers.simulated.script import DEFAULT, Phase
 
+THINNEST = 0.05
+"""Thickness of a layer over the pitch, at least: a quarter of a cell of the surface."""
+
 
 @dataclass(frozen=True, slots=True)
 class Settings:
@@ -23,14 +26,24 @@ class Settings:
     shape : (rows, cols)
     rate : float, Hz
     pitch : float, m
-    cover : "flat", "bumpy" or "bumps-fem"
-        "bumpy" spreads a bump's load evenly over its foot, "bumps-fem" as finite elements do.
+    cover : "flat", "bumpy", "bumps-fem" or "layer"
+        "flat" is a half-space, "layer" a layer on a rigid base. "bumpy" spreads a bump's load
+        evenly over its foot, "bumps-fem" as finite elements do.
     thickness : float, m
-        Of the cover; with bumps, of the layer under them.
+        Of the cover; with bumps, of the layer under them. A "layer" has at least a twentieth
+        of the pitch.
+    taxel_height : float, m
+        Of a "layer": how high above its base the strain is read, 50 µm as in
+        `cnnum.tactile.cover.comparison`; on the base itself there is no normal strain.
     bump_radius : float, m
         At most half the pitch.
     youngs_modulus : float, Pa
         0.87 MPa is that of the dissertation's calculations; its final cover has 2.4 MPa.
+    creep : float
+        Share of the modulus that relaxes, below 1; 0 for an elastic cover. Only strain creeps:
+        the contact stays the one on a cover of the modulus above, which is that at once.
+    creep_time : float, s
+        Time constant of the strain under a constant load.
     friction : float
     radius : float, m
         Of the sphere.
@@ -47,7 +60,8 @@ class Settings:
     reduction : float, optional
         How many times less a point load above a taxel reads than on bare silicon. Unless given
         it is 30 at 0.5 mm, as measured, and grows as the 1.45th power of the thickness, as the
-        measured amplitude falls (dissertation, 4.3.2 and 4.3.3).
+        measured amplitude falls (dissertation, 4.3.2 and 4.3.3). Of a "layer" it is that of the
+        half-space above the taxels: the same strain gives the same voltages.
     script : list of Phase
         What the hand does.
     """
@@ -56,10 +70,13 @@ class Settings:
     shape: tuple[int, int] = (8, 8)
     rate: float = 200.0
     pitch: float = 1.5e-3
-    cover: Literal["flat", "bumpy", "bumps-fem"] = "flat"
+    cover: Literal["flat", "bumpy", "bumps-fem", "layer"] = "flat"
     thickness: float = 1.0e-3
+    taxel_height: float = 50e-6
     bump_radius: float = 0.6e-3
     youngs_modulus: float = 0.87e6
+    creep: float = 0.0
+    creep_time: float = 1.0
     friction: float = 0.6
     radius: float = 25e-3
     start: tuple[float, float] = (-0.9e-3, -0.4e-3)
@@ -79,6 +96,10 @@ class Settings:
         for name in ("youngs_modulus", "friction", "gain"):
             value = getattr(self, name)
             require(name, 0 < value < 1e12, "above 0", value)
+        self._require_layer()
+        require("creep", 0 <= self.creep < 1, "a share, 0 or more and below 1", self.creep)
+        lasts = 0 < self.creep_time < 1e6
+        require("creep_time", lasts, "seconds above 0, below 1e+06", self.creep_time)
         reduction = self.reduction
         require("reduction", reduction is None or reduction > 0, "above 0", reduction)
         half = 0 < self.bump_radius <= self.pitch / 2
@@ -90,8 +111,19 @@ class Settings:
         require("script", largest_load(self.script) > 0, "phases with a press", self.script)
 
     @property
+    def depth(self) -> float:
+        """Depth of the taxels below the flat surface, m."""
+        return self.thickness - (self.taxel_height if self.cover == "layer" else 0.0)
+
+    @property
     def loss(self) -> float:
-        """The reduction, given or by the thickness."""
-        return (
-            30.0 * (self.thickness / 0.5e-3) ** 1.45 if self.reduction is None else self.reduction
-        )
+        """The reduction, given or by the depth."""
+        return 30.0 * (self.depth / 0.5e-3) ** 1.45 if self.reduction is None else self.reduction
+
+    def _require_layer(self) -> None:
+        if self.cover != "layer":
+            return
+        thick = self.thickness >= THINNEST * self.pitch
+        require("thickness", thick, f"at least {THINNEST:g} pitches of a layer", self.thickness)
+        inside = 0 < self.taxel_height < self.thickness
+        require("taxel_height", inside, "above 0, below the thickness", self.taxel_height)

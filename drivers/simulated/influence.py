@@ -1,0 +1,29 @@
+"""The influence of the cover that a scene asks for."""
+
+from cnnum.arrays import Floats
+from cnnum.drivers.simulated.bumps import bumps_fem_influence
+from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
+from cnnum.drivers.simulated.layer import layer_influence
+from cnnum.drivers.simulated.settings import Settings
+
+
+def influence_of(options: Settings, layout: Layout) -> Floats:
+    """Return the strain at each taxel under a unit traction on each cell.
+
+    Returns
+    -------
+    (rows, cols, surface rows, surface cols, load, component) float, 1/Pa
+
+    Raises
+    ------
+    PhysicsError
+        If the cover is none that can be worked out.
+    """
+    cover = (layout, options.thickness, options.youngs_modulus)
+    if options.cover == "bumpy":
+        return bumpy_influence(*cover, options.bump_radius)
+    if options.cover == "bumps-fem":
+        return bumps_fem_influence(*cover, options.bump_radius)
+    if options.cover == "layer":
+        return layer_influence(*cover, options.taxel_height)
+    return flat_influence(*cover)
