@@ -88,7 +88,7 @@ def gathered(layout: Layout, kernel: Floats) -> Floats:
 
 def offsets(count: int, size: float) -> Floats:
     """Return the distances between cells of a row of `count`, (2 count - 1,) m, signed."""
-    return np.asarray(np.arange(1 - count, count) * size)
+    return np.asarray(np.arange(1 - count, count) * size, dtype=np.float64)
 
 
 def bumpy_influence(

@@ -43,10 +43,12 @@ def test_a_cell_is_the_layers_point_loads_spread_over_it(thickness: float, share
     taxels, surface = LAYOUT.taxels, LAYOUT.surface
     # 24 points a side see cells of 0.3 mm at a depth of 0.15 mm to (0.5 + 1.1)^-48 < 1e-9
     x, w = np.polynomial.legendre.leggauss(24)
-    nodes, weights = x * surface.dx / 2, np.multiply.outer(w, w) / 4 * surface.cell_area
+    nodes: Floats = np.asarray(x * surface.dx / 2, dtype=np.float64)
+    weights = np.multiply.outer(w, w) / 4 * surface.cell_area
     peak = np.abs(got).max(axis=(0, 1, 2, 3))
     for row, col, i, j in ((1, 1, 12, 12), (1, 2, 10, 18), (0, 3, 15, 21), (2, 0, 3, 9)):
-        load = np.stack(np.meshgrid(surface.x[j] + nodes, surface.y[i] + nodes), axis=-1)
+        across, down = nodes + float(surface.x[j]), nodes + float(surface.y[i])
+        load = np.stack(np.meshgrid(across, down), axis=-1)
         taxel = [taxels.x[col], taxels.y[row]]
         points = layer.strain(load[:, :, None], taxel, np.eye(3))
         wanted = np.einsum("yx,yxlc->lc", weights, points)
