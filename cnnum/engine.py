@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, Shape, as_shape, maps
-from cnnum.engines.backend import Backend, open_backend
+from cnnum.engines.backend import open_backend
 from cnnum.engines.support import schemes_of
 from cnnum.errors import ArrayError
 from cnnum.frame import FORCE_AXES
@@ -52,7 +52,6 @@ class Result:
     method: str
 
 
-@dataclass(slots=True, eq=False, init=False)
 class Engine:
     """Runs templates and programs on one device.
 
@@ -73,14 +72,13 @@ class Engine:
         If there is no such device.
     """
 
-    _backend: Backend
-    _plans: dict[tuple[object, ...], Plan] = field(default_factory=dict[tuple[object, ...], Plan])
+    __slots__ = ("_backend", "_plans")
 
     def __init__(
         self, name: str = "opencl", *, device: str | None = None, precision: str | None = None
     ) -> None:
         self._backend = open_backend(name, device, precision)
-        self._plans = {}
+        self._plans: dict[tuple[object, ...], Plan] = {}
 
     @property
     def name(self) -> str:

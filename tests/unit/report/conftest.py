@@ -70,6 +70,8 @@ def explained(program: str, channels: tuple[str, ...], ops: int, *left: LeftOut)
         flops=12_345,
         bytes_in=144,
         bytes_out=52,
+        private_bytes=2048,
+        scratch_bytes=0,
         left_out=left,
     )
 
