@@ -23,6 +23,9 @@ from cnnum.integrators.tableau import (
 from cnnum.network import Network
 from cnnum.template import Template
 
+SHORTEST = 1e-30
+"""Durations below it, in time constants, are none: nothing moves, and devices flush such numbers."""
+
 MAX_STEPS = 100_000
 """Steps after which an adaptive run gives up and says so."""
 
@@ -137,6 +140,8 @@ def choose(
     wanted = transient.template.duration if spec.duration is None else spec.duration
     settle = wanted == "settle"
     duration = spec.settle_limit if wanted == "settle" else float(wanted)
+    if duration < SHORTEST:
+        duration = 0.0
     if spec.method in ("auto", "propagator") and spec.dt is None:
         exact, reason = _exact(transient, network, math.inf if settle else duration, schemes)
         if exact is not None:

@@ -65,7 +65,7 @@ def tolerance(reference):
     return 20 * (ATOL + RTOL * np.abs(reference).max())
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=FIXTURES)
+@settings(max_examples=20, deadline=None, suppress_health_check=FIXTURES)
 @given(case=networks())
 def test_engines_agree_with_the_reference(engines, reference, case):
     template, maps = case

@@ -30,3 +30,13 @@ def test_what_never_rests_is_reported(engines, label):
     result = engines[label].run(template, state=start)
     assert not result.settled
     assert result.time == pytest.approx(1000.0)  # the limit of a run to equilibrium
+
+
+@pytest.mark.parametrize("label", NAMES)
+@pytest.mark.parametrize("duration", [0.0, 5e-324, 1e-40, 1e-20])
+def test_no_time_is_no_change(engines, label, duration):
+    """Durations that a device would flush to 0 end at once, where they start."""
+    template = Template("any", [[0.9]], z=0.3, duration=duration)
+    result = engines[label].run(template, state=np.full((2, 3), 0.25))
+    assert np.abs(result.state - 0.25).max() <= 1e-7
+    assert result.time <= 1e-20 * (1 + 1e-6)
