@@ -24,7 +24,7 @@ from cnnum.network import Network
 from cnnum.template import Template
 
 SHORTEST = 1e-30
-"""Durations below it, in time constants, are none: nothing moves, and devices flush such numbers."""
+"""Durations below it, in time constants, are none: devices flush such numbers."""
 
 MAX_STEPS = 100_000
 """Steps after which an adaptive run gives up and says so."""
