@@ -51,11 +51,12 @@ def command(
         recorder = open_recorder(file)
         count, stopped = 0, True
         try:
-            with suppress(KeyboardInterrupt), stoppable():
+            with suppress(KeyboardInterrupt), stoppable() as stop:
                 with progress("frames", frames, as_json=as_json) as steps:
                     for frame in limited(driver, seconds, frames):
-                        recorder.add(frame)
-                        count += 1
+                        with stop.shield():  # half a frame would spoil the file
+                            recorder.add(frame)
+                            count += 1
                         steps.advance()
                 stopped = False
         finally:

@@ -4,6 +4,7 @@ import signal
 import threading
 from collections.abc import Generator
 from contextlib import contextmanager
+from types import FrameType
 from typing import Any
 
 
@@ -21,11 +22,37 @@ def handled(handler: Any, *signals: signal.Signals) -> Generator[None, None, Non
             signal.signal(number, old)
 
 
-@contextmanager
-def stoppable() -> Generator[None, None, None]:
-    """Let SIGTERM end the block as Ctrl-C does."""
-    with handled(signal.default_int_handler, signal.SIGTERM):
+class Stop:
+    """Ends a block at Ctrl-C or SIGTERM, but never in the midst of what is shielded."""
+
+    def __init__(self) -> None:
+        self._shielded = self._wanted = False
+
+    def __call__(self, _number: int, _frame: FrameType | None) -> None:
+        """Handle the signal: at once, or when the shield ends."""
+        self._wanted = True
+        if not self._shielded:
+            raise KeyboardInterrupt
+
+    @contextmanager
+    def shield(self) -> Generator[None, None, None]:
+        """Let the block come to its end before a signal is heeded."""
+        self._shielded = True
         yield
+        self._shielded = False
+        if self._wanted:
+            raise KeyboardInterrupt
+
+
+@contextmanager
+def stoppable() -> Generator[Stop, None, None]:
+    """Let SIGTERM end the block as Ctrl-C does; one that the parent ignores stays ignored."""
+    stop = Stop()
+    heeded = [signal.SIGTERM]
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        heeded.append(signal.SIGINT)
+    with handled(stop, *heeded):
+        yield stop
 
 
 @contextmanager

@@ -1,0 +1,40 @@
+"""A signal never breaks into what is shielded, and is not lost either."""
+
+import signal
+
+import pytest
+
+from cnnum.cli.signals import stoppable
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_what_is_shielded_comes_to_its_end_first(number):
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    done = []
+    try:
+        with pytest.raises(KeyboardInterrupt), stoppable() as stop:  # noqa: PT012
+            with stop.shield():
+                signal.raise_signal(number)
+                done.append("half")
+                done.append("whole")
+            done.append("too far")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert done == ["half", "whole"]
+
+
+def test_elsewhere_it_ends_the_block_at_once():
+    done = []
+    with pytest.raises(KeyboardInterrupt), stoppable():  # noqa: PT012
+        signal.raise_signal(signal.SIGTERM)
+        done.append("too far")
+    assert not done
+
+
+def test_ctrl_c_that_the_parent_ignores_stays_ignored():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with stoppable():
+            signal.raise_signal(signal.SIGINT)
+    finally:
+        signal.signal(signal.SIGINT, before)
