@@ -20,9 +20,10 @@ lint: $(VENV)/dev.stamp
 	$(BIN)/mypy
 	$(BIN)/pyright
 
-# a quick round of every benchmark, with its data, picture and page in bench-results/
+# a quick round of about a minute, with data, picture and page in bench-results/; the others of
+# `cnnum bench` (work-precision, scaling, peers) take minutes each
 bench: $(VENV)/dev.stamp
-	for each in work-precision throughput latency compile scaling peers; do \
+	for each in throughput latency compile; do \
 	    $(BIN)/cnnum bench $$each --quick --out bench-results || exit 1; \
 	done
 
