@@ -1,28 +1,37 @@
 """From what a driver reads to what a program takes: only the channels that something reads."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
-from cnnum.arrays import Floats
+from cnnum.arrays import Floats, all_finite, finite
 from cnnum.errors import SceneError
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.tactile.taxel import SIDES, Calibration
 
+Reader = Callable[[Frame], Floats]
+"""Takes a driver's frame to new (rows, cols, wanted) numbers; refuses NaN and infinity."""
+
 
 class Conversion(Protocol):
-    """Turns a driver's frame into channels of a program."""
+    """Turns a driver's frames into channels of a program."""
 
     @property
     def channels(self) -> tuple[str, ...]:
         """What it can give."""
         ...
 
-    def convert(self, frame: Frame, wanted: Sequence[str]) -> Floats:
-        """Return (rows, cols, wanted) of a frame."""
+    def reader(self, wanted: Sequence[str]) -> Reader:
+        """Return what reads the wanted channels, and nothing else, from every frame.
+
+        Raises
+        ------
+        ArrayError
+            When it reads a frame that holds NaN or infinity.
+        """
         ...
 
 
@@ -32,11 +41,12 @@ class AsRead:
 
     channels: tuple[str, ...]
 
-    def convert(self, frame: Frame, wanted: Sequence[str]) -> Floats:
-        """Return the wanted channels of the frame."""
+    def reader(self, wanted: Sequence[str]) -> Reader:
+        """Return what picks the wanted channels."""
         if tuple(wanted) == self.channels:
-            return frame.values
-        return frame.values[..., [self.channels.index(name) for name in wanted]]
+            return _checked
+        picked = [self.channels.index(name) for name in wanted]
+        return lambda frame: _checked(frame)[..., picked]
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +60,59 @@ class ByCalibration:
         """The three rows of the strain tensor that a taxel sees."""
         return FORCE_AXES
 
-    def convert(self, frame: Frame, wanted: Sequence[str]) -> Floats:
-        """Return the wanted strains."""
-        if not wanted:
-            return np.empty((*frame.shape, 0))
-        return self.calibration.to_strain(frame.values, tuple(wanted), time=frame.time)
+    def reader(self, wanted: Sequence[str]) -> Reader:
+        """Return what computes the wanted strains."""
+        return StrainReader(self.calibration, tuple(wanted))
+
+
+class StrainReader:
+    """`Calibration.to_strain` of single frames: all that one frame does not change is done once.
+
+    Parameters
+    ----------
+    calibration : Calibration
+    wanted : tuple of str
+        Channels; only the bridges that they read are looked at.
+    """
+
+    __slots__ = ("_calibration", "_offsets", "_part", "_wanders", "_wanted", "_weights")
+
+    def __init__(self, calibration: Calibration, wanted: tuple[str, ...]) -> None:
+        weights = calibration.strain_weights(wanted)
+        used = np.flatnonzero(weights.reshape(-1, 4).any(axis=0))
+        self._calibration, self._wanted = calibration, wanted
+        self._wanders = calibration.wanders
+        # from the first bridge that is used to the last: a slice, which is not copied
+        self._part = slice(int(used[0]), int(used[-1]) + 1) if used.size else slice(0)
+        self._offsets = calibration.offsets[..., self._part]
+        self._weights = np.ascontiguousarray(np.swapaxes(weights[..., self._part], -1, -2))
+
+    def __call__(self, frame: Frame) -> Floats:
+        """Return (rows, cols, wanted) strain.
+
+        Raises
+        ------
+        ArrayError
+            If the frame does not hold four bridges, or a value is not finite.
+        PhysicsError
+            If its time is negative or NaN.
+        """
+        values, weights = frame.values, self._weights
+        if values.shape[2] != 4 or not frame.time >= 0.0:  # in the words of the general way
+            return self._calibration.to_strain(values, self._wanted, time=frame.time)
+        volts = _checked(frame)[..., self._part] - self._offsets
+        if self._wanders:
+            volts -= np.broadcast_to(self._calibration.wander(frame.time), values.shape)[
+                ..., self._part
+            ]
+        if weights.ndim == 2:
+            return np.asarray(volts @ weights, dtype=np.float64)
+        return np.asarray((volts[..., np.newaxis, :] @ weights)[..., 0, :], dtype=np.float64)
+
+
+def _checked(frame: Frame) -> Floats:
+    values = frame.values
+    return values if all_finite(values) else finite("frame", values)
 
 
 def conversion_for(

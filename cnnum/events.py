@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,15 +167,20 @@ class EventDetector:
     """Follows flags from frame to frame and says which have changed."""
 
     rules: tuple[EventRule, ...]
-    _held: tuple[bool, ...] = ()
+    _held: list[bool] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._held = [False] * len(self.rules)
 
     def update(self, t: float, frame: int, outputs: Outputs) -> tuple[Event, ...]:
         """Return the events of one frame, in the order of the rules."""
-        before = self._held or (False,) * len(self.rules)
-        self._held = tuple(_number(outputs, rule.flag) > 0.0 for rule in self.rules)
-        changed = zip(self.rules, before, self._held, strict=True)
+        held, now = self._held, [_number(outputs, rule.flag) > 0.0 for rule in self.rules]
+        if now == held:
+            return ()
+        self._held = now
+        changed = zip(self.rules, held, now, strict=True)
         return tuple(
-            rule.event(rule.kind if now else rule.ends, t, frame, outputs)
-            for rule, then, now in changed
-            if now != then and (now or rule.ends)
+            rule.event(rule.kind if on else rule.ends, t, frame, outputs)
+            for rule, was, on in changed
+            if on != was and (on or rule.ends)
         )

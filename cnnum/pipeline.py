@@ -10,19 +10,22 @@ from typing import cast
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.conversion import Conversion, conversion_for
+from cnnum.conversion import Conversion, Reader, conversion_for
 from cnnum.drivers.driver import Counters, Driver
 from cnnum.drivers.registry import open_driver
 from cnnum.engine import Engine
 from cnnum.errors import SceneError, name_error
 from cnnum.events import EVENT_RULES, Event, EventDetector, EventRule
-from cnnum.frame import Frame, Quality
-from cnnum.plan import Plan
+from cnnum.frame import BAD, Frame, Quality
+from cnnum.plan import Plan, Stream
 from cnnum.program_library import get_program
 from cnnum.programs import Program
 from cnnum.scene import SceneSpec, read_scene
 from cnnum.tactile.taxel import Calibration
 from cnnum.tracing import TraceStep, trace_steps
+
+REFUSED = BAD | Quality.REPEATED
+"""Flags under which the program does not run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,6 +53,40 @@ class Moment:
     outputs: dict[str, Floats]
     events: tuple[Event, ...]
     seconds: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """The way of a frame from host memory to its events; what one frame does not change is done.
+
+    Attributes
+    ----------
+    read : callable
+        From a driver's frame to what the program takes.
+    stream : Stream
+    detector : EventDetector
+    """
+
+    read: Reader
+    stream: Stream
+    detector: EventDetector
+
+    def step(self, number: int, frame: Frame) -> Moment:
+        """Return what comes of a frame; the program does not run on one that is bad or a repeat.
+
+        Raises
+        ------
+        ArrayError
+            If the frame holds NaN or infinity.
+        """
+        started = time.perf_counter()
+        # a good frame has no flags, and is asked no more: flags are slow to take apart
+        if frame.quality and frame.quality & REFUSED:
+            return Moment(number, frame, None, {}, (), 0.0)
+        values = self.read(frame)
+        outputs = self.stream.push_read(values)
+        events = self.detector.update(frame.time, number, outputs)
+        return Moment(number, frame, values, outputs, events, time.perf_counter() - started)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,23 +166,26 @@ class Scene:
 
     def moments(self) -> Iterator[Moment]:
         """Yield every frame with what came of it, until the source ends or the caller stops."""
-        stream, detector = self.plan.stream(), EventDetector(self.rules)
-        wanted = self.plan.schedule.channels_read
+        way = self.way()
         with self.driver:
             for number, frame in enumerate(self.driver.frames()):
-                started = time.perf_counter()
-                self._frames += 1
-                if frame.bad or frame.quality & Quality.REPEATED:
-                    self._bad += frame.bad
-                    self._repeated += not frame.bad
-                    yield Moment(number, frame, None, {}, (), 0.0)
-                    continue
-                values = self.conversion.convert(frame, wanted)
-                outputs = stream.push_read(values)
-                events = detector.update(frame.time, number, outputs)
-                seconds = time.perf_counter() - started
-                self._seconds.append(seconds)
-                yield Moment(number, frame, values, outputs, events, seconds)
+                moment = way.step(number, frame)
+                self._count(moment)
+                yield moment
+
+    def way(self) -> "Way":
+        """Return the way of a frame from host memory to its events, with memories of its own."""
+        wanted = self.plan.schedule.channels_read
+        return Way(self.conversion.reader(wanted), self.plan.stream(), EventDetector(self.rules))
+
+    def _count(self, moment: Moment) -> None:
+        self._frames += 1
+        if moment.values is not None:
+            self._seconds.append(moment.seconds)
+        elif moment.frame.bad:
+            self._bad += 1
+        else:
+            self._repeated += 1
 
     def events(self) -> Iterator[Event]:
         """Yield the events of the scene as they come."""
@@ -163,11 +203,11 @@ class Scene:
             If the scene has no such frame, or it was bad or a repeat and nothing ran on it.
         """
         plan = self.plan.keeping_everything()
-        stream, wanted = plan.stream(), plan.schedule.channels_read
+        stream, read = plan.stream(), self.conversion.reader(plan.schedule.channels_read)
         with self.driver:
             for at, frame in enumerate(self.driver.frames()):
-                runs = not (frame.bad or frame.quality & Quality.REPEATED)
-                outputs = stream.push_read(self.conversion.convert(frame, wanted)) if runs else {}
+                runs = not frame.quality & REFUSED
+                outputs = stream.push_read(read(frame)) if runs else {}
                 if at == number and runs:
                     return tuple(trace_steps(self.plan.schedule, outputs))
                 if at == number:

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cnnum.arrays import Floats, Shape, finite
-from cnnum.engines.backend import Backend, Executable, Solvers
+from cnnum.arrays import Floats, Shape, all_finite, finite
+from cnnum.engines.backend import Backend, Executable, OneFrame, Solvers
 from cnnum.errors import ArrayError, MethodError
 from cnnum.graph.cost import node_flops
 from cnnum.graph.nodes import Constant, ConstantMap, Pick, Transient
@@ -143,10 +143,12 @@ class Plan:
     def warm_up(self) -> None:
         """Build the kernels now, by running an empty frame, so that the first one is no slower."""
         read = len(self.schedule.channels_read)
-        empty = np.zeros((1, *self.schedule.shape, read))
+        empty = np.zeros((*self.schedule.shape, read))
         # what an empty frame makes of itself is nobody's answer: it may well not come to an end
-        with suppress(MethodError):
-            self.executable.run(empty, self.executable.new_memory(1), first=True)
+        with suppress(MethodError, ArrayError):
+            stream = self.stream()
+            stream.push_read(empty)
+            stream.push_read(empty)
 
     def _frames(self, frame: ArrayLike) -> tuple[Floats, tuple[int, ...]]:
         array, channels = finite("frame", frame), self.schedule.channels
@@ -169,12 +171,15 @@ class Plan:
         self, frames: Floats, lead: tuple[int, ...], memory: object, *, first: bool
     ) -> dict[str, Floats]:
         outputs = self.executable.run(frames, memory, first=first)
-        for name, values in outputs.items():
-            if not np.isfinite(values).all():
-                raise ArrayError(f"Output '{name}' of program '{self.program}' is not finite.")
+        self._refuse_infinite(outputs)
         return {
             name: values.reshape((*lead, *values.shape[1:])) for name, values in outputs.items()
         }
+
+    def _refuse_infinite(self, outputs: dict[str, Floats]) -> None:
+        for name, values in outputs.items():
+            if not all_finite(values):
+                raise ArrayError(f"Output '{name}' of program '{self.program}' is not finite.")
 
     def trace(self, frame: ArrayLike) -> Iterator[TraceStep]:
         """Yield each operation with its result for a frame, or a batch of frames.
@@ -244,6 +249,7 @@ class Stream:
     batch: tuple[int, ...]
     frames: int = 0
     _memory: object = field(default=None)
+    _one: OneFrame | None = field(default=None)
 
     def push(self, frame: ArrayLike) -> dict[str, Floats]:
         """Run the program on the next frame of every array and bring the memories up to date.
@@ -258,7 +264,7 @@ class Stream:
             raise ArrayError(
                 f"A frame of this stream has the leading axes {self.batch}, got {lead}."
             )
-        return self._advance(frames, lead)
+        return self._advance(frames, lead) if lead else self.push_read(frames[0])
 
     def push_read(self, values: Floats) -> dict[str, Floats]:
         """Run the program on the next frame of one array, of which only what is read is at hand.
@@ -266,13 +272,27 @@ class Stream:
         Parameters
         ----------
         values : (rows, cols, channels read) float
-            In the order of `plan.schedule.channels_read`.
+            In the order of `plan.schedule.channels_read`; finite.
         """
-        return self._advance(values[np.newaxis], ())
+        self._open(1)
+        one = self._one
+        if one is None:
+            return self._advance(values[np.newaxis], ())
+        outputs = one.run(values, first=self.frames == 0)
+        if not all_finite(one.packed):
+            self.plan._refuse_infinite(outputs)  # pyright: ignore[reportPrivateUsage]
+        self.frames += 1
+        return outputs
+
+    def _open(self, batch: int) -> None:
+        """Take the memories when the first frame comes."""
+        if self._memory is None:
+            executable = self.plan.executable
+            self._memory = executable.new_memory(batch)
+            self._one = None if self.batch else executable.one(self._memory)
 
     def _advance(self, frames: Floats, lead: tuple[int, ...]) -> dict[str, Floats]:
-        if self._memory is None:
-            self._memory = self.plan.executable.new_memory(len(frames))
+        self._open(len(frames))
         outputs = self.plan._run(  # pyright: ignore[reportPrivateUsage]
             frames, lead, self._memory, first=self.frames == 0
         )

@@ -16,6 +16,36 @@ Solvers = Mapping[int, Solver]
 """How each transient runs, by the index of its node."""
 
 
+class OneFrame(Protocol):
+    """The quick way of the single frames of one stream."""
+
+    @property
+    def packed(self) -> Floats:
+        """All numbers that the last frame gave, one after the other."""
+        ...
+
+    def run(self, values: NDArray[np.floating], *, first: bool) -> dict[str, Floats]:
+        """Run a frame.
+
+        Parameters
+        ----------
+        values : (rows, cols, channels read) float
+        first : bool
+            Whether this is the first frame of the stream.
+
+        Returns
+        -------
+        dict of str to (rows, cols) or () float
+            Its own for every frame.
+
+        Raises
+        ------
+        MethodError
+            If a transient did not reach its end within its steps.
+        """
+        ...
+
+
 class Executable(Protocol):
     """A schedule that is built and can run."""
 
@@ -41,6 +71,10 @@ class Executable(Protocol):
 
     def new_memory(self, batch: int) -> object:
         """Return cleared memories for a batch of streams, in a form of the engine's own."""
+        ...
+
+    def one(self, memory: object) -> OneFrame | None:
+        """Return the quick way of single frames with these memories; None where there is none."""
         ...
 
     def run(

@@ -89,6 +89,9 @@ class NumbaExecutable:
             }
         )
 
+    def one(self, memory: object) -> None:
+        """A single frame goes the way of a batch."""
+
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
     ) -> dict[str, Floats]:

@@ -6,6 +6,7 @@ import pyopencl as cl
 from cnnum.engines.backend import Solvers
 from cnnum.engines.opencl.devices import choose_device
 from cnnum.engines.opencl.executable import OpenCLExecutable
+from cnnum.engines.opencl.inline import partner_of
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.schedule import Schedule
 
@@ -31,6 +32,8 @@ class OpenCLBackend:
             )
         self._context = cl.Context([self._device.handle])
         self._queue = cl.CommandQueue(self._context)
+        partner = partner_of(self._device.handle)
+        self._own = None if partner is None else cl.CommandQueue(cl.Context([partner]))
 
     @property
     def device(self) -> str:
@@ -41,4 +44,4 @@ class OpenCLBackend:
         """Return the schedule ready to run on this device."""
         dtype = _TYPES[self.precision]
         lanes = self._device.lanes * 4 // dtype.itemsize if self._device.kind != "GPU" else 1
-        return OpenCLExecutable(schedule, solvers, self._queue, dtype, max(1, lanes))
+        return OpenCLExecutable(schedule, solvers, self._queue, dtype, max(1, lanes), self._own)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import pyopencl as cl
 
+from cnnum.engines.opencl.inline import asked_for, without_partners
 from cnnum.errors import DeviceError
 
 INSTALL = (
@@ -79,7 +80,8 @@ def list_devices() -> tuple[Device, ...]:
         If there is none; the sentence says what to install.
     """
     try:
-        platforms = cl.get_platforms()
+        with asked_for():
+            platforms = cl.get_platforms()
     except cl.Error:
         raise DeviceError(INSTALL) from None
     found = tuple(_describe(p, d) for p in platforms for d in _devices_of(p))
@@ -90,7 +92,7 @@ def list_devices() -> tuple[Device, ...]:
 
 def _devices_of(platform: cl.Platform) -> list[cl.Device]:
     try:
-        return list(platform.get_devices())
+        return without_partners(list(platform.get_devices()))
     except cl.Error:  # a platform whose driver finds no hardware
         return []
 

@@ -11,6 +11,7 @@ from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.kernel_text import KernelText, lower
+from cnnum.engines.opencl.one import OneFrame
 from cnnum.engines.opencl.shared import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.tiles import Tiling
 from cnnum.errors import NotSupportedError
@@ -54,38 +55,54 @@ class _Arrays:
 
 @dataclass(slots=True, eq=False)
 class OpenCLExecutable:
-    """Runs a schedule as one kernel launch a batch."""
+    """Runs a schedule as one kernel launch a batch.
+
+    Attributes
+    ----------
+    schedule : Schedule
+    solvers : mapping of int to Solver
+    queue : CommandQueue
+    dtype : dtype
+    wide_lanes : int
+        Frames that lie side by side in one work item of a large batch.
+    own : CommandQueue or None
+        Of a device that runs kernels in the thread that asks: single small frames go there.
+    """
 
     schedule: Schedule
     solvers: Solvers
     queue: cl.CommandQueue
     dtype: np.dtype[np.floating]
     wide_lanes: int
-    _kernels: dict[int, _Kernel] = field(default_factory=dict[int, _Kernel])
+    own: cl.CommandQueue | None = None
+    _texts: dict[int, KernelText] = field(default_factory=dict[int, KernelText])
+    _kernels: dict[tuple[int, bool], _Kernel] = field(
+        default_factory=dict[tuple[int, bool], _Kernel]
+    )
     _arrays: dict[int, _Arrays] = field(default_factory=dict[int, _Arrays])
-    _no_memory: SharedArray | None = None
+    _no_memory: dict[bool, SharedArray] = field(default_factory=dict[bool, SharedArray])
     _bound: tuple[object, ...] = ()
 
     @property
     def launches(self) -> int:
         """Kernel launches a batch."""
-        tiling = self._kernel(1).text.tiling if self.schedule.cells > WIDE_CELLS else None
+        tiling = self._text(1).tiling if self.schedule.cells > WIDE_CELLS else None
         return 1 if tiling is None else 2 + len(tiling.steps)
 
     @property
     def private_bytes(self) -> int:
         """Private memory of a work item that runs one frame, in arrays; no local memory is used."""
-        return self._kernel(1).text.private * self.dtype.itemsize
+        return self._text(1).private * self.dtype.itemsize
 
     @property
     def scratch_bytes(self) -> int:
         """Global memory that one frame works in where its array is too large to be private."""
-        return self._kernel(1).text.scratch * self.dtype.itemsize
+        return self._text(1).scratch * self.dtype.itemsize
 
     @property
     def source(self) -> str:
         """The exact text that was built, the widest kernel that has run (or would for a frame)."""
-        return self._kernel(max(self._kernels, default=1)).text.source
+        return self._text(max((lanes for lanes, _ in self._kernels), default=1)).source
 
     def lanes_for(self, batch: int) -> int:
         """Return how many frames of a batch lie side by side in one work item."""
@@ -94,12 +111,41 @@ class OpenCLExecutable:
 
     def new_memory(self, batch: int) -> object:
         """Return cleared memories on the device; the same for all where a plan has none."""
-        size = batch * self._kernel(self.lanes_for(batch)).text.memory_size
+        size, queue = batch * self._text(self.lanes_for(batch)).memory_size, self.queue_for(batch)
         if size:
-            return self._array(size)
-        if self._no_memory is None:
-            self._no_memory = self._array(0)
-        return self._no_memory
+            return self._array(size, queue)
+        alone = queue is self.own
+        if alone not in self._no_memory:
+            self._no_memory[alone] = self._array(0, queue)
+        return self._no_memory[alone]
+
+    def queue_for(self, batch: int) -> cl.CommandQueue:
+        """Return where so many frames run."""
+        alone = batch == 1 and self.schedule.cells <= WIDE_CELLS
+        return self.own if alone and self.own is not None else self.queue
+
+    def one(self, memory: object) -> OneFrame | None:
+        """Return the quick way for the single frames of a stream; None where there is none."""
+        assert isinstance(memory, SharedArray)
+        if self.schedule.cells > WIDE_CELLS:
+            return None
+        queue, built = self.queue_for(1), self._kernel(1, alone=True)
+        arrays, cells = self._new_arrays(1, built.text, queue), self.schedule.shape
+        places = {
+            name: (at, None if self.schedule.outputs[name].scalar else cells)
+            for name, at in built.text.outputs.items()
+        }
+        return OneFrame(
+            queue,
+            cl.Kernel(built.kernel.program, "plan"),
+            arrays.input,
+            arrays.output,
+            memory,
+            built.data,
+            arrays.scratch,
+            (*cells, len(self.schedule.channels_read)),
+            places,
+        )
 
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
@@ -107,17 +153,18 @@ class OpenCLExecutable:
         """Hand frames over, launch once, read what is wanted."""
         assert isinstance(memory, SharedArray)
         batch = frames.shape[0]
-        lanes = self.lanes_for(batch)
-        built, arrays = self._kernel(lanes), self._arrays_for(batch, lanes)
+        lanes, queue = self.lanes_for(batch), self.queue_for(batch)
+        built = self._kernel(lanes, alone=batch == 1)
+        arrays = self._arrays_for(batch, built.text)
         if frames.size:
             np.copyto(arrays.input.host.reshape(frames.shape), frames, casting="same_kind")
-            arrays.input.push(self.queue)
+            arrays.input.push(queue)
         self._bind(built, arrays, memory, batch, first)
-        cl.enqueue_nd_range_kernel(self.queue, built.kernel, (-(-batch // lanes),), (1,))
+        cl.enqueue_nd_range_kernel(queue, built.kernel, (-(-batch // lanes),), (1,))
         if built.tiled is not None and built.text.tiling is not None:
             self._advance(built.tiled, built.text.tiling, arrays.scratch, batch)
             cl.enqueue_nd_range_kernel(self.queue, built.tiled.finish, (batch,), (1,))
-        arrays.output.pull(self.queue)
+        arrays.output.pull(queue)
         return self._unpack(built.text, arrays.output.host.reshape(batch, -1))
 
     def _bind(
@@ -169,10 +216,17 @@ class OpenCLExecutable:
                 outputs[name] = block.reshape(-1, *self.schedule.shape)
         return outputs
 
-    def _kernel(self, lanes: int) -> _Kernel:
-        if lanes not in self._kernels:
-            text = lower(self.schedule, self.solvers, lanes, self.dtype)
-            context = self.queue.context
+    def _text(self, lanes: int) -> KernelText:
+        if lanes not in self._texts:
+            self._texts[lanes] = lower(self.schedule, self.solvers, lanes, self.dtype)
+        return self._texts[lanes]
+
+    def _kernel(self, lanes: int, *, alone: bool) -> _Kernel:
+        """Return what is built for so many frames side by side, or for single frames."""
+        key = (lanes, alone and self.queue_for(1) is self.own)
+        if key not in self._kernels:
+            text, queue = self._text(lanes), self.own if key[1] and self.own else self.queue
+            context = queue.context
             try:
                 program = build_program(context, text.source, self._options())
             except cl.RuntimeError as error:
@@ -180,8 +234,8 @@ class OpenCLExecutable:
             flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
             data = cl.Buffer(context, flags, hostbuf=text.data)
             tiled = self._tiled(program, text.tiling) if text.tiling is not None else None
-            self._kernels[lanes] = _Kernel(text, cl.Kernel(program, "plan"), data, tiled)
-        return self._kernels[lanes]
+            self._kernels[key] = _Kernel(text, cl.Kernel(program, "plan"), data, tiled)
+        return self._kernels[key]
 
     def _options(self) -> list[str]:
         return [QUIET, FLUSH] if self.dtype.itemsize == 4 else [QUIET]
@@ -193,20 +247,22 @@ class OpenCLExecutable:
         advance, finish = cl.Kernel(program, "advance"), cl.Kernel(program, "finish")
         return _Tiled(advance, finish, tiles, items)
 
-    def _arrays_for(self, batch: int, lanes: int) -> _Arrays:
+    def _arrays_for(self, batch: int, text: KernelText) -> _Arrays:
         if batch not in self._arrays:
-            text, width = self._kernel(lanes).text, self.dtype.itemsize
-            cells_read = self.schedule.cells * len(self.schedule.channels_read)
             self._arrays.clear()  # one batch size at a time: large ones would pile up
-            # a vector may be read over the end
-            scratch = (batch * text.scratch + MOST_LANES) * width
-            self._arrays[batch] = _Arrays(
-                self._array(batch * cells_read),
-                self._array(batch * text.output_size),
-                cl.Buffer(self.queue.context, cl.mem_flags.READ_WRITE, scratch),
-            )
+            self._arrays[batch] = self._new_arrays(batch, text, self.queue_for(batch))
         return self._arrays[batch]
 
-    def _array(self, size: int) -> SharedArray:
-        share = shares_memory(self.queue.device)
-        return shared_array(self.queue.context, size, self.dtype, share=share)
+    def _new_arrays(self, batch: int, text: KernelText, queue: cl.CommandQueue) -> _Arrays:
+        cells_read = self.schedule.cells * len(self.schedule.channels_read)
+        # a vector may be read over the end
+        scratch = (batch * text.scratch + MOST_LANES) * self.dtype.itemsize
+        return _Arrays(
+            self._array(batch * cells_read, queue),
+            self._array(batch * text.output_size, queue),
+            cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, scratch),
+        )
+
+    def _array(self, size: int, queue: cl.CommandQueue) -> SharedArray:
+        share = shares_memory(queue.device)
+        return shared_array(queue.context, size, self.dtype, share=share)

@@ -79,6 +79,9 @@ class ReferenceExecutable:
             }
         )
 
+    def one(self, memory: object) -> None:
+        """A single frame goes the way of a batch."""
+
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
     ) -> dict[str, Floats]:

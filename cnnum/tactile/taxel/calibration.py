@@ -145,9 +145,48 @@ class Calibration:
         UnknownNameError
             If a wanted channel is not one of the three.
         """
+        return self._decode(volts, self.strain_weights(wanted), time)
+
+    def strain_weights(self, wanted: Sequence[str] = FORCE_AXES) -> Floats:
+        """Return what a volt of each bridge adds to the wanted strain rows, (4.15).
+
+        Returns
+        -------
+        (len(wanted), 4) or (rows, cols, len(wanted), 4) float, 1/V
+
+        Raises
+        ------
+        UnknownNameError
+            If a wanted channel is not one of the three.
+        """
         rows = rows_of(wanted)
         alpha = self.strain_per_volt[rows]
-        return self._decode(volts, alpha[:, np.newaxis] * self._decoder[..., rows, :], time)
+        return np.asarray(alpha[:, np.newaxis] * self._decoder[..., rows, :], dtype=np.float64)
+
+    @property
+    def wanders(self) -> bool:
+        """Whether time adds anything to the offsets: heat after switch-on, or drift."""
+        return bool(self.heat.amplitude != 0.0 or self.drift.any())
+
+    def wander(self, time: ArrayLike) -> Floats:
+        """Return what time has added to the offsets, V.
+
+        Parameters
+        ----------
+        time : (...) float, s
+            Since switch-on, one a frame.
+
+        Returns
+        -------
+        float, V
+            To be broadcast over (..., rows, cols, 4).
+
+        Raises
+        ------
+        PhysicsError
+            If a time is negative or NaN.
+        """
+        return self._wander(time, np.arange(4))
 
     @property
     def strain_per_volt(self) -> Floats:
