@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
+from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +75,43 @@ class ButcherTableau:
     def first_same_as_last(self) -> bool:
         """Whether the last stage is the first of the next step."""
         return self.a[-1] == self.b[:-1] and self.b[-1] == 0
+
+    @cached_property
+    def truncation(self) -> tuple[Row, ...]:
+        """Rows d of which h Σ_i d_i k_i is a part of the step's own truncation error, in order.
+
+        On x' = λx, z = hλ, the stages are k_i = λ K_i(z) x with K_i of degree i, and the step is
+        off by e^z − R(z). Its leading parts up to z^s are combinations of the stages: a row each.
+        Between corners of f an array is linear, so that they tell its error; at a corner, their
+        sum of absolute values is seldom below the error (Bogacki–Shampine: never below 0.37 of it,
+        Dormand–Prince: 0.19), where that of the embedded method may vanish.
+        """
+        growth = self._stage_polynomials()
+        gaps = [
+            Fraction(1, factorial(q + 1)) - sum(b * growth[i][q] for i, b in enumerate(self.b))
+            for q in range(self.stages)
+        ]
+        return tuple(self._row_of(q, gap, growth) for q, gap in enumerate(gaps) if gap)
+
+    def _stage_polynomials(self) -> list[list[Fraction]]:
+        """Return the coefficients of K_i(z) = 1 + z Σ_j a_ij K_j(z), lowest power first."""
+        growth: list[list[Fraction]] = []
+        for row in self.a:
+            powers = [
+                sum((a * k[q] for a, k in zip(row, growth, strict=True)), Fraction(0))
+                for q in range(self.stages - 1)
+            ]
+            growth.append([Fraction(1), *powers])
+        return growth
+
+    def _row_of(self, power: int, value: Fraction, growth: list[list[Fraction]]) -> Row:
+        """Return d with Σ_i d_i K_i(z) = value · z^power, from the highest power down."""
+        row = [Fraction(0)] * self.stages
+        for q in reversed(range(self.stages)):
+            wanted = value if q == power else Fraction(0)
+            above = sum((row[i] * growth[i][q] for i in range(q + 1, self.stages)), Fraction(0))
+            row[q] = (wanted - above) / growth[q][q]
+        return tuple(row)
 
     @cached_property
     def real_stability(self) -> float:

@@ -16,6 +16,7 @@ from cnnum.integrators.schemes import ChebyshevSteps
 from cnnum.integrators.spectral import Spectral, evaluate, spectral
 from cnnum.integrators.spectrum import spectrum
 from cnnum.integrators.stability import METHODS, stability_bound
+from cnnum.integrators.tableau import BOGACKI_SHAMPINE, DORMAND_PRINCE
 from cnnum.library import get_template
 from cnnum.network import Network
 from cnnum.template import Template
@@ -189,3 +190,33 @@ def test_spectral_solves_the_heat_equation():
     got = evaluate(spectral(network, 0.8), start, np.zeros_like(start))
     wanted = expm(0.8 * network.linear_system().matrix) @ start.ravel()
     assert np.abs(got.ravel() - wanted).max() < 1e-13
+
+
+@pytest.mark.parametrize("method", [BOGACKI_SHAMPINE, DORMAND_PRINCE], ids=lambda m: m.name)
+def test_truncation_is_the_error_of_a_linear_step(method):
+    """A step of x' = λx, taken stage by stage: its parts add up to e^z − R(z)."""
+    for z in (-0.02, 0.01 + 0.03j):
+        slopes = []
+        for row in method.a:
+            slopes.append(z * (1 + sum(float(a) * k for a, k in zip(row, slopes, strict=True))))
+        step = 1 + sum(float(b) * k for b, k in zip(method.b, slopes, strict=True))
+        parts = [
+            sum(float(d) * k for d, k in zip(row, slopes, strict=True)) for row in method.truncation
+        ]
+        # what is left is of the order after the last stage; of the difference, 1e-15 is rounding
+        assert abs(np.exp(z) - step - sum(parts)) <= abs(z) ** (method.stages + 1) / 60 + 1e-15
+        assert abs(sum(parts)) > 0
+
+
+@pytest.mark.parametrize(
+    ("method", "least"), [(BOGACKI_SHAMPINE, 0.37), (DORMAND_PRINCE, 0.19)], ids=("bs", "dp")
+)
+def test_truncation_sees_corners(method, least):
+    """The rate bends at θ: the parts are no less than so much of the quadrature's error."""
+    times = np.array([float(sum(row)) for row in method.a])
+    weights = np.array(method.b, dtype=float)
+    for theta in np.linspace(0.002, 0.998, 499):
+        bent = np.maximum(times - theta, 0.0)
+        error = abs(weights @ bent - (1 - theta) ** 2 / 2)
+        parts = sum(abs(np.array(row, dtype=float) @ bent) for row in method.truncation)
+        assert parts >= least * error

@@ -21,7 +21,11 @@ MOVE, SLOPE, JUDGE, CHANGE, ACCEPT, STEP = range(6)
 """Phases of a step."""
 
 WEIGHTS, TIMES, ERRORS, STAGES = range(4)
-"""Rows of a tableau: b, c, b − b̂, and from STAGES on the rows of a."""
+"""Rows of a tableau: b, c, b − b̂, and from STAGES on the rows of a; then the
+truncation error's."""
 
 AT_REST = -1
 """Number of no step: outputs a delay ago are those of now."""
+
+LARGEST_EXPONENT, SMALLEST_RATE = 80.0, 1e-30
+"""Limits within which the growth of an error is a number of single precision."""

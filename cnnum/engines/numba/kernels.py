@@ -43,10 +43,7 @@ def _respond(response: Any, state: Reals, output: Reals) -> None:
 
 @inlined
 def _largest(found: Reals, column: Any) -> Any:
-    largest = found[0, column]
-    for band in range(1, len(found)):
-        largest = max(largest, found[band, column])
-    return largest
+    return found[:, column].max()
 
 
 @inlined
@@ -101,7 +98,13 @@ def _bend(plan: Plan, kind: Any, work: Reals, layer: Any, start: Any, total: Rea
             total[i] += value * v if tap.times else value
 
 
-# phases of a step on one band
+@inlined
+def _combine(plan: Plan, row: Any, work: Reals, step: Any, lo: Any, total: Reals) -> None:
+    """Add to `total` what a row of the tableau makes of the slopes of a step."""
+    for stage in range(plan.settings[0].stages):
+        weight = plan.tableau[row, stage]
+        if weight != 0.0:
+            _add(step * weight, work[codes.SLOPES + stage, lo : lo + total.size], total)
 
 
 @inlined
@@ -109,10 +112,7 @@ def _move(plan: Plan, work: Reals, stage: Any, step: Any, lo: Any, hi: Any) -> N
     """Set the state at a stage and what it puts out."""
     moved = work[codes.MOVED, lo:hi]
     _copy(work[codes.STATE, lo:hi], moved)
-    for earlier in range(stage):
-        weight = plan.tableau[codes.STAGES + stage, earlier]
-        if weight != 0.0:
-            _add(step * weight, work[codes.SLOPES + earlier, lo:hi], moved)
+    _combine(plan, codes.STAGES + stage, work, step, lo, moved)
     if plan.settings[0].limited:
         _respond(codes.CLAMP, moved, moved)
     _respond(plan.settings[0].response, moved, work[codes.OUTPUT, lo:hi])
@@ -140,22 +140,23 @@ def _slope(plan: Plan, work: Reals, gains: Reals, layer: Any, stage: Any, lo: An
 
 @inlined
 def _judge(plan: Plan, work: Reals, step: Any, lo: Any, hi: Any, found: Reals) -> None:
-    """Find the worst error of a step from the state to the last stage, and the change there."""
-    real = work.dtype.type
-    worst, largest = real(0), real(0)
+    """Find the error of a step from the state to the last stage, and change and rate there."""
+    real, last = work.dtype.type, plan.settings[0].stages - 1
+    worst, speed = real(0), real(0)
     rtol, atol = real(plan.settings[0].rtol), real(plan.settings[0].atol)
-    errors, last = np.zeros(hi - lo, work.dtype), plan.settings[0].stages - 1
-    for stage in range(last + 1):
-        weight = plan.tableau[codes.ERRORS, stage]
-        if weight != 0.0:
-            _add(step * weight, work[codes.SLOPES + stage, lo:hi], errors)
     state, moved = work[codes.STATE, lo:hi], work[codes.MOVED, lo:hi]
+    errors, slope = np.zeros(hi - lo, work.dtype), work[codes.SLOPES + last, lo:hi]
+    _combine(plan, codes.ERRORS, work, step, lo, errors)
     for i in range(errors.size):
-        error = abs(errors[i])
-        worst = max(worst, error / (atol + rtol * max(abs(state[i]), abs(moved[i]))))
-        largest = max(largest, error)
-    found[0], found[1] = worst, largest
-    found[2] = _change(plan, moved, work[codes.SLOPES + last, lo:hi])
+        worst = max(worst, abs(errors[i]) / (atol + rtol * max(abs(state[i]), abs(moved[i]))))
+        speed = max(speed, abs(slope[i]))
+    added = real(plan.settings[0].rounding) * np.abs(moved)
+    for row in range(codes.STAGES + last + 1, len(plan.tableau)):
+        errors[:] = 0
+        _combine(plan, row, work, step, lo, errors)
+        added += np.abs(errors)
+    found[0], found[1], found[3] = worst, added.max(), speed
+    found[2] = _change(plan, moved, slope)
 
 
 @inlined
@@ -173,10 +174,7 @@ def _change(plan: Plan, state: Reals, slope: Reals) -> Any:
 def _advance(plan: Plan, work: Reals, step: Any, lo: Any, hi: Any) -> None:
     """Take a step of fixed length."""
     state = work[codes.STATE, lo:hi]
-    for stage in range(plan.settings[0].stages):
-        weight = plan.tableau[codes.WEIGHTS, stage]
-        if weight != 0.0:
-            _add(step * weight, work[codes.SLOPES + stage, lo:hi], state)
+    _combine(plan, codes.WEIGHTS, work, step, lo, state)
     if plan.settings[0].limited:
         _respond(codes.CLAMP, state, state)
 
@@ -198,9 +196,6 @@ def _work_on(phase: Any, plan: Plan, now: Frame, stage: Any, step: Any, band: An
         _copy(work[plan.settings[0].stages + codes.SLOPES - 1, lo:hi], work[codes.SLOPES, lo:hi])
     else:
         _advance(plan, work, step, lo, hi)
-
-
-# steps of a whole frame
 
 
 @compiled_parallel
@@ -297,6 +292,7 @@ def _adaptive(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
     taken, time, error, settled, settings = _NONE, 0.0, 0.0, 0.0, plan.settings[0]
     step, end = settings.step, settings.duration * (1.0 - 1e-6)
     _evaluate(plan, now, _NONE, step, time, _AT_REST, spread)
+    before = np.abs(now.work[codes.SLOPES]).max()
     while time < end and settled == 0.0 and taken < settings.count:
         step = min(step, settings.longest, settings.duration - time)
         for stage in range(1, settings.stages):
@@ -304,15 +300,17 @@ def _adaptive(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
         _all_bands(codes.JUDGE, plan, now, _NONE, step, spread)
         taken, worst = taken + 1, _largest(now.found, 0)
         if worst <= 1.0:
-            time, error = time + step, error + _largest(now.found, 1)
+            time, speed = time + step, _largest(now.found, 3)
+            # as `cnnum.integrators.estimate` has it
+            grown = math.exp(min(settings.growth * step, codes.LARGEST_EXPONENT))
+            grown = min(max(speed / max(before, codes.SMALLEST_RATE), 1.0), grown)
+            error, before = error * grown + _largest(now.found, 1), speed
             settled = 1.0 if settings.settle and _largest(now.found, 2) <= 1.0 else 0.0
             _all_bands(codes.ACCEPT, plan, now, _NONE, step, spread)
         step *= min(max(0.9 * max(worst, 1e-10) ** settings.exponent, 0.2), 5.0)
-    figures[0], figures[1], figures[2], figures[3] = time, taken, settled, error
+    figures[0], figures[1], figures[2] = time, taken, settled
+    figures[3] = settings.safety * error
     figures[4] = 1.0 if time < end and settled == 0.0 else 0.0
-
-
-# a frame from its start to its end
 
 
 @compiled
@@ -373,7 +371,7 @@ def _run_frame(plan: Plan, batch: Batch, frame: Any, spread: bool) -> None:
     figures, settings = batch.figures[frame], plan.settings[0]
     gains = np.ones(settings.layers**2 + 1, batch.state.dtype)
     work = _prepare(plan, batch, frame, gains)
-    now = Frame(work, gains, np.zeros((len(plan.bands), 3), work.dtype))
+    now = Frame(work, gains, np.zeros((len(plan.bands), 4), work.dtype))
     if settings.scheme == codes.ADAPTIVE:
         _adaptive(plan, now, spread, figures)
     elif settings.scheme == codes.FIXED:

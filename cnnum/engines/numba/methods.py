@@ -9,12 +9,13 @@ from cnnum.arrays import Floats
 from cnnum.engines.numba.codes import ADAPTIVE, DECAY, FIXED, PROPAGATE
 from cnnum.engines.numba.records import Real, Reals
 from cnnum.integrators.choice import MAX_STEPS, AdaptiveSteps, FixedSteps, Solver
+from cnnum.integrators.estimate import ROUNDINGS, SAFETY, error_growth
 from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.tableau import ButcherTableau, Row
 from cnnum.template import Template
 
 
-def method_settings(template: Template, solver: Solver) -> dict[str, Any]:
+def method_settings(template: Template, solver: Solver, dtype: Real) -> dict[str, Any]:
     """Return the settings that say how a transient runs."""
     settings = {
         "duration": solver.duration,
@@ -22,6 +23,9 @@ def method_settings(template: Template, solver: Solver) -> dict[str, Any]:
         "rtol": solver.rtol,
         "atol": solver.atol,
         "slowest": template.tau.max(),
+        "growth": error_growth(template),
+        "safety": SAFETY,
+        "rounding": ROUNDINGS * float(np.finfo(dtype).eps),
     }
     return settings | _steps(template, solver)
 
@@ -62,7 +66,7 @@ def exact(solver: Solver, dtype: Real) -> Reals:
 
 
 def tableau_rows(solver: Solver) -> Floats:
-    """Return b, c, b − b̂, and the rows of a."""
+    """Return b, c, b − b̂, the rows of a, and those of the truncation error's parts."""
     scheme = solver.scheme
     if isinstance(scheme, FixedSteps | AdaptiveSteps):
         return _rows(scheme.tableau)
@@ -75,4 +79,5 @@ def _rows(tableau: ButcherTableau) -> Floats:
 
     times = [float(sum(row)) for row in tableau.a]
     rows = [padded(tableau.b), times, padded(tableau.error), *map(padded, tableau.a)]
+    rows += map(padded, tableau.truncation) if tableau.adaptive else ()
     return np.array(rows)

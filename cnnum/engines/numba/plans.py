@@ -32,7 +32,7 @@ def plan_of(template: Template, layout: Layout, solver: Solver, dtype: Real) -> 
         "reads_states": any("x" in (c.neighbour, c.centre) for c in template.nonlinear),
     }
     return Plan(
-        settings=packed(SETTINGS, [cells | method_settings(template, solver)]),
+        settings=packed(SETTINGS, [cells | method_settings(template, solver, dtype)]),
         tableau=tableau_rows(solver),
         taps=taps,
         first=first,

@@ -38,6 +38,10 @@ SETTINGS = np.dtype(
         ("count", "i8"),
         ("lag", "i8"),
         ("error", "f8"),
+        # of the error of adaptive steps: how fast it may grow, the safety factor, the roundings
+        ("growth", "f8"),
+        ("safety", "f8"),
+        ("rounding", "f8"),
         # when the state is at rest; `slowest` is the largest τ
         ("settle", "i8"),
         ("rtol", "f8"),
@@ -78,8 +82,8 @@ class Plan(NamedTuple):
     Attributes
     ----------
     settings : (1,) SETTINGS
-    tableau : (3 + stages, stages) float64
-        b, c, b − b̂, and the rows of a.
+    tableau : (3 + stages + parts, stages) float64
+        b, c, b − b̂, the rows of a, and those of the truncation error's parts.
     taps : (taps,) TAP
     first : (6, layers + 1) int
         Where the taps of every kind into each layer begin.
@@ -143,8 +147,9 @@ class Frame(NamedTuple):
         Maps with rims of all layers, as `codes` names them.
     gains : (layers² + 1,) float
         Gain of every pair of layers, and the 1 of couplings that have none.
-    found : (bands, 3) float
-        Of every band: error in units of the tolerance, error, change in units of the tolerance.
+    found : (bands, 4) float
+        Of every band: error in units of the tolerance, what a step adds to the error of the state,
+        change in units of the tolerance, largest rate.
     """
 
     work: Reals

@@ -4,11 +4,12 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.engines.opencl.rates import Instant, outputs, rates
+from cnnum.engines.opencl.stepping import growth_texts
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.choice import MAX_STEPS
-from cnnum.integrators.estimate import error_factor
+from cnnum.integrators.estimate import ROUNDINGS, SAFETY
 from cnnum.integrators.schemes import ChebyshevSteps
 
 
@@ -47,10 +48,10 @@ def chebyshev(text: TransientText, scheme: ChebyshevSteps) -> dict[str, str]:
         judge=indented(_judge(text), 3),
         settle=text.number(float(scheme.settle)),
         almost_one=text.number(1.0 - 1e-6),
+        **growth_texts(text),
     )
     text.lines += filled.splitlines()
-    error = f"{text.number(error_factor(text.template))} * error"
-    figures = {"time": "time", "steps": "steps", "error": error}
+    figures = {"time": "time", "steps": "steps", "error": f"{text.number(SAFETY)} * error"}
     return figures | ({"settled": "settled"} if scheme.settle else {})
 
 
@@ -77,14 +78,15 @@ def _coefficients() -> Floats:
 def _judge(text: TransientText) -> list[str]:
     """Return the text that finds the worst error of a step, and the change at its end."""
     tau = text.number(float(text.template.tau.max()))
-    rounding = text.number(4.0 * float(np.finfo(text.tables.dtype).eps))
+    rounding = text.number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
     scale = text.scale("fmax(fabs(x[i]), fabs(xs[i]))")
     return [
         f"for (int i = 0; i < {text.layers * text.cells}; ++i) {{",
         # Sommeijer, Shampine & Verwer 1998, section 2.2
         "    const real e = fabs(R(0.8) * (x[i] - xs[i]) + R(0.4) * h * (k0[i] + k1[i]));",
-        f"    local_error = fmax(local_error, e + {rounding} * fabs(xs[i]));",
         f"    worst = fmax(worst, e / {scale});",
+        f"    added = fmax(added, e + {rounding} * fabs(xs[i]));",
+        "    speed = fmax(speed, fabs(k1[i]));",
         f"    change = fmax(change, fabs({tau} * k1[i]) / {text.scale('xs[i]')});",
         "}",
     ]

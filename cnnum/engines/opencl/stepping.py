@@ -9,11 +9,11 @@ from cnnum.engines.opencl.rates import Instant, delays_outputs, outputs, rates, 
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import MAX_STEPS, AdaptiveSteps, FixedSteps
-from cnnum.integrators.estimate import error_factor
+from cnnum.integrators.estimate import ROUNDINGS, SAFETY, SMALLEST_RATE, error_growth
 from cnnum.integrators.tableau import ButcherTableau, Row
 
-ROUNDINGS = 4.0
-"""Of a step: those of its sum and of the rates in it, as parts of the state."""
+LARGEST_EXPONENT = 80.0
+"""e to this is a number of single precision."""
 
 
 def _combination(weights: Row, text: TransientText, at: str) -> str:
@@ -198,6 +198,7 @@ def adaptive(text: TransientText, scheme: AdaptiveSteps) -> dict[str, str]:
         longest=text.number(scheme.longest),
         duration=text.number(text.solver.duration),
         first_rates=indented(["{", *first_rates, "}"], 2),
+        states=text.layers * text.cells,
         limit=MAX_STEPS,
         stages=indented(stages, 3),
         judge=indented(judge, 3),
@@ -205,11 +206,20 @@ def adaptive(text: TransientText, scheme: AdaptiveSteps) -> dict[str, str]:
         settle=text.number(float(scheme.settle)),
         almost_one=text.number(1.0 - 1e-6),
         exponent=text.number(-1.0 / tableau.order),
+        **growth_texts(text),
     )
     text.lines += filled.splitlines()
-    factor = text.number(error_factor(text.template))
-    figures = {"time": "time", "steps": "steps", "error": f"{factor} * error"}
+    figures = {"time": "time", "steps": "steps", "error": f"{text.number(SAFETY)} * error"}
     return figures | ({"settled": "settled"} if scheme.settle else {})
+
+
+def growth_texts(text: TransientText) -> dict[str, str]:
+    """Return what a kernel text needs to follow the error of the state from step to step."""
+    return {
+        "growth": text.number(error_growth(text.template)),
+        "largest_exponent": text.number(LARGEST_EXPONENT),
+        "smallest_rate": text.number(SMALLEST_RATE),
+    }
 
 
 def _judge(text: TransientText, tableau: ButcherTableau) -> None:
@@ -220,10 +230,12 @@ def _judge(text: TransientText, tableau: ButcherTableau) -> None:
     for layer in range(text.layers):
         at = text.at(layer)
         scale = text.scale(f"fmax(fabs(x[{at}]), fabs(xs[{at}]))")
+        parts = " + ".join(f"fabs(h * ({_combination(d, text, at)}))" for d in tableau.truncation)
         body += [
             f"{{ const real e = fabs(h * ({_combination(tableau.error, text, at)}));",
-            f"local_error = fmax(local_error, e + {rounding} * fabs(xs[{at}]));",
             f"worst = fmax(worst, e / {scale});",
+            f"added = fmax(added, {parts} + {rounding} * fabs(xs[{at}]));",
+            f"speed = fmax(speed, fabs(k{last}[{at}]));",
             f"change = fmax(change, fabs({tau} * k{last}[{at}]) / {text.scale(f'xs[{at}]')}); }}",
         ]
     text.over_cells(body)

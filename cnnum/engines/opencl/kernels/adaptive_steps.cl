@@ -1,9 +1,13 @@
         // $method: steps follow the error estimate
         real time = ZERO, steps = ZERO, settled = ZERO, error = ZERO, h = $first_step;
+        real speed_before = ZERO;
         real running = PICK(time < $duration, ONE, ZERO);
 $first_rates
+        for (int i = 0; i < $states; ++i) {
+            speed_before = fmax(speed_before, fabs(k0[i]));
+        }
         for (int n = 0; n < $limit && ANY_LANE(running); ++n) {
-            real worst = ZERO, local_error = ZERO, change = ZERO;
+            real worst = ZERO, added = ZERO, speed = ZERO, change = ZERO;
             h = fmin(fmin(h, $longest), $duration - time);
 $stages
 $judge
@@ -11,7 +15,11 @@ $judge
 $advance
             time += accept * h;
             steps += running;
-            error += accept * local_error;
+            // an error grows as the rates do, within what the feedback allows
+            const real faster = fmax(speed / fmax(speed_before, $smallest_rate), ONE);
+            const real grown = fmin(faster, exp(fmin($growth * h, $largest_exponent)));
+            error = PICK(accept != ZERO, error * grown + added, error);
+            speed_before = PICK(accept != ZERO, speed, speed_before);
             settled = PICK(accept * $settle != ZERO && change <= ONE, ONE, settled);
             running = PICK(time >= $duration * $almost_one || settled != ZERO, ZERO, running);
             h = PICK(running != ZERO,
