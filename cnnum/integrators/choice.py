@@ -10,6 +10,7 @@ from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
 from cnnum.integrators.propagator import DENSE_LIMIT, Decay, Propagator, decay, propagator
 from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
+from cnnum.integrators.separate import Separate, separate
 from cnnum.integrators.spectral import Spectral, spectral
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.stability import CHEBYSHEV, stability_bound, tableau_step
@@ -68,10 +69,16 @@ class AdaptiveSteps:
 
 
 Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps | ExponentialSteps
-Scheme = Decay | Propagator | Spectral | Stepping
+Exact = Decay | Propagator | Spectral | Separate
+Scheme = Exact | Stepping
 
 BASIC_SCHEMES: frozenset[type] = frozenset({Decay, Propagator, FixedSteps, AdaptiveSteps})
-ALL_SCHEMES: frozenset[type] = BASIC_SCHEMES | {Spectral, ChebyshevSteps, ExponentialSteps}
+ALL_SCHEMES: frozenset[type] = BASIC_SCHEMES | {
+    Spectral,
+    Separate,
+    ChebyshevSteps,
+    ExponentialSteps,
+}
 
 STIFF = 30.0
 """Rates times run time above which Chebyshev's steps are chosen where the rates are real. An
@@ -92,7 +99,7 @@ class Solver:
         Name of the method, as results report it.
     reason : str
         Why this one.
-    scheme : Decay, Propagator, FixedSteps or AdaptiveSteps
+    scheme : Scheme
     duration : float
         Time at which it ends (the limit where it runs to equilibrium).
     settle : bool
@@ -174,7 +181,7 @@ def _checked(transient: Transient) -> RunSpec:
 
 def _exact(
     transient: Transient, network: Network, duration: float, schemes: frozenset[type]
-) -> tuple[Decay | Propagator | Spectral | None, str]:
+) -> tuple[Exact | None, str]:
     template = transient.template
     if template.output.limited or template.output.discrete:
         return None, "its state is limited, or runs in discrete time"
@@ -182,6 +189,9 @@ def _exact(
         return None, "it has nonlinear, delayed or time-varying couplings"
     if template.uncoupled:
         return decay(template, duration), "A = 0: every cell decays on its own, exactly"
+    pieces = separate(template, duration) if Separate in schemes else None
+    if pieces is not None:
+        return pieces, "no cell sees another: its linear pieces are exact, one after the other"
     if not template.output.linear:
         return None, "its output saturates, so the array is not linear"
     if transient.has_mask:

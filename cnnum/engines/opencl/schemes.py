@@ -6,6 +6,7 @@ from cnnum.engines.opencl.exact import exact
 from cnnum.engines.opencl.exponential import exponential
 from cnnum.engines.opencl.fused import fused_euler, fuses
 from cnnum.engines.opencl.rates import Instant, declare_outputs, outputs, rates, watch_change
+from cnnum.engines.opencl.separate import separate
 from cnnum.engines.opencl.start import start
 from cnnum.engines.opencl.stepping import adaptive, fixed
 from cnnum.engines.opencl.text import rename
@@ -14,6 +15,7 @@ from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
 from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
+from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
 
 Figures = dict[str, str]
@@ -36,6 +38,8 @@ def _run(text: TransientText) -> Figures:
     scheme = text.solver.scheme
     if isinstance(scheme, Decay | Propagator | Spectral):
         return exact(text, scheme)
+    if isinstance(scheme, Separate):
+        return separate(text, scheme)
     start(text)
     if isinstance(scheme, FixedSteps) and tiles_fit(text, scheme):
         tiled_euler(text, scheme)
@@ -58,7 +62,7 @@ def settled_now(text: TransientText) -> None:
     Delayed outputs are taken as those of now, as they are once nothing changes.
     """
     text.lines.append("real change = ZERO;")
-    if isinstance(text.solver.scheme, Decay | Propagator | Spectral):
+    if isinstance(text.solver.scheme, Decay | Propagator | Spectral | Separate):
         declare_outputs(text)
     outputs(text, [f"x[{text.at(layer)}]" for layer in range(text.layers)])
     instant = Instant(text.number(text.solver.duration), _outputs_now(text))

@@ -1,5 +1,6 @@
 // Built-ins of 64-byte vectors, by halves.
 static inline real exp_halves(const real a) { return (real)(exp(a.lo), exp(a.hi)); }
+static inline real log_halves(const real a) { return (real)(log(a.lo), log(a.hi)); }
 static inline real sqrt_halves(const real a) { return (real)(sqrt(a.lo), sqrt(a.hi)); }
 static inline real tanh_halves(const real a) { return (real)(tanh(a.lo), tanh(a.hi)); }
 static inline real pow_halves(const real a, const real b)
@@ -7,6 +8,7 @@ static inline real pow_halves(const real a, const real b)
     return (real)(pow(a.lo, b.lo), pow(a.hi, b.hi));
 }
 #define exp exp_halves
+#define log log_halves
 #define sqrt sqrt_halves
 #define tanh tanh_halves
 #define pow pow_halves

@@ -1,0 +1,110 @@
+"""Cells that see only themselves are solved without a step: held to many small Runge-Kutta steps.
+
+The steps are written here, and know nothing of pieces: where f has its kinks, what they miss is of
+the order of the square of a step, (3/4000)² · rate < 4e-6 for the templates below.
+"""
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.engines.support import schemes_of
+from cnnum.integrators.separate import LONGEST, Separate, separate
+
+STEPS = 4000
+TOLERANCE = {"float64": 4e-6, "float32": 4e-5}
+"""float32 adds its rounding (1e-7), grown by e^{(a−1)T} ≤ e^3 = 20 on the way out of the middle."""
+
+
+def template(a, duration, tau=1.0, **more):
+    A, B = np.zeros((3, 3)), np.zeros((3, 3))
+    A[1, 1], B[1, 1] = a, 1.0
+    return cnnum.Template("own", A, B, 0.1, tau=tau, duration=duration, **more)
+
+
+def stepped(a, drive, start, time):
+    x, h = start.copy(), time / STEPS
+
+    def rate(x):
+        return -x + a * np.clip(x, -1.0, 1.0) + drive
+
+    for _ in range(STEPS):
+        k1 = rate(x)
+        k2 = rate(x + 0.5 * h * k1)
+        k3 = rate(x + 0.5 * h * k2)
+        x = x + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rate(x + h * k3))
+    return x
+
+
+@pytest.fixture(scope="module")
+def start_and_input():
+    rng = np.random.default_rng(11)
+    start, given = rng.uniform(-3.0, 3.0, (2, 18, 5, 6))
+    start[0, 0] = [1.0, -1.0, 0.0, 1.0, -1.0, 3.0]  # at the kinks too
+    return start, given
+
+
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+@pytest.mark.parametrize("a", [-3.0, -0.5, 0.5, 1.0, 1.3, 2.0])
+@pytest.mark.parametrize("time", [0.2, 3.0])
+def test_state_is_that_of_small_steps(precision, a, time, start_and_input):
+    start, given = start_and_input
+    got = cnnum.Engine(precision=precision).run(template(a, time), input=given, state=start)
+    assert (got.method, np.max(got.steps)) == ("propagator", 0)
+    want = stepped(a, given + 0.1, start, time)
+    np.testing.assert_allclose(got.state, want, atol=TOLERANCE[precision])
+
+
+def test_one_frame_is_as_a_batch(start_and_input):
+    """A single frame runs in other lanes, and elsewhere."""
+    start, given = start_and_input
+    engine, own = cnnum.Engine(), template(2.0, 3.0)
+    one = engine.run(own, input=given[4], state=start[4])
+    all_of_them = engine.run(own, input=given, state=start)
+    # two roundings of numbers below 4, grown by e^3
+    np.testing.assert_allclose(one.state, all_of_them.state[4], atol=2e-5)
+
+
+@pytest.mark.parametrize("a", [-0.5, 0.5, 2.0])
+def test_rest_is_where_nothing_changes(a, start_and_input):
+    start, given = start_and_input
+    got = cnnum.Engine(precision="float64").run(template(a, "settle"), input=given, state=start)
+    assert np.all(got.settled)
+    rate = -got.state + a * np.clip(got.state, -1.0, 1.0) + given + 0.1
+    assert np.abs(rate).max() < 1e-12  # rounding of numbers below 6
+    # it is the rest that the state itself comes to: 40 time constants leave e^{-20} of its way
+    np.testing.assert_allclose(got.state, stepped(a, given + 0.1, start, 40.0), atol=1e-6)
+
+
+def test_time_is_in_time_constants(start_and_input):
+    start, given = start_and_input
+    engine = cnnum.Engine(precision="float64")
+    slow = engine.run(template(1.3, 6.0, tau=2.0), input=given, state=start)
+    quick = engine.run(template(1.3, 3.0), input=given, state=start)
+    np.testing.assert_allclose(slow.state, quick.state, atol=1e-12)
+
+
+def test_fixed_cells_stay(start_and_input):
+    start, given = start_and_input
+    mask = np.zeros((5, 6))
+    mask[2, 3] = 1.0
+    got = cnnum.Engine(precision="float64").run(
+        template(2.0, 3.0), input=given, state=start, mask=mask
+    )
+    np.testing.assert_array_equal(got.state[:, 2, 3], start[:, 2, 3])
+    assert np.abs(got.state[:, 2, 2] - start[:, 2, 2]).max() > 0.1
+
+
+def test_what_has_no_such_answer_takes_steps():
+    neighbour = np.zeros((3, 3))
+    neighbour[1, 1], neighbour[0, 1] = 2.0, 0.1
+    assert separate(cnnum.Template("sees", neighbour, duration=1.0), 1.0) is None
+    assert separate(template(2.0, 1.0, output="tanh"), 1.0) is None
+    assert separate(template(2.0, 1.0), 2.0 * LONGEST) is None
+    assert separate(template(1.0, "settle"), np.inf) is None
+    assert isinstance(separate(template(2.0, 1.0), 1.0), Separate)
+
+
+def test_engines_that_can_not_are_not_asked():
+    assert Separate in schemes_of("opencl")
+    assert Separate not in schemes_of("numba")
