@@ -1,34 +1,50 @@
-"""Edges of what presses on the skin: taxels just inside a sharp rim."""
+"""Edges of what presses on the skin: where its outline passes, between the taxels."""
 
 from collections.abc import Mapping
 
-from cnnum.library import get_template
+import numpy as np
+
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, minimum, sqrt
+from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.transients import apply
-from cnnum.templates.tactile.contact import LEVEL
+from cnnum.programs.transients import apply, shift
+from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of
+from cnnum.templates.tactile.outline import WAYS, Links, links_of
+from cnnum.templates.tactile.unblur import (
+    DEPTH,
+    READS,
+    filter_template,
+    noise_gain,
+    surface_load,
+)
 
-FINE, COARSE = 0.125, 0.5
-"""Cells². Times of the two diffusion waves: their difference sees what bends within a cell."""
+SHARE = 0.3
+"""Least load along an edge, as a share of the largest."""
 
-CONTRAST = 0.1
-"""Least difference, as a share of the peak load. Straight rims of a uniform load have 0.12 in the
-stress under half a cell of cover, 0.07 under a whole one (0.23 and 0.15 in normal strain, which is
-a band-pass itself); spheres of 4 cells and more have up to 0.08 and 0.07 (0.20 and 0.11)."""
+RISE = 0.82
+"""Cells in which the load of an edge rises from half to 0.88 of its height, at most. A uniform load
+takes 0.4 to 0.9, with the place of the outline between the taxels, and 0.6 on average; Hertz's
+pressure takes 0.95 at a radius of 3 cells, 1.4 at 4."""
+
+VOTERS = 3
+"""Cells to each side whose links are averaged before an edge is called sharp."""
 
 
 @program
 def edges(
-    frame: FrameFields, *, push: float = PUSH, contrast: float = CONTRAST
+    frame: FrameFields,
+    *,
+    push: float = PUSH,
+    depth: float = DEPTH,
+    reads: Reads = READS,
+    rise: float = RISE,
 ) -> Mapping[str, Field]:
-    """Edges, by a difference of diffusion waves and a threshold.
+    """Edges, from the surface load that the cover has blurred.
 
-    A diffusion wave takes off what bends: the more, the longer it runs. Two of them differ inside
-    a rim by about 3/8 of a cell squared times the load's curvature, and much less in a contact
-    that is many cells wide and smooth, such as a sphere's. A contact few cells wide bends
-    everywhere, and is all rim.
+    The cover's blur is taken off by a 7×7 template. The outline passes where the load falls below
+    half of what it is inside. It is an edge where the load rises to its height within a cell; a
+    smooth contact such as a sphere's takes longer.
 
     Parameters
     ----------
@@ -37,30 +53,86 @@ def edges(
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
-    contrast : float
-        Least difference of the waves, as a share of the peak load.
+    depth : float
+        Cover above the taxels, in pitches; up to 1 for what `docs/programs/edges.md` measures.
+    reads : "strain" or "stress"
+        What the taxels read.
+    rise : float
+        Cells in which the load of an edge rises from half to 0.88 of its height, on average.
 
     Returns
     -------
     mapping
-        `edges` (logic map), `edge_count` (taxels), `edge_row`, `edge_column` (their centroid,
-        cells).
+        `edges` (logic map: the taxels nearest to the outline), `edge_count` (taxels), `edge_row`,
+        `edge_column` (their centroid, cells), `edge_to_right`, `edge_to_below` (maps: how far from
+        the taxel towards its right and lower neighbour the outline passes, 0 to 1 cell; −1 where
+        it does not), `edge_load` (map: the load on the surface), `surround_inhibition` (how far
+        the normal reading falls below rest beside the contact, as a share of its peak).
     """
-    return edges_of(loads_of(frame, push), contrast=contrast)
+    return edges_of(loads_of(frame, push), depth=depth, reads=reads, rise=rise)
 
 
-def edges_of(loads: Loads, *, contrast: float = CONTRAST) -> Mapping[str, Field]:
+def edges_of(
+    loads: Loads, *, depth: float = DEPTH, reads: Reads = READS, rise: float = RISE
+) -> Mapping[str, Field]:
     """Return the outputs of `edges` from what other programs share with it."""
-    frame, diffusion = loads.frame, get_template("tactile_diffusion")
-    fine = apply(diffusion, input=loads.normal, duration=FINE)
-    coarse = apply(diffusion, input=loads.normal, duration=COARSE)
-    level = maximum(contrast * loads.normal.max(), LIFT * sqrt(loads.normal_noise))
-    scaled = minimum(maximum(LEVEL * (fine - coarse) / level, -1.0), 1.0)
-    found = apply(get_template("contact_threshold"), input=scaled).black() & loads.contact
+    frame = loads.frame
+    load = surface_load(loads.normal, depth, reads)
+    noise = sqrt(loads.normal_noise)
+    least = maximum(SHARE * load.max(), LIFT * noise_gain(depth, reads) * noise)
+    links = links_of(frame, load, least)
+    sharp = _sharp(links, rise) & loads.contact
+    ends = [link.crosses & sharp for link in links]
+    found = _nearest(links, ends)
     number = found.count()
     return {
         "edges": found,
         "edge_count": number,
         "edge_row": (frame.row * found).sum() / number,
         "edge_column": (frame.column * found).sum() / number,
+        "edge_to_right": _between(links, ends, 0),
+        "edge_to_below": _between(links, ends, 2),
+        "edge_load": load,
+        "surround_inhibition": _surround(loads, noise),
     }
+
+
+def _sharp(links: tuple[Links, ...], rise: float) -> Field:
+    """Return where the links around a taxel agree that the load ends within a cell."""
+    size = 2 * VOTERS + 1
+    vote = filter_template("vote", np.ones((size, size)), "Sums what is around a cell.")
+    number, total = _total(links, ones=True), _total(links, ones=False)
+    return apply(vote, input=total) < rise * apply(vote, input=number)
+
+
+def _total(links: tuple[Links, ...], *, ones: bool) -> Field:
+    parts = [where(link.crosses, 1.0 if ones else link.rise, 0.0) for link in links]
+    return sum(parts[1:], start=parts[0])
+
+
+def _nearest(links: tuple[Links, ...], ends: list[Field]) -> Field:
+    """Return the taxels that the outline passes nearest to."""
+    found: Field | None = None
+    for link, end, (rows, cols) in zip(links, ends, WAYS, strict=True):
+        inner = end & (link.place <= 0.5)
+        here = inner | shift(end & (link.place > 0.5), rows, cols)
+        found = here if found is None else found | here
+    assert found is not None
+    return found
+
+
+def _between(links: tuple[Links, ...], ends: list[Field], way: int) -> Field:
+    """Return where outlines pass between a taxel and its neighbour to the right, or below.
+
+    A load that ends towards the left is held by the neighbour. Inside places are cut to the taxel.
+    """
+    out, back = links[way], links[way + 1]
+    rows, cols = WAYS[way]
+    place = where(ends[way], maximum(out.place, 0.0), -1.0)
+    held = where(ends[way + 1], 1.0 - maximum(back.place, 0.0), -1.0)
+    return maximum(place, shift(held, -rows, -cols, boundary=-1.0))
+
+
+def _surround(loads: Loads, noise: Field) -> Field:
+    low, high = -loads.normal.min(), loads.normal.max()
+    return where(loads.contact & (low > LIFT * noise), low / high, 0.0)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
+from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.contact import contact_of
 from cnnum.templates.tactile.edges import edges_of
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
@@ -13,11 +14,17 @@ from cnnum.templates.tactile.pull import pull_of
 from cnnum.templates.tactile.slip import slip_of
 from cnnum.templates.tactile.sticking import sticking_of
 from cnnum.templates.tactile.twist import twist_of
+from cnnum.templates.tactile.unblur import DEPTH, READS
 
 
 @program
 def tactile(
-    frame: FrameFields, *, push: float = PUSH, crosstalk: float = CROSSTALK
+    frame: FrameFields,
+    *,
+    push: float = PUSH,
+    crosstalk: float = CROSSTALK,
+    depth: float = DEPTH,
+    reads: Reads = READS,
 ) -> Mapping[str, Field]:
     """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.
 
@@ -32,6 +39,8 @@ def tactile(
         rise under a push.
     crosstalk : float
         See `localize`.
+    depth, reads
+        See `edges`.
 
     Returns
     -------
@@ -46,6 +55,6 @@ def tactile(
         **contact_of(loads),
         **slip_of(loads, pull, sticking),
         **twist_of(loads, patch, pull, sticking),
-        **edges_of(loads),
+        **edges_of(loads, depth=depth, reads=reads),
         **localize_of(loads, crosstalk=crosstalk),
     }

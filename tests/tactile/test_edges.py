@@ -1,83 +1,147 @@
-"""Edges: the waves by their transform, and outlines of indenters under a cover."""
+"""Edges: where outlines are found under a cover, against Love's and Hankel's solutions."""
 
 import numpy as np
 import pytest
-from scipy.fft import dctn, idctn
 
-from cnnum.tactile.halfspace import SurfaceToDepth
+from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under, two_bars
 from cnnum.templates.tactile.edges import edges
 
+NOISE = 5e-3
+"""Of one reading, as a share of the peak: 2.5 mV (Table 3.II) of 500 mV."""
 
-def diffused(field, time):
-    squares = [2 - 2 * np.cos(np.pi * np.arange(n) / n) for n in field.shape]
-    fading = np.exp(-time * (squares[0][:, None] + squares[1][None]))
-    return idctn(dctn(field, norm="ortho") * fading, norm="ortho")
+FINER = {8: 1.0, 16: 1.6, 32: 2.6}
+"""How much larger indenters are on finer arrays."""
 
 
-def pressed(load, noise=1e-4, seed=0):
-    """Frames of rest and then of a load, with the sign of stress."""
-    frames = noise * np.random.default_rng(seed).normal(size=(20, *load.shape, 3))
-    frames[18:, ..., 2] -= load
+def pressed(loads, seed=0):
+    """Frames of rest and then of loads side by side, with the sign of strain and stress."""
+    loads = np.asarray(loads) / np.max(loads, axis=(-2, -1), keepdims=True)
+    frames = NOISE * np.random.default_rng(seed).normal(size=(20, *loads.shape, 3))
+    frames[18:, ..., 2] -= loads
     return frames
 
 
+def places(right, below):
+    """Row and column of every place where the outline crosses a link."""
+    row, col = np.argwhere(right >= 0).T
+    across = np.stack([row, col + right[row, col]], axis=-1)
+    row, col = np.argwhere(below >= 0).T
+    return np.concatenate([across, np.stack([row + below[row, col], col], axis=-1)])
+
+
+def errors(indenter, found, cells):
+    """Distance of every place from the true outline, cells."""
+    x, y = found[:, 1] - (cells - 1) / 2, found[:, 0] - (cells - 1) / 2
+    return np.abs(indenter.distance(x, y))
+
+
+def missed(indenter, found, cells):
+    """Share of the outline that is more than a cell from every place."""
+    axis = np.linspace(-cells / 2, cells / 2, 20 * cells + 1)
+    x, y = np.meshgrid(axis, axis)
+    on = np.abs(indenter.distance(x, y)) < 0.03
+    outline = np.stack([y[on], x[on]], axis=-1) + (cells - 1) / 2
+    return float((np.linalg.norm(outline[:, None] - found, axis=-1).min(axis=1) > 1.0).mean())
+
+
+def indenters(cells, seed):
+    """One of each kind, at angles and places of its own."""
+    rng, s = np.random.default_rng(seed), FINER[cells]
+    angle, at = rng.uniform(0, np.pi), tuple(rng.uniform(-0.5, 0.5, 2) * s)
+    return [
+        Disc(s * rng.uniform(1.8, 2.8), at),
+        Ring(s * rng.uniform(0.9, 1.1), s * rng.uniform(2.5, 2.9), at),
+        Rectangle(s * rng.uniform(2.3, 3.0), s * rng.uniform(3.0, 4.0), angle, at),
+        two_bars(s * rng.uniform(1.5, 2.0), s * rng.uniform(3.5, 4.0), 1.6 * s, angle, at),
+        Disc(s * rng.uniform(1.8, 2.8), at, "punch"),
+    ]
+
+
+def found_by(run, engine, bodies, cells, depth, reads):
+    program = edges.bind(depth=depth, reads=reads)
+    loads = [frame_under(body, (cells, cells), depth, reads) for body in bodies]
+    names = ["edge_to_right", "edge_to_below", "edges", "edge_count"]
+    got = run(engine, program, pressed(loads), names)
+    return got, [places(got[names[0]][-1, k], got[names[1]][-1, k]) for k in range(len(bodies))]
+
+
+@pytest.mark.parametrize("cells", [8, 16, 32])
+@pytest.mark.parametrize("reads", ["strain", "stress"])
+@pytest.mark.parametrize("depth", [0.3, 0.6, 1.0])
+def test_outlines_are_found_to_half_a_cell(opencl, run, cells, reads, depth):
+    bodies = [body for seed in range(3 if cells == 32 else 6) for body in indenters(cells, seed)]
+    got, found = found_by(run, opencl, bodies, cells, depth, reads)
+    assert got["edge_count"][:18].max() == 0
+    for number, (body, where) in enumerate(zip(bodies, found, strict=True)):
+        assert len(where) >= 8
+        off = errors(body, where, cells)
+        if number % 5 == 4:
+            # a punch's load is singular at its rim: a taxel that it barely cuts reads as if
+            # half covered, so that single places lie too far out, more so the wider the punch
+            assert np.median(off) < 0.35
+            assert np.quantile(off, 0.95) < 1.0
+        else:
+            # the tail of 1 link in 500 that noise and a rectangle's corners move
+            assert np.quantile(off, 0.95) < 0.5
+            assert off.max() < 0.6
+        # corners of rectangles are rounded by the cover, thin bars end in a cell
+        assert missed(body, where, cells) < 0.35
+
+
+@pytest.mark.parametrize("cells", [8, 16, 32])
+@pytest.mark.parametrize("reads", ["strain", "stress"])
+@pytest.mark.parametrize("depth", [0.3, 0.6, 1.0])
+def test_a_smooth_contact_has_no_edge(opencl, run, cells, reads, depth):
+    """Hertz's pressure from 3.3 cells in radius on; what fits on the array, at any place."""
+    rng = np.random.default_rng(4)
+    radii = rng.uniform(3.3, max(3.6, 0.4 * cells), 24)
+    bodies = [Disc(a, tuple(rng.uniform(-0.5, 0.5, 2)), "hertz") for a in radii]
+    got, _ = found_by(run, opencl, bodies, cells, depth, reads)
+    assert got["edge_count"].max() == 0
+
+
 @pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16)])
-def test_edges_are_where_the_waves_differ(engine, run, shape):
-    if engine.name == "reference" and shape != (8, 8):
-        pytest.skip("the reference solves every threshold anew; one shape of it is enough")
-    load = np.zeros(shape)
-    load[1:3, 1:] = 1.0
-    frames = pressed(load)
-    got = run(engine, edges, frames)
-    seen = -(frames[-1] - frames[:18].mean(axis=0))[..., 2]
-    difference = diffused(seen, 0.125) - diffused(seen, 0.5)
-    level = 0.1 * seen.max()
-    # cells within 3 % of the level may fall on either side
-    sure = np.abs(difference - level) > 0.03 * level
-    found = got["edges"][-1] > 0
-    np.testing.assert_array_equal(found[sure], (difference > level)[sure])
-    assert found.any()
-    assert got["edge_count"][-1] == found.sum()
-    row, column = np.nonzero(found)
-    assert got["edge_row"][-1] == pytest.approx(row.mean(), abs=1e-4)
-    assert got["edge_column"][-1] == pytest.approx(column.mean(), abs=1e-4)
-    assert not got["edges"][:18].any()
+def test_engines_and_shapes_agree(engine, run, shape):
+    if engine.name == "reference" and shape == (16, 16):
+        pytest.skip("the reference solves every filter anew; two shapes of it are enough")
+    body = Disc(0.3 * shape[0], (0.2, -0.1))
+    got = run(engine, edges, pressed(frame_under(body, shape, 0.5, "strain")))
+    found = places(got["edge_to_right"][-1], got["edge_to_below"][-1])
+    assert len(found) >= 4
+    assert errors(body, found, shape[0]).max() < 0.5
+    near = np.argwhere(got["edges"][-1] > 0)
+    # the taxel nearest along a link is at most half a cell further than the place itself
+    assert errors(body, near, shape[0]).max() < 1.0
+    assert got["edge_count"][-1] == len(near)
+    assert got["edge_row"][-1] == pytest.approx(near[:, 0].mean(), abs=1e-4)
+    assert got["edge_column"][-1] == pytest.approx(near[:, 1].mean(), abs=1e-4)
 
 
-def stress_under(pressure, depth):
-    traction = np.zeros((*pressure.shape, 3))
-    traction[..., 2] = pressure
-    return -SurfaceToDepth(pressure.shape, 1.0, depth)(traction)[..., 2]
+def test_edge_load_is_the_pressure(opencl, run):
+    """Inside a wide uniform load, and two cells outside it, to the noise and 7×7 weights."""
+    body = Rectangle(6.0, 6.0)
+    seen = frame_under(body, (16, 16), 0.5, "stress")
+    load = run(opencl, edges.bind(reads="stress"), pressed(seen), ["edge_load"])["edge_load"][-1]
+    inner, outer = load[6:10, 6:10] * seen.max(), load[:3]
+    assert np.abs(inner - 1.0).max() < 0.08
+    assert np.abs(outer).max() < 0.05
 
 
-def place(cells):
-    axis = np.arange(cells) - (cells - 1) / 2
-    return axis[:, None], axis[None, :]
-
-
-def test_a_rectangle_has_its_rim_and_no_inside(opencl, run):
-    """Under a cover half a cell thick, edges lie on the outermost ring of the load.
-
-    Only next to its four corners, where the load bends both ways, one taxel more may be an edge.
-    """
-    load = np.zeros((24, 24))
-    load[6:18, 5:19] = 1.0
-    found = run(opencl, edges, pressed(stress_under(load, 0.5)), ["edges"])["edges"][-1] > 0
-    inner = np.zeros_like(found)
-    inner[7:17, 6:18] = True
-    rim = (load > 0) & ~inner
-    corners = np.zeros_like(found)
-    corners[np.ix_([7, 16], [6, 17])] = True
-    assert found[rim].all()
-    assert not found[~(rim | corners)].any()
-
-
-def test_a_sphere_has_no_edge(opencl, run):
-    """Hertz's pressure, 8 cells in radius, bends little anywhere under half a cell of cover."""
-    y, x = place(24)
-    sphere = np.sqrt(np.maximum(0.0, 1.0 - (x**2 + y**2) / 64.0))
-    punch = (x**2 + y**2 < 64.0).astype(float)
-    smooth = run(opencl, edges, pressed(stress_under(sphere, 0.5)), ["edge_count"])
-    sharp = run(opencl, edges, pressed(stress_under(punch, 0.5)), ["edge_count"])
-    assert smooth["edge_count"][-1] == 0
-    assert sharp["edge_count"][-1] >= 24
+@pytest.mark.parametrize("depth", [0.5, 1.0])
+def test_surround_inhibition_is_the_covers(opencl, run, depth):
+    """Beside a narrow load strain falls below rest as in the closed form; stress never does."""
+    body = Disc(0.1)
+    seen = frame_under(body, (9, 9), depth, "strain")
+    got = run(opencl, edges.bind(depth=depth), pressed(seen), ["surround_inhibition"])
+    true = -seen.min() / seen.max()
+    # the lowest of 81 noisy taxels lies up to 4 standard deviations lower; at 9×9 taxels the
+    # hat of 1/56 is met between two of them
+    if true > 4 * NOISE:
+        assert got["surround_inhibition"][-1] == pytest.approx(true, abs=4 * NOISE)
+    stress = pressed(frame_under(body, (9, 9), depth, "stress"))
+    none = run(opencl, edges.bind(depth=depth, reads="stress"), stress, ["surround_inhibition"])
+    assert none["surround_inhibition"][-1] < 5 * NOISE
+    wide = frame_under(Disc(2.0), (9, 9), depth, "strain")
+    got = run(opencl, edges.bind(depth=depth), pressed(wide), ["surround_inhibition"])
+    assert got["surround_inhibition"][-1] == pytest.approx(-wide.min() / wide.max(), abs=4 * NOISE)
+    assert got["surround_inhibition"][-1] > 0.05

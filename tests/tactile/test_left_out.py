@@ -25,7 +25,7 @@ def templates(plan):
     [
         (("contact",), ("normal",), []),
         (("contact_row", "contact_column"), ("normal",), ["contact_threshold"]),
-        (("edge_count",), ("normal",), ["contact_threshold", *2 * ["tactile_diffusion"]]),
+        (("edge_load",), ("normal",), ["unblur strain 0.5"]),
         (("bump_count",), ("normal",), ["unmix"]),
         (("bump_load_x",), ("shear_x", "normal"), ["unmix", "unmix"]),
         (("gross_slip",), FORCE_AXES, ["smooth"]),

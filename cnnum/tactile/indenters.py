@@ -1,0 +1,221 @@
+"""What taxels under a cover see of indenters with a known outline, by closed forms.
+
+The mean pressure of every indenter is 1. Signals are positive under a push: −σ_zz for stress, and
+−(2E/3) ε_zz for strain, so that the cover is (1 + kz) e^(−kz) for the one and kz e^(−kz) for the
+other (ν = 0.5). Lengths are in any unit, the same for all.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Literal, Protocol
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.special import j0, j1
+
+from cnnum.tactile.checks import Array, positive
+from cnnum.tactile.grid import make_grid
+from cnnum.tactile.halfspace import (
+    band_pass,
+    low_pass,
+    rectangle_strain,
+    rectangle_stress,
+)
+
+Reads = Literal["strain", "stress"]
+Pressure = Literal["uniform", "punch", "hertz"]
+
+FADED = 30.0
+"""kz beyond which the cover lets nothing through: e^(−30) = 1e−13."""
+
+NODES = 20
+"""Gauss points a panel of the wave numbers; a panel is 2.5 periods of the Bessel function."""
+
+
+class Indenter(Protocol):
+    """A body pressed on the cover."""
+
+    def normal(self, x: Array, y: Array, depth: float, reads: Reads) -> Array:
+        """Return the normal signal at points below the surface."""
+        ...
+
+    def distance(self, x: Array, y: Array) -> Array:
+        """Return the distance from the outline, negative inside."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Disc:
+    """A round contact.
+
+    Attributes
+    ----------
+    radius : float
+    centre : (x, y) float
+    pressure : "uniform", "punch" (rigid and flat: 1/(2√(1 − ρ²/a²))) or "hertz" (a sphere's)
+    """
+
+    radius: float
+    centre: tuple[float, float] = (0.0, 0.0)
+    pressure: Pressure = "uniform"
+
+    def normal(self, x: Array, y: Array, depth: float, reads: Reads) -> Array:
+        """Return the normal signal at points below the surface."""
+        away = np.hypot(x - self.centre[0], y - self.centre[1]) / self.radius
+        profile = _radial(self.pressure, depth / self.radius, reads, _reach(away))
+        return np.asarray(profile(away))
+
+    def distance(self, x: Array, y: Array) -> Array:
+        """Return the distance from the outline, negative inside."""
+        return np.asarray(np.hypot(x - self.centre[0], y - self.centre[1]) - self.radius)
+
+
+@dataclass(frozen=True, slots=True)
+class Ring:
+    """A uniform pressure between two circles.
+
+    Attributes
+    ----------
+    inner, outer : float
+        Radii.
+    centre : (x, y) float
+    """
+
+    inner: float
+    outer: float
+    centre: tuple[float, float] = (0.0, 0.0)
+
+    def normal(self, x: Array, y: Array, depth: float, reads: Reads) -> Array:
+        """Return the normal signal at points below the surface."""
+        disc, hole = Disc(self.outer, self.centre), Disc(self.inner, self.centre)
+        return disc.normal(x, y, depth, reads) - hole.normal(x, y, depth, reads)
+
+    def distance(self, x: Array, y: Array) -> Array:
+        """Return the distance from the outline, negative inside."""
+        away = np.hypot(x - self.centre[0], y - self.centre[1])
+        return np.maximum(away - self.outer, self.inner - away)
+
+
+@dataclass(frozen=True, slots=True)
+class Rectangle:
+    """A uniform pressure on a rectangle (Love 1929).
+
+    Attributes
+    ----------
+    width, length : float
+    angle : float, rad
+        Of the width, from x towards y.
+    centre : (x, y) float
+    """
+
+    width: float
+    length: float
+    angle: float = 0.0
+    centre: tuple[float, float] = (0.0, 0.0)
+
+    def normal(self, x: Array, y: Array, depth: float, reads: Reads) -> Array:
+        """Return the normal signal at points below the surface."""
+        along, across = self._own(x, y)
+        size, load = (self.width, self.length), [0.0, 0.0, 1.0]
+        if reads == "stress":
+            return np.asarray(-rectangle_stress(along, across, depth, load, size=size)[..., 2, 2])
+        strain = rectangle_strain(along, across, depth, load, size=size, youngs_modulus=1.5)
+        return np.asarray(-strain[..., 2, 2])
+
+    def distance(self, x: Array, y: Array) -> Array:
+        """Return the distance from the outline, negative inside."""
+        along, across = self._own(x, y)
+        u, v = np.abs(along) - self.width / 2, np.abs(across) - self.length / 2
+        outside = np.hypot(np.maximum(u, 0.0), np.maximum(v, 0.0))
+        return np.asarray(outside + np.minimum(np.maximum(u, v), 0.0))
+
+    def _own(self, x: Array, y: Array) -> tuple[Array, Array]:
+        cos, sin = np.cos(self.angle), np.sin(self.angle)
+        right, down = x - self.centre[0], y - self.centre[1]
+        return cos * right + sin * down, cos * down - sin * right
+
+
+@dataclass(frozen=True, slots=True)
+class Several:
+    """Indenters that do not overlap, pressed together.
+
+    Attributes
+    ----------
+    parts : tuple of Indenter
+    """
+
+    parts: tuple[Indenter, ...]
+
+    def normal(self, x: Array, y: Array, depth: float, reads: Reads) -> Array:
+        """Return the normal signal at points below the surface."""
+        return np.asarray(np.sum([p.normal(x, y, depth, reads) for p in self.parts], axis=0))
+
+    def distance(self, x: Array, y: Array) -> Array:
+        """Return the distance from the nearest outline, negative inside."""
+        return np.asarray(np.min([part.distance(x, y) for part in self.parts], axis=0))
+
+
+def two_bars(
+    width: float,
+    length: float,
+    gap: float,
+    angle: float = 0.0,
+    centre: tuple[float, float] = (0.0, 0.0),
+) -> Several:
+    """Return two parallel bars with a gap between them; `angle` is that of the way across."""
+    step = (width + gap) / 2
+    shift = step * np.cos(angle), step * np.sin(angle)
+    places = [(centre[0] + s * shift[0], centre[1] + s * shift[1]) for s in (-1.0, 1.0)]
+    return Several(tuple(Rectangle(width, length, angle, place) for place in places))
+
+
+def taxels(shape: Sequence[int]) -> tuple[Array, Array]:
+    """Return x and y of the taxels of an array, (rows, cols) in pitches from its middle."""
+    grid = make_grid(shape, 1.0)
+    x, y = np.meshgrid(grid.x, grid.y)
+    return x, y
+
+
+def frame_under(indenter: Indenter, shape: Sequence[int], depth: float, reads: Reads) -> Array:
+    """Return what an array sees of an indenter whose lengths are in pitches, (rows, cols).
+
+    Raises
+    ------
+    PhysicsError
+        If the depth is not positive.
+    """
+    positive("depth", depth)
+    x, y = taxels(shape)
+    return indenter.normal(x, y, depth, reads)
+
+
+def _reach(away: Array) -> float:
+    """Return a distance beyond all of these, one of few so that profiles are shared."""
+    return float(2.0 ** np.ceil(np.log2(max(4.0, float(np.max(away))))))
+
+
+@cache
+def _radial(pressure: Pressure, depth: float, reads: Reads, reach: float) -> CubicSpline:
+    """Return the signal over the distance from the axis, of a disc of radius 1, by its waves."""
+    panels = int(np.ceil(FADED / depth * (reach + 1.0) / (5.0 * np.pi))) + NODES
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    half = FADED / depth / panels / 2
+    k = (half * (2 * np.arange(panels)[:, None] + 1 + nodes)).ravel()
+    passes = low_pass if reads == "stress" else band_pass
+    rise = np.tile(half * weights, panels) * k * _spectrum(pressure, k) * passes(k, depth)
+    inner = np.arange(0.0, 1.0 + 6.0 * depth, min(0.05 * depth, 0.05))
+    outer = np.geomspace(1.0 + 6.0 * depth, reach + 6.0 * depth + 1.0, 60)
+    rho = np.concatenate([inner[inner < outer[0] - 1e-6], outer])
+    return CubicSpline(rho, [float(rise @ j0(k * place)) for place in rho])
+
+
+def _spectrum(pressure: Pressure, k: Array) -> Array:
+    """Return the Hankel transform of a pressure of mean 1 on the unit disc (Johnson, ch. 3)."""
+    match pressure:
+        case "uniform":
+            return np.asarray(j1(k) / k)
+        case "punch":
+            return np.asarray(np.sin(k) / (2.0 * k))
+        case "hertz":
+            return np.asarray(1.5 * (np.sin(k) - k * np.cos(k)) / k**3)

@@ -1,0 +1,115 @@
+"""Where a surface load ends, link by link between neighbouring taxels, and how sharply."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.programs.fields import Field, maximum, minimum, where
+from cnnum.programs.machine import FrameFields
+from cnnum.programs.transients import shift
+
+WAYS = ((0, 1), (0, -1), (1, 0), (-1, 0))
+"""Steps outwards, rows and columns: right, left, down, up."""
+
+HALF, NEAR_TOP = 0.5, 0.88
+"""Shares of the load inside. At one half, a cell that the outline cuts into halves lies on it."""
+
+EMPTY = 0.25
+"""Share of the load inside that is left at most within two cells outside."""
+
+ALONG = 0.6
+"""Least slope along a link, in slopes across it: steeper outlines are met by the other links."""
+
+LONGEST = 1.3
+"""Cells that a rise counts at most, so that one odd link does not outvote the others."""
+
+DEEP, RIM = 0.4, 0.3
+"""A flat punch carries most at its rim, so that a cell cut by it reads more than its share: where
+the second and third cell inside fall behind the rim, yet carry 0.4 of it, the level rises with
+0.3 of what they lack. Both were set on punches of 1.5 to 2.8 cells."""
+
+
+@dataclass(frozen=True, slots=True)
+class Links:
+    """The links of every taxel to its neighbour in one direction.
+
+    Attributes
+    ----------
+    crosses : Field
+        Logic map: the load ends on the way.
+    rise : Field
+        Cells from half of the load to 0.88 of it, where it ends.
+    place : Field
+        Cells from the taxel outwards to where it ends; below 0 where that is inside.
+    """
+
+    crosses: Field
+    rise: Field
+    place: Field
+
+
+def links_of(frame: FrameFields, load: Field, least: Field) -> tuple[Links, ...]:
+    """Return where a load that is at least so large ends, in the directions of `WAYS`."""
+    slopes = [abs(_from(load, row, col) - _from(load, -row, -col)) for row, col in ((0, 1), (1, 0))]
+    return tuple(_links(frame, load, least, way, slopes) for way in WAYS)
+
+
+def _links(
+    frame: FrameFields, load: Field, least: Field, way: tuple[int, int], slopes: Sequence[Field]
+) -> Links:
+    rows, cols = way
+    inside = [load, *(_from(load, -k * rows, -k * cols) for k in (1, 2, 3))]
+    outside = [_from(load, k * rows, k * cols) for k in (1, 2)]
+    top = maximum(inside[0], maximum(inside[1], inside[2]))
+    floor = minimum(outside[0], outside[1])
+    level = floor + HALF * (top - floor)
+    along, across = slopes if cols else (slopes[1], slopes[0])
+    crosses = (
+        (top > least)
+        & (load >= level)
+        & (outside[0] < level)
+        & (floor < EMPTY * top)
+        & (along > ALONG * across)
+        & (frame.constant(_has_neighbour(frame.shape, way)) > 0.0)
+    )
+    half = _share(load - level, load - outside[0])
+    high = floor + NEAR_TOP * (top - floor)
+    rise = minimum(half + _climb(inside, outside[0], high), LONGEST)
+    return Links(crosses, rise, _place(inside, outside[0], top, floor))
+
+
+def _climb(inside: Sequence[Field], outer: Field, high: Field) -> Field:
+    """Return the cells inwards from the taxel to where the load first reaches a height."""
+    first, second, third = inside[:3]
+    early = where(first >= high, _share(first - high, first - outer), 0.0)
+    one = where(first < high, _share(high - first, second - first), 0.0)
+    two = where((first < high) & (second < high), _share(high - second, third - second), 0.0)
+    return one + two - early
+
+
+def _place(inside: Sequence[Field], outer: Field, top: Field, floor: Field) -> Field:
+    """Return the cells outwards to the outline, the rim of a punch allowed for."""
+    first, second, third, fourth = inside
+    deep = minimum(third, fourth)
+    lacks = where(deep > DEEP * top, minimum(1.0 - deep / top, HALF), 0.0)
+    level = floor + (HALF + RIM * lacks) * (top - floor)
+    inner = _share(level - first, second - first)
+    return where(first >= level, _share(first - level, first - outer), -inner)
+
+
+def _share(part: Field, whole: Field) -> Field:
+    """Return a share, from 0 to 1, also where there is nothing to share."""
+    safe = where(abs(whole) > 0.0, whole, 1.0)
+    return minimum(maximum(part / safe, 0.0), 1.0)
+
+
+def _from(load: Field, rows: int, cols: int) -> Field:
+    """Return for every taxel the value so many rows below and columns to the right of it."""
+    return shift(load, -rows, -cols)
+
+
+def _has_neighbour(shape: tuple[int, int], way: tuple[int, int]) -> np.ndarray:
+    row, col = np.indices(shape)
+    row, col = row + way[0], col + way[1]
+    return ((row >= 0) & (row < shape[0]) & (col >= 0) & (col < shape[1])).astype(np.float64)
