@@ -147,3 +147,27 @@ def waves_of(value: Field, times: Times) -> Waves:
         maps.append(wave)
         before = time
     return Waves(times, tuple(maps), mean)
+
+
+@dataclass(frozen=True, slots=True)
+class WaveExtension:
+    """The harmonic extension of one map, read out of its waves at a depth in cells."""
+
+    waves: Waves
+    depth: float
+
+    def harmonic(self) -> Field:
+        """Return exp(−kz) u."""
+        return self.waves.read(harmonic_weight, self.depth, 1.0)
+
+    def potential(self) -> Field:
+        """Return exp(−kz)/k u."""
+        return self.waves.read(potential_weight, self.depth, 0.0)
+
+    def low_pass(self) -> Field:
+        """Return (1 + kz) exp(−kz) u."""
+        return self.waves.read(low_pass_weight, self.depth, 1.0)
+
+    def band_pass(self) -> Field:
+        """Return kz exp(−kz) u."""
+        return self.waves.read(band_pass_weight, self.depth, 0.0)

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
+from cnnum.templates.tactile.halfspace_fields import depth_in_cells
 from cnnum.templates.tactile.halfspace_stress import surface_of
 
 
@@ -14,22 +15,25 @@ def halfspace_strain(
     *,
     thickness: float = 1.0e-3,
     pitch: float = 1.5e-3,
+    cells: int = 1,
     youngs_modulus: float = 0.87e6,
-    tolerance: float = 1e-5,
+    tolerance: float = 1e-6,
 ) -> Mapping[str, Field]:
     """Strain that taxels see under a load on an incompressible cover.
 
-    Normal strain under a pressure is a band-pass, kz exp(−kz): it has no mean. Boundaries and
-    errors are those of `halfspace_stress`.
+    Normal strain under a pressure is a band-pass, kz exp(−kz): it has no mean. Boundaries, errors
+    and the frame are those of `halfspace_stress`.
 
     Parameters
     ----------
     frame : FrameFields
-        Surface tractions, Pa: `shear_x`, `shear_y`, and the pressure `normal`.
+        Surface tractions, Pa: `shear_x`, `shear_y`, and the pressure `normal`, a value a cell.
     thickness : float, m
         Of the cover.
     pitch : float, m
-        Of the cells.
+        Of the taxels.
+    cells : int
+        Cells a taxel along each axis.
     youngs_modulus : float, Pa
         Of the cover; 0.87 MPa is that of Vásárhelyi's calculations (2007).
     tolerance : float
@@ -44,11 +48,5 @@ def halfspace_strain(
     ----------
     Hooke's law on the stress of `halfspace_stress` at ν = 1/2.
     """
-    surface = surface_of(frame, thickness, pitch, tolerance)
-    compliance = 1.5 / youngs_modulus
-    normal = surface.depth * surface.pushed() - surface.spread() - surface.band_pass()
-    return {
-        "strain_xz": compliance * surface.sheared("x"),
-        "strain_yz": compliance * surface.sheared("y"),
-        "strain_zz": compliance * normal,
-    }
+    depth = depth_in_cells(thickness, pitch, cells)
+    return surface_of(frame, depth, tolerance).strain(youngs_modulus)

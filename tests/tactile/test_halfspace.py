@@ -55,13 +55,13 @@ def test_waves_are_the_transform(shape, z):
     stress, strain = expected(load, z)
     got = engine.compile(halfspace_stress.bind(thickness=z, pitch=1.0), shape)(load)
     for name, wanted in zip(("stress_xz", "stress_yz", "stress_zz"), stress, strict=True):
-        # 1e-5 of every wave, of which a map of white noise has as many as cells; float32 adds less
-        assert np.abs(got[name] - wanted).max() <= 5e-5 * np.abs(load).max()
+        # 1e-6 of every wave, in float32: the requirement on it, with white noise for a load
+        assert np.abs(got[name] - wanted).max() <= 1e-5 * np.abs(load).max()
     if shape == (8, 8):
         program = halfspace_strain.bind(thickness=z, pitch=1.0, youngs_modulus=1.5)
         got = engine.compile(program, shape)(load)
         for name, wanted in zip(("strain_xz", "strain_yz", "strain_zz"), strain, strict=True):
-            assert np.abs(got[name] - wanted).max() <= 5e-5 * np.abs(load).max()
+            assert np.abs(got[name] - wanted).max() <= 1e-5 * np.abs(load).max()
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-7])
@@ -91,7 +91,9 @@ def test_the_lattice_nears_the_continuum_as_the_square_of_the_cell(opencl):
     assert errors[1] <= 0.05
 
 
-@pytest.mark.parametrize("options", [{"thickness": 0.0}, {"thickness": -1.0}, {"tolerance": 0.5}])
+@pytest.mark.parametrize(
+    "options", [{"thickness": 0.0}, {"thickness": -1.0}, {"tolerance": 0.5}, {"cells": 0.5}]
+)
 def test_what_can_not_be_is_refused(options):
     with pytest.raises(ProgramError, match="thickness above 0"):
         halfspace_stress.bind(**options).trace((8, 8))

@@ -1,0 +1,115 @@
+"""The full equation of elastic equilibrium under a cover, relaxed on layers of depth."""
+
+from collections.abc import Mapping
+
+from cnnum.graph.nodes import RunSpec
+from cnnum.programs import program
+from cnnum.programs.fields import Field
+from cnnum.programs.machine import FrameFields
+from cnnum.programs.transients import Applied, apply, transient
+from cnnum.template import Template
+from cnnum.templates.tactile.elastic_lattice import ElasticLattice, Form
+from cnnum.templates.tactile.halfspace_fields import depth_in_cells
+
+PATIENCE = 1e7
+"""Time constants after which the relaxation gives up; that of ν = 0.499 on 16×16 cells is 1e6."""
+
+
+@program
+def halfspace_equilibrium(
+    frame: FrameFields,
+    *,
+    thickness: float = 3.0e-3,
+    pitch: float = 1.5e-3,
+    cells: int = 1,
+    youngs_modulus: float = 0.87e6,
+    poisson: float = 0.49,
+    layers: int = 2,
+    slabs: int = 8,
+    tolerance: float = 1e-6,
+    method: str = "auto",
+) -> Mapping[str, Field]:
+    """Displacement, stress and strain at the taxels of a compressible cover.
+
+    (4.8) of Vásárhelyi's dissertation (2007), which its author wished to solve on a CNN: three
+    layers of displacement a slab, coupled as Hooke's law says, that move until no force is left.
+    Displacements are against the base.
+
+    Parameters
+    ----------
+    frame : FrameFields
+        Surface tractions, Pa: `shear_x`, `shear_y`, and the pressure `normal`, a value a cell.
+        They go on periodically beyond the rim.
+    thickness : float, m
+        Of the cover: the depth of the taxels.
+    pitch : float, m
+        Of the taxels.
+    cells : int
+        Cells a taxel along each axis.
+    youngs_modulus : float, Pa
+        Of the cover.
+    poisson : float
+        Poisson's ratio, from 0 to below 1/2; the time to equilibrium goes as 1/(1 − 2ν).
+    layers : int
+        Slabs between surface and taxels.
+    slabs : int
+        All of them: the base lies at thickness · slabs / layers and does not move.
+    tolerance : float
+        Share of the states (and of 1 Pa) below which nothing may change any more within a time
+        constant; what is left to come is that times the slowest mode's time constants.
+    method : str
+        Integration method; "auto" takes Runge–Kutta–Chebyshev steps.
+
+    Returns
+    -------
+    mapping
+        `displacement_x`, `displacement_y`, `displacement_z`, m; `stress_xz`, `stress_yz`,
+        `stress_zz`, Pa; `strain_xz`, `strain_yz` (tensor shear), `strain_zz`: maps.
+
+    Raises
+    ------
+    ProgramError
+        If a size or Poisson's ratio is out of range.
+    """
+    lattice = ElasticLattice(slabs, depth_in_cells(thickness, pitch, cells) / layers, poisson)
+    spec = RunSpec(method=method, rtol=tolerance, atol=tolerance, settle_limit=PATIENCE)
+    loads = [frame.channel(c) for c in ("shear_x", "shear_y", "normal")]
+    relaxed = transient(lattice.template(), input=loads, spec=spec)
+    shear_modulus = youngs_modulus / (2.0 * (1.0 + poisson))
+    return _read(relaxed, lattice, layers, pitch / cells, shear_modulus)
+
+
+def _read(
+    relaxed: Applied, lattice: ElasticLattice, plane: int, cell: float, shear_modulus: float
+) -> dict[str, Field]:
+    """Return what taxels on a plane see; states are displacements over cell / shear modulus."""
+    numbers = {key: n for n, key in enumerate(lattice.forces())}
+
+    def value(form: Form, factor: float = 1.0) -> Field:
+        layers = dict.fromkeys((q, s) for q, s, _, _ in form.terms)
+        parts = [_weighed(relaxed.states[numbers[key]], form, key, factor) for key in layers]
+        return sum(parts[1:], start=parts[0])
+
+    fields: dict[str, Field] = {}
+    for axis in "xy":
+        between = lattice.displacement(axis, plane - 1) + lattice.displacement(axis, plane)
+        move, shear = 0.5 * between.centred(axis), lattice.shear_stress(axis, plane).centred(axis)
+        fields[f"displacement_{axis}"] = value(move, cell / shear_modulus)
+        fields[f"stress_{axis}z"] = value(shear)
+        fields[f"strain_{axis}z"] = value(shear, 0.5 / shear_modulus)
+    above, below = lattice.displacement("z", plane - 1), lattice.displacement("z", plane + 1)
+    stretch = (0.5 / lattice.slab) * (below - above)
+    fields["displacement_z"] = value(lattice.displacement("z", plane), cell / shear_modulus)
+    fields["stress_zz"] = value(lattice.level_stress(plane))
+    fields["strain_zz"] = value(stretch, 1.0 / shear_modulus)
+    return fields
+
+
+def _weighed(state: Field, form: Form, key: tuple[str, int], factor: float) -> Field:
+    """Return the share of one layer in a form."""
+    own = {(r, c): factor * w for (q, s, r, c), w in form.terms.items() if (q, s) == key}
+    if list(own) == [(0, 0)]:
+        return own[0, 0] * state
+    kernel = [[own.get((r, c), 0.0) for c in (-1, 0, 1)] for r in (-1, 0, 1)]
+    still = Template("neighbours", [[0.0]], kernel, boundary="periodic", output="linear")
+    return apply(still, input=state)
