@@ -1,18 +1,23 @@
-"""Which bumps of a bumpy cover are touched, and the load on each."""
+"""Which bumps of a bumpy cover are touched, the load on each, and how many contacts they make."""
 
 from collections.abc import Mapping
+from typing import get_args
 
-from cnnum.errors import ProgramError
+import numpy as np
+
+from cnnum.errors import ProgramError, name_error
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.transients import apply
+from cnnum.programs.transients import transient
+from cnnum.tactile.bump_loads import Taxels, bump_inverse
 from cnnum.template import Template
 from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of
+from cnnum.templates.tactile.patches import patches_of
 
-CROSSTALK = 0.05
-"""What a taxel reads of the bump next to it, as a share of its own: normal stress of a point load
-1.5 depths away, (1 + 1.5²)^(−5/2) = 0.053. Normal strain has nearly none there, −0.007."""
+PITCH, DEPTH, SPACING = 7.5, 1.0, 1.5
+"""Bump radii: Ø 0.4 mm bumps 1.5 mm apart, on 0.2 mm of rubber (dissertation 6.4.4). The pressure
+pad has Ø 2 mm bumps 3 mm apart on 0.5 mm, and taxels 1.5 mm apart: 3, 0.5 and 1.5."""
 
 SHARE = 0.1
 """Least load of a touched bump, as a share of the largest."""
@@ -23,76 +28,112 @@ def localize(
     frame: FrameFields,
     *,
     push: float = PUSH,
-    crosstalk: float = CROSSTALK,
+    taxels: Taxels = "strain",
+    bump_pitch: float = PITCH,
+    bump_depth: float = DEPTH,
+    bump_spacing: float = SPACING,
     share: float = SHARE,
+    unit: float = 1.0,
 ) -> Mapping[str, Field]:
-    """Loads of single bumps, one above each taxel.
+    """Loads of single bumps, and the contacts that touched bumps make together.
 
     Parameters
     ----------
     frame : FrameFields
-        Strain, stress or calibrated signals, in any unit.
+        One cell a bump: strain or stress of the taxel under it, or what `Pad` makes of a pad of
+        pressure taxels (with push = 1).
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
-    crosstalk : float
-        What a taxel reads of each of its four neighbours' loads; below 1/4 in size.
+    taxels : "strain", "stress" or "pad"
+        What the cells read.
+    bump_pitch, bump_depth, bump_spacing : float
+        From bump to bump, of the taxels below the bumps' feet, and between a pad's taxels, in
+        bump radii.
     share : float
         Least load of a touched bump, as a share of the largest.
+    unit : float
+        Of the loads: E r² for strain, r² for stress and pads gives newtons.
 
     Returns
     -------
     mapping
         `bump_contact` (logic map), `bump_count`, `bump_load_x`, `bump_load_y`, `bump_load_normal`
-        (maps of each bump's own load, 0 where it is not touched).
+        (maps of each bump's own load, 0 where it is not touched), `bump_patches` (number of
+        contacts: touched bumps that are neighbours, diagonal ones too, make one), `bump_patch`
+        (map: which contact, 0 for none), `bump_patch_row`, `bump_patch_column` (maps: in each
+        bump of a contact the centroid of its normal load, cells).
 
     Raises
     ------
+    PhysicsError
+        If the bumps stand too close to be told apart.
     ProgramError
-        If the crosstalk can not be undone.
+        If the unit is not positive.
     """
-    return localize_of(loads_of(frame, push), crosstalk=crosstalk, share=share)
+    return localize_of(
+        loads_of(frame, push),
+        taxels=taxels,
+        spacing=(bump_pitch, bump_depth, bump_spacing),
+        share=share,
+        unit=unit,
+    )
 
 
 def localize_of(
-    loads: Loads, *, crosstalk: float = CROSSTALK, share: float = SHARE
+    loads: Loads,
+    *,
+    taxels: Taxels = "strain",
+    spacing: tuple[float, float, float] = (PITCH, DEPTH, SPACING),
+    share: float = SHARE,
+    unit: float = 1.0,
 ) -> Mapping[str, Field]:
     """Return the outputs of `localize` from what other programs share with it."""
-    alone = unmix(crosstalk)
-    normal = apply(alone, input=loads.normal)
-    level = maximum(share * normal.max(), LIFT * sqrt(loads.normal_noise))
-    touched = loads.contact & (normal > level)
-
-    def load(channel: Field) -> Field:
-        return where(touched, apply(alone, input=channel), 0.0)
-
+    if not unit > 0.0:
+        raise ProgramError(f"'unit' must be above 0, got {unit}.")
+    alone = unmix(taxels, *spacing)
+    own = transient(alone, input=[loads.shear_x, loads.shear_y, loads.normal]).outputs
+    x, y, normal = (unit * part for part in own)
+    gain = unit * np.sqrt((alone.B[2, 2] ** 2).sum())
+    noise = float(gain) * sqrt(loads.normal_noise)
+    touched = loads.contact & (normal > maximum(share * normal.max(), LIFT * noise))
+    patches = patches_of(loads.frame, touched, normal)
     return {
         "bump_contact": touched,
         "bump_count": touched.count(),
-        "bump_load_x": load(loads.shear_x),
-        "bump_load_y": load(loads.shear_y),
+        "bump_load_x": where(touched, x, 0.0),
+        "bump_load_y": where(touched, y, 0.0),
         "bump_load_normal": where(touched, normal, 0.0),
+        "bump_patches": patches.count,
+        "bump_patch": patches.label,
+        "bump_patch_row": patches.row,
+        "bump_patch_column": patches.column,
     }
 
 
-def unmix(crosstalk: float) -> Template:
-    """Return the template that takes neighbours' loads off: it settles where x + c Σ x' = u.
+def unmix(
+    taxels: Taxels = "strain",
+    pitch: float = PITCH,
+    depth: float = DEPTH,
+    spacing: float = SPACING,
+) -> Template:
+    """Return the template of three layers that takes neighbours' loads off, see `bump_inverse`.
 
     Raises
     ------
-    ProgramError
-        If four neighbours together would weigh as much as the taxel's own load.
+    UnknownNameError
+        If `taxels` is unknown.
+    PhysicsError
+        If the bumps stand too close.
     """
-    if not abs(crosstalk) < 0.25:
-        raise ProgramError(
-            f"'crosstalk' must be between −0.25 and 0.25 to be undone, got {crosstalk}."
-        )
-    c = -crosstalk
+    if taxels not in get_args(Taxels):
+        raise name_error("kind of taxels", taxels, get_args(Taxels))
     return Template(
         "unmix",
-        [[0.0, c, 0.0], [c, 0.0, c], [0.0, c, 0.0]],
-        [[1.0]],
-        output="linear",
+        np.zeros((3, 3, 1, 1)),
+        bump_inverse(taxels, float(pitch), float(depth), float(spacing)),
+        boundary=0.0,
         duration="settle",
-        description="Undoes crosstalk between taxels that are neighbours along rows or columns.",
+        output="linear",
+        description="Gives the load on every bump, its neighbours' crosstalk taken off.",
     )

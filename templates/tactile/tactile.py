@@ -9,7 +9,7 @@ from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.contact import contact_of
 from cnnum.templates.tactile.edges import edges_of
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
-from cnnum.templates.tactile.localize import CROSSTALK, localize_of
+from cnnum.templates.tactile.localize import localize_of
 from cnnum.templates.tactile.pull import pull_of
 from cnnum.templates.tactile.slip import slip_of
 from cnnum.templates.tactile.sticking import sticking_of
@@ -22,7 +22,6 @@ def tactile(
     frame: FrameFields,
     *,
     push: float = PUSH,
-    crosstalk: float = CROSSTALK,
     depth: float = DEPTH,
     reads: Reads = READS,
 ) -> Mapping[str, Field]:
@@ -37,8 +36,6 @@ def tactile(
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
-    crosstalk : float
-        See `localize`.
     depth, reads
         See `edges`.
 
@@ -56,5 +53,5 @@ def tactile(
         **slip_of(loads, pull, sticking),
         **twist_of(loads, patch, pull, sticking),
         **edges_of(loads, depth=depth, reads=reads),
-        **localize_of(loads, crosstalk=crosstalk),
+        **localize_of(loads),
     }

@@ -1,0 +1,125 @@
+"""From what taxels under a bumpy cover read to the load on every bump, by finite elements.
+
+Each bump's load reaches the taxels of its neighbours too. The readings of all bumps are the loads
+filtered by the cover's 3×3 influence from bump to bump; this is that filter's inverse.
+"""
+
+from functools import cache
+from typing import Literal
+
+import numpy as np
+
+from cnnum.errors import PhysicsError
+from cnnum.tactile.checks import Array
+from cnnum.tactile.cover.bump import BumpCover
+from cnnum.tactile.indenters import Reads
+from cnnum.tactile.pad import Pad
+
+RADIUS = 3
+"""Bumps to each side that the inverse reaches."""
+
+WAVES = 24
+"""Wave numbers to each axis at which the influence is inverted."""
+
+LEFT = 0.02
+"""Most of a load that the inverse may leave at another bump, or misjudge of its own."""
+
+Taxels = Literal["strain", "stress", "pad"]
+
+
+@cache
+def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.5) -> Array:
+    """Return the weights that turn readings into loads.
+
+    Parameters
+    ----------
+    taxels : "strain", "stress" or "pad"
+        Three-axial taxels under each bump, or pressure taxels read by `Pad`.
+    pitch, depth : float
+        From bump to bump, and of the taxels below their feet, in bump radii.
+    spacing : float
+        Of a pad's taxels, in bump radii.
+
+    Returns
+    -------
+    (3, 3, 7, 7) float
+        [load, reading, row, column], of (Q_x, Q_y, P) over E r² for strain and over r² for stress
+        and pads; readings as pushes: −ε or −σ of the three-axial taxels, and what `Pad` gives.
+
+    Raises
+    ------
+    PhysicsError
+        If the bumps stand too close for 7×7 weights to tell them apart to 2 %.
+    """
+    axis = np.arange(WAVES) - WAVES // 2
+    influence = _influence(taxels, pitch, depth, spacing, axis)
+    waves = np.fft.fft2(np.fft.ifftshift(influence, axes=(2, 3)))
+    matrix = np.moveaxis(waves, (0, 1), (-2, -1))
+    undone = np.moveaxis(np.linalg.inv(matrix), (-2, -1), (0, 1))
+    whole = np.fft.fftshift(np.fft.ifft2(undone).real, axes=(2, 3))
+    middle = slice(WAVES // 2 - RADIUS, WAVES // 2 + RADIUS + 1)
+    cut = np.zeros_like(whole)
+    cut[..., middle, middle] = whole[..., middle, middle]
+    left = np.fft.ifft2(np.einsum("ijab,jkab->ikab", _waves(cut), waves)).real
+    left[:, :, 0, 0] -= np.eye(3)
+    if np.abs(left).max() > LEFT:
+        raise PhysicsError(
+            f"Bumps {pitch:g} radii apart over taxels {depth:g} radii deep can not be told apart: "
+            f"{np.abs(left).max():.0%} of a load would be left, expected up to {LEFT:.0%}."
+        )
+    # templates correlate, and a filter's weights are met from the other side
+    kernel = np.ascontiguousarray(whole[..., middle, middle][..., ::-1, ::-1])
+    kernel.setflags(write=False)
+    return kernel
+
+
+def bump_readings(
+    loads: Array, taxels: Taxels, pitch: float, depth: float, spacing: float = 1.5
+) -> Array:
+    """Return what the taxels of all bumps read, by summing over the bumps one by one.
+
+    Parameters
+    ----------
+    loads : (..., rows, cols, 3) float
+        (Q_x, Q_y, P) on each bump, in the units of `bump_inverse`.
+    taxels, pitch, depth, spacing
+        As in `bump_inverse`.
+
+    Returns
+    -------
+    (..., rows, cols, 3) float
+    """
+    rows, cols = loads.shape[-3:-1]
+    reach = max(rows, cols) - 1
+    influence = _influence(taxels, pitch, depth, spacing, np.arange(-reach, reach + 1))
+    seen = np.zeros(loads.shape)
+    for row in range(rows):
+        for col in range(cols):
+            part = influence[
+                :, :, reach - row : reach - row + rows, reach - col : reach - col + cols
+            ]
+            seen += np.einsum("ijab,...j->...abi", part, loads[..., row, col, :])
+    return seen
+
+
+def _waves(cut: Array) -> Array:
+    return np.fft.fft2(np.fft.ifftshift(cut, axes=(2, 3)))
+
+
+def _influence(taxels: Taxels, pitch: float, depth: float, spacing: float, axis: Array) -> Array:
+    """Return [reading, load, row, column] of a bump's load at the others' taxels."""
+    x, y = np.meshgrid(pitch * axis, pitch * axis)
+    at, force = np.stack([x, y], axis=-1)[:, :, None, :], np.eye(3)
+    cover = BumpCover(depth, 1.0, 1.0)
+    if taxels == "pad":
+        half = spacing / 2
+        corners = [(-half, half), (half, half), (-half, -half), (half, -half)]
+        four = [-cover.stress([0.0, 0.0], at + corner, force)[..., 2] for corner in corners]
+        square = np.stack([four[2], four[3], four[0], four[1]], axis=-1)
+        frames = square.reshape(*square.shape[:-1], 2, 2)
+        read = Pad.regular((2, 2)).to_three_axial(frames)[..., 0, 0, :]
+    else:
+        reads: Reads = taxels
+        of = cover.strain if reads == "strain" else cover.stress
+        read = -of([0.0, 0.0], at, force)
+    return np.asarray(np.moveaxis(read, (3, 2), (0, 1)))
