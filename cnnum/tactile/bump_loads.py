@@ -8,6 +8,7 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile.checks import Array
@@ -102,11 +103,13 @@ def bump_readings(
     return seen
 
 
-def _waves(cut: Array) -> Array:
+def _waves(cut: Array) -> NDArray[np.complex128]:
     return np.fft.fft2(np.fft.ifftshift(cut, axes=(2, 3)))
 
 
-def _influence(taxels: Taxels, pitch: float, depth: float, spacing: float, axis: Array) -> Array:
+def _influence(
+    taxels: Taxels, pitch: float, depth: float, spacing: float, axis: NDArray[np.intp]
+) -> Array:
     """Return [reading, load, row, column] of a bump's load at the others' taxels."""
     x, y = np.meshgrid(pitch * axis, pitch * axis)
     at, force = np.stack([x, y], axis=-1)[:, :, None, :], np.eye(3)

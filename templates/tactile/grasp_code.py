@@ -1,0 +1,177 @@
+"""The grasp code of Kis, Kovács and Szolgay (2006): one bit a shear component, and what it means.
+
+Two fingers hold an object, each with 2×2 three-axial taxels. The sign of both shear components of
+every taxel makes 2 · 4 · 2 = 16 bits, 65,536 codes. The fingers lie side by side on the frame, each
+in its own axes: x to the right, y down, z into that finger. Facing fingers mirror each other's x.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cnnum.errors import ProgramError
+from cnnum.programs import program
+from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.machine import FrameFields
+from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of
+from cnnum.templates.tactile.loads import square as squared
+
+AGREE = 0.75
+"""Least agreement of the signs with a motion's pattern, from −1 to 1. A straight pull is judged by
+the 8 bits of its stronger axis, of which one may be wrong; a twist or a squeeze by all 16, of which
+two may. By chance 27 % of all codes agree so far with one of the four."""
+
+MOTIONS = ("slip", "twist", "tilt", "squeeze")
+
+
+@program
+def grasp_code(
+    frame: FrameFields, *, push: float = PUSH, agree: float = AGREE
+) -> Mapping[str, Field]:
+    """What the signs of the shear under two fingers tell of the grasp.
+
+    In the grasp's axes, which are the first finger's, shear is split into what both fingers share
+    (the object moves) and what is opposite (they are pressed against each other).
+
+    * slip: both fingers are pulled the same way, all taxels of a finger alike;
+    * tilt: pulled opposite ways: the object turns about an axis across the fingers;
+    * twist: shear turns about each pad's middle, the same way in space: it turns about the normal;
+    * squeeze: shear points away from each pad's middle, or to it: rubber is pressed out.
+
+    Parameters
+    ----------
+    frame : FrameFields
+        Rows × 2·columns: the second finger in the right half; even rows and columns a finger.
+        More than 2×2 taxels a finger are summed by quarters.
+    push : float
+        −1 for strain and stress, +1 for signals that rise under a push.
+    agree : float
+        Least agreement of the signs with a motion's pattern, −1 to 1.
+
+    Returns
+    -------
+    mapping
+        `grasp_code` (0 to 65535: bit 8·finger + 2·taxel + axis, taxels row by row, set for a
+        positive component), `code_known` (flag: contact on both fingers, and every bit clear of the
+        noise), `grasp_slip`, `grasp_twist`, `grasp_tilt`, `grasp_squeeze` (flags, at most one),
+        `grasp_x`, `grasp_y` (unit vector of a slip, or of what the first finger is pulled along in
+        a tilt; 0 otherwise), `grasp_sense` (of a twist +1 from x to y; of a squeeze +1 outwards,
+        which is growing; 0 otherwise).
+
+    Raises
+    ------
+    ProgramError
+        If the frame can not be divided into two fingers of 2×2 quarters.
+    """
+    loads = loads_of(frame, push)
+    masks = _quarters(frame)
+    shears = (loads.shear_x, loads.shear_y)
+    sums = [[(shear * mask).sum() for shear in shears] for mask in masks]
+    bits = [[component > 0.0 for component in pair] for pair in sums]
+    signs = [[where(bit, 1.0, -1.0) for bit in pair] for pair in bits]
+    known = _known(loads, sums, masks)
+    return {"grasp_code": _code(bits), "code_known": known, **_decoded(signs, known, agree)}
+
+
+def _decoded(signs: list[list[Field]], known: Field, agree: float) -> Mapping[str, Field]:
+    """Return the motion whose pattern the signs follow best, and where it goes."""
+    # the second finger faces the first: its x is the other's −x
+    one, two = signs[:4], [[-x, y] for x, y in signs[4:]]
+    x1, y1 = (_mean([pair[k] for pair in one]) for k in (0, 1))
+    x2, y2 = (_mean([pair[k] for pair in two]) for k in (0, 1))
+    together, apart = (x1 + x2, y1 + y2), (x1 - x2, y1 - y2)
+    turns = [_turn(one), _turn(two, mirrored=True)]
+    grows = [_grow(one), _grow(two, mirrored=True)]
+    turn, grow = (turns[0] + turns[1]) / 2.0, (grows[0] + grows[1]) / 2.0
+    scores = [_straight(together), abs(turn), _straight(apart), abs(grow)]
+    flags = _best(scores, known, agree)
+    slip, twist, tilt, squeeze = flags
+    along = tuple(where(slip, a, where(tilt, b, 0.0)) for a, b in zip(together, apart, strict=True))
+    size = sqrt(squared(along[0]) + squared(along[1]))
+    sense = where(twist, turn, where(squeeze, grow, 0.0))
+    return {
+        **{f"grasp_{name}": flag for name, flag in zip(MOTIONS, flags, strict=True)},
+        "grasp_x": where(size > 0.0, along[0] / size, 0.0),
+        "grasp_y": where(size > 0.0, along[1] / size, 0.0),
+        "grasp_sense": where(sense > 0.0, 1.0, where(sense < 0.0, -1.0, 0.0)),
+    }
+
+
+def _best(scores: list[Field], known: Field, agree: float) -> list[Field]:
+    """Return flags of which at most one holds; of equal scores the first."""
+    found: list[Field] = []
+    for number, score in enumerate(scores):
+        flag = known & (score >= agree)
+        for other, value in enumerate(scores):
+            if other != number:
+                flag = flag & ((score > value) if other < number else (score >= value))
+        found.append(flag)
+    return found
+
+
+def _straight(pull: tuple[Field, Field]) -> Field:
+    """Return how far signs agree with a straight pull: the stronger axis decides.
+
+    A pull along x leaves the signs of y to chance, one along the diagonal sets all.
+    """
+    return maximum(abs(pull[0]), abs(pull[1])) / 2.0
+
+
+def _turn(signs: list[list[Field]], *, mirrored: bool = False) -> Field:
+    """Return how far the signs turn from x to y about the middle of a pad, −1 to 1."""
+    parts = [
+        where_y * pair[1] - row * pair[0]
+        for (row, where_y), pair in zip(_corners(mirrored), signs, strict=True)
+    ]
+    return _mean(parts) / 2.0
+
+
+def _grow(signs: list[list[Field]], *, mirrored: bool = False) -> Field:
+    """Return how far the signs point away from the middle of a pad, −1 to 1."""
+    parts = [
+        col * pair[0] + row * pair[1]
+        for (row, col), pair in zip(_corners(mirrored), signs, strict=True)
+    ]
+    return _mean(parts) / 2.0
+
+
+def _corners(mirrored: bool) -> list[tuple[float, float]]:
+    side = -1.0 if mirrored else 1.0
+    return [(row, side * col) for row in (-1.0, 1.0) for col in (-1.0, 1.0)]
+
+
+def _known(loads: Loads, sums: list[list[Field]], masks: list[Field]) -> Field:
+    cells = float(loads.frame.shape[0] * loads.frame.shape[1]) / 8.0
+    least = LIFT * sqrt(loads.shear_noise * cells)
+    known = loads.contact
+    for pair in sums:
+        known = known & (sqrt(squared(pair[0]) + squared(pair[1])) > least)
+    for finger in (masks[:4], masks[4:]):
+        whole = sum(finger[1:], start=finger[0])
+        high = (loads.normal * whole).max()
+        known = known & (high > LIFT * sqrt(loads.normal_noise))
+    return known
+
+
+def _code(bits: list[list[Field]]) -> Field:
+    flat = [bit for pair in bits for bit in pair]
+    parts = [where(bit, float(1 << number), 0.0) for number, bit in enumerate(flat)]
+    return sum(parts[1:], start=parts[0])
+
+
+def _quarters(frame: FrameFields) -> list[Field]:
+    """Return for each quarter of each finger the map that sums over it."""
+    rows, cols = frame.shape
+    if rows % 2 or cols % 4:
+        raise ProgramError(
+            f"Two fingers side by side need an even number of rows and four times as many "
+            f"columns as a quarter has, got {rows}×{cols}."
+        )
+    row = np.arange(rows)[:, None] // (rows // 2)
+    col = np.arange(cols)[None, :] // (cols // 4)
+    place = 4 * (col // 2) + 2 * row + col % 2
+    return [frame.constant((place == number).astype(np.float64)) for number in range(8)]
+
+
+def _mean(values: list[Field]) -> Field:
+    return sum(values[1:], start=values[0]) / float(len(values))

@@ -1,0 +1,101 @@
+"""Friction and roughness of what slides over the taxels, frame by frame (dissertation 6.5)."""
+
+from collections.abc import Mapping
+
+from cnnum.errors import ProgramError
+from cnnum.programs import program
+from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.machine import FrameFields
+from cnnum.templates.tactile.loads import PUSH, loads_of, square
+
+WINDOW = 128
+"""T of the dissertation: 128 frames of 15 ms."""
+
+CLEAR = 10.0
+"""Normal load, in standard deviations of the noise, from which a taxel is rubbed: its ratio of
+shear to normal load is then known to a tenth."""
+
+
+@program
+def texture(
+    frame: FrameFields,
+    *,
+    push: float = PUSH,
+    window: int = WINDOW,
+    ratio: float = 1.0,
+) -> Mapping[str, Field]:
+    """Friction and roughness of what rubs each taxel, over the last frames.
+
+    Every taxel keeps its last frames in local memories; (6.3) and (6.4) are summed over them, mean
+    first, so that a small scatter is not the difference of large sums.
+
+    Parameters
+    ----------
+    frame : FrameFields
+        Shear and normal signal of each taxel, best under a bump each.
+    push : float
+        −1 for strain and stress, +1 for signals that rise under a push.
+    window : int
+        T: the last T + 1 frames count. Each takes two memories a taxel.
+    ratio : float
+        Shear signal over normal signal of equal forces; 0.5 for the dissertation's bump.
+
+    Returns
+    -------
+    mapping
+        `texture_friction` (map: mean of |T|/|S_n|, (6.3); 0 where not known), `texture_roughness`
+        (map: 100 times its standard deviation over its mean, (6.4)), `texture_frames` (map: frames
+        in contact among the last T + 1), `friction`, `roughness` (means over the taxels that know
+        theirs), `texture_known` (flag: any does).
+
+    Raises
+    ------
+    ProgramError
+        If the window is below 1 frame or the ratio not positive.
+    """
+    if window < 1 or not ratio > 0.0:
+        raise ProgramError(
+            f"'window' must be 1 frame or more and 'ratio' above 0, got {window} and {ratio}."
+        )
+    loads = loads_of(frame, push)
+    rubbed = loads.contact & (loads.normal > CLEAR * sqrt(loads.normal_noise))
+    shear = sqrt(square(loads.shear_x) + square(loads.shear_y))
+    now = where(rubbed, shear / (ratio * loads.normal), 0.0)
+    values, marks = _last(frame, now, rubbed, window)
+    count = _sum(marks)
+    mean = _sum(values) / maximum(count, 1.0)
+    gaps = [mark * square(value - mean) for value, mark in zip(values, marks, strict=True)]
+    known = (count >= 2.0) & (mean > 0.0)
+    deviation = sqrt(_sum(gaps) / maximum(count - 1.0, 1.0))
+    friction = where(known, mean, 0.0)
+    roughness = where(known, 100.0 * deviation / where(known, mean, 1.0), 0.0)
+    number = maximum(known.count(), 1.0)
+    return {
+        "texture_friction": friction,
+        "texture_roughness": roughness,
+        "texture_frames": count,
+        "friction": friction.sum() / number,
+        "roughness": roughness.sum() / number,
+        "texture_known": known.any(),
+    }
+
+
+def _last(
+    frame: FrameFields, value: Field, mark: Field, window: int
+) -> tuple[list[Field], list[Field]]:
+    """Return a value and its mark on this frame and the frames before, newest first."""
+    values, marks = [value], [where(mark, 1.0, 0.0)]
+    for _ in range(window):
+        for kept in (values, marks):
+            memory = frame.memory()  # 0 before the stream began: not in contact
+            memory.store(kept[-1])
+            kept.append(memory.value)
+    return values, marks
+
+
+def _sum(values: list[Field]) -> Field:
+    """Return the sum, by halves, which rounds less."""
+    if len(values) == 1:
+        return values[0]
+    half = len(values) // 2
+    return _sum(values[:half]) + _sum(values[half:])
