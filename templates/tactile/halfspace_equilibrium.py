@@ -26,7 +26,7 @@ def halfspace_equilibrium(
     poisson: float = 0.49,
     layers: int = 2,
     slabs: int = 8,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-5,
     method: str = "auto",
 ) -> Mapping[str, Field]:
     """Displacement, stress and strain at the taxels of a compressible cover.

@@ -8,10 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from cnnum.errors import ProgramError
 from cnnum.library import get_template
 from cnnum.programs.fields import Field
 from cnnum.programs.transients import apply
+from cnnum.template import Template
 
 
 class Extension(Protocol):
@@ -63,9 +66,11 @@ class Surface:
 
     def _sheared(self, along: str) -> Field:
         """Return σ_xz or σ_yz: z ∂_i P − Q_i − z ∂_i(∂_x R_x + ∂_y R_y), R = exp(−kz)/k q."""
-        own = self.x if along == "x" else self.y
-        inner = self.depth * (self.pressure.harmonic() - self._spread())
-        return gradient(inner, along) - own.harmonic()
+        own, other, across = (self.x, self.y, "y") if along == "x" else (self.y, self.x, "x")
+        bent = curvature(own.potential(), along)
+        bent = bent + gradient(gradient(other.potential(), across), along)
+        slope = gradient(self.pressure.harmonic(), along)
+        return self.depth * (slope - bent) - own.harmonic()
 
     def _spread(self) -> Field:
         """Return ∂_x R_x + ∂_y R_y, with R = exp(−kz)/k q."""
@@ -79,6 +84,18 @@ class Surface:
 def gradient(value: Field, along: str) -> Field:
     """Return a central difference along columns ("x") or rows ("y"), a cell."""
     return apply(get_template(f"gradient_{along}"), input=value)
+
+
+def curvature(value: Field, along: str) -> Field:
+    """Return a second difference along columns ("x") or rows ("y"), a cell².
+
+    Two central differences would not do: the first is odd about the rim, where the second would
+    take it for even.
+    """
+    row = np.array([[0.0, 0.0, 0.0], [1.0, -2.0, 1.0], [0.0, 0.0, 0.0]])
+    kernel = row if along == "x" else row.T
+    second = Template(f"curvature {along}", [[0.0]], kernel, boundary="zero-flux", output="linear")
+    return apply(second, input=value)
 
 
 def depth_in_cells(thickness: float, pitch: float, cells: int) -> float:

@@ -28,6 +28,11 @@ def along_y(field):
     return along_x(field.T).T
 
 
+def bend_x(field):
+    padded = np.pad(field, ((0, 0), (1, 1)), mode="edge")
+    return padded[:, 2:] - 2 * padded[:, 1:-1] + padded[:, :-2]
+
+
 def expected(load, z):
     q_x, q_y, p = np.moveaxis(load, -1, 0)
 
@@ -39,8 +44,10 @@ def expected(load, z):
 
     spread = along_x(potential(q_x)) + along_y(potential(q_y))
     pushed = along_x(harmonic(q_x)) + along_y(harmonic(q_y))
-    shear_x = z * along_x(harmonic(p) - spread) - harmonic(q_x)
-    shear_y = z * along_y(harmonic(p) - spread) - harmonic(q_y)
+    bent_x = bend_x(potential(q_x)) + along_x(along_y(potential(q_y)))
+    bent_y = bend_x(potential(q_y).T).T + along_y(along_x(potential(q_x)))
+    shear_x = z * (along_x(harmonic(p)) - bent_x) - harmonic(q_x)
+    shear_y = z * (along_y(harmonic(p)) - bent_y) - harmonic(q_y)
     low = filtered(p, lambda k: (1 + k * z) * np.exp(-k * z))
     band = filtered(p, lambda k: k * z * np.exp(-k * z))
     stress = [shear_x, shear_y, z * pushed - low]

@@ -1,0 +1,98 @@
+"""Closed forms of the half-space programs: cosine transform, direct solve, least squares."""
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.checks.lattice_cover import block_displacement, cover_stress, on_plane
+from cnnum.checks.program_records import Outputs, ProgramCase, ProgramForm
+from cnnum.tactile.inverse import LoadMap
+
+PITCH, THICKNESS, MODULUS, NOISE, LIKELY = 1.5e-3, 1.0e-3, 0.87e6, 1e-4, 3e3
+AXES = ("xz", "yz", "zz")
+POISSON, SLABS = 0.45, 6
+
+
+def _named(prefix: str, maps: Floats) -> dict[str, Floats]:
+    return {f"{prefix}_{axis}": maps[..., n] for n, axis in enumerate(AXES)}
+
+
+def _load(rng: np.random.Generator, shape: Shape) -> Floats:
+    return rng.normal(size=(*shape, 3))
+
+
+def _stress_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    load = _load(rng, shape)
+    return ProgramCase(load[None], _named("stress", cover_stress(load, THICKNESS / PITCH)))
+
+
+def _strain_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    """Shear strain is 3σ/2E; under pressure alone ε_zz is the band-pass of it."""
+    load = _load(rng, shape)
+    stress = cover_stress(load, THICKNESS / PITCH)
+    wanted = _named("strain", 1.5 / 1.5 * stress)
+    del wanted["strain_zz"]
+    return ProgramCase(load[None], wanted, {"youngs_modulus": 1.5})
+
+
+def _block_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    load = _load(rng, shape)
+    found = on_plane(block_displacement(load, SLABS, 1.0, POISSON), 2)
+    names = ("displacement_x", "displacement_y", "displacement_z")
+    options = {
+        "thickness": 2.0,
+        "pitch": 1.0,
+        "slabs": SLABS,
+        "poisson": POISSON,
+        "youngs_modulus": 2 * (1 + POISSON),
+    }
+    return ProgramCase(load[None], {n: found[..., k] for k, n in enumerate(names)}, options)
+
+
+def _inverse_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    strain = rng.normal(0.0, 30 * NOISE, (*shape, 3))
+    rows, cols = ((np.arange(n) - (n - 1) / 2) * PITCH for n in shape)
+    y, x = np.meshgrid(rows, cols, indexing="ij")
+    taxels = np.stack([x.ravel(), y.ravel()], axis=-1)
+    cover = LoadMap(taxels, shape, PITCH, THICKNESS, MODULUS, NOISE)
+    found = cover(strain.reshape(-1, 3), LIKELY).traction
+    names = ("load_x", "load_y", "load_normal")
+    options = {"noise": NOISE, "likely": LIKELY, "reach": max(shape) - 1}
+    return ProgramCase(strain[None], {n: found[..., k] for k, n in enumerate(names)}, options)
+
+
+def _share(case: ProgramCase, outputs: Outputs) -> float:
+    """Return the largest error, as a share of the largest value."""
+    largest = max(float(np.abs(map_).max()) for map_ in case.expected.values())
+    return max(float(np.abs(outputs[n] - w).max()) for n, w in case.expected.items()) / largest
+
+
+STRESS = tuple(f"stress_{axis}" for axis in AXES)
+
+FORMS = (
+    ProgramForm(
+        "cover-transform", "halfspace_stress", STRESS, _stress_case, _share, 1e-5,
+        "1e-6 of every wave, and roundings in single precision",
+        "stress under white noise, by cosine transform",
+    ),
+    ProgramForm(
+        "cover-transform", "halfspace_strain", ("strain_xz", "strain_yz"), _strain_case, _share,
+        1e-5, "1e-6 of every wave, and roundings in single precision",
+        "shear strain under white noise, by cosine transform",
+    ),
+    ProgramForm(
+        "cover-transform", "halfspace_layers", STRESS, _stress_case, _share, 2e-4,
+        "slabs of an eighth of the depth: up to 3e-5 of every wave, in white noise",
+        "stress under white noise, by cosine transform",
+    ),
+    ProgramForm(
+        "elastic-block", "halfspace_equilibrium",
+        ("displacement_x", "displacement_y", "displacement_z"), _block_case, _share, 1e-2,
+        "settled to 1e-5 a time constant, times the thousands that the slowest wave takes",
+        "displacement of a block, by a direct solve of its energy",
+    ),
+    ProgramForm(
+        "least-squares", "surface_load", ("load_x", "load_y", "load_normal"), _inverse_case,
+        _share, 1e-3, "roundings in single precision, times the inverse's gain",
+        "Tikhonov's loads, by singular values",
+    ),
+)  # fmt: skip
