@@ -2,7 +2,7 @@
 
 import inspect
 import time
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
@@ -20,7 +20,7 @@ from cnnum.frame import BAD, Frame, Quality
 from cnnum.plan import Plan, Stream
 from cnnum.program_library import get_program
 from cnnum.programs import Program
-from cnnum.scene import SceneSpec, read_scene
+from cnnum.scene import EVERYTHING, SceneSpec, read_scene
 from cnnum.tactile.taxel import Calibration
 from cnnum.tracing import TraceStep, trace_steps
 
@@ -154,8 +154,9 @@ class Scene:
             conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
             program = _bound(get_program(spec.program), spec, driver.rate)
             outputs = program.trace(driver.shape, conversion.channels).outputs
-            rules = _rules(spec, outputs)
-            fields = tuple(want for want in spec.wants if want not in EVENT_RULES)
+            wants = _wants(spec, outputs)
+            rules = _rules(spec, wants, outputs)
+            fields = tuple(want for want in wants if want not in EVENT_RULES)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
             plan = used.compile(program, driver.shape, needs, channels=conversion.channels)
             plan.warm_up()
@@ -227,7 +228,22 @@ class Scene:
         )
 
 
-def _rules(spec: SceneSpec, outputs: Collection[str]) -> tuple[EventRule, ...]:
+def _wants(spec: SceneSpec, outputs: Collection[str]) -> tuple[str, ...]:
+    """Return what a scene wants, by name where it wants everything."""
+    if EVERYTHING not in spec.wants:
+        return spec.wants
+    events = (want for want in EVENT_RULES if _fitting(want, outputs))
+    return tuple(dict.fromkeys((*events, *outputs)))
+
+
+def _fitting(want: str, outputs: Collection[str]) -> list[EventRule]:
+    """Return the rules of an event that a program with these outputs can follow."""
+    return [rule for rule in EVENT_RULES.get(want, ()) if set(rule.needs) <= set(outputs)]
+
+
+def _rules(
+    spec: SceneSpec, wants: Sequence[str], outputs: Collection[str]
+) -> tuple[EventRule, ...]:
     """Return the rules of the wanted events; one whose outputs the program lacks is no part of it.
 
     Raises
@@ -236,10 +252,9 @@ def _rules(spec: SceneSpec, outputs: Collection[str]) -> tuple[EventRule, ...]:
         If the program gives nothing of a wanted event.
     """
     found: list[EventRule] = []
-    for want in spec.wants:
-        rules = EVENT_RULES.get(want, ())
-        fitting = [rule for rule in rules if set(rule.needs) <= set(outputs)]
-        if rules and not fitting:
+    for want in wants:
+        fitting = _fitting(want, outputs)
+        if want in EVENT_RULES and not fitting:
             raise SceneError(
                 f"Scene '{spec.name}' wants '{want}', which the program '{spec.program}' does not "
                 f"give: it has {', '.join(outputs)}."

@@ -13,6 +13,10 @@ _TABLES = ("array", "calibration", "program", "engine")
 _KEYS = ("name", "wants", *_TABLES)
 
 
+EVERYTHING = "everything"
+"""A want: every event and every output that the program gives."""
+
+
 @dataclass(frozen=True, slots=True)
 class SceneSpec:
     """What a scene file says.
@@ -21,8 +25,8 @@ class SceneSpec:
     ----------
     name : str
     wants : tuple of str
-        Events ("contact", "slip", "twist", "edge") and outputs of the program; the rest of the
-        program is left out.
+        Events ("contact", "slip", "twist", "edge") and outputs of the program, or "everything";
+        the rest of the program is left out.
     driver : str
     driver_options : mapping
     calibration : str

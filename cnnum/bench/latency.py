@@ -9,10 +9,18 @@ import numpy as np
 from cnnum.bench.samples import frames
 from cnnum.engine import Engine
 from cnnum.engines.opencl.empty import EmptyLaunch
-from cnnum.plan import Plan
+from cnnum.plan import Explanation, Plan
 from cnnum.program_library import get_program, program_names
 
 SHAPE = (8, 8)
+
+WARM_UP = 10
+
+TURN_S = 0.1
+"""Longest turn, s: a hundred frames of up to a millisecond."""
+
+BUDGET_S = 20.0
+"""s a program, after which no further turn begins: some relax for a long time on a single frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,9 +35,13 @@ class Latency:
     p50_us, p99_us : float
         Host to host, of single frames of a stream.
     empty_launch_us : float
-        Median of a launch that does nothing, with copies of as many bytes in and out.
+        Median of a launch on the device that does nothing, with copies of as many bytes in and
+        out.
     ratio : float
         p50 in empty launches.
+    own_launch_us : float
+        Median of such a launch where single frames run: in the thread that asks, if the device
+        has a partner for that.
     frames : int
     """
 
@@ -40,6 +52,7 @@ class Latency:
     p99_us: float
     empty_launch_us: float
     ratio: float
+    own_launch_us: float
     frames: int
 
 
@@ -68,17 +81,25 @@ def _measure(engine: Engine, name: str, plan: Plan, count: int) -> Latency:
     cost, stream = plan.explain(), plan.stream()
     queue = iter(np.resize(frames(256, SHAPE).astype(np.float64), (count + 200, *SHAPE, 3)))
     empty = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out)
-    _times(lambda: stream.push(next(queue)), 100)
+    own = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out, alone=True)
+    first = min(_times(lambda: stream.push(next(queue)), WARM_UP))
     _times(empty.run, 100)
-    # in turns of a hundred, so that both see the same disturbances
+    _times(own.run, 100)
+    # in turns of a hundred, so that both see the same disturbances; fewer where a frame is slow
+    turn = max(1, min(100, int(TURN_S / first)))
+    until = perf_counter() + BUDGET_S
     pushed: list[float] = []
     launched: list[float] = []
-    for _ in range(count // 100):
-        pushed += _times(lambda: stream.push(next(queue)), 100)
-        launched += _times(empty.run, 100)
+    alone: list[float] = []
+    while len(pushed) < count and (perf_counter() < until or not pushed):
+        pushed += _times(lambda: stream.push(next(queue)), turn)
+        launched += _times(empty.run, turn)
+        alone += _times(own.run, turn)
     p50, p99 = (1e6 * float(np.percentile(pushed, p)) for p in (50, 99))
-    idle = 1e6 * float(np.median(launched))
-    return Latency(name, engine.device, cost.launches, p50, p99, idle, p50 / idle, len(pushed))
+    idle, least = (1e6 * float(np.median(seconds)) for seconds in (launched, alone))
+    return Latency(
+        name, engine.device, cost.launches, p50, p99, idle, p50 / idle, least, len(pushed)
+    )
 
 
 def _times(call: Callable[[], object], count: int) -> list[float]:
@@ -88,3 +109,10 @@ def _times(call: Callable[[], object], count: int) -> list[float]:
         call()
         seconds.append(perf_counter() - begin)
     return seconds
+
+
+def seconds_of_launch(engine: Engine, cost: Explanation, *, count: int = 1000) -> float:
+    """Return the median of empty launches where single frames run, with a plan's copies, s."""
+    empty = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out, alone=True)
+    _times(empty.run, 100)
+    return float(np.median(_times(empty.run, count)))

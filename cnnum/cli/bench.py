@@ -1,4 +1,4 @@
-"""`cnnum bench`: error against run time, throughput, latency, compile time, growth, the peers."""
+"""`cnnum bench`: error against run time, throughput, latency, scenes, compile time, the peers."""
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -55,7 +55,10 @@ def _report(
     as_json: bool,
     omissions: tuple[str, ...] = (),
 ) -> int:
-    """Print rows as they come (a string is something left out), then write the report."""
+    """Print rows as they come, then write the report.
+
+    A string is something left out, None a step of which nothing is told.
+    """
     from cnnum.bench.records import as_row
 
     output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
@@ -63,7 +66,7 @@ def _report(
         for item in found:
             if isinstance(item, str):
                 left_out.append(item)
-            else:
+            elif item is not None:
                 rows.append(as_row(item))
                 output.record({"kind": name, **rows[-1]})
             steps.advance()
@@ -96,12 +99,13 @@ def work_precision(
     names: tuple[str, ...], device: str | None, quick: bool, out: Path | None, as_json: bool
 ) -> int:
     """Error against run time: templates and programs × methods × precisions × engines."""
-    from cnnum.bench.work_precision import OMISSIONS, cases, engines_here, measure_case
+    from cnnum.bench.work_precision import OMISSIONS, cases, count, engines_here, measure_case
 
-    chosen, engines = names or cases(), engines_here(device)
+    chosen, engines = names or cases(), engines_here(device, quick=quick)
     found = (row for name in chosen for row in measure_case(name, engines, quick=quick))
     label = engines[0].device
-    return _report("work-precision", found, None, label, out, as_json, OMISSIONS)
+    total = count(chosen, engines, quick=quick)
+    return _report("work-precision", found, total, label, out, as_json, OMISSIONS)
 
 
 @command.command("throughput")
@@ -125,6 +129,18 @@ def latency(frames: int, device: str | None, quick: bool, out: Path | None, as_j
     engine = _engine(device)
     rows = measure_latency(engine, count=2000 if quick else frames)
     return _report("latency", rows, None, engine.device, out, as_json)
+
+
+@command.command("scenes")
+@click.option("--rounds", default=8, type=click.IntRange(min=1), help="Times the frames are run.")
+@_options
+def scenes(rounds: int, device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """What a frame costs a scene that wants one thing, beside the scene that wants everything."""
+    from cnnum.bench.scene_costs import OMISSIONS, measure_scenes
+
+    engine = _engine(device)
+    rows = measure_scenes(engine, rounds=1 if quick else rounds)
+    return _report("scenes", rows, None, engine.device, out, as_json, OMISSIONS)
 
 
 @command.command("compile")

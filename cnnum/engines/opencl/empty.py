@@ -5,6 +5,7 @@ import pyopencl as cl
 
 from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.devices import choose_device
+from cnnum.engines.opencl.inline import partner_of
 
 _TEXT = """
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
@@ -22,10 +23,14 @@ class EmptyLaunch:
     device : str
         Part of the device's name.
     bytes_in, bytes_out : int
+    alone : bool
+        Launch in the thread that asks, as single frames do, where the device has a partner that
+        can.
     """
 
-    def __init__(self, device: str, bytes_in: int, bytes_out: int) -> None:
-        context = cl.Context([choose_device(device).handle])
+    def __init__(self, device: str, bytes_in: int, bytes_out: int, *, alone: bool = False) -> None:
+        handle = choose_device(device).handle
+        context = cl.Context([(partner_of(handle) if alone else None) or handle])
         self._queue = cl.CommandQueue(context)
         self._kernel = cl.Kernel(build_program(context, _TEXT), "nothing")
         self._given = np.zeros(max(bytes_in, 4), np.uint8)
