@@ -64,6 +64,11 @@ class OneFrame:
         self._places = [_place(name, *place) for name, place in places.items()]
         self.packed: Floats = np.zeros(len(self._taken))
 
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Rows, columns and channels that travel to the device."""
+        return self._given.shape
+
     def run(self, values: NDArray[np.floating], *, first: bool) -> dict[str, Floats]:
         """Run a frame; the outputs are views of `packed`, which is new for every frame.
 

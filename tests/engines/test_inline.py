@@ -1,0 +1,83 @@
+"""Single small frames run in the thread that asks, where PoCL has a device for that."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.engines.opencl.devices import choose_device, list_devices
+from cnnum.engines.opencl.inline import VARIABLE, partner_of
+
+needs_partner = pytest.mark.skipif(
+    VARIABLE in os.environ or partner_of(choose_device(None).handle) is None,
+    reason="no device here runs kernels in the thread that asks",
+)
+
+
+@cnnum.program
+def half(frame):
+    before = frame.previous(frame.normal)
+    return {"half": 0.5 * frame.normal, "before": before, "sum": frame.normal.sum()}
+
+
+def test_environment_is_left_as_it_was():
+    before = dict(os.environ)
+    list_devices()
+    assert dict(os.environ) == before
+
+
+def test_partners_are_not_listed():
+    handles = [device.handle for device in list_devices()]
+    assert not [handle for handle in handles if partner_of(handle) in handles]
+
+
+@needs_partner
+def test_single_frames_run_elsewhere_and_batches_do_not():
+    executable = cnnum.Engine().compile(half, (4, 5)).executable
+    partner = partner_of(choose_device(None).handle)
+    assert executable.queue_for(1).device == partner
+    assert executable.queue_for(2).device == choose_device(None).handle
+    large = cnnum.Engine().compile(half, (40, 40)).executable
+    assert large.queue_for(1).device == choose_device(None).handle
+
+
+def test_what_a_user_has_set_stands():
+    text = "from cnnum.engines.opencl.devices import list_devices; print(list_devices()[0].name)"
+    environment = {**os.environ, VARIABLE: "basic"}
+    found = subprocess.run(
+        [sys.executable, "-c", text], env=environment, capture_output=True, text=True, check=False
+    )
+    if "PoCL" in choose_device(None).version:
+        assert found.stdout.startswith("basic-")
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_stream_of_single_frames_is_as_streams_side_by_side(precision):
+    """The quick way and the way of a batch, frame by frame, memories included."""
+    plan = cnnum.Engine(precision=precision).compile(half, (4, 5))
+    one, many = plan.stream(), plan.stream((3,))
+    kept = []
+    for frame in np.random.default_rng(3).uniform(-1, 1, (4, 4, 5, 3)):
+        got, want = one.push(frame), many.push(np.stack([frame] * 3))
+        for name, values in want.items():
+            np.testing.assert_array_equal(got[name], values[1])
+        kept.append((got, {name: values.copy() for name, values in got.items()}))
+    for got, then in kept:  # what came of a frame is not written over by the next one
+        for name in got:
+            np.testing.assert_array_equal(got[name], then[name])
+
+
+def test_what_is_not_finite_is_refused_the_quick_way_too():
+    @cnnum.program
+    def inverse(frame):
+        return {"many": frame.normal * 1e30 * 1e30, "one": frame.normal.sum()}
+
+    stream = cnnum.Engine(precision="float32").compile(inverse, (4, 5)).stream()
+    stream.push(np.zeros((4, 5, 3)))
+    with pytest.raises(cnnum.CnnumError, match="Output 'many' of program 'inverse'"):
+        stream.push(np.ones((4, 5, 3)))
+    with pytest.raises(cnnum.CnnumError, match="finite"):
+        stream.push(np.full((4, 5, 3), np.nan))
