@@ -7,6 +7,8 @@ from typing import Any, cast
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
+from cnnum.bench.work_precision_chart import work_precision
+
 Row = Mapping[str, object]
 Axes = Any
 Picture = Any
@@ -24,34 +26,6 @@ def _curves(rows: Sequence[Row], keys: Sequence[str]) -> dict[str, list[Row]]:
     for row in rows:
         found.setdefault(" ".join(str(row[key]) for key in keys), []).append(row)
     return found
-
-
-def work_precision(rows: Sequence[Row]) -> Picture:
-    """Return error over time, a panel a case, a curve a method and engine."""
-    panels = _curves(rows, ["case"])
-    columns = min(3, len(panels))
-    lines = -(-len(panels) // columns)
-    figure: Picture = Figure(figsize=(5.2 * columns, 3.9 * lines), layout="constrained")
-    labels: dict[str, int] = {}
-    for place, (case, inside) in enumerate(panels.items()):
-        axes: Axes = figure.add_subplot(lines, columns, place + 1)
-        for name, points in _curves(inside, ["method", "engine", "precision"]).items():
-            style = labels.setdefault(name, len(labels))
-            ordered = sorted(points, key=lambda row: _value(row, "seconds"))
-            # an error of 0 has no place on a logarithmic axis: it is drawn at the rounding
-            errors = [max(_value(row, "error"), 1e-16) for row in ordered]
-            times = [_value(row, "seconds") / max(_value(row, "pictures"), 1) for row in ordered]
-            _line(axes, times, errors, name, style)
-        axes.set(title=case, xlabel="s a picture", ylabel="largest error", xscale="log")
-        axes.set_yscale("log")
-        axes.grid(visible=True, which="major", alpha=0.3)
-    handles = {
-        text: line
-        for axes in figure.axes
-        for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(handles.values(), handles.keys(), loc="outside right upper", fontsize=7)
-    return figure
 
 
 def _line(axes: Axes, x: Sequence[float], y: Sequence[float], name: str, style: int) -> None:

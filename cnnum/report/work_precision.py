@@ -1,5 +1,6 @@
 """Error against run time: one template by every method, at a ladder of tolerances and steps."""
 
+import math
 import statistics
 import time
 from collections.abc import Iterator, Sequence
@@ -16,6 +17,10 @@ from cnnum.template import Template
 REFERENCE_RTOL = 1e-10
 """Tolerance of the run that all others are compared with, absolute and relative: five decades
 below the tightest rung."""
+
+
+SINGLE = 1e-6
+"""Tightest tolerance that is asked of float32, whose rounding is not far below it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,9 +41,9 @@ class WorkPrecision:
     pictures : int
         In the batch.
     seconds : float
-        Median wall time of the whole batch, s.
+        Least wall time of the whole batch, s.
     spread : float
-        From the first to the third quartile, s.
+        From the first to the third quartile of the runs, s; 0 of a single one.
     steps : int
         Taken, rejected ones counted.
     """
@@ -89,9 +94,37 @@ def measure_work_precision(
 ) -> tuple[WorkPrecision, ...]:
     """Run a template up a ladder of methods and tolerances on every engine.
 
+    The parameters are those of `climb_ladder`, whose refused rungs are left out.
+
+    Raises
+    ------
+    TemplateError
+        If the template has no check.
+    """
+    found = climb_ladder(
+        template, engines, ladder=ladder, shape=shape, seed=seed, batch=batch, repeats=repeats
+    )
+    return tuple(point for point in found if point is not None)
+
+
+def climb_ladder(
+    template: Template,
+    engines: Sequence[Engine],
+    *,
+    ladder: Sequence[Rung] = LADDER,
+    shape: Shape = (8, 8),
+    seed: int = 0,
+    batch: int = BATCH,
+    repeats: int = 7,
+    budget: float = math.inf,
+) -> Iterator[WorkPrecision | None]:
+    """Yield a point a rung and engine, as they are measured, or None.
+
+    It is None where an engine refuses a rung, or is of float32 and the rung is below `SINGLE`.
+
     The pictures are those of the template's check; the truth is the reference engine's at
-    `REFERENCE_RTOL`. A rung that an engine refuses (a step beyond the stability bound, a
-    propagator of an array that is not linear) is left out.
+    `REFERENCE_RTOL`, found once. Engines refuse a step beyond the stability bound, or a propagator
+    of an array that is not linear.
 
     Parameters
     ----------
@@ -106,20 +139,21 @@ def measure_work_precision(
         Pictures a run, at least; the check's own are repeated until there are so many.
     repeats : int
         Timed runs after a first one that is not timed.
+    budget : float
+        s after which no further run of a rung begins; two always do.
 
     Raises
     ------
     TemplateError
         If the template has no check.
     """
-    case = _batch(form_of(template).cases(template, np.random.default_rng(seed), shape), batch)
-    truth = _truth(template, case)
-    return tuple(
-        point
-        for engine in engines
-        for rung in ladder
-        for point in _climb(template, case, truth, engine, rung, repeats)
-    )
+    own = form_of(template).cases(template, np.random.default_rng(seed), shape)
+    case, truth = _batch(own, batch), _truth(template, own)
+    truth = np.tile(truth, (-(-batch // max(len(truth), 1)), 1, 1)) if truth.ndim > 2 else truth
+    for engine in engines:
+        for rung in ladder:
+            fits = engine.precision == "float64" or (rung.rtol or 1.0) >= SINGLE
+            yield _climb(template, case, truth, engine, rung, repeats, budget) if fits else None
 
 
 def _batch(case: Case, pictures: int) -> Case:
@@ -142,24 +176,33 @@ def _truth(template: Template, case: Case) -> Floats:
 
 
 def _climb(
-    template: Template, case: Case, truth: Floats, engine: Engine, rung: Rung, repeats: int
-) -> Iterator[WorkPrecision]:
+    template: Template,
+    case: Case,
+    truth: Floats,
+    engine: Engine,
+    rung: Rung,
+    repeats: int,
+    budget: float,
+) -> WorkPrecision | None:
     try:
         output, steps, method = _run(template, case, engine, rung)
     except CnnumError:
-        return
-    seconds = [_timed(template, case, engine, rung) for _ in range(max(repeats, 2))]
-    low, middle, high = statistics.quantiles(seconds, n=4, method="inclusive")
-    yield WorkPrecision(
+        return None
+    until = time.perf_counter() + budget
+    seconds: list[float] = []
+    while len(seconds) < max(repeats, 2) and (len(seconds) < 2 or time.perf_counter() < until):
+        seconds.append(_timed(template, case, engine, rung))
+    low, _, high = statistics.quantiles(seconds, n=4, method="inclusive")
+    return WorkPrecision(
         case=template.name,
         engine=engine.name,
         precision=engine.precision,
         method=method,
         tolerance=rung.rtol,
         step=rung.dt,
-        error=float(np.abs(output - truth).max()),
+        error=float(np.abs(output - truth[: len(output)]).max()),
         pictures=len(output),
-        seconds=middle,
+        seconds=min(seconds),
         spread=high - low,
         steps=steps,
     )
