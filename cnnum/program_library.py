@@ -9,13 +9,23 @@ from cnnum.programs import Program
 _ROOMS = ("tactile", "pictures")
 
 
+def _modules(room: str) -> tuple[str, ...]:
+    """Return the names of a room's modules."""
+    files = resources.files(f"cnnum.templates.{room}").iterdir()
+    return tuple(sorted(file.name[:-3] for file in files if file.name.endswith(".py")))
+
+
+def _program(room: str, name: str) -> Program | None:
+    """Return the program that a module of a room holds under its own name."""
+    found = getattr(import_module(f"cnnum.templates.{room}.{name}"), name, None)
+    return found if isinstance(found, Program) else None
+
+
 @cache
 def _programs(room: str) -> dict[str, Program]:
-    """Return every program that a module of a room holds under its own name."""
-    package = f"cnnum.templates.{room}"
-    modules = (f.name[:-3] for f in resources.files(package).iterdir() if f.name.endswith(".py"))
-    found = {name: getattr(import_module(f"{package}.{name}"), name, None) for name in modules}
-    return {name: p for name, p in sorted(found.items()) if isinstance(p, Program)}
+    """Return every program of a room."""
+    found = {name: _program(room, name) for name in _modules(room)}
+    return {name: program for name, program in found.items() if program is not None}
 
 
 def program_names(room: str | None = None) -> tuple[str, ...]:
@@ -38,7 +48,7 @@ def get_program(name: str) -> Program:
     UnknownNameError
         If there is none.
     """
-    programs = {name: program for room in _ROOMS for name, program in _programs(room).items()}
-    if name not in programs:
-        raise name_error("program", name, programs)
-    return programs[name]
+    for room in _ROOMS:
+        if name in _modules(room) and (program := _program(room, name)) is not None:
+            return program
+    raise name_error("program", name, program_names())

@@ -55,15 +55,20 @@ def check(
 ) -> int:
     """Run templates on random pictures and compare them with their closed forms.
 
-    NAMES are templates of the library; all that have a check unless given. Exits with 1 if one
-    fails.
+    NAMES are templates of the library, or tactile programs; all that have a check unless given.
+    Exits with 1 if one fails.
     """
     from cnnum.checks import run_check
+    from cnnum.checks.program_registry import checked_programs, program_forms
+    from cnnum.checks.program_run import run_program_check
     from cnnum.engine import Engine
     from cnnum.engines.backend import backend_names
     from cnnum.library import get_template, template_names
+    from cnnum.program_library import get_program
 
-    templates = [get_template(name) for name in names or template_names()]
+    programs = [name for name in names or checked_programs() if name in checked_programs()]
+    forms = [form for name in programs for form in program_forms(name)]
+    templates = [get_template(n) for n in names or template_names() if n not in programs]
     if not names:
         templates = [template for template in templates if template.check is not None]
     used = [
@@ -72,7 +77,7 @@ def check(
     ]
     output = Output(as_json)
     results: list[CheckResult] = []
-    with progress("checks", len(templates) * len(used), as_json=as_json) as steps:
+    with progress("checks", (len(templates) + len(forms)) * len(used), as_json=as_json) as steps:
         for template in templates:
             for engine in used:
                 results.append(
@@ -82,6 +87,13 @@ def check(
                 )
                 output.record(asdict(results[-1]))
                 steps.advance(template.name)
+        for form in forms:
+            for engine in used:
+                program = get_program(form.program)
+                result = run_program_check(form, program, engine, seed=seed, shape=shape)
+                results.append(result)
+                output.record(asdict(result))
+                steps.advance(form.program)
     failed = sum(not result.passed for result in results)
     output.show(_table(results), f"{len(results) - failed} of {len(results)} passed.")
     return CHECKS_FAILED if failed else 0

@@ -1,0 +1,67 @@
+"""What a program's check is made of: frames whose answer is known, and how far outputs are off."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+
+Outputs = Mapping[str, Floats]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ProgramCase:
+    """Frames that a program is run on, and what its answer should be.
+
+    Attributes
+    ----------
+    frames : (frames, [batch,] rows, cols, channels) float
+        One stream, or several side by side.
+    expected : mapping
+        What the form's `error` compares the last frame's outputs with.
+    parameters : mapping
+        Keyword parameters of the program.
+    """
+
+    frames: Floats
+    expected: Outputs
+    parameters: Mapping[str, object] = field(default_factory=dict[str, object])
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Leading axes of one frame."""
+        return self.frames.shape[1:-3]
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramForm:
+    """A closed form that a tactile program is checked against.
+
+    Attributes
+    ----------
+    name : str
+        Of the closed form.
+    program : str
+        Of the program in the library.
+    needs : tuple of str
+        Outputs that are compared.
+    cases : callable
+        (random generator, (rows, cols)) to a case.
+    error : callable
+        (case, outputs of the last frame) to the largest error.
+    tolerance : float
+    tolerance_reason : str
+        Why it is not smaller.
+    summary : str
+        What the answer is.
+    """
+
+    name: str
+    program: str
+    needs: tuple[str, ...]
+    cases: Callable[[np.random.Generator, Shape], ProgramCase]
+    error: Callable[[ProgramCase, Outputs], float]
+    tolerance: float
+    tolerance_reason: str
+    summary: str

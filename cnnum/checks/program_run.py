@@ -1,0 +1,114 @@
+"""Running a program on an engine, and comparing its outputs with a closed form."""
+
+import statistics
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from cnnum.arrays import Floats, as_shape
+from cnnum.checks.program_records import ProgramCase, ProgramForm
+from cnnum.checks.records import CheckResult
+
+
+class Stream(Protocol):
+    """What a check asks of a stream."""
+
+    def push(self, frame: Floats, /) -> Mapping[str, Floats]:
+        """Run the program on the next frame."""
+        ...
+
+
+class Plan(Protocol):
+    """What a check asks of a plan."""
+
+    def stream(self, batch: Sequence[int] = ()) -> Stream:
+        """Return a stream of frames."""
+        ...
+
+
+class Program(Protocol):
+    """What a check asks of a program."""
+
+    def bind(self, **parameters: object) -> Any:
+        """Return the program with its parameters set."""
+        ...
+
+
+class Compiler(Protocol):
+    """What a check asks of an engine."""
+
+    @property
+    def name(self) -> str:
+        """As users call it."""
+        ...
+
+    @property
+    def precision(self) -> str:
+        """Of the arithmetic: "float32" or "float64"."""
+        ...
+
+    def compile(
+        self, program: Any, shape: Sequence[int], needs: Sequence[str] | None = None, /
+    ) -> Plan:
+        """Return a plan of a program."""
+        ...
+
+
+def run_program_check(
+    form: ProgramForm,
+    program: Program,
+    engine: Compiler,
+    *,
+    seed: int = 0,
+    shape: Sequence[int] = (8, 8),
+    repeats: int = 1,
+) -> CheckResult:
+    """Run a program on the frames of a closed form and measure how far the outputs are from it.
+
+    Parameters
+    ----------
+    form : ProgramForm
+    program : Program
+        The one that the form names.
+    engine : Engine
+        What has a name, a precision and `compile`.
+    seed : int
+        Of the noise and the places drawn.
+    shape : (rows, cols)
+    repeats : int
+        Timed runs after a first one that is not timed; their median is reported.
+
+    Returns
+    -------
+    CheckResult
+        `seconds` is the time of all frames.
+    """
+    size = as_shape(shape)
+    case = form.cases(np.random.default_rng(seed), size)
+    plan = engine.compile(program.bind(**case.parameters), size, form.needs)
+    outputs, _ = _streamed(plan, case)
+    seconds = statistics.median(_streamed(plan, case)[1] for _ in range(max(repeats, 1)))
+    error = form.error(case, outputs)
+    return CheckResult(
+        template=form.program,
+        engine=engine.name,
+        precision=engine.precision,
+        method="program",
+        check=form.name,
+        error=error,
+        tolerance=form.tolerance,
+        seconds=seconds,
+        passed=error <= form.tolerance,
+    )
+
+
+def _streamed(plan: Plan, case: ProgramCase) -> tuple[Mapping[str, Floats], float]:
+    """Return the outputs of the last frame, and the time of all."""
+    begin = time.perf_counter()
+    stream = plan.stream(case.batch)
+    outputs: Mapping[str, Floats] = {}
+    for frame in case.frames:
+        outputs = stream.push(frame)
+    return outputs, time.perf_counter() - begin

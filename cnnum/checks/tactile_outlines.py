@@ -1,0 +1,130 @@
+"""What `edges` and `contact` are checked against: Hankel's and Love's solutions, and Hertz's."""
+
+from functools import partial
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.checks.program_records import Outputs, ProgramCase, ProgramForm
+from cnnum.tactile.indenters import Disc, Pressure, Reads, frame_under
+
+NOISE = 2.5e-3
+"""Of one reading, as a share of the peak: 2.5 mV (Table 3.II) of 1 V."""
+
+REST, HELD = 18, 3
+DEPTH = 0.5
+
+
+def pressed(loads: Floats, rng: np.random.Generator) -> Floats:
+    """Return frames of rest and then of loads, all three axes, with the sign of strain."""
+    size = np.max(np.abs(loads), axis=(-3, -2, -1), keepdims=True)
+    frames = NOISE * rng.normal(size=(REST + HELD, *loads.shape))
+    frames[REST:] -= loads / size
+    return frames
+
+
+def _discs(
+    rng: np.random.Generator,
+    shape: Shape,
+    pressure: Pressure,
+    radii: tuple[float, float],
+    reads: Reads,
+) -> ProgramCase:
+    """Draw eight discs side by side, their radii in parts of the array."""
+    size = min(shape)
+    drawn = rng.uniform(radii[0] * size, radii[1] * size, 8)
+    places = rng.uniform(-0.5, 0.5, (8, 2))
+    loads = np.zeros((8, *shape, 3))
+    for number, (radius, (x, y)) in enumerate(zip(drawn, places, strict=True)):
+        disc = Disc(float(radius), (float(x), float(y)), pressure)
+        loads[number, ..., 2] = frame_under(disc, shape, DEPTH, reads)
+    expected = {"radius": drawn, "place": places, "size": np.array(shape)}
+    return ProgramCase(pressed(loads, rng), expected, {"depth": DEPTH, "reads": reads})
+
+
+def _off_outline(case: ProgramCase, outputs: Outputs) -> float:
+    """Return the largest distance of a place from the circle, infinite where one is missing."""
+    rows, cols = case.expected["size"]
+    worst = 0.0
+    for number, radius in enumerate(case.expected["radius"]):
+        right, below = outputs["edge_to_right"][number], outputs["edge_to_below"][number]
+        r1, c1 = np.nonzero(right >= 0.0)
+        r2, c2 = np.nonzero(below >= 0.0)
+        x = np.concatenate([c1 + right[r1, c1], c2.astype(np.float64)]) - (cols - 1) / 2
+        y = np.concatenate([r1.astype(np.float64), r2 + below[r2, c2]]) - (rows - 1) / 2
+        # a circle crosses at least four links for each cell of its radius
+        if x.size < 4 * radius:
+            return np.inf
+        away = np.hypot(
+            x - case.expected["place"][number, 0], y - case.expected["place"][number, 1]
+        )
+        worst = max(worst, float(np.abs(away - radius).max()))
+    return worst
+
+
+def _edges_found(case: ProgramCase, outputs: Outputs) -> float:
+    return float(np.max(outputs["edge_count"]))
+
+
+def _spheres(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    return _discs(rng, shape, "hertz", (0.42, 0.48), "strain")
+
+
+def _touches(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    case = _discs(rng, shape, "hertz", (0.2, 0.3), "strain")
+    # two are enough: thresholds of noisy cells are slow to solve exactly
+    expected = {**case.expected, "place": case.expected["place"][:2]}
+    return ProgramCase(case.frames[:, :2], expected)
+
+
+def _off_centre(case: ProgramCase, outputs: Outputs) -> float:
+    rows, cols = case.expected["size"]
+    if not np.all(outputs["contact"] > 0):
+        return np.inf
+    row = outputs["contact_row"] - (rows - 1) / 2 - case.expected["place"][:, 1]
+    column = outputs["contact_column"] - (cols - 1) / 2 - case.expected["place"][:, 0]
+    return float(np.hypot(row, column).max())
+
+
+FORMS = (
+    ProgramForm(
+        name="outline-strain",
+        program="edges",
+        needs=("edge_to_right", "edge_to_below"),
+        cases=partial(_discs, pressure="uniform", radii=(0.22, 0.34), reads="strain"),
+        error=_off_outline,
+        tolerance=0.5,
+        tolerance_reason="taxels are points half a cover apart: half a cell is what is promised",
+        summary="distance from a circle, cells: strain under a uniform disc, by its waves",
+    ),
+    ProgramForm(
+        name="outline-stress",
+        program="edges",
+        needs=("edge_to_right", "edge_to_below"),
+        cases=partial(_discs, pressure="uniform", radii=(0.22, 0.34), reads="stress"),
+        error=_off_outline,
+        tolerance=0.5,
+        tolerance_reason="taxels are points half a cover apart: half a cell is what is promised",
+        summary="distance from a circle, cells: stress under a uniform disc, by its waves",
+    ),
+    ProgramForm(
+        name="no-edge",
+        program="edges",
+        needs=("edge_count",),
+        cases=_spheres,
+        error=_edges_found,
+        tolerance=0.0,
+        tolerance_reason="a sphere has no edge",
+        summary="edges found in strain under Hertz's pressure",
+    ),
+    ProgramForm(
+        name="centroid",
+        program="contact",
+        needs=("contact", "contact_row", "contact_column"),
+        cases=_touches,
+        error=_off_centre,
+        tolerance=0.15,
+        tolerance_reason="what lies below a tenth of the peak is cut off, cell by cell",
+        summary="distance from the middle of a sphere's contact, cells",
+    ),
+)
