@@ -20,6 +20,10 @@ TOUCH, LIFT = 6.0, 4.0
 """Peak loads, in standard deviations of the noise, at which contact begins and ends. The largest
 of 256 noisy taxels exceeds 6 once in 4 million frames; it must in two frames in a row."""
 
+NOISY = 5.0
+"""Noise power, in its mean over the array, above which a taxel is broken. One of 16 with ten times
+the noise has 14 times the mean; a sound one, known from 16 frames, exceeds 5 once in 10⁵."""
+
 ROUNDING = 1e-6
 """Least noise, as a share of the largest raw value: what float32 leaves of a perfect sensor."""
 
@@ -44,6 +48,8 @@ class Loads:
         Variance of one reading, a number.
     contact : Field
         Flag.
+    healthy : Field
+        Logic map: taxels whose noise is no outlier; only these tell where a contact is.
     """
 
     frame: FrameFields
@@ -53,6 +59,7 @@ class Loads:
     shear_noise: Field
     normal_noise: Field
     contact: Field
+    healthy: Field
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +101,9 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     touched = frame.memory(scalar=True, logic=True)
     rest = {name: frame.memory() for name in FORCE_AXES}
     shear, normal = _Noise(frame, ("shear_x", "shear_y")), _Noise(frame, ("normal",))
-    peak = maximum((push * (frame.normal - rest["normal"].value)).max(), 0.0)
+    healthy = shear.healthy & normal.healthy
+    above = push * (frame.normal - rest["normal"].value)
+    peak = where(healthy, above, 0.0).max()
     high = (count > float(SETTLE)) & (square(peak) > TOUCH**2 * normal.held)
     contact = (high & frame.previous(high)) | (
         touched.value & (square(peak) > LIFT**2 * normal.held)
@@ -111,14 +120,14 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
         return push * (channel - now)
 
     x, y, z = (load(name) for name in FORCE_AXES)
-    return Loads(frame, x, y, z, shear.follow(free), normal.follow(free), contact)
+    return Loads(frame, x, y, z, shear.follow(free), normal.follow(free), contact, healthy)
 
 
 def patch_of(loads: Loads) -> Patch:
     """Return where the contact is: moments of the normal load above its rim."""
     frame = loads.frame
-    rim = RIM * loads.normal.max() + LIFT * sqrt(loads.normal_noise)
-    weight = where(loads.contact, maximum(loads.normal - rim, 0.0), 0.0)
+    rim = RIM * where(loads.healthy, loads.normal, 0.0).max() + LIFT * sqrt(loads.normal_noise)
+    weight = where(loads.contact & loads.healthy, maximum(loads.normal - rim, 0.0), 0.0)
     load = weight.sum()
     row, column = (weight * frame.row).sum() / load, (weight * frame.column).sum() / load
     away = square(frame.row - row) + square(frame.column - column)
@@ -136,24 +145,32 @@ class _Noise:
     Attributes
     ----------
     held : Field
-        As it was known before this frame.
+        As it was known before this frame, a mean over the healthy taxels.
+    healthy : Field
+        Logic map.
     """
 
     def __init__(self, frame: FrameFields, names: tuple[str, ...]) -> None:
         channels = [frame.channel(name) for name in names]
-        changes = [square(channel - frame.previous(channel)).mean() for channel in channels]
+        changes = [square(channel - frame.previous(channel)) for channel in channels]
         self._change = sum(changes[1:], start=changes[0]) / (2.0 * len(channels))
-        self._variance, self._seen = frame.memory(scalar=True), frame.memory(scalar=True)
+        self._variance, self._seen = frame.memory(), frame.memory(scalar=True)
         size = maximum(channels[0].max(), -channels[0].min())
         self._least = square(ROUNDING * size)
-        self.held = maximum(self._variance.value, self._least)
+        known = self._variance.value
+        self.healthy = known <= NOISY * known.mean()
+        self.held = self._typical(known)
 
     def follow(self, free: Field) -> Field:
         """Return it after this frame; one that repeats the one before is not counted."""
-        news = free & (self._change > 0.0)
+        news = free & (self._change.max() > 0.0)
         count = self._seen.value + where(news, 1.0, 0.0)
         rate = where(news, maximum(1.0 / count, 1.0 / FORGET), 0.0)
         now = self._variance.value + rate * (self._change - self._variance.value)
         self._variance.store(now)
         self._seen.store(count)
-        return maximum(now, self._least)
+        return self._typical(now)
+
+    def _typical(self, variance: Field) -> Field:
+        sound = where(self.healthy, variance, 0.0)
+        return maximum(sound.sum() / maximum(self.healthy.count(), 1.0), self._least)

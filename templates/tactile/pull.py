@@ -1,110 +1,163 @@
-"""What acts on a contact sideways: force and torque, and the shear that they have built up."""
+"""What acts on a contact sideways: a force and a torque, each followed by its law."""
 
 from dataclasses import dataclass
 
 from cnnum.library import get_template
-from cnnum.programs.fields import Field, maximum, sqrt, where
-from cnnum.programs.machine import FrameFields
+from cnnum.programs.fields import Field, maximum, where
+from cnnum.programs.machine import LocalMemory
 from cnnum.programs.transients import apply
+from cnnum.templates.tactile.growth import Growth, Reading, length
+from cnnum.templates.tactile.laws import PULL, TWIST, Law
 from cnnum.templates.tactile.loads import Loads, Patch, square
 
-ENGAGED = 0.15
-"""Share of the normal load from which a sideways one counts; below it rest is learned anew."""
-
-CLEAR = 6.0
-"""The same in standard deviations of the noise."""
-
 RADIUS = 2.5**0.5
-"""Contact radius over the radius of gyration of Hertz's pressure: ⟨ρ²⟩ = 2a²/5."""
+"""Place radius over the radius of gyration of Hertz's pressure: ⟨ρ²⟩ = 2a²/5."""
 
-LEARN = 0.25
-"""Rate, a frame, at which shear without a pull is learned."""
+LOOSE = 0.75
+"""Share of its time at which half the contact radius sticks in a pull: c/a = √(1 − x)."""
 
-
-@dataclass(frozen=True, slots=True)
-class Pair:
-    """A map of shear vectors."""
-
-    x: Field
-    y: Field
-
-    def power(self) -> Field:
-        """Return the sum of squares over the array."""
-        return (square(self.x) + square(self.y)).sum()
+SMALLEST = 0.5
+"""Cells: least radius of gyration, for a contact that one taxel feels."""
 
 
 @dataclass(frozen=True, slots=True)
-class Pull:
-    """The sideways loads of a frame.
+class Place:
+    """Where a frame's contact is, for what acts on it.
 
     Attributes
     ----------
+    loads : Loads
+    there : Field
+        Flag: a contact with a place.
     near : Field
         Logic map: taxels in contact and their neighbours, which carry the shear.
-    cells : Field
-        Their number.
-    built : Pair
-        What of the shear near the contact the present pull or twist has built up.
-    force_x, force_y, torque : Field
-        Sums of shear, and of its moment about the contact's centre, positive from x to y.
-    force : Field
-        Size of the force.
-    pulled, twisted : Field
-        Flags: which of the two is there and the stronger one.
+    from_row, from_column : Field
+        Cells from the contact's centre, maps.
+    spread : Field
+        Radius of gyration, cells.
+    row, column : Field
+        Its centre.
+    weight : Field
+        Normal load that the centre was taken from.
     """
 
+    loads: Loads
+    there: Field
     near: Field
-    cells: Field
-    built: Pair
-    force_x: Field
-    force_y: Field
-    torque: Field
-    force: Field
-    pulled: Field
-    twisted: Field
+    from_row: Field
+    from_column: Field
+    spread: Field
+    row: Field
+    column: Field
+    weight: Field
 
 
-def pull_of(loads: Loads, patch: Patch) -> Pull:
-    """Return the sideways loads of a frame."""
+@dataclass(frozen=True, slots=True)
+class Side:
+    """A force or a torque on the contact.
+
+    Attributes
+    ----------
+    growth : Growth
+    outweighs : Field
+        Flag: it is the larger one of the two, a torque being a force at the contact's rim.
+    normal, normal_noise : Field
+        Normal load near the contact, and its variance.
+    place_noise : Field
+        Variance of the contact's centre along an axis, cells².
+    memory : LocalMemory
+        Of the taxels near the contact when the load was last at rest.
+    near : Field
+        Those that are near it now.
+    """
+
+    growth: Growth
+    outweighs: Field
+    normal: Field
+    normal_noise: Field
+    place_noise: Field
+    memory: LocalMemory
+    near: Field
+
+    def close(self, kept: Field) -> None:
+        """Store what the next frame needs; `kept` as for `Growth.close`."""
+        anew = self.growth.close(kept)
+        self.memory.store((anew & self.near) | (~anew & self.memory.value))
+
+
+def place_of(loads: Loads, patch: Patch) -> Place:
+    """Return where the contact is."""
     frame = loads.frame
-    near = apply(get_template("smooth"), input=patch.weight) > 0.0
-    from_row, from_column = frame.row - patch.row, frame.column - patch.column
-    x, y = loads.shear_x.sum(), loads.shear_y.sum()
-    torque = (from_column * loads.shear_y - from_row * loads.shear_x).sum()
-    force, size = sqrt(square(x) + square(y)), abs(torque)
-    least = CLEAR * sqrt(loads.shear_noise)
-    cells = float(frame.shape[0] * frame.shape[1])
-    arms = sqrt((square(from_row) + square(from_column)).sum())
-    share = ENGAGED * patch.load
-    sheared = _there(loads, force, maximum(share, least * (2.0 * cells) ** 0.5))
-    turned = _there(loads, size, maximum(share * patch.spread, least * arms))
-    more = force * RADIUS * patch.spread > size
-    free = ~(sheared | turned)
-    return Pull(
+    there = loads.contact & (patch.load > 0.0)
+    near = (apply(get_template("smooth"), input=patch.weight) > 0.0) & loads.healthy
+    row, column = (where(there, place, 0.0) for place in (patch.row, patch.column))
+    return Place(
+        loads=loads,
+        there=there,
         near=near,
-        cells=maximum(near.count(), 1.0),
-        built=Pair(
-            where(near, _built(frame, loads.shear_x, free), 0.0),
-            where(near, _built(frame, loads.shear_y, free), 0.0),
-        ),
-        force_x=x,
-        force_y=y,
-        torque=torque,
-        force=force,
-        pulled=sheared & more,
-        twisted=turned & ~more,
+        from_row=frame.row - row,
+        from_column=frame.column - column,
+        spread=where(there, maximum(patch.spread, SMALLEST), SMALLEST),
+        row=row,
+        column=column,
+        weight=patch.load,
     )
 
 
-def _there(loads: Loads, size: Field, least: Field) -> Field:
-    """Return whether a load is there: above its least value, and from then on above half of it."""
-    before = loads.frame.memory(scalar=True, logic=True)
-    now = loads.contact & ((size > least) | (before.value & (size > 0.5 * least)))
-    before.store(now)
-    return now
+def force_on(contact: Place) -> Side:
+    """Return the force on a contact, x and y, beside the torque."""
+    return _side(contact, PULL, torque=False)
 
 
-def _built(frame: FrameFields, value: Field, free: Field) -> Field:
-    held = frame.memory()
-    held.store(held.value + where(free, LEARN, 0.0) * (value - held.value))
-    return value - held.value
+def torque_on(contact: Place) -> Side:
+    """Return the torque about the contact's centre, positive from x to y, beside the force."""
+    return _side(contact, TWIST, torque=True)
+
+
+def _side(contact: Place, law: Law, *, torque: bool) -> Side:
+    loads, frame = contact.loads, contact.loads.frame
+    memory = frame.memory(logic=True)
+    held, now = (where(near, 1.0, 0.0) for near in (memory.value, contact.near))
+    away = square(contact.from_row) + square(contact.from_column)
+    cells, arms = held.sum(), (held * away).sum()
+    force, moment, normal = _sums(contact, held)
+    force_now, moment_now, normal_now = _sums(contact, now)
+    normal_noise = loads.normal_noise * cells
+    growth = Growth(
+        frame,
+        contact.there,
+        Reading(
+            load=moment if torque else force,
+            beside=force if torque else moment,
+            load_now=moment_now if torque else force_now,
+            beside_now=force_now if torque else moment_now,
+            noise=loads.shear_noise * (arms if torque else cells),
+            normal=normal,
+            normal_now=normal_now,
+            normal_noise=normal_noise,
+            arm=contact.spread if torque else frame.constant(1.0),
+        ),
+        law,
+        early=1.0 if torque else LOOSE,
+    )
+    own, other = length(growth.acts), length(growth.beside)
+    rim = RADIUS * contact.spread
+    return Side(
+        growth=growth,
+        outweighs=own > other * rim if torque else own * rim > other,
+        normal=normal,
+        normal_noise=normal_noise,
+        place_noise=where(
+            contact.there, loads.normal_noise * arms / (2.0 * square(contact.weight)), 0.0
+        ),
+        memory=memory,
+        near=contact.near,
+    )
+
+
+def _sums(contact: Place, near: Field) -> tuple[tuple[Field, Field], tuple[Field], Field]:
+    """Return force, torque and normal load over some taxels."""
+    loads = contact.loads
+    x, y = near * loads.shear_x, near * loads.shear_y
+    moment = (contact.from_column * y - contact.from_row * x).sum()
+    return (x.sum(), y.sum()), (moment,), (near * loads.normal).sum()

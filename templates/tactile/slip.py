@@ -1,31 +1,52 @@
-"""Slip of an object that the array felt touch: incipient, gross, and where to."""
+"""Slip of an object that the array felt touch: incipient, gross, and where to.
+
+A force that an object puts on the skin at a constant speed grows by Mindlin's law,
+Q = μP (1 − (1 − t/T)^(3/2)), and all of the contact slips at T; c/a = √(1 − t/T) of it sticks until
+then. So the program asks how much of that law the force has gone through, whatever the friction,
+the speed, the cover and the size of the contact are. Where a few frames can not tell slip from a
+pull that has stopped, the contact tells: it moves on.
+"""
 
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, minimum, where
+from cnnum.programs.fields import Field, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.latch import lasting, latched, twice
-from cnnum.templates.tactile.loads import PUSH, Loads, loads_of, patch_of
-from cnnum.templates.tactile.pull import Pull, pull_of
-from cnnum.templates.tactile.sticking import Sticking, sticking_of
+from cnnum.templates.tactile.latch import latched
+from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
+from cnnum.templates.tactile.pull import RADIUS, Place, Side, place_of, force_on
 
-INCIPIENT = 0.065
-"""Looseness at which the stick radius is half the contact radius (seven eighths of μP, in a pull
-that only grows). Set on simulated pulls: noise of 2.5 mV, covers of 0.7 to 1.3 mm, taxels 1.5 mm
-apart, contacts of 2 to 3 mm radius, at 200 Hz. Under thicker covers and bumps, which blur the stick
-disc, it comes later."""
+STOPS = 5.0
+"""How much more often a pull that is over has stopped than slipped, before it is looked at: only a
+force that bends as Mindlin's does is called slip, or one whose object moves on."""
 
-GROSS = 0.45
-"""`stick` of gross slip: well below the 0.7 to 0.8 that is left just before it, yet far enough from
-0 to be quick."""
+GROSS = 0.3
+"""Belief in gross slip at which it is reported."""
+
+INCIPIENT = 0.4
+"""Belief that less than half the contact radius sticks by the next frame, at which incipient slip
+is reported; stops count as much as slips here, since it warns."""
+
+ENGAGED = 0.2
+"""Share of the normal load that the force has at least. Rubber's friction is seldom below 0.3, and
+taxels under a cover read 0.75 to 5 times as much of a shear load as of a normal one."""
+
+STEADY = 0.3
+"""Largest change of the normal load, as a share of the force, under which a force counts: beyond,
+the grip changes."""
+
+MOVES = 4.0
+"""Standard deviations by which the contact must have moved on along the pull."""
+
+ASIDE = 2.0
+"""The same by which it may have moved more sideways than along."""
 
 
 @program
 def slip(
     frame: FrameFields, *, push: float = PUSH, incipient: float = INCIPIENT, gross: float = GROSS
 ) -> Mapping[str, Field]:
-    """Slip between the skin and what touches it, from how the shear map grows.
+    """Slip between the skin and what touches it, from how the shear force grows.
 
     The stream must begin without contact: its first frames say what rest is.
 
@@ -36,67 +57,71 @@ def slip(
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
-    incipient : float
-        Looseness (1 − `stick`, see `sticking`) from which slip is incipient.
-    gross : float
-        `stick` below which it is gross.
+    incipient, gross : float
+        Beliefs, 0 to 1, from which either is reported.
 
     Returns
     -------
     mapping
         `incipient_slip`, `gross_slip` (flags, never both; until the pull is over), `slip_x`,
         `slip_y` (unit vector, along columns and rows, of the object's motion or the tendency to
-        it; 0 without a pull), `slip_strength` (0 sticks, 1 slides), `stick_map` (logic: contact
-        that took up its share of the last increment).
+        it; 0 without a pull), `slip_strength` (1 − c/a: 0 sticks, 1 slides), `stick_map` (logic:
+        the loaded taxels within the stick radius c of the contact's centre).
     """
     loads = loads_of(frame, push)
-    patch = patch_of(loads)
-    pull = pull_of(loads, patch)
-    return slip_of(loads, pull, sticking_of(loads, pull), incipient=incipient, gross=gross)
+    contact = place_of(loads, patch_of(loads))
+    return slip_of(contact, incipient=incipient, gross=gross)
 
 
 def slip_of(
-    loads: Loads,
-    pull: Pull,
-    sticking: Sticking,
-    *,
-    incipient: float = INCIPIENT,
-    gross: float = GROSS,
+    contact: Place, *, incipient: float = INCIPIENT, gross: float = GROSS
 ) -> Mapping[str, Field]:
     """Return the outputs of `slip` from what other programs share with it."""
-    frame = loads.frame
-    holds = lasting(frame, pull.force, pull.pulled)
-    creeps = sticking.grows & (sticking.loose > incipient)
-    begun = latched(frame, holds, twice(frame, creeps))
-    gone = latched(frame, holds & begun, sticking.goes & (abs(sticking.travel) < gross))
+    loads, force = contact.loads, force_on(contact)
+    frame, grows, found = loads.frame, force.growth.grows, force.growth.found
+    believed = found.growing + STOPS * found.stopped
+    change = force.growth.steady < STEADY * force.growth.size + 5.0 * sqrt(force.normal_noise)
+    engaged = force.outweighs & (force.growth.size > ENGAGED * force.normal) & change
+    bends = found.passed > gross * believed
+    gone = latched(frame, grows, engaged & (bends | _moves_on(contact, force)))
+    warns = found.soon > incipient * (found.growing + found.stopped)
+    begun = latched(frame, grows, engaged & warns)
+    force.close(gone)
+    sticks = where(grows, found.sticks / (found.growing + found.stopped), 1.0)
+    sticks = where(gone, 0.0, sticks)
+    x, y = force.growth.acts
+    size = sqrt(square(x) + square(y))
+    pulled = grows & (size > 0.0)
     return {
         "incipient_slip": begun & ~gone,
         "gross_slip": gone,
-        "slip_x": where(pull.pulled, pull.force_x / pull.force, 0.0),
-        "slip_y": where(pull.pulled, pull.force_y / pull.force, 0.0),
-        "slip_strength": _strength(loads, sticking, holds, gone),
-        "stick_map": _sticks(loads, pull, sticking, holds, gone),
+        "slip_x": where(pulled, x / size, 0.0),
+        "slip_y": where(pulled, y / size, 0.0),
+        "slip_strength": where(contact.there & force.outweighs, 1.0 - sticks, 0.0),
+        "stick_map": _sticks(contact, sticks),
     }
 
 
-def _strength(loads: Loads, sticking: Sticking, holds: Field, gone: Field) -> Field:
-    """Return 1 − stick, held where a frame does not tell it."""
-    memory = loads.frame.memory(scalar=True)
-    loose = minimum(maximum(sticking.loose, 0.0), 1.0)
-    value = where(holds, where(sticking.grows, loose, memory.value), 0.0)
-    value = where(gone, 1.0, value)
-    memory.store(value)
-    return value
+def _moves_on(contact: Place, force: Side) -> Field:
+    """Return whether the contact has moved on along a force that does not grow any more."""
+    frame, growth = contact.loads.frame, force.growth
+    start = [frame.memory(scalar=True) for _ in range(2)]
+    way = list[Field]()
+    for memory, now in zip(start, (contact.column, contact.row), strict=True):
+        begun = where(growth.stops, now, memory.value)
+        memory.store(begun)
+        way.append(now - begun)
+    (x, y), (to_x, to_y) = way, growth.load
+    along = (x * to_x + y * to_y) / growth.size
+    across = abs(x * to_y - y * to_x) / growth.size
+    noise = sqrt(force.place_noise)
+    moved = (along > MOVES * 2.0**0.5 * noise) & (across < along + ASIDE * noise)
+    return growth.still & ~growth.stops & moved
 
 
-def _sticks(loads: Loads, pull: Pull, sticking: Sticking, holds: Field, gone: Field) -> Field:
-    """Return where shear grows at least half as fast as it does on the whole."""
-    frame, shear, built = loads.frame, sticking.shear, pull.built
-    along = shear.x * built.x + shear.y * built.y
-    own = built.x * built.x + built.y * built.y
-    memory = frame.memory(logic=True)
-    share = along * own.sum() > 0.5 * own * along.sum()
+def _sticks(contact: Place, sticks: Field) -> Field:
+    """Return the loaded taxels within the stick radius; the contact's is √2.5 gyration radii."""
+    loads = contact.loads
     loaded = loads.contact & (loads.normal > 0.1 * loads.normal.max())
-    now = where(sticking.grows, share, where(holds, memory.value, loaded)) & ~gone
-    memory.store(now)
-    return now & loaded
+    away = square(contact.from_row) + square(contact.from_column)
+    return loaded & (away < square(sticks * RADIUS * contact.spread)) & (sticks > 0.0)

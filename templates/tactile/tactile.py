@@ -10,10 +10,9 @@ from cnnum.templates.tactile.contact import contact_of
 from cnnum.templates.tactile.edges import edges_of
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.localize import localize_of
-from cnnum.templates.tactile.pull import pull_of
+from cnnum.templates.tactile.pull import place_of
 from cnnum.templates.tactile.slip import slip_of
-from cnnum.templates.tactile.sticking import sticking_of
-from cnnum.templates.tactile.twist import twist_of
+from cnnum.templates.tactile.twist import RATE, twist_of
 from cnnum.templates.tactile.unblur import DEPTH, READS
 
 
@@ -24,6 +23,7 @@ def tactile(
     push: float = PUSH,
     depth: float = DEPTH,
     reads: Reads = READS,
+    rate: float = RATE,
 ) -> Mapping[str, Field]:
     """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.
 
@@ -38,6 +38,8 @@ def tactile(
         rise under a push.
     depth, reads
         See `edges`.
+    rate : float, Hz
+        See `twist`.
 
     Returns
     -------
@@ -45,13 +47,11 @@ def tactile(
         All outputs of `contact`, `slip`, `twist`, `edges` and `localize`.
     """
     loads = loads_of(frame, push)
-    patch = patch_of(loads)
-    pull = pull_of(loads, patch)
-    sticking = sticking_of(loads, pull)
+    place = place_of(loads, patch_of(loads))
     return {
         **contact_of(loads),
-        **slip_of(loads, pull, sticking),
-        **twist_of(loads, patch, pull, sticking),
+        **slip_of(place),
+        **twist_of(place, rate=rate),
         **edges_of(loads, depth=depth, reads=reads),
         **localize_of(loads),
     }

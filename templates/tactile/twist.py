@@ -1,23 +1,37 @@
-"""Twist of an object on the skin: that it turns, which way, and about where."""
+"""Twist of an object on the skin: that it turns, which way, how fast, and about where.
+
+A torque at a constant rate grows by Lubkin's law; the program asks how much of it the torque has
+gone through, as `slip` does with the force.
+"""
 
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, minimum, where
+from cnnum.programs.fields import Field, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.latch import lasting, latched, twice
-from cnnum.templates.tactile.loads import PUSH, Loads, Patch, loads_of, patch_of
-from cnnum.templates.tactile.pull import Pull, pull_of
-from cnnum.templates.tactile.sticking import Sticking, sticking_of
+from cnnum.templates.tactile.latch import latched
+from cnnum.templates.tactile.laws import CURVE
+from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
+from cnnum.templates.tactile.pull import RADIUS, Place, place_of, torque_on
 
-SLIPS = 0.17
-"""Looseness at which the stick radius under a torque is half the contact radius, set as for slip.
-More than under a force, since the outer ring carries more of a torque."""
+TURNS = 0.5
+"""Belief that half the contact radius slips, at which a twist is reported."""
+
+ENGAGED = 0.2
+"""Share of the normal load, at the contact's radius of gyration, that the torque has at least."""
+
+STEADY = 0.3
+"""Largest change of the normal load, at that radius, as a share of the torque."""
+
+RATE = 200.0
+"""Frames a second that `twist_rate` is for, unless told otherwise."""
 
 
 @program
-def twist(frame: FrameFields, *, push: float = PUSH, slips: float = SLIPS) -> Mapping[str, Field]:
-    """Twist of what touches the skin, from how the shear about the contact's centre grows.
+def twist(
+    frame: FrameFields, *, push: float = PUSH, turns: float = TURNS, rate: float = RATE
+) -> Mapping[str, Field]:
+    """Twist of what touches the skin, from how the torque about the contact's centre grows.
 
     The stream must begin without contact: its first frames say what rest is.
 
@@ -28,37 +42,58 @@ def twist(frame: FrameFields, *, push: float = PUSH, slips: float = SLIPS) -> Ma
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
-    slips : float
-        Looseness (1 − `stick`, see `sticking`) from which the object turns on the skin.
+    turns : float
+        Belief, 0 to 1, that half the contact radius slips, from which a twist is reported.
+    rate : float, Hz
+        Of the frames.
 
     Returns
     -------
     mapping
         `twist` (flag, until the torque is let go), `twist_sense` (+1 from x to y, that is from
         columns to rows, clockwise as seen from above; −1; 0 without a torque), `twist_strength`
-        (0 sticks, 1 turns freely), `twist_row`, `twist_column` (centre, cells).
+        (1 − c/a: 0 sticks, 1 turns freely), `twist_rate` (rad/s, while a torque grows or is held;
+        of strain or calibrated shear, see `rate_of`), `twist_row`, `twist_column` (centre, cells).
     """
     loads = loads_of(frame, push)
-    patch = patch_of(loads)
-    pull = pull_of(loads, patch)
-    return twist_of(loads, patch, pull, sticking_of(loads, pull), slips=slips)
+    contact = place_of(loads, patch_of(loads))
+    return twist_of(contact, turns=turns, rate=rate)
 
 
-def twist_of(
-    loads: Loads, patch: Patch, pull: Pull, sticking: Sticking, *, slips: float = SLIPS
-) -> Mapping[str, Field]:
+def twist_of(contact: Place, *, turns: float = TURNS, rate: float = RATE) -> Mapping[str, Field]:
     """Return the outputs of `twist` from what other programs share with it."""
-    frame = loads.frame
-    holds = lasting(frame, abs(pull.torque), pull.twisted)
-    creeps = sticking.grows & (sticking.loose > slips)
-    memory = frame.memory(scalar=True)
-    loose = minimum(maximum(sticking.loose, 0.0), 1.0)
-    strength = where(holds, where(sticking.grows, loose, memory.value), 0.0)
-    memory.store(strength)
+    torque = torque_on(contact)
+    growth, found = torque.growth, torque.growth.found
+    believed = found.growing + found.stopped
+    change = growth.steady < STEADY * growth.size + 5.0 * contact.spread * sqrt(torque.normal_noise)
+    engaged = (growth.size > ENGAGED * torque.normal * contact.spread) & torque.outweighs & change
+    turned = latched(contact.loads.frame, growth.grows, engaged & (found.passed > turns * believed))
+    torque.close(turned)
+    twisted = growth.grows & torque.outweighs
+    sense = where(growth.acts[0] > 0.0, 1.0, -1.0)
+    pace = sqrt(found.pace / found.growing)
     return {
-        "twist": latched(frame, holds, twice(frame, creeps)),
-        "twist_sense": where(pull.twisted, where(pull.torque > 0.0, 1.0, -1.0), 0.0),
-        "twist_strength": strength,
-        "twist_row": patch.row,
-        "twist_column": patch.column,
+        "twist": turned,
+        "twist_sense": where(twisted, sense, 0.0),
+        "twist_strength": where(twisted, 1.0 - found.sticks / believed, 0.0),
+        "twist_rate": where(twisted, sense * rate * rate_of(pace, contact.spread), 0.0),
+        "twist_row": contact.row,
+        "twist_column": contact.column,
     }
+
+
+def rate_of(pace: Field, spread: Field) -> Field:
+    """Return the rate of a twist, rad a frame, from the law that its torque follows.
+
+    A contact that sticks takes the torque 16 G a³ θ / 3 (Reissner and Sagoci), and the moment of
+    the shear strain over the taxels' plane is that torque over 2 G and the pitch cubed.
+
+    Parameters
+    ----------
+    pace : Field
+        The law's last moment over its time, cells a frame.
+    spread : Field
+        Radius of gyration of the contact, cells.
+    """
+    radius = RADIUS * spread
+    return 0.375 * CURVE[0] * pace / (radius * radius * radius)

@@ -1,0 +1,227 @@
+"""How long a load that grows has to go: 256 answers weighed at once, each in a cell of its own.
+
+Every cell holds one hypothesis T of the time that a law of growth is named after, and fits the law
+with that T to all that the load has been (least squares with a forgotten past, one amplitude a
+component, and an offset for what had grown before it was noticed). A second fit in the same cell is
+the rival: the load began to follow the law and stopped at T. The residues' likelihoods say how much
+each is to be believed.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+
+import numpy as np
+
+from cnnum.programs.fields import Field, exp, maximum, minimum, where
+from cnnum.programs.machine import FrameFields
+from cnnum.templates.tactile.laws import Law
+
+COUNT = 256
+SHORTEST, LONGEST = 2.0, 1500.0
+"""Frames: from what two frames can tell to 1.5 s at 1000 frames a second."""
+
+RATIO = (LONGEST / SHORTEST) ** (1.0 / (COUNT - 1))
+"""One hypothesis over the one before: 2.6 %, between which the weights interpolate."""
+
+STOP = 0.35
+"""Where on its law a load stands that stopped: of the force 48 %, of the torque 53 %. Their growth
+up to there is straight enough to stand for any stop that is well before slip."""
+
+FORGET, FORGET_MORE, LONG = 1.0, 2.0, 200.0
+"""Past counts with (time/now)^p, p from 1 to 3 as a pull grows to 200 frames long: what a law says
+of its end needs its speed to be constant lately, not always."""
+
+TRUST = 0.002
+"""RMS share of a load by which its law is off: what sums over taxels make of a contact that they
+sample coarsely."""
+
+ALONE = 8.0
+"""Frames over which that error stays the same, for it is not noise: more frames do not average it
+out."""
+
+TINY = 1e-30
+
+
+@dataclass(frozen=True, slots=True)
+class Weighed:
+    """What the hypotheses come to, as sums of weights; the largest weight is 1.
+
+    Attributes
+    ----------
+    growing, stopped : Field
+        Of all that follow the law, and of all that follow its rival.
+    passed, ended : Field
+        Of those among either whose time is over.
+    soon : Field
+        Of those that follow the law and are beyond `early` of their time by the next frame.
+    sticks : Field
+        Both kinds' c/a, weighed.
+    pace : Field
+        Amplitude over time of those that follow the law, weighed: the first slope of the load.
+    """
+
+    growing: Field
+    stopped: Field
+    passed: Field
+    ended: Field
+    soon: Field
+    sticks: Field
+    pace: Field
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Sums of one law in one group of cells, and how well it fits.
+
+    Attributes
+    ----------
+    times : Field
+        Hypotheses, frames.
+    likelihood : Field
+        Its logarithm, up to a constant that all fits share.
+    amplitude : Field
+        The law's last load, square.
+    """
+
+    times: Field
+    likelihood: Field
+    amplitude: Field
+
+
+def weighed(
+    frame: FrameFields,
+    law: Law,
+    load: Sequence[Field],
+    *,
+    runs: Field,
+    age: Field,
+    offset: Field,
+    noise: Field,
+    early: float,
+) -> Weighed:
+    """Return the weights of all hypotheses after this frame's load.
+
+    Parameters
+    ----------
+    frame : FrameFields
+    law : Law
+    load : sequence of Field
+        Components of the load since it began, numbers.
+    runs : Field
+        Flag: the load grows; in frames without it everything is forgotten.
+    age : Field
+        Frames since it began, this one counted.
+    offset : Field
+        What it may have been at age 0, RMS.
+    noise : Field
+        Variance of a component.
+    early : float
+        Share of its time for `soon`.
+    """
+    keep = _keep(age)
+    count = _summed(frame, runs, keep, frame.constant(1.0), scalar=True)
+    sums = [_summed(frame, runs, keep, part, scalar=True) for part in load]
+    size = sum((part * part for part in load[1:]), start=load[0] * load[0])
+    peak = _largest(frame, runs, size)
+    variance = maximum(noise + TRUST**2 * peak * maximum(count / ALONE, 1.0), TINY)
+    free = count + variance / maximum(offset * offset, TINY)
+    fits: list[Fit] = []
+    rivals: list[Fit] = []
+    for times in hypotheses(frame):
+        share = age / times
+        for found, shape in (
+            (fits, law.load(share)),
+            (rivals, law.load(STOP * minimum(share, 1.0))),
+        ):
+            found.append(_fit(frame, times, shape, load, sums, runs, keep, free, variance))
+    return _weights(law, age, fits, rivals, early)
+
+
+def hypotheses(frame: FrameFields) -> list[Field]:
+    """Return the times in frames, as many maps as it takes to hold them all."""
+    rows, columns = frame.shape
+    cells = rows * columns
+    groups = -(-COUNT // cells)
+    times = SHORTEST * RATIO ** np.arange(groups * cells)
+    return [frame.constant(part.reshape(frame.shape)) for part in np.split(times, groups)]
+
+
+def _keep(age: Field) -> Field:
+    """Return what is left of the past's weight."""
+    power = FORGET + FORGET_MORE * minimum(age / LONG, 1.0)
+    return where(age > power, 1.0 - power / age, 1.0)
+
+
+def _summed(
+    frame: FrameFields, runs: Field, keep: Field, value: Field, *, scalar: bool = False
+) -> Field:
+    memory = frame.memory(scalar=scalar)
+    now = where(runs, keep * memory.value + value, 0.0)
+    memory.store(now)
+    return now
+
+
+def _largest(frame: FrameFields, runs: Field, size: Field) -> Field:
+    memory = frame.memory(scalar=True)
+    now = where(runs, maximum(memory.value, size), 0.0)
+    memory.store(now)
+    return now
+
+
+def _fit(
+    frame: FrameFields,
+    times: Field,
+    shape: Field,
+    load: Sequence[Field],
+    sums: Sequence[Field],
+    runs: Field,
+    keep: Field,
+    free: Field,
+    variance: Field,
+) -> Fit:
+    mean = _summed(frame, runs, keep, shape)
+    own = maximum(_summed(frame, runs, keep, shape * shape) - mean * mean / free, TINY)
+    along = [
+        _summed(frame, runs, keep, shape * part) - mean * total / free
+        for part, total in zip(load, sums, strict=True)
+    ]
+    power = reduce(add, [part * part for part in along]) / own
+    return Fit(times, power / (2.0 * variance), power / own)
+
+
+def _weights(
+    law: Law, age: Field, fits: Sequence[Fit], rivals: Sequence[Fit], early: float
+) -> Weighed:
+    best = reduce(maximum, [fit.likelihood.max() for fit in (*fits, *rivals)])
+    weights = [exp(fit.likelihood - best) for fit in fits]
+    against = [exp(fit.likelihood - best) for fit in rivals]
+    times = [fit.times for fit in fits]
+    next_age = (age + 1.0) / early
+    stuck = [
+        weight * law.sticks(age / time) + rival * law.sticks(STOP * minimum(age / time, 1.0))
+        for weight, rival, time in zip(weights, against, times, strict=True)
+    ]
+    pace = [
+        weight * fit.amplitude / (fit.times * fit.times)
+        for weight, fit in zip(weights, fits, strict=True)
+    ]
+    return Weighed(
+        growing=_total(weights),
+        stopped=_total(against),
+        passed=_total([w * _over(age, t) for w, t in zip(weights, times, strict=True)]),
+        ended=_total([w * _over(age, t) for w, t in zip(against, times, strict=True)]),
+        soon=_total([w * _over(next_age, t) for w, t in zip(weights, times, strict=True)]),
+        sticks=_total(stuck),
+        pace=_total(pace),
+    )
+
+
+def _over(age: Field, times: Field) -> Field:
+    """Return whether a time is over: 0 to 1 over the distance to the next hypothesis."""
+    return minimum(maximum((age / times - 1.0) / (RATIO - 1.0) + 0.5, 0.0), 1.0)
+
+
+def _total(maps: Sequence[Field]) -> Field:
+    return reduce(add, maps).sum()
