@@ -2,9 +2,11 @@
 
 import pytest
 
+from cnnum.bench.scene_costs import measure_scenes
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Transient
 from cnnum.graph.passes import schedule
+from cnnum.pipeline import load_scene
 from cnnum.templates.tactile.tactile import tactile
 
 GRAPH = tactile.trace((8, 8))
@@ -69,3 +71,111 @@ def test_maps_are_read_back_only_where_wanted(opencl):
     assert maps.maps_read_back == ("contact_map",)
     assert flags.bytes_out == 4
     assert flags.bytes_in == 4 * 64
+
+
+SCENES = {
+    # scene: channels that it reads, maps that it reads back, templates that it does without
+    "contact": (("normal",), (), ("smooth", "unmix")),
+    "edges": (("normal",), ("edges",), ("smooth", "unmix")),
+    "slip": (FORCE_AXES, (), ("unmix",)),
+    "twist": (FORCE_AXES, (), ("unmix",)),
+    "localize": (
+        FORCE_AXES,
+        ("bump_contact", "bump_load_x", "bump_load_y", "bump_load_normal"),
+        ("smooth", "contact_threshold"),
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return load_scene("tactile")
+
+
+def texts_of(source):
+    """What a kernel's text reads, keeps and gives: lines by where they go."""
+    body = source[source.index("__kernel") :].splitlines()
+    return {
+        name: [line for line in body if f"{call}({name} +" in line]
+        for name, call in (("input", "gather"), ("output", "scatter"))
+    }
+
+
+def test_everything_is_everything(whole):
+    assert set(whole.plan.schedule.outputs) == set(WHOLE.outputs)
+    assert {rule.kind for rule in whole.rules} == {"contact", "slip", "twist", "edge"}
+    assert not [item for item in whole.plan.explain().left_out if item.what.startswith("output")]
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scene_runs_what_it_wants_and_no_more(name, whole, opencl):
+    channels, maps, without = SCENES[name]
+    scene = load_scene(name, engine=opencl)
+    plan, everything = scene.plan.explain(), whole.plan.explain()
+    assert (plan.channels_read, plan.maps_read_back) == (channels, maps)
+    numbers = len(scene.plan.schedule.outputs) - len(maps)
+    assert plan.bytes_in == 4 * 64 * len(channels)
+    assert plan.bytes_out == 4 * (64 * len(maps) + numbers) < everything.bytes_out / 2
+    assert plan.ops < everything.ops
+    assert plan.flops < everything.flops
+    # what is gone is said, and nothing else is
+    gone = {item.what.removeprefix("output ") for item in plan.left_out if "output " in item.what}
+    assert gone == set(WHOLE.outputs) - set(scene.plan.schedule.outputs)
+    for template in without:
+        assert f"template {template}" in {item.what for item in plan.left_out}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_kernel_and_buffers_hold_no_more_than_that(name, whole, opencl):
+    channels, maps, without = SCENES[name]
+    scene = load_scene(name, engine=opencl)
+    text, everything = scene.plan.source, whole.plan.source
+    lines, all_lines = texts_of(text), texts_of(everything)
+    assert len(lines["input"]) == len(channels)
+    # a line for every output, and one that says whether all came to its end
+    assert len(lines["output"]) == len(scene.plan.schedule.outputs) + 1
+    assert len(all_lines["output"]) == len(WHOLE.outputs) + 1
+    for template in without:
+        assert f"// {template}: " not in text
+        assert f"// {template}: " in everything
+    assert len(text) < len(everything)
+    executable = scene.plan.executable
+    one = executable.one(executable.new_memory(1))
+    numbers = len(scene.plan.schedule.outputs) - len(maps)
+    assert len(one.packed) == 64 * len(maps) + numbers + 1
+
+
+def test_values_that_travel_are_those_of_channels_that_are_read(opencl):
+    scene = load_scene("contact", engine=opencl)
+    frame = next(iter(scene.driver.frames()))
+    way = scene.way()
+    assert frame.values.shape == (8, 8, 4)
+    assert way.step(0, frame).values.shape == (8, 8, 1)
+    assert scene.plan.executable.one(scene.plan.executable.new_memory(1)).shape == (8, 8, 1)
+
+
+@pytest.mark.parametrize("name", ["contact", "slip", "twist"])
+def test_events_are_those_of_the_scene_that_wants_everything(name, opencl):
+    """What is left out changes nothing of what is left."""
+    kinds = {"contact": {"contact", "release"}}.get(name, {name})
+
+    def events(scene):
+        return [event for event in load_scene(scene, engine=opencl).events() if event.kind in kinds]
+
+    thin, full = events(name), events("tactile")
+    assert thin
+    assert [(e.t, e.kind, e.phase) for e in thin] == [(e.t, e.kind, e.phase) for e in full]
+
+
+def test_leaving_out_saves_time(opencl):
+    """Each frame goes through all scenes in turn, so that a busy machine slows all of them.
+
+    Contact takes a third of everything where nothing else runs; a half leaves room for machines
+    whose launches cost more.
+    """
+    rows = {row.case: row for row in measure_scenes(opencl, rounds=1)}
+    assert rows["tactile"].share == 1.0
+    assert rows["contact"].share < 0.5
+    assert all(rows[name].share < 0.9 for name in SCENES)
+    assert all(rows[name].saved_us > 0.0 for name in SCENES)
+    assert rows["contact"].ops < rows["tactile"].ops / 5
