@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import cnnum
+from cnnum.engines.opencl import executable
 from cnnum.engines.opencl.devices import choose_device, list_devices
 from cnnum.engines.opencl.inline import VARIABLE, partner_of
 
@@ -36,10 +37,10 @@ def test_partners_are_not_listed():
 
 @needs_partner
 def test_single_frames_run_elsewhere_and_batches_do_not():
-    executable = cnnum.Engine().compile(half, (4, 5)).executable
+    small = cnnum.Engine().compile(half, (4, 5)).executable
     partner = partner_of(choose_device(None).handle)
-    assert executable.queue_for(1).device == partner
-    assert executable.queue_for(2).device == choose_device(None).handle
+    assert small.queue_for(1).device == partner
+    assert small.queue_for(2).device == choose_device(None).handle
     large = cnnum.Engine().compile(half, (40, 40)).executable
     assert large.queue_for(1).device == choose_device(None).handle
 
@@ -81,3 +82,13 @@ def test_what_is_not_finite_is_refused_the_quick_way_too():
         stream.push(np.ones((4, 5, 3)))
     with pytest.raises(cnnum.CnnumError, match="finite"):
         stream.push(np.full((4, 5, 3), np.nan))
+
+
+def test_devices_that_share_no_memory_are_sent_copies(monkeypatch):
+    monkeypatch.setattr(executable, "shares_memory", lambda device: False)
+    stream = cnnum.Engine().compile(half, (4, 5)).stream()
+    frames = np.random.default_rng(4).uniform(-1, 1, (3, 4, 5, 3))
+    got = [stream.push(frame) for frame in frames]
+    for now, before, out in zip(frames, [frames[0], *frames], got, strict=False):
+        np.testing.assert_allclose(out["half"], 0.5 * now[..., 2], rtol=1e-6)
+        np.testing.assert_allclose(out["before"], before[..., 2], rtol=1e-6)
