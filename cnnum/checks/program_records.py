@@ -55,6 +55,8 @@ class ProgramForm:
         Why it is not smaller.
     summary : str
         What the answer is.
+    engines : tuple of str
+        Those that come to an answer within a minute.
     """
 
     name: str
@@ -65,3 +67,4 @@ class ProgramForm:
     tolerance: float
     tolerance_reason: str
     summary: str
+    engines: tuple[str, ...] = ("opencl", "numba", "reference")

@@ -88,7 +88,7 @@ def check(
                 output.record(asdict(results[-1]))
                 steps.advance(template.name)
         for form in forms:
-            for engine in used:
+            for engine in (engine for engine in used if engine.name in form.engines):
                 program = get_program(form.program)
                 result = run_program_check(form, program, engine, seed=seed, shape=shape)
                 results.append(result)

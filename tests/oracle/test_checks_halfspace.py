@@ -1,0 +1,36 @@
+"""The half-space programs against their closed forms, which wrong covers fail."""
+
+import pytest
+
+from cnnum.checks.program_run import run_program_check
+from cnnum.checks.tactile_halfspace import FORMS
+from cnnum.engine import Engine
+from cnnum.program_library import get_program
+
+WRONG = {
+    "halfspace_stress": {"thickness": 1.01e-3},
+    "halfspace_strain": {"thickness": 1.01e-3},
+    "halfspace_layers": {"layers": 4},
+    "halfspace_equilibrium": {"poisson": 0.4},
+    "surface_load": {"likely": 3.1e3},
+}
+ENGINE = Engine("opencl")
+
+
+class Bent:
+    """A program whose last word on its parameters is another."""
+
+    def __init__(self, program, parameters):
+        self.program, self.parameters = program, parameters
+
+    def bind(self, **parameters):
+        return self.program.bind(**{**parameters, **self.parameters})
+
+
+@pytest.mark.parametrize("form", FORMS, ids=lambda form: form.program)
+def test_programs_pass_and_wrong_covers_fail(form):
+    program = get_program(form.program)
+    right = run_program_check(form, program, ENGINE)
+    assert right.passed, (right.error, right.tolerance)
+    wrong = run_program_check(form, Bent(program, WRONG[form.program]), ENGINE)
+    assert wrong.error > form.tolerance
