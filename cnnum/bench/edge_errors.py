@@ -1,0 +1,123 @@
+"""How far found edges lie from the true outlines: `python -m cnnum.bench.edge_errors`.
+
+Frames are closed forms with the noise of Table 3.II; the program knows nothing of them.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.engine import Engine
+from cnnum.program_library import get_program
+from cnnum.tactile.indenters import (
+    Disc,
+    Indenter,
+    Reads,
+    Rectangle,
+    Ring,
+    frame_under,
+    two_bars,
+)
+
+NOISE = 5e-3
+"""2.5 mV of 500 mV."""
+
+DEPTHS = (0.3, 0.5, 0.75, 1.0)
+LARGER = {8: 1.0, 16: 1.6, 32: 2.6}
+KINDS = ("disc", "ring", "rectangle", "two bars", "punch")
+
+
+def indenter(kind: str, size: float, rng: np.random.Generator) -> Indenter:
+    """Draw an indenter of that kind, its angle and place."""
+    angle = float(rng.uniform(0, np.pi))
+    at = (float(rng.uniform(-0.5, 0.5)) * size, float(rng.uniform(-0.5, 0.5)) * size)
+    a, b, c = (float(value) for value in rng.uniform(0.0, 1.0, 3))
+    match kind:
+        case "disc":
+            return Disc(size * (1.8 + a), at)
+        case "ring":
+            return Ring(size * (0.9 + 0.2 * a), size * (2.5 + 0.4 * b), at)
+        case "rectangle":
+            return Rectangle(size * (2.3 + 0.7 * a), size * (3.0 + b), angle, at)
+        case "two bars":
+            gap = size * (1.4 + 0.2 * c)
+            return two_bars(size * (1.5 + 0.5 * a), size * (3.5 + 0.5 * b), gap, angle, at)
+        case "punch":
+            return Disc(size * (1.8 + a), at, "punch")
+        case _:
+            return Disc(size * float(kind), at, "hertz")
+
+
+def found_places(right: Floats, below: Floats) -> Floats:
+    """Return row and column of every place where an outline crosses a link, (places, 2)."""
+    row, col = np.nonzero(right >= 0)
+    across = np.stack([row, col + right[row, col]], axis=-1)
+    row, col = np.nonzero(below >= 0)
+    return np.concatenate([across, np.stack([row + below[row, col], col], axis=-1)])
+
+
+def run_edges(
+    engine: Engine, bodies: Sequence[Indenter], cells: int, depth: float, reads: Reads
+) -> dict[str, Floats]:
+    """Return the outputs of `edges` after rest and three frames of each body, side by side."""
+    loads = np.stack([frame_under(body, (cells, cells), depth, reads) for body in bodies])
+    loads = loads / loads.max(axis=(1, 2), keepdims=True)
+    rng = np.random.default_rng(1)
+    plan = engine.compile(get_program("edges").bind(depth=depth, reads=reads), (cells, cells))
+    stream, outputs = plan.stream((len(bodies),)), dict[str, Floats]()
+    for number in range(21):
+        frame = NOISE * rng.normal(size=(*loads.shape, 3))
+        frame[..., 2] -= loads if number >= 18 else 0.0
+        outputs = stream.push(frame)
+    return outputs
+
+
+def off_outline(body: Indenter, places: Floats, cells: int) -> Floats:
+    """Return the distance of places from an outline, cells."""
+    middle = (cells - 1) / 2
+    return np.abs(body.distance(places[:, 1] - middle, places[:, 0] - middle))
+
+
+def errors_of(
+    engine: Engine, kind: str, cells: int, depth: float, reads: Reads, count: int
+) -> tuple[Floats, int]:
+    """Return the errors of all places of many indenters, and how many of these have no edge."""
+    rng = np.random.default_rng(7)
+    bodies = [indenter(kind, LARGER[cells], rng) for _ in range(count)]
+    got = run_edges(engine, bodies, cells, depth, reads)
+    found = [
+        found_places(right, below)
+        for right, below in zip(got["edge_to_right"], got["edge_to_below"], strict=True)
+    ]
+    off = [off_outline(body, where, cells) for body, where in zip(bodies, found, strict=True)]
+    return np.concatenate(off), sum(len(each) == 0 for each in off)
+
+
+def main(count: int = 60) -> None:
+    """Print the errors of every kind, and the share of smooth contacts with an edge."""
+    engine = Engine()
+    readings: tuple[Reads, Reads] = ("strain", "stress")
+    print("| cells | reads | z/pitch | kind | median | 95 % | below 0.5 | missed |")
+    for cells in LARGER:
+        for reads in readings:
+            for depth in DEPTHS:
+                for kind in KINDS:
+                    off, missed = errors_of(engine, kind, cells, depth, reads, count)
+                    low, high = np.quantile(off, [0.5, 0.95])
+                    share = np.mean(off < 0.5)
+                    print(
+                        f"| {cells} | {reads} | {depth} | {kind} | {low:.2f} | {high:.2f} | "
+                        f"{share:.1%} | {missed}/{count} |"
+                    )
+    for radius in ("2.5", "3.0", "3.3", "3.6"):
+        shares = [
+            count - errors_of(engine, radius, 8, depth, reads, count)[1]
+            for reads in readings
+            for depth in DEPTHS
+        ]
+        print(f"Hertz, radius {radius} cells on 8×8: edges in {sum(shares)} of {8 * count}")
+
+
+if __name__ == "__main__":
+    main()
