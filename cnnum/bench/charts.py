@@ -61,6 +61,11 @@ def latency(rows: Sequence[Row]) -> Picture:
     return bars(rows, ["case", "device"], "p50_us", "µs a frame, median")
 
 
+def scenes(rows: Sequence[Row]) -> Picture:
+    """Return what a frame costs each scene."""
+    return bars(rows, ["case", "device"], "p50_us", "µs a frame, median")
+
+
 def compile_time(rows: Sequence[Row]) -> Picture:
     """Return the cold build time."""
     return bars(rows, ["case", "device"], "cold_s", "s to the first result, empty caches")
@@ -74,16 +79,25 @@ def peers(rows: Sequence[Row]) -> Picture:
 
 
 def scaling(rows: Sequence[Row]) -> Picture:
-    """Return the cost of a cell update along each curve."""
+    """Return the cost of a cell update along each curve, a panel a curve."""
     curves = _curves(rows, ["case"])
-    figure: Picture = Figure(figsize=(4 * len(curves), 3.4), layout="constrained")
+    columns = min(3, len(curves))
+    lines = -(-len(curves) // columns)
+    figure: Picture = Figure(figsize=(5.2 * columns, 3.9 * lines), layout="constrained")
     for place, (case, inside) in enumerate(curves.items()):
-        axes: Axes = figure.add_subplot(1, len(curves), place + 1)
+        axes: Axes = figure.add_subplot(lines, columns, place + 1)
         names = [_place(row) for row in inside]
-        _line(axes, list(range(len(names))), [_value(r, "ns_per_update") for r in inside], case, 0)
-        axes.set_xticks(range(len(names)), names, rotation=60, fontsize=7)
-        axes.set(title=case, ylabel="ns a cell update", yscale="log")
-        axes.grid(visible=True, alpha=0.3)
+        costs = [_value(row, "ns_per_update") for row in inside]
+        _line(axes, list(range(len(names))), costs, case, 0)
+        for at, cost in enumerate(costs):
+            axes.annotate(
+                f"{cost:.2g}", (at, cost), (0, 5), textcoords="offset points", ha="center",
+                fontsize=7,
+            )  # fmt: skip
+        axes.set_xticks(range(len(names)), names, rotation=45, fontsize=8)
+        axes.set(title=f"growing: {case}", ylabel="ns a cell update", yscale="log")
+        axes.margins(y=0.15)
+        axes.grid(visible=True, which="both", alpha=0.3)
     return figure
 
 
@@ -99,6 +113,7 @@ CHARTS: Mapping[str, Callable[[Sequence[Row]], Picture]] = {
     "work-precision": work_precision,
     "throughput": throughput,
     "latency": latency,
+    "scenes": scenes,
     "compile": compile_time,
     "scaling": scaling,
     "peers": peers,

@@ -38,6 +38,9 @@ QUICK_PRECISION = {"opencl": "float32", "numba": "float64"}
 
 PROGRAM_SHAPE, PROGRAM_FRAMES, TRUE_FRAMES = (8, 8), 64, 8
 
+SLOW_REFERENCE = ("halfspace_equilibrium", "halfspace_layers", "surface_load")
+"""Programs of which the reference engine takes longer than ten seconds a frame."""
+
 OMISSIONS = (
     "The reference engine is the truth, so it has no row of its own.",
     "A rung that an engine refuses is left out: a step beyond the stability bound, a propagator "
@@ -51,6 +54,7 @@ OMISSIONS = (
     "8 s (1 s with --quick).",
     "--quick runs OpenCL in float32 and Numba in float64, and programs on OpenCL alone: building "
     "their kernels takes longest.",
+    f"{', '.join(SLOW_REFERENCE)}: a frame takes the reference engine more than ten seconds.",
     "Black-and-white templates are left out: their answer is a decision, with no error but 0 or 2.",
     "A rung is timed no longer than 0.15 s (0.03 s with --quick), but twice at least; building "
     "its kernel is not counted.",
@@ -81,7 +85,8 @@ def engines_here(device: str | None, *, quick: bool = False) -> tuple[Engine, ..
 
 def cases() -> tuple[str, ...]:
     """Return the names of what is measured: templates, then programs."""
-    return (*(template.name for template in wave_templates()), *program_names("tactile"))
+    programs = (name for name in program_names("tactile") if name not in SLOW_REFERENCE)
+    return (*(template.name for template in wave_templates()), *programs)
 
 
 def count(names: Sequence[str], engines: Sequence[Engine], *, quick: bool = False) -> int:
