@@ -61,8 +61,8 @@ def point(x, y, h, cells):
 
 def falls_as_the_square(found):
     ratios = found[:-1] / found[1:]
-    # second order is 4; at one cell a taxel, half the depth, the next term still takes its share
-    return (ratios[1:] >= 3.0).all() and (ratios[1:] <= 5.0).all() and ratios[0] >= 2.0
+    # second order is 4; at one cell a taxel, half the depth, a point load's next term counts still
+    return (ratios[1:] >= 3.0).all() and (ratios[1:] <= 6.5).all() and ratios[0] >= 1.8
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2], ids=["q_x", "q_y", "p"])
