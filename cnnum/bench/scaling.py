@@ -1,5 +1,6 @@
 """How cost grows with the array, the batch, the radius, the layers and the taxel grid."""
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -10,8 +11,16 @@ from cnnum.engine import Engine
 from cnnum.template import Template
 
 STEP = 0.02
-WORK = 6e8
-"""Cell updates a timed run takes at most; a larger case takes fewer steps."""
+WORK = 1.5e8
+"""Updates by nine weights that a timed run takes at most; a larger case takes fewer steps."""
+
+TIME_S = 110.0
+"""s for all places; what is left is shared out evenly, so that builds and slow places use up
+time of later ones. Three turns are taken at each place however little is left, and a run ends
+within three minutes on a machine that is not busy with others' work."""
+
+MOST_S = 3.0
+"""s a place at most: more turns do not tell more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,16 +83,20 @@ def points(*, quick: bool = False) -> tuple[Point, ...]:
 
 
 def measure_scaling(engine: Engine, *, quick: bool = False) -> Iterator[Scaling]:
-    """Yield a row a place."""
-    for point in points(quick=quick):
-        yield _measure(engine, point, budget=0.5 if quick else 2.0)
+    """Yield a row a place, as soon as it is measured."""
+    places = points(quick=quick)
+    until = time.perf_counter() + (0.2 if quick else 1.0) * TIME_S
+    for number, point in enumerate(places):
+        share = (until - time.perf_counter()) / (len(places) - number)
+        # about half of a place's time goes into its builds
+        yield _measure(engine, point, budget=min(MOST_S, max(0.0, 0.5 * share)))
 
 
 def _measure(engine: Engine, point: Point, budget: float) -> Scaling:
     template = full_template(point.radius, point.layers)
     u = maps(point.batch, *point.shape)
     cells = u.size * point.layers
-    few = int(min(max(WORK / (4 * cells * template.A[0].size / 9), 8), 4000))
+    few = int(min(max(WORK / (3 * cells * template.A[0].size / 9), 8), 4000))
 
     def run(steps: int, given: Template = template) -> None:
         engine.run(given, input=u, duration=steps * STEP, dt=STEP)

@@ -87,3 +87,23 @@ def test_every_benchmark_has_a_picture():
     from cnnum.cli.bench import command
 
     assert set(command.commands) == set(CHARTS)
+
+
+def test_growth_ends_in_its_time_on_a_slow_machine(monkeypatch):
+    """Builds and slow places use up what later places may take, and never make the run longer."""
+    from cnnum.bench import scaling
+
+    now, budgets = [0.0], []
+
+    def slow(engine, point, budget):
+        budgets.append(budget)
+        now[0] += 4.0 + budget  # a build of 4 s, and then what it may take
+        return point
+
+    monkeypatch.setattr(scaling, "_measure", slow)
+    monkeypatch.setattr(scaling.time, "perf_counter", lambda: now[0])
+    found = list(scaling.measure_scaling(Engine("reference")))
+    assert found == list(scaling.points())
+    # builds alone take 4 s a place, and the bench has promised to end in 3 minutes
+    assert now[0] < 180.0
+    assert budgets[0] > budgets[-1] >= 0.0
