@@ -107,3 +107,18 @@ def test_growth_ends_in_its_time_on_a_slow_machine(monkeypatch):
     # builds alone take 4 s a place, and the bench has promised to end in 3 minutes
     assert now[0] < 180.0
     assert budgets[0] > budgets[-1] >= 0.0
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_results_are_the_same_to_the_bit_from_run_to_run(precision):
+    """What is timed: adaptive and fixed steps, in a plan built anew each time."""
+    rng, template = generator(), full_template()
+    start, given = rng.uniform(-1, 1, (2, 5, 9, 11))
+    for how in ({"method": "bogacki-shampine"}, {"dt": 0.05}):
+        runs = [
+            Engine(precision=precision).run(template, state=start, input=given, **how)
+            for _ in range(3)
+        ]
+        for again in runs[1:]:
+            assert again.state.tobytes() == runs[0].state.tobytes()
+            assert again.error.tobytes() == runs[0].error.tobytes()
