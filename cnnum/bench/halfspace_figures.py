@@ -51,6 +51,7 @@ def ways_figure(ways: Sequence[Row], love: Sequence[Row]) -> Picture:
     right.set(xscale="log", yscale="log", xlabel="cells a taxel, along each axis")
     right.set(ylabel="largest error / largest stress", title="Against Love and Cerruti patches")
     right.set_xticks([1, 2, 4, 8], ["1", "2", "4", "8"])
+    right.set_xticks([], minor=True)
     _finish(left, right)
     return figure
 
@@ -67,13 +68,13 @@ def equilibrium_figure(rows: Sequence[Row]) -> Picture:
     left.set(xscale="log", yscale="log", xlabel="cells a unit of length (the taxels lie 2 deep)")
     left.set(ylabel="largest error / largest u_z", title="What relaxes, against (4.9)")
     left.set_xticks([1, 2, 3], ["1", "2", "3"])
-    left.minorticks_off()
+    left.set_xticks([], minor=True)
     own = sorted((r for r in rows if r["cells"] == 1), key=lambda r: _number(r["poisson"]))
     gap = [1 - 2 * _number(r["poisson"]) for r in own]
     right.plot(gap, _of(own, "time_constants"), marker="o", label="time constants")
     right.plot(gap, _of(own, "steps"), marker="s", label="steps (of up to 40 stages)")
     right.plot(gap, [1e3 * _number(r["seconds"]) for r in own], marker="D", label="run time, ms")
-    right.set(xscale="log", yscale="log", xlabel="1 − 2ν (ν = 0.49 at the left end)")
+    right.set(xscale="log", yscale="log")
     right.invert_xaxis()
     right.set(title="Work to equilibrium, 8×8 cells × 6 slabs × 3")
     right.set(xlabel="1 − 2ν (ν grows to the right, up to 0.49)")
@@ -116,7 +117,7 @@ def contacts(engine: Engine) -> list[tuple[str, Floats, float]]:
     found = engine.compile(get_program("surface_load"), (8, 8), ["load_normal"])(strain)
     return [
         ("pressure of three contacts", load[..., 2], 1e3),
-        ("ε_zz at taxels under 1 mm, noise 10⁻⁴", strain[..., 2], 1e-3),
+        ("ε_zz under 1 mm, noise 10⁻⁴", strain[..., 2], 1e-3),
         ("surface_load", found["load_normal"], 1e3),
     ]
 
