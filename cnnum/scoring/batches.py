@@ -38,7 +38,7 @@ class Player:
     def __init__(self, engine: Engine, program: str = "tactile") -> None:
         self._engine, self._program = engine, get_program(program)
         self._simulate = Simulator()
-        self._plans: dict[tuple[Shape, float], Plan] = {}
+        self._plans: dict[tuple[object, ...], Plan] = {}
         self._rules = tuple(rule for want in WANTS for rule in EVENT_RULES[want])
 
     def play(self, cases: Iterable[Case]) -> Iterator[Play]:
@@ -49,18 +49,16 @@ class Player:
         CnnumError
             If the program lacks an output, or a contact leaves its array.
         """
-        ordered = sorted(cases, key=lambda c: (c.settings.shape, c.settings.rate, str(c.geometry)))
-        for (shape, rate), group in groupby(
-            ordered, key=lambda case: (case.settings.shape, case.settings.rate)
-        ):
+        ordered = sorted(cases, key=lambda case: (_array(case), str(case.geometry)))
+        for array, group in groupby(ordered, key=_array):
             mine = list(group)
             for first in range(0, len(mine), BATCH):
                 some = [self._simulate(case) for case in mine[first : first + BATCH]]
-                yield from self._run(self._plan(shape, rate), some)
+                yield from self._run(self._plan(*array), some)
 
-    def _plan(self, shape: Shape, rate: float) -> Plan:
-        program = self._bound(rate)
-        key = (shape, rate if program.parameters else 0.0)
+    def _plan(self, shape: Shape, rate: float, depth: float) -> Plan:
+        program = self._bound({"rate": rate, "depth": depth})
+        key = (shape, program.parameters)
         if key not in self._plans:
             known = program.trace(shape).outputs
             needs = [name for rule in self._rules for name in rule.needs]
@@ -70,10 +68,10 @@ class Player:
             )
         return self._plans[key]
 
-    def _bound(self, rate: float) -> Program:
-        """Return the program, told the array's rate if it takes one."""
-        takes = "rate" in inspect.signature(self._program.function).parameters
-        return self._program.bind(rate=rate) if takes else self._program
+    def _bound(self, known: Mapping[str, float]) -> Program:
+        """Return the program, told of the array what it takes: whoever has one knows as much."""
+        takes = inspect.signature(self._program.function).parameters
+        return self._program.bind(**{name: known[name] for name in known if name in takes})
 
     def _run(self, plan: Plan, some: Sequence[Simulated]) -> Iterator[Play]:
         columns = [FORCE_AXES.index(name) for name in plan.schedule.channels]
@@ -104,6 +102,12 @@ def events_of(
         now = {name: values[frame] for name, values in outputs.items()}
         found += detector.update(time, frame, now)
     return tuple(found)
+
+
+def _array(case: Case) -> tuple[Shape, float, float]:
+    """Return what a program is compiled for: shape, frames a second, depth in pitches."""
+    settings = case.settings
+    return settings.shape, settings.rate, settings.thickness / settings.pitch
 
 
 def _play(one: Simulated, outputs: dict[str, Floats], events: tuple[Event, ...]) -> Play:

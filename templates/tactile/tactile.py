@@ -37,7 +37,7 @@ def tactile(
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
     depth, reads
-        See `edges`.
+        See `edges`; the depth is for `twist_rate`, too.
     rate : float, Hz
         See `twist`.
 
@@ -51,7 +51,7 @@ def tactile(
     return {
         **contact_of(loads),
         **slip_of(place),
-        **twist_of(place, rate=rate),
+        **twist_of(place, rate=rate, depth=depth),
         **edges_of(loads, depth=depth, reads=reads),
         **localize_of(loads),
     }

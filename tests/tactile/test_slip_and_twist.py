@@ -1,8 +1,7 @@
-"""Slip and twist against ground truth, and against plain NumPy over a whole recording."""
+"""Slip and twist against ground truth: contact mechanics that the programs do not know."""
 
 import numpy as np
 import pytest
-from scipy.ndimage import maximum_filter
 
 from cnnum.drivers.simulated.script import Phase
 from cnnum.engine import Engine
@@ -99,45 +98,25 @@ def test_what_does_not_slip_is_not_slip(opencl, run, simulate, phases):
         assert not got[name].any(), name
 
 
-def stick_of(strain, contact, window, lead):
-    """(Σ d·c)² / (Σ d² Σ c²) of two plain means of `window` frames, with c from `lead` on."""
-    shear = -(strain[..., :2] - strain[:30, ..., :2].mean(axis=0))
-    built = shear - shear[lead - 8 : lead].mean(axis=0)
-    late = np.lib.stride_tricks.sliding_window_view(shear, window, axis=0).mean(axis=-1)
-    change = np.zeros_like(shear)
-    change[2 * window - 1 :] = late[window:] - late[:-window]
-    near = contact[..., None]
-    dot = (change * built * near).sum(axis=(1, 2, 3))
-    noise = np.diff(strain[:30, ..., :2], axis=0).var() / 2
-    own = (change**2 * near).sum(axis=(1, 2, 3)) - noise * 2 / window * near.sum(axis=(1, 2, 3)) * 2
-    return dot * abs(dot) / (own * (built**2 * near).sum(axis=(1, 2, 3)))
-
-
 @pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16)])
-def test_strength_is_what_numpy_says(opencl, run, simulate, shape):
-    """While a window of 8 frames is the one in use, looseness is that of plain means."""
+def test_strength_is_the_share_that_slips(opencl, run, simulate, shape):
+    """1 − c/a follows Cattaneo and Mindlin, which the simulation's springs solve another way.
+
+    Before a third of the time to slip is over, a few frames' bend in the force does not tell the
+    law from a straight line; later 0.1 of the contact radius is what 2.5 mV of noise leaves.
+    """
     script = (*HELD, Phase("pull", 0.4, speed=1.0e-3, direction=0.3))
     strain, truth = simulate(script=script, shape=shape, seed=4, start=(-0.3e-3, 0.0))
     got = run(opencl, slip, strain)
     lead = int(np.argmax(np.hypot(truth["shear_x"], truth["shear_y"]) > 0))
-    normal = -strain[..., 2]
-    loaded = normal > 0.1 * normal.max(axis=(1, 2), keepdims=True)
-    contact = maximum_filter(loaded, size=(1, 3, 3))
     gross = int(np.argmax(truth["slip"] > 0))
-    loose = [1.0 - stick_of(strain, contact, window, lead) for window in (4, 8, 16)]
-    frames = np.arange(lead + 24, gross - 2)
-    # the program carries looseness on by (age / (age − window))³, with the age to ± 4 frames
-    age = frames - lead
-    carried = [
-        np.clip(part[frames] * (age / (age - window)) ** 3, 0, 1)
-        for part, window in zip(loose, (4, 8, 16), strict=True)
-    ]
-    low, high = np.minimum.reduce(carried), np.maximum.reduce(carried)
-    strength = got["slip_strength"][frames]
-    inside = (strength >= 0.6 * low - 0.02) & (strength <= 1.6 * high + 0.02)
-    assert inside.mean() >= 0.9
+    frames = np.arange(lead + 2 * (gross - lead) // 3, gross + 20)
+    slips = 1.0 - truth["stick_radius"][frames] / truth["contact_radius"][frames]
+    # the jump to 1 as the last of the disc lets go may come five frames off
+    near = np.abs(got["slip_strength"][frames] - slips) <= 0.1
+    near |= np.abs(frames - gross) <= 5
+    assert near.mean() >= 0.95
     assert got["slip_strength"][:lead].max() == 0.0
-    assert strength[-1] > strength[0]
 
 
 @pytest.mark.parametrize("program", [slip, twist])

@@ -1,0 +1,77 @@
+"""The laws that slip and twist follow, against the closed forms of contact mechanics."""
+
+import numpy as np
+import pytest
+
+from cnnum.engine import Engine
+from cnnum.programs import program
+from cnnum.tactile.contact import (
+    contact_modulus,
+    hertz,
+    shear_compliance,
+    sliding_torque,
+    tangential_displacement,
+    torsion_slip,
+)
+from cnnum.templates.tactile import hypotheses
+from cnnum.templates.tactile.laws import PULL, TWIST
+
+LOAD, FRICTION, MODULUS = 1.3, 0.7, 0.9e6
+SHAPE = (10, 10)
+
+
+def law_on_machine(law, x):
+    """Return load and stick radius of a law at 100 values of x, as a program gives them."""
+
+    @program
+    def told(frame):
+        at = frame.channel("normal")
+        return {"load": law.load(at), "sticks": law.sticks(at)}
+
+    frame = np.zeros((*SHAPE, 3))
+    frame[..., 2] = x.reshape(SHAPE)
+    out = Engine("reference").compile(told, SHAPE)(frame)
+    return np.ravel(out["load"]), np.ravel(out["sticks"])
+
+
+def contact():
+    return hertz(LOAD, 0.02, contact_modulus(MODULUS, 0.5))
+
+
+def test_a_pull_is_mindlins():
+    """Exactly: displacement is x of that of gross slip, force and stick radius follow."""
+    compliance = shear_compliance(MODULUS, 0.5)
+    share = np.linspace(0.0, 1.0, 100)
+    moved = tangential_displacement(contact(), LOAD, share * FRICTION * LOAD, FRICTION, compliance)
+    load, sticks = law_on_machine(PULL, moved / moved[-1])
+    np.testing.assert_allclose(load, share, atol=1e-12)
+    # c/a = (1 − Q/μP)^(1/3); next to slip the cube root makes 1e-5 of rounding
+    np.testing.assert_allclose(sticks, np.cbrt(1.0 - share), atol=2e-5)
+
+
+def test_a_twist_is_lubkins():
+    """Within what the fits state: 2.1e-4 of the torque, 7.4e-4 of the contact radius."""
+    a = float(contact().contact_radius)
+    whole = float(sliding_torque(LOAD, a, FRICTION))
+    share = np.linspace(0.01, 0.995, 100)
+    states = [torsion_slip(LOAD, a, float(s) * whole, FRICTION) for s in share]
+    angle = np.array([state.twist(MODULUS / 3.0) for state in states])
+    stick = np.array([state.stick_radius / a for state in states])
+    x = angle / np.interp(-0.5, -stick, angle)  # half the contact radius sticks at x = 1
+    load, sticks = law_on_machine(TWIST, x)
+    np.testing.assert_allclose(load, share, atol=5e-4)  # 2.1e-4, and x to the interpolation's 1e-4
+    np.testing.assert_allclose(sticks, stick, atol=1.2e-3)
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16), (3, 5)])
+def test_hypotheses_cover_their_range(shape):
+    @program
+    def told(frame):
+        maps = hypotheses.hypotheses(frame)
+        return {str(number): one + 0.0 * frame.channel("normal") for number, one in enumerate(maps)}
+
+    out = Engine("reference").compile(told, shape)(np.zeros((*shape, 3)))
+    times = np.concatenate([np.ravel(out[str(n)]) for n in range(len(out))])
+    assert times[0] == 2.0
+    assert len(times) >= hypotheses.COUNT
+    np.testing.assert_allclose(times[1:] / times[:-1], 750.0 ** (1 / 255), rtol=1e-6)
