@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields, LocalMemory
-from cnnum.templates.tactile.hypotheses import Weighed, weighed
+from cnnum.templates.tactile.hypotheses import weighed
 from cnnum.templates.tactile.laws import Law
 
 BEGINS = 5.0

@@ -14,7 +14,7 @@ from cnnum.programs.fields import Field, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.templates.tactile.latch import latched
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
-from cnnum.templates.tactile.pull import RADIUS, Place, Side, place_of, force_on
+from cnnum.templates.tactile.pull import RADIUS, Place, Side, force_on, place_of
 
 STOPS = 5.0
 """How much more often a pull that is over has stopped than slipped, before it is looked at: only a
