@@ -54,7 +54,8 @@ def found_places(right: Floats, below: Floats) -> Floats:
     row, col = np.nonzero(right >= 0)
     across = np.stack([row, col + right[row, col]], axis=-1)
     row, col = np.nonzero(below >= 0)
-    return np.concatenate([across, np.stack([row + below[row, col], col], axis=-1)])
+    down = np.stack([row + below[row, col], col], axis=-1)
+    return np.asarray(np.concatenate([across, down]), dtype=np.float64)
 
 
 def run_edges(

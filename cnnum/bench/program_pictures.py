@@ -85,9 +85,9 @@ def localize_picture() -> Any:
     figure, axes = _sheet(3, 3.9)
     _map(figure, axes[0], read[..., 2], "read: normal combination", "stress × r², load")
     _map(figure, axes[1], got["bump_load_normal"], "loads found, arrows: shear", "load")
-    row, col = np.indices((8, 8))
+    rows, cols = np.indices((8, 8))
     axes[1].quiver(
-        *(col, row, got["bump_load_x"], got["bump_load_y"]), angles="xy", scale=2.5, width=0.01
+        *(cols, rows, got["bump_load_x"], got["bump_load_y"]), angles="xy", scale=2.5, width=0.01
     )
     _map(figure, axes[2], got["bump_patch"], f"{got['bump_patches']:.0f} contacts", "label")
     for r, c in zip(got["bump_patch_row"].flat, got["bump_patch_column"].flat, strict=True):

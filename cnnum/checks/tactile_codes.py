@@ -41,6 +41,7 @@ def _grasps(rng: np.random.Generator, shape: Shape) -> ProgramCase:
     quarters = np.concatenate([signs[:, 0], signs[:, 1]], axis=2)
     shear = np.repeat(np.repeat(quarters, rows, axis=1), cols, axis=2)
     loads = np.concatenate([0.3 * shear, np.ones((*shear.shape[:-1], 1))], axis=-1)
+    loads = np.asarray(loads, dtype=np.float64)
     return ProgramCase(pressed(loads, rng), {"codes": codes.astype(np.float64)})
 
 

@@ -92,7 +92,9 @@ def bump_readings(
     """
     rows, cols = loads.shape[-3:-1]
     reach = max(rows, cols) - 1
-    influence = _influence(taxels, pitch, depth, spacing, np.arange(-reach, reach + 1))
+    influence = _influence(
+        taxels, pitch, depth, spacing, np.arange(-reach, reach + 1, dtype=np.intp)
+    )
     seen = np.zeros(loads.shape)
     for row in range(rows):
         for col in range(cols):

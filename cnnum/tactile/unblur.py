@@ -60,9 +60,9 @@ def unblur_kernel(depth: float, reads: Reads) -> Array:
     rows = np.concatenate([root * passes[:, None] * shapes, np.sqrt(ROUGH) * shapes])
     wanted = np.concatenate([root[:, 0], np.zeros(passes.size)])
     found = np.linalg.lstsq(rows, wanted, rcond=None)[0]
-    kernel = found[places]
+    kernel = np.asarray(found[places], dtype=np.float64)
     kernel.setflags(write=False)
-    return np.asarray(kernel)
+    return kernel
 
 
 def _love(depth: float, reads: Reads) -> Array:
