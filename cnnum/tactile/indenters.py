@@ -205,10 +205,10 @@ def _radial(pressure: Pressure, depth: float, reads: Reads, reach: float) -> Cub
     passes = low_pass if reads == "stress" else band_pass
     rise = np.tile(half * weights, panels) * k * _spectrum(pressure, k) * passes(k, depth)
     inner: Array = np.arange(0.0, 1.0 + 6.0 * depth, min(0.05 * depth, 0.05))
-    outer: Array = np.geomspace(1.0 + 6.0 * depth, reach + 6.0 * depth + 1.0, 60)
-    rho: Array = np.concatenate([inner[inner < outer[0] - 1e-6], outer])
+    outer = np.asarray(np.geomspace(1.0 + 6.0 * depth, reach + 6.0 * depth + 1.0, 60))
+    rho: list[float] = [*inner[inner < outer[0] - 1e-6].tolist(), *outer.tolist()]
     seen = np.array([float(rise @ j0(k * place)) for place in rho], dtype=np.float64)
-    return CubicSpline(rho, seen)
+    return CubicSpline(np.array(rho, dtype=np.float64), seen)
 
 
 def _spectrum(pressure: Pressure, k: Array) -> Array:
