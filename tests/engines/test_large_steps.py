@@ -11,7 +11,7 @@ REFERENCE = Engine("reference")
 DEVICES = [device.label for device in list_devices()]
 
 # within one tile; several tiles in rows, in columns, in both; more steps than a launch takes
-SHAPES = [((40, 33), 9), ((300, 70), 33), ((40, 700), 9), ((300, 300), 6)]
+SHAPES = [((40, 33), 9), ((300, 70), 33), ((40, 700), 9), ((300, 300), 18)]
 
 
 def random_template(rng, boundary, output, radius):

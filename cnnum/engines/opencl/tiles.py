@@ -22,11 +22,12 @@ CACHE_BYTES = 384 * 1024
 """Of a tile's four arrays: they stay in the second-level cache of a core, which others use too."""
 
 TILE_COLUMNS = 256
-STEPS = 4
-"""Steps a launch, at most: a tile's overlap grows with them, its traffic shrinks."""
+STEPS = 8
+"""Steps a launch, at most: a tile's overlap grows with them, its traffic shrinks, which counts
+where the array is larger than the caches."""
 
 SMALL_CELLS = 256 * 256
-"""Arrays up to this take four times as many: there a launch costs more than the overlap."""
+"""Arrays up to this take twice as many: there a launch costs more than the overlap."""
 
 WHOLE_CELLS = 128 * 128
 """Arrays up to this are one tile and one launch: a launch takes as long as 8 of their steps."""
@@ -94,7 +95,7 @@ def _tiling(text: TransientText, scheme: FixedSteps) -> Tiling:
     width = VECTOR_BYTES // size
     periodic = text.template.boundary.pad_mode == "wrap"
     whole = text.cells <= WHOLE_CELLS and not periodic
-    longest = STEPS if text.cells > SMALL_CELLS else 4 * STEPS
+    longest = STEPS if text.cells > SMALL_CELLS else 2 * STEPS
     most = min(longest, (width - radius) // radius)
     steps = (scheme.count,) if whole else _launches(scheme.count, most)
     reach = 0 if whole else max(steps) * radius
