@@ -48,8 +48,9 @@ class Loads:
         Variance of one reading, a number.
     contact : Field
         Flag.
-    healthy : Field
-        Logic map: taxels whose noise is no outlier; only these tell where a contact is.
+    sound, healthy : Field
+        Logic maps: taxels whose noise is no outlier in the normal axis, and in any. Only sound ones
+        tell where a contact is, only healthy ones what acts on it.
     """
 
     frame: FrameFields
@@ -59,6 +60,7 @@ class Loads:
     shear_noise: Field
     normal_noise: Field
     contact: Field
+    sound: Field
     healthy: Field
 
 
@@ -101,9 +103,8 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     touched = frame.memory(scalar=True, logic=True)
     rest = {name: frame.memory() for name in FORCE_AXES}
     shear, normal = _Noise(frame, ("shear_x", "shear_y")), _Noise(frame, ("normal",))
-    healthy = shear.healthy & normal.healthy
     above = push * (frame.normal - rest["normal"].value)
-    peak = where(healthy, above, 0.0).max()
+    peak = where(normal.healthy, above, 0.0).max()
     high = (count > float(SETTLE)) & (square(peak) > TOUCH**2 * normal.held)
     contact = (high & frame.previous(high)) | (
         touched.value & (square(peak) > LIFT**2 * normal.held)
@@ -120,14 +121,24 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
         return push * (channel - now)
 
     x, y, z = (load(name) for name in FORCE_AXES)
-    return Loads(frame, x, y, z, shear.follow(free), normal.follow(free), contact, healthy)
+    return Loads(
+        frame=frame,
+        shear_x=x,
+        shear_y=y,
+        normal=z,
+        shear_noise=shear.follow(free),
+        normal_noise=normal.follow(free),
+        contact=contact,
+        sound=normal.healthy,
+        healthy=normal.healthy & shear.healthy,
+    )
 
 
 def patch_of(loads: Loads) -> Patch:
     """Return where the contact is: moments of the normal load above its rim."""
     frame = loads.frame
-    rim = RIM * where(loads.healthy, loads.normal, 0.0).max() + LIFT * sqrt(loads.normal_noise)
-    weight = where(loads.contact & loads.healthy, maximum(loads.normal - rim, 0.0), 0.0)
+    rim = RIM * where(loads.sound, loads.normal, 0.0).max() + LIFT * sqrt(loads.normal_noise)
+    weight = where(loads.contact & loads.sound, maximum(loads.normal - rim, 0.0), 0.0)
     load = weight.sum()
     row, column = (weight * frame.row).sum() / load, (weight * frame.column).sum() / load
     away = square(frame.row - row) + square(frame.column - column)

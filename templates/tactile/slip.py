@@ -7,6 +7,7 @@ the speed, the cover and the size of the contact are. Where a few frames can not
 pull that has stopped, the contact tells: it moves on.
 """
 
+import math
 from collections.abc import Mapping
 
 from cnnum.programs import program
@@ -115,13 +116,13 @@ def _moves_on(contact: Place, force: Side) -> Field:
     along = (x * to_x + y * to_y) / growth.size
     across = abs(x * to_y - y * to_x) / growth.size
     noise = sqrt(force.place_noise)
-    moved = (along > MOVES * 2.0**0.5 * noise) & (across < along + ASIDE * noise)
+    moved = (along > MOVES * math.sqrt(2.0) * noise) & (across < along + ASIDE * noise)
     return growth.still & ~growth.stops & moved
 
 
 def _sticks(contact: Place, sticks: Field) -> Field:
     """Return the loaded taxels within the stick radius; the contact's is √2.5 gyration radii."""
-    loads = contact.loads
-    loaded = loads.contact & (loads.normal > 0.1 * loads.normal.max())
+    loads, radius = contact.loads, sticks * RADIUS * contact.spread
+    loaded = loads.contact & (loads.normal > 0.1 * loads.normal.max()) & (sticks > 0.0)
     away = square(contact.from_row) + square(contact.from_column)
-    return loaded & (away < square(sticks * RADIUS * contact.spread)) & (sticks > 0.0)
+    return loaded & (away < radius * radius)
