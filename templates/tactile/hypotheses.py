@@ -29,8 +29,8 @@ STOP = 0.35
 """Where on its law a load stands that stopped: of the force 48 %, of the torque 53 %. Their growth
 up to there is straight enough to stand for any stop that is well before slip."""
 
-FORGET, FORGET_MORE, LONG = 1.0, 2.0, 200.0
-"""Past counts with (time/now)^p, p from 1 to 3 as a pull grows to 200 frames long: what a law says
+FORGET, FORGET_MORE, LONG = 1.0, 4.0, 400.0
+"""Past counts with (time/now)^p, p from 1 to 5 as a pull grows to 400 frames long: what a law says
 of its end needs its speed to be constant lately, not always."""
 
 TRUST = 0.002

@@ -21,7 +21,7 @@ STOPS = 5.0
 """How much more often a pull that is over has stopped than slipped, before it is looked at: only a
 force that bends as Mindlin's does is called slip, or one whose object moves on."""
 
-GROSS = 0.3
+GROSS = 0.2
 """Belief in gross slip at which it is reported."""
 
 INCIPIENT = 0.4
