@@ -21,6 +21,10 @@ SAFETY = 2.0
 """Of the sum: corners of f that lie badly between the stages of a step hide up to four fifths of
 their error, and an error may grow in a direction in which the state does not move."""
 
+LOST = 1e30
+"""An error that says that nothing is known any more: on a cycle that never rests it grows without
+end. Twice as much is still a number in float32."""
+
 ROUNDINGS = 4.0
 """Of a step: those of its sum and of the rates in it, as parts of the state."""
 

@@ -27,5 +27,5 @@ truncation error's."""
 AT_REST = -1
 """Number of no step: outputs a delay ago are those of now."""
 
-LARGEST_EXPONENT, SMALLEST_RATE = 80.0, 1e-30
+LARGEST_EXPONENT, SMALLEST_RATE, LOST = 80.0, 1e-30, 1e30
 """Limits within which the growth of an error is a number of single precision."""

@@ -304,7 +304,7 @@ def _adaptive(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
             # as `cnnum.integrators.estimate` has it
             grown = math.exp(min(settings.growth * step, codes.LARGEST_EXPONENT))
             grown = min(max(speed / max(before, codes.SMALLEST_RATE), 1.0), grown)
-            error, before = error * grown + _largest(now.found, 1), speed
+            error, before = min(error * grown + _largest(now.found, 1), codes.LOST), speed
             settled = 1.0 if settings.settle and _largest(now.found, 2) <= 1.0 else 0.0
             _all_bands(codes.ACCEPT, plan, now, _NONE, step, spread)
         step *= min(max(0.9 * max(worst, 1e-10) ** settings.exponent, 0.2), 5.0)

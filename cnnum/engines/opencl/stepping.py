@@ -9,7 +9,7 @@ from cnnum.engines.opencl.rates import Instant, delays_outputs, outputs, rates, 
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import MAX_STEPS, AdaptiveSteps, FixedSteps
-from cnnum.integrators.estimate import ROUNDINGS, SAFETY, SMALLEST_RATE, error_growth
+from cnnum.integrators.estimate import LOST, ROUNDINGS, SAFETY, SMALLEST_RATE, error_growth
 from cnnum.integrators.tableau import ButcherTableau, Row
 
 LARGEST_EXPONENT = 80.0
@@ -219,6 +219,7 @@ def growth_texts(text: TransientText) -> dict[str, str]:
         "growth": text.number(error_growth(text.template)),
         "largest_exponent": text.number(LARGEST_EXPONENT),
         "smallest_rate": text.number(SMALLEST_RATE),
+        "lost": text.number(LOST),
     }
 
 

@@ -39,7 +39,7 @@ $judge
             // an error grows as the rates do, within what the feedback allows
             const real faster = fmax(speed / fmax(speed_before, $smallest_rate), ONE);
             const real grown = fmin(faster, exp(fmin($growth * h, $largest_exponent)));
-            error = PICK(accept != ZERO, error * grown + added, error);
+            error = PICK(accept != ZERO, fmin(error * grown + added, $lost), error);
             speed_before = PICK(accept != ZERO, speed, speed_before);
             settled = PICK(accept * $settle != ZERO && change <= ONE, ONE, settled);
             running = PICK(time >= $duration * $almost_one || settled != ZERO, ZERO, running);
