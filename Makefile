@@ -12,7 +12,7 @@ demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html
 
 test: $(VENV)/dev.stamp
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
 
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .

@@ -182,9 +182,10 @@ def test_the_command_scores_a_scene(scene, tmp_path):
 
 
 def test_strict_fails_when_a_target_is_missed(tmp_path):
-    """A scene that begins with a touch: nothing says what rest is."""
+    """A scene that begins with a touch, full after three frames: nothing says what rest is."""
     scene = tmp_path / "hasty.toml"
-    scene.write_text(TOML.replace("duration = 0.3}", "duration = 0.01}", 1))
+    hasty = TOML.replace("duration = 0.3}", "duration = 0.005}", 1)
+    scene.write_text(hasty.replace('"press", duration = 0.2', '"press", duration = 0.01', 1))
     assert run(scene).exit_code == 0
     result = run(scene, "--strict")
     assert result.exit_code == 1
