@@ -37,7 +37,7 @@ class Place:
         Radius of gyration, cells.
     row, column : Field
         Its centre.
-    weight : Field
+    load : Field
         Normal load that the centre was taken from.
     """
 
@@ -49,7 +49,7 @@ class Place:
     spread: Field
     row: Field
     column: Field
-    weight: Field
+    load: Field
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +100,7 @@ def place_of(loads: Loads, patch: Patch) -> Place:
         spread=where(there, maximum(patch.spread, SMALLEST), SMALLEST),
         row=row,
         column=column,
-        weight=patch.load,
+        load=patch.load,
     )
 
 
@@ -148,7 +148,7 @@ def _side(contact: Place, law: Law, *, torque: bool) -> Side:
         normal=normal,
         normal_noise=normal_noise,
         place_noise=where(
-            contact.there, loads.normal_noise * arms / (2.0 * square(contact.weight)), 0.0
+            contact.there, loads.normal_noise * arms / (2.0 * square(contact.load)), 0.0
         ),
         memory=memory,
         near=contact.near,
