@@ -41,6 +41,7 @@ class _Tiled:
 @dataclass(slots=True, eq=False)
 class _Kernel:
     text: KernelText
+    program: cl.Program
     kernel: cl.Kernel
     data: cl.Buffer
     tiled: _Tiled | None
@@ -137,7 +138,7 @@ class OpenCLExecutable:
         }
         return OneFrame(
             queue,
-            cl.Kernel(built.kernel.program, "plan"),
+            cl.Kernel(built.program, "plan"),
             arrays.input,
             arrays.output,
             memory,
@@ -234,7 +235,7 @@ class OpenCLExecutable:
             flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
             data = cl.Buffer(context, flags, hostbuf=text.data)
             tiled = self._tiled(program, text.tiling) if text.tiling is not None else None
-            self._kernels[key] = _Kernel(text, cl.Kernel(program, "plan"), data, tiled)
+            self._kernels[key] = _Kernel(text, program, cl.Kernel(program, "plan"), data, tiled)
         return self._kernels[key]
 
     def _options(self) -> list[str]:
