@@ -2,11 +2,30 @@
 
 import os
 
+import pytest
+
 
 def pytest_configure():
-    device = os.environ.get("CNNUM_TEST_DEVICE")
-    if device:
-        from cnnum.engines import opencl
+    wanted = os.environ.get("CNNUM_TEST_DEVICE")
+    if wanted:
+        only(wanted)
 
-        choose = opencl.choose_device
-        opencl.choose_device = lambda name: choose(name or device)
+
+def only(wanted: str) -> None:
+    """Leave no other device in this process than those whose name has `wanted` in it.
+
+    Processes that a test starts choose for themselves: `measure` counts all devices, as they do.
+    """
+    from cnnum.engines.opencl import devices, measure
+    from cnnum.errors import DeviceError
+
+    assert measure.list_devices is devices.list_devices  # its own name for it is kept
+    listed = devices.list_devices
+    try:
+        label = devices.choose_device(wanted).label
+    except DeviceError as error:
+        raise pytest.UsageError(str(error)) from None
+    devices.list_devices = lambda: tuple(
+        device for device in listed() if wanted.lower() in device.label.lower()
+    )
+    assert devices.choose_device(None).label == label

@@ -78,6 +78,16 @@ def test_no_opencl_platform(call, monkeypatch, command):
     said = sentence(call(*command))
     assert "No OpenCL platform" in said
     assert "pip install 'pyopencl[pocl]'" in said
+    assert "--engine numba" in said
+
+
+def test_without_opencl_the_numba_engine_runs(call, monkeypatch):
+    def none() -> list:
+        raise pyopencl.LogicError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
+
+    monkeypatch.setattr(pyopencl, "get_platforms", none)
+    done = call("templates", "check", "EDGE", "--engine", "numba")
+    assert done.exit_code == 0, done.stderr
 
 
 def test_no_traceback_in_a_real_shell(shell):

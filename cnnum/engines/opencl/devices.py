@@ -8,8 +8,8 @@ from cnnum.engines.opencl.inline import asked_for, without_partners
 from cnnum.errors import DeviceError
 
 INSTALL = (
-    "No OpenCL platform was found: install PoCL with \"pip install 'pyopencl[pocl]'\", or use "
-    "cnnum.Engine('reference')."
+    "No OpenCL platform was found: install PoCL with \"pip install 'pyopencl[pocl]'\", or run "
+    "without it: --engine numba, in Python cnnum.Engine('numba')."
 )
 
 
