@@ -25,6 +25,24 @@ def _plain(value: object) -> object:
     return list(cast(tuple[object, ...], value)) if isinstance(value, tuple) else value
 
 
+def append_row(folder: Path | None, name: str, rows: Sequence[Mapping[str, object]]) -> None:
+    """Append the last row to a benchmark's file of rows; the first begins the file anew.
+
+    Parameters
+    ----------
+    folder : Path or None
+        Made if it is not there; None keeps nothing.
+    name : str
+        The benchmark: the file is `NAME.jsonl`, a JSON object a line.
+    rows : sequence of mapping
+    """
+    if folder is None:
+        return
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / f"{name}.jsonl").open("w" if len(rows) == 1 else "a", encoding="utf-8") as file:
+        file.write(json.dumps(dict(rows[-1]), ensure_ascii=False) + "\n")
+
+
 def write_data(
     path: Path,
     title: str,

@@ -1,12 +1,13 @@
 """Error against run time of PDE templates and tactile programs, by method, precision, engine."""
 
 import time
-from collections.abc import Iterator, Sequence
-from functools import partial
+from collections.abc import Callable, Iterator, Sequence
+from functools import cache, partial
 
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.bench.budget import shared_out
 from cnnum.bench.samples import frames
 from cnnum.bench.timing import timed
 from cnnum.engine import Engine
@@ -14,7 +15,7 @@ from cnnum.engines.backend import backend_names
 from cnnum.errors import CnnumError
 from cnnum.library import get_template, template_names
 from cnnum.program_library import get_program, program_names
-from cnnum.report.work_precision import SINGLE, Rung, WorkPrecision, climb_ladder
+from cnnum.report.work_precision import SINGLE, Rung, WorkPrecision, rungs
 from cnnum.template import Template
 
 WAVES = ("diffusion", "band-pass", "coupled", "uncoupled-cell")
@@ -35,6 +36,10 @@ QUICK = (
 )
 QUICK_PRECISION = {"opencl": "float32", "numba": "float64"}
 """What a quick round runs of every engine: building kernels is what takes its time."""
+
+TIME_S, QUICK_TIME_S = 900.0, 45.0
+"""s for all cases, the builds of their kernels among them. A task that has begun is finished: a
+run ends within 20 minutes, and a quick one within 60 s, on two cores that nobody else uses."""
 
 PROGRAM_SHAPE, PROGRAM_FRAMES, TRUE_FRAMES = (8, 8), 64, 8
 
@@ -90,59 +95,90 @@ def cases() -> tuple[str, ...]:
 
 
 def count(names: Sequence[str], engines: Sequence[Engine], *, quick: bool = False) -> int:
-    """Return how many items `measure_case` yields for all of these."""
+    """Return how many items `measure_cases` yields for all of these."""
     programs = program_names("tactile")
     rungs = len(engines) * len(QUICK if quick else LADDER)
-    compiled = sum(engine.name == "opencl" for engine in engines) if quick else len(engines)
+    compiled = len(_compiling(engines, quick=quick))
     return sum(compiled if name in programs else rungs for name in names)
 
 
-def measure_case(
-    name: str, engines: Sequence[Engine], *, quick: bool = False
-) -> Iterator[WorkPrecision | None]:
-    """Yield the rows of a template or a tactile program; None for what an engine refuses."""
-    if name in program_names("tactile"):
-        compiled = [e for e in engines if e.name == "opencl"] if quick else engines
-        yield from _program(name, compiled, 1.0 if quick else 8.0)
+def measure_cases(
+    names: Sequence[str],
+    engines: Sequence[Engine],
+    *,
+    quick: bool = False,
+    seconds: float | None = None,
+) -> Iterator[WorkPrecision | str | None]:
+    """Yield the rows of templates and tactile programs, as they are measured.
+
+    Parameters
+    ----------
+    names : sequence of str
+    engines : sequence of Engine
+    quick : bool
+        Fewer rungs, frames and repeats.
+    seconds : float, optional
+        For everything; `TIME_S` unless given (`QUICK_TIME_S` of a quick round).
+
+    Yields
+    ------
+    WorkPrecision, str or None
+        None for what an engine refuses; a sentence for what there was no time for.
+    """
+    limit = (QUICK_TIME_S if quick else TIME_S) if seconds is None else seconds
+    return shared_out(names, partial(_tasks, engines=engines, quick=quick), limit)
+
+
+def _tasks(
+    name: str, *, engines: Sequence[Engine], quick: bool
+) -> Iterator[tuple[str, Callable[[], WorkPrecision | None]]]:
+    if name not in program_names("tactile"):
+        yield from rungs(
+            get_template(name),
+            engines,
+            ladder=QUICK if quick else LADDER,
+            batch=16 if quick else 256,
+            repeats=3 if quick else 7,
+            budget=0.03 if quick else 0.15,
+        )
         return
-    yield from climb_ladder(
-        get_template(name),
-        engines,
-        ladder=QUICK if quick else LADDER,
-        batch=16 if quick else 256,
-        repeats=3 if quick else 7,
-        budget=0.03 if quick else 0.15,
-    )
-
-
-def _program(name: str, engines: Sequence[Engine], budget: float) -> Iterator[WorkPrecision | None]:
     batch = np.abs(frames(PROGRAM_FRAMES, PROGRAM_SHAPE)).astype(np.float64)
-    truth = _truths(name, batch, budget)
-    for engine in engines:
-        try:
-            plan = engine.compile(get_program(name), PROGRAM_SHAPE)
-        except CnnumError:  # the engine says why in `cnnum plan`
-            yield None
-            continue
-        got = plan(batch[: len(truth)])
-        error = max(
-            _largest({name: each[frame] for name, each in got.items()}, known)
-            for frame, known in enumerate(truth)
-        )
-        timing = timed(partial(plan, batch), budget=0.3)
-        yield WorkPrecision(
-            case=name,
-            engine=engine.name,
-            precision=engine.precision,
-            method="auto",
-            tolerance=1e-4,
-            step=None,
-            error=error,
-            pictures=PROGRAM_FRAMES,
-            seconds=timing.least,
-            spread=timing.spread,
-            steps=0,
-        )
+    truth = cache(lambda: _truths(name, batch, 1.0 if quick else 8.0))  # once, and only if needed
+    for engine in _compiling(engines, quick=quick):
+        yield f"{engine.name} {engine.precision}", partial(_program, name, engine, batch, truth)
+
+
+def _compiling(engines: Sequence[Engine], *, quick: bool) -> Sequence[Engine]:
+    """Return the engines that run programs."""
+    return [engine for engine in engines if engine.name == "opencl"] if quick else engines
+
+
+def _program(
+    name: str, engine: Engine, batch: Floats, truths: Callable[[], list[dict[str, Floats]]]
+) -> WorkPrecision | None:
+    try:
+        plan = engine.compile(get_program(name), PROGRAM_SHAPE)
+    except CnnumError:  # the engine says why in `cnnum plan`
+        return None
+    got, truth = plan(batch), truths()  # the first run of a batch may still build a kernel
+    error = max(
+        _largest({name: each[frame] for name, each in got.items()}, known)
+        for frame, known in enumerate(truth)
+    )
+    timing = timed(partial(plan, batch), budget=0.3)
+    return WorkPrecision(
+        case=name,
+        engine=engine.name,
+        precision=engine.precision,
+        method="auto",
+        tolerance=1e-4,
+        step=None,
+        error=error,
+        pictures=PROGRAM_FRAMES,
+        seconds=timing.least,
+        spread=timing.spread,
+        steps=0,
+    )
 
 
 def _truths(name: str, batch: Floats, budget: float) -> list[dict[str, Floats]]:

@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from cnnum.cli.following import STOPPED
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, table
 from cnnum.cli.progress import progress
+from cnnum.cli.signals import stoppable
 
 if TYPE_CHECKING:
     from cnnum.engine import Engine
@@ -55,21 +57,15 @@ def _report(
     as_json: bool,
     omissions: tuple[str, ...] = (),
 ) -> int:
-    """Print rows as they come, then write the report.
+    """Print rows as they come, and write the report of those that came.
 
-    A string is something left out, None a step of which nothing is told.
+    A string is something left out, None a step of which nothing is told. Ctrl-C and SIGTERM end
+    the benchmark, not the report.
     """
-    from cnnum.bench.records import as_row
-
     output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
-    with progress(name, total, as_json=as_json) as steps:
-        for item in found:
-            if isinstance(item, str):
-                left_out.append(item)
-            elif item is not None:
-                rows.append(as_row(item))
-                output.record({"kind": name, **rows[-1]})
-            steps.advance()
+    stopped = not _collect(name, found, total, output, rows, left_out, out)
+    if stopped:
+        left_out.append("It was stopped here: whatever comes later is missing.")
     output.record({"kind": "omissions", "bench": name, "omissions": left_out})
     if rows:
         output.show(_table(rows))
@@ -78,8 +74,41 @@ def _report(
         from cnnum.bench.page import write_report
 
         paths = write_report(out, name, rows, device, left_out)
+        (out / f"{name}.jsonl").unlink(missing_ok=True)
         output.show(f"Wrote {', '.join(str(path) for path in paths)}.")
-    return 0
+    return STOPPED if stopped else 0
+
+
+def _collect(
+    name: str,
+    found: Iterable[object],
+    total: int | None,
+    output: Output,
+    rows: list[Mapping[str, object]],
+    left_out: list[str],
+    out: Path | None,
+) -> bool:
+    """Gather rows and omissions; return whether that came to its end.
+
+    With a folder, rows also go to a file there at once, a line a row: it is all that is left of
+    a run that is killed.
+    """
+    from cnnum.bench.records import append_row, as_row
+
+    with progress(name, total, as_json=output.as_json) as steps:
+        try:
+            with stoppable():
+                for item in found:
+                    if isinstance(item, str):
+                        left_out.append(item)
+                    elif item is not None:
+                        rows.append(as_row(item))
+                        output.record({"kind": name, **rows[-1]})
+                        append_row(out, name, rows)
+                    steps.advance()
+        except KeyboardInterrupt:
+            return False
+    return True
 
 
 def _table(rows: list[Mapping[str, object]]) -> Any:
@@ -99,10 +128,10 @@ def work_precision(
     names: tuple[str, ...], device: str | None, quick: bool, out: Path | None, as_json: bool
 ) -> int:
     """Error against run time: templates and programs × methods × precisions × engines."""
-    from cnnum.bench.work_precision import OMISSIONS, cases, count, engines_here, measure_case
+    from cnnum.bench.work_precision import OMISSIONS, cases, count, engines_here, measure_cases
 
     chosen, engines = names or cases(), engines_here(device, quick=quick)
-    found = (row for name in chosen for row in measure_case(name, engines, quick=quick))
+    found = measure_cases(chosen, engines, quick=quick)
     label = engines[0].device
     total = count(chosen, engines, quick=quick)
     return _report("work-precision", found, total, label, out, as_json, OMISSIONS)

@@ -3,8 +3,9 @@
 import math
 import statistics
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 
 import numpy as np
 
@@ -69,6 +70,13 @@ class Rung:
     rtol: float | None = None
     dt: float | None = None
 
+    def __str__(self) -> str:
+        step = "" if self.dt is None else f" dt={self.dt:g}"
+        return self.method + step + ("" if self.rtol is None else f" rtol={self.rtol:g}")
+
+
+Climb = Callable[[], WorkPrecision | None]
+"""Measures one rung on one engine; None where the engine refuses it."""
 
 LADDER = (
     Rung("propagator"),
@@ -147,13 +155,41 @@ def climb_ladder(
     TemplateError
         If the template has no check.
     """
+    found = rungs(
+        template,
+        engines,
+        ladder=ladder,
+        shape=shape,
+        seed=seed,
+        batch=batch,
+        repeats=repeats,
+        budget=budget,
+    )
+    return (climb() for _, climb in found)
+
+
+def rungs(
+    template: Template,
+    engines: Sequence[Engine],
+    *,
+    ladder: Sequence[Rung] = LADDER,
+    shape: Shape = (8, 8),
+    seed: int = 0,
+    batch: int = BATCH,
+    repeats: int = 7,
+    budget: float = math.inf,
+) -> Iterator[tuple[str, Climb]]:
+    """Yield the name of every point of `climb_ladder`, and what measures it.
+
+    Engines take turns at each rung, so that whoever stops early has all of them. The parameters
+    are those of `climb_ladder`; the truth is found once, when the first point is measured.
+    """
     own = form_of(template).cases(template, np.random.default_rng(seed), shape)
-    case, truth = _batch(own, batch), _truth(template, own)
-    truth = np.tile(truth, (-(-batch // max(len(truth), 1)), 1, 1)) if truth.ndim > 2 else truth
-    for engine in engines:
-        for rung in ladder:
-            fits = engine.precision == "float64" or (rung.rtol or 1.0) >= SINGLE
-            yield _climb(template, case, truth, engine, rung, repeats, budget) if fits else None
+    case, truth = _batch(own, batch), cache(lambda: _truth(template, own, batch))
+    for rung in ladder:
+        for engine in engines:
+            run = partial(_climb, template, case, truth, engine, rung, repeats, budget)
+            yield f"{engine.name} {engine.precision} {rung}", run
 
 
 def _batch(case: Case, pictures: int) -> Case:
@@ -170,20 +206,24 @@ def _batch(case: Case, pictures: int) -> Case:
     return Case(**{name: repeated(m) for name, m in maps.items()}, duration=case.duration)
 
 
-def _truth(template: Template, case: Case) -> Floats:
+def _truth(template: Template, case: Case, pictures: int) -> Floats:
     reference = Engine("reference")
-    return _run(template, case, reference, Rung("auto", rtol=REFERENCE_RTOL))[0]
+    found = _run(template, case, reference, Rung("auto", rtol=REFERENCE_RTOL))[0]
+    times = -(-pictures // max(len(found), 1))
+    return np.tile(found, (times, 1, 1)) if found.ndim > 2 else found
 
 
 def _climb(
     template: Template,
     case: Case,
-    truth: Floats,
+    truth: Callable[[], Floats],
     engine: Engine,
     rung: Rung,
     repeats: int,
     budget: float,
 ) -> WorkPrecision | None:
+    if engine.precision == "float32" and (rung.rtol or 1.0) < SINGLE:
+        return None
     try:
         output, steps, method = _run(template, case, engine, rung)
     except CnnumError:
@@ -200,7 +240,7 @@ def _climb(
         method=method,
         tolerance=rung.rtol,
         step=rung.dt,
-        error=float(np.abs(output - truth[: len(output)]).max()),
+        error=float(np.abs(output - truth()[: len(output)]).max()),
         pictures=len(output),
         seconds=min(seconds),
         spread=high - low,

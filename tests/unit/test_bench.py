@@ -6,14 +6,17 @@ import time
 import numpy as np
 import pytest
 
+from cnnum.bench import budget, work_precision
 from cnnum.bench.charts import CHARTS
 from cnnum.bench.page import write_report
 from cnnum.bench.peers import PEERS, Work
 from cnnum.bench.records import as_row
 from cnnum.bench.samples import full_template, generator
 from cnnum.bench.timing import Timing, interleaved
+from cnnum.cli import bench
 from cnnum.engine import Engine
 from cnnum.errors import MissingExtraError
+from cnnum.report import work_precision as report
 from cnnum.report.work_precision import WorkPrecision
 
 
@@ -107,6 +110,94 @@ def test_growth_ends_in_its_time_on_a_slow_machine(monkeypatch):
     # builds alone take 4 s a place, and the bench has promised to end in 3 minutes
     assert now[0] < 180.0
     assert budgets[0] > budgets[-1] >= 0.0
+
+
+class _Clock:
+    """A clock that only tasks move."""
+
+    def __init__(self, monkeypatch):
+        self.now = 0.0
+        monkeypatch.setattr(budget.time, "perf_counter", lambda: self.now)
+
+    def takes(self, seconds, row):
+        def measure():
+            self.now += seconds
+            return row
+
+        return measure
+
+
+def test_what_there_is_no_time_for_is_named(monkeypatch):
+    clock = _Clock(monkeypatch)
+    tasks = {
+        "slow": [(f"rung {n}", clock.takes(4.0, f"row {n}")) for n in range(5)],
+        "quick": [(f"rung {n}", clock.takes(1.0, f"row {n}")) for n in range(5)],
+    }
+    found = list(budget.shared_out(list(tasks), tasks.__getitem__, 20.0))
+    # 10 s of 20 for the first: its third rung begins at 8 s and is finished; 8 s for the second
+    assert found[:3] == ["row 0", "row 1", "row 2"]
+    assert found[3].startswith("slow: not run")
+    assert "rung 3; rung 4" in found[3]
+    assert found[4:] == [None, *(f"row {n}" for n in range(5))]
+    assert clock.now == 17.0
+
+
+def test_time_that_a_case_leaves_over_is_there_for_the_next(monkeypatch):
+    clock = _Clock(monkeypatch)
+    tasks = {"quick": [("one", clock.takes(1.0, 1))], "slow": [("all", clock.takes(9.0, 2))] * 2}
+    assert list(budget.shared_out(list(tasks), tasks.__getitem__, 12.0)) == [1, 2, 2]
+
+
+def test_without_time_every_rung_is_named_and_none_is_run():
+    engines = [Engine("numba", precision="float64")]
+    names = ["DIFFUS", "contact"]
+    found = list(work_precision.measure_cases(names, engines, seconds=0.0))
+    assert len(found) == work_precision.count(names, engines)
+    told = [item for item in found if item is not None]
+    assert len(told) == len(names)
+    for rung in work_precision.LADDER:
+        assert f"numba float64 {rung}" in told[0]
+    assert told[1].endswith("numba float64.")
+
+
+def test_a_quick_case_has_rows_of_every_engine_and_one_truth(monkeypatch):
+    truths = []
+    run = report._truth
+    monkeypatch.setattr(report, "_truth", lambda *given: truths.append(given) or run(*given))
+    few = (report.Rung("propagator"), report.Rung("rk4", dt=0.1))  # each builds a kernel
+    monkeypatch.setattr(work_precision, "QUICK", few)
+    engines = [Engine("opencl", precision="float64"), Engine("reference")]
+    found = list(work_precision.measure_cases(["DIFFUS"], engines, quick=True))
+    assert len(found) == work_precision.count(["DIFFUS"], engines, quick=True)
+    rows = [row for row in found if row is not None]
+    assert {row.engine for row in rows} == {"opencl", "reference"}
+    assert len(truths) == 1
+    # Runge-Kutta of fourth order at dt = 0.1 on rates below 1: far below the tolerance of 1e-4
+    (rk4,) = [r for r in rows if r.method == "rk4" and r.engine == "opencl"]
+    assert rk4.error < 1e-5
+
+
+def test_a_run_that_is_stopped_leaves_its_rows(tmp_path, capsys):
+    """Ctrl-C ends the measurement: its rows are on the page, and a sentence says that it ended."""
+    row = WorkPrecision("DIFFUS", "opencl", "float32", "rk4", None, 0.1, 1e-4, 4, 0.1, 0.0, 50)
+    lines = []
+
+    def measured():
+        yield row
+        yield "one thing is left out"
+        lines.extend((tmp_path / "work-precision.jsonl").read_text().splitlines())
+        raise KeyboardInterrupt
+
+    code = bench._report("work-precision", measured(), 9, "a device", tmp_path, True)
+    assert code == 130
+    assert [json.loads(line)["case"] for line in lines] == ["DIFFUS"]  # there before the end
+    kept = json.loads((tmp_path / "work-precision.json").read_text())
+    assert [r["case"] for r in kept["rows"]] == ["DIFFUS"]
+    assert kept["omissions"][0] == "one thing is left out"
+    assert "stopped" in kept["omissions"][1]
+    assert not (tmp_path / "work-precision.jsonl").exists()
+    printed = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [r["kind"] for r in printed] == ["work-precision", "omissions"]
 
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
