@@ -61,9 +61,10 @@ def command(
                 stopped = False
         finally:
             _end(recorder, driver, count)
+            if count:  # also where the array went away: what is in the file is told
+                _report(Output(as_json), file, driver, count)
         if not count:
             raise RecordingError(f"Nothing was recorded to '{file}': no frame came.")
-        _report(Output(as_json), file, driver, count)
     return 130 if stopped else 0
 
 
