@@ -276,7 +276,9 @@ def _stack(given: dict[str, Floats]) -> tuple[tuple[str, ...], Floats, Shape, tu
         full = np.broadcast_to(array, (*lead, *array.shape[-3:]))
         names += [f"{role} {number}" for number in range(array.shape[-3])]
         planes += [full[..., number, :, :] for number in range(array.shape[-3])]
-    return tuple(names), np.stack(planes, axis=-1), as_shape(planes[0].shape[-2:]), lead
+    # side by side in memory, where they can be copied as they are
+    stack = np.moveaxis(np.stack(planes, axis=-3), -3, -1)
+    return tuple(names), stack, as_shape(planes[0].shape[-2:]), lead
 
 
 def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:

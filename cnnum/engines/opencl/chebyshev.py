@@ -84,9 +84,9 @@ def _judge(text: TransientText) -> list[str]:
         f"for (int i = 0; i < {text.layers * text.cells}; ++i) {{",
         # Sommeijer, Shampine & Verwer 1998, section 2.2
         "    const real e = fabs(R(0.8) * (x[i] - xs[i]) + R(0.4) * h * (k0[i] + k1[i]));",
-        f"    worst = fmax(worst, e / {scale});",
-        f"    added = fmax(added, e + {rounding} * fabs(xs[i]));",
-        "    speed = fmax(speed, fabs(k1[i]));",
-        f"    change = fmax(change, fabs({tau} * k1[i]) / {text.scale('xs[i]')});",
+        f"    worst = greater(worst, e / {scale});",
+        f"    added = greater(added, e + {rounding} * fabs(xs[i]));",
+        "    speed = greater(speed, fabs(k1[i]));",
+        f"    change = greater(change, fabs({tau} * k1[i]) / {text.scale('xs[i]')});",
         "}",
     ]

@@ -31,7 +31,7 @@ def exact(text: TransientText, scheme: Decay | Propagator | Spectral) -> dict[st
 
 
 def _largest(value: str) -> str:
-    return f"largest = fmax(largest, fabs({value}));"
+    return f"largest = greater(largest, fabs({value}));"
 
 
 def _decay(text: TransientText, scheme: Decay) -> int:

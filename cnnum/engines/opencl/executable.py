@@ -12,8 +12,8 @@ from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.kernel_text import KernelText, lower
 from cnnum.engines.opencl.one import OneFrame
+from cnnum.engines.opencl.parted import PartedArrays, PartedPlan
 from cnnum.engines.opencl.shared import SharedArray, shared_array, shares_memory
-from cnnum.engines.opencl.tiles import Tiling
 from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
 
@@ -31,20 +31,14 @@ FLUSH = "-cl-denorms-are-zero"
 
 
 @dataclass(slots=True, eq=False)
-class _Tiled:
-    advance: cl.Kernel
-    finish: cl.Kernel
-    tiles: cl.Buffer
-    items: int
+class _Built:
+    """A kernel that is the whole plan, or its parts; the program is kept, or Intel's is lost."""
 
-
-@dataclass(slots=True, eq=False)
-class _Kernel:
     text: KernelText
     program: cl.Program
-    kernel: cl.Kernel
     data: cl.Buffer
-    tiled: _Tiled | None
+    kernel: cl.Kernel | None
+    parted: PartedPlan | None
 
 
 @dataclass(slots=True, eq=False)
@@ -52,11 +46,12 @@ class _Arrays:
     input: SharedArray
     output: SharedArray
     scratch: cl.Buffer
+    between: PartedArrays | None
 
 
 @dataclass(slots=True, eq=False)
 class OpenCLExecutable:
-    """Runs a schedule as one kernel launch a batch.
+    """Runs a schedule as one kernel launch a batch; large arrays as a row of launches.
 
     Attributes
     ----------
@@ -77,18 +72,16 @@ class OpenCLExecutable:
     wide_lanes: int
     own: cl.CommandQueue | None = None
     _texts: dict[int, KernelText] = field(default_factory=dict[int, KernelText])
-    _kernels: dict[tuple[int, bool], _Kernel] = field(
-        default_factory=dict[tuple[int, bool], _Kernel]
-    )
+    _kernels: dict[tuple[int, bool], _Built] = field(default_factory=dict[tuple[int, bool], _Built])
     _arrays: dict[int, _Arrays] = field(default_factory=dict[int, _Arrays])
     _no_memory: dict[bool, SharedArray] = field(default_factory=dict[bool, SharedArray])
     _bound: tuple[object, ...] = ()
 
     @property
     def launches(self) -> int:
-        """Kernel launches a batch."""
-        tiling = self._text(1).tiling if self.schedule.cells > WIDE_CELLS else None
-        return 1 if tiling is None else 2 + len(tiling.steps)
+        """Kernel launches a frame; of loops that frames end by themselves, one round counts."""
+        parts = self._text(1).parts if self.schedule.cells > WIDE_CELLS else None
+        return 1 if parts is None else parts.launches(self.queue.device.max_compute_units)
 
     @property
     def private_bytes(self) -> int:
@@ -131,7 +124,7 @@ class OpenCLExecutable:
         if self.schedule.cells > WIDE_CELLS:
             return None
         queue, built = self.queue_for(1), self._kernel(1, alone=True)
-        arrays, cells = self._new_arrays(1, built.text, queue), self.schedule.shape
+        arrays, cells = self._new_arrays(1, built, queue), self.schedule.shape
         places = {
             name: (at, None if self.schedule.outputs[name].scalar else cells)
             for name, at in built.text.outputs.items()
@@ -156,55 +149,35 @@ class OpenCLExecutable:
         batch = frames.shape[0]
         lanes, queue = self.lanes_for(batch), self.queue_for(batch)
         built = self._kernel(lanes, alone=batch == 1)
-        arrays = self._arrays_for(batch, built.text)
+        arrays = self._arrays_for(batch, built)
         if frames.size:
-            np.copyto(arrays.input.host.reshape(frames.shape), frames, casting="same_kind")
+            # large arrays go channel by channel
+            given = frames if built.parted is None else np.moveaxis(frames, -1, 1)
+            np.copyto(arrays.input.host.reshape(given.shape), given, casting="same_kind")
             arrays.input.push(queue)
         self._bind(built, arrays, memory, batch, first)
-        cl.enqueue_nd_range_kernel(queue, built.kernel, (-(-batch // lanes),), (1,))
-        if built.tiled is not None and built.text.tiling is not None:
-            self._advance(built.tiled, built.text.tiling, arrays.scratch, batch)
-            cl.enqueue_nd_range_kernel(self.queue, built.tiled.finish, (batch,), (1,))
+        if built.kernel is not None:
+            cl.enqueue_nd_range_kernel(queue, built.kernel, (-(-batch // lanes),), (1,))
+        elif built.parted is not None and arrays.between is not None:
+            built.parted.run(arrays.scratch, arrays.between, batch)
         arrays.output.pull(queue)
         return self._unpack(built.text, arrays.output.host.reshape(batch, -1))
 
     def _bind(
-        self, built: _Kernel, arrays: _Arrays, memory: SharedArray, batch: int, first: bool
+        self, built: _Built, arrays: _Arrays, memory: SharedArray, batch: int, first: bool
     ) -> None:
-        """Set the kernel's arguments, unless they are the same as before."""
+        """Set the kernels' arguments, unless they are the same as before."""
         bound = (built, arrays, memory, batch, first)
         if len(self._bound) == len(bound) and all(
             a is b for a, b in zip(bound, self._bound, strict=True)
         ):
             return
-        arguments = (
-            arrays.input.argument,
-            arrays.output.argument,
-            memory.argument,
-            built.data,
-            arrays.scratch,
-            np.int32(batch),
-            np.int32(first),
-        )
-        built.kernel.set_args(*arguments)
-        if built.tiled is not None:
-            built.tiled.finish.set_args(*arguments)
+        given = (arrays.input.argument, arrays.output.argument, memory.argument, built.data)
+        if built.kernel is not None:
+            built.kernel.set_args(*given, arrays.scratch, np.int32(batch), np.int32(first))
+        elif built.parted is not None and arrays.between is not None:
+            built.parted.bind((*given, arrays.scratch), arrays.between, batch, first=first)
         self._bound = bound
-
-    def _advance(self, tiled: _Tiled, tiling: Tiling, scratch: cl.Buffer, batch: int) -> None:
-        """Take the steps of large arrays, from one place of the states to the other and back."""
-        places = (tiling.source, tiling.target)
-        for number, steps in enumerate(tiling.steps):
-            source, target = places if number % 2 == 0 else places[::-1]
-            tiled.advance.set_args(
-                scratch,
-                tiled.tiles,
-                np.int32(batch),
-                np.int32(source),
-                np.int32(target),
-                np.int32(steps),
-            )
-            cl.enqueue_nd_range_kernel(self.queue, tiled.advance, (tiled.items,), (1,))
 
     def _unpack(self, text: KernelText, result: NDArray[np.floating]) -> dict[str, Floats]:
         refuse_unfinished(result[:, -1])
@@ -222,46 +195,44 @@ class OpenCLExecutable:
             self._texts[lanes] = lower(self.schedule, self.solvers, lanes, self.dtype)
         return self._texts[lanes]
 
-    def _kernel(self, lanes: int, *, alone: bool) -> _Kernel:
+    def _kernel(self, lanes: int, *, alone: bool) -> _Built:
         """Return what is built for so many frames side by side, or for single frames."""
         key = (lanes, alone and self.queue_for(1) is self.own)
         if key not in self._kernels:
-            text, queue = self._text(lanes), self.own if key[1] and self.own else self.queue
-            context = queue.context
-            try:
-                program = build_program(context, text.source, self._options())
-            except cl.RuntimeError as error:
-                raise NotSupportedError(f"The OpenCL compiler refused a plan: {error}") from error
-            flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-            data = cl.Buffer(context, flags, hostbuf=text.data)
-            tiled = self._tiled(program, text.tiling) if text.tiling is not None else None
-            self._kernels[key] = _Kernel(text, program, cl.Kernel(program, "plan"), data, tiled)
+            queue = self.own if key[1] and self.own else self.queue
+            self._kernels[key] = self._build(self._text(lanes), queue)
         return self._kernels[key]
+
+    def _build(self, text: KernelText, queue: cl.CommandQueue) -> _Built:
+        try:
+            program = build_program(queue.context, text.source, self._options())
+        except cl.RuntimeError as error:
+            raise NotSupportedError(f"The OpenCL compiler refused a plan: {error}") from error
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        data = cl.Buffer(queue.context, flags, hostbuf=text.data)
+        if text.parts is None:
+            return _Built(text, program, data, cl.Kernel(program, "plan"), None)
+        parted = PartedPlan(queue, program, text.parts, self.dtype)
+        return _Built(text, program, data, None, parted)
 
     def _options(self) -> list[str]:
         return [QUIET, FLUSH] if self.dtype.itemsize == 4 else [QUIET]
 
-    def _tiled(self, program: cl.Program, tiling: Tiling) -> _Tiled:
-        items = 2 * int(self.queue.device.max_compute_units)
-        size = items * tiling.scratch * self.dtype.itemsize
-        tiles = cl.Buffer(self.queue.context, cl.mem_flags.READ_WRITE, size)
-        advance, finish = cl.Kernel(program, "advance"), cl.Kernel(program, "finish")
-        return _Tiled(advance, finish, tiles, items)
-
-    def _arrays_for(self, batch: int, text: KernelText) -> _Arrays:
+    def _arrays_for(self, batch: int, built: _Built) -> _Arrays:
         if batch not in self._arrays:
             self._arrays.clear()  # one batch size at a time: large ones would pile up
-            self._arrays[batch] = self._new_arrays(batch, text, self.queue_for(batch))
+            self._arrays[batch] = self._new_arrays(batch, built, self.queue_for(batch))
         return self._arrays[batch]
 
-    def _new_arrays(self, batch: int, text: KernelText, queue: cl.CommandQueue) -> _Arrays:
+    def _new_arrays(self, batch: int, built: _Built, queue: cl.CommandQueue) -> _Arrays:
         cells_read = self.schedule.cells * len(self.schedule.channels_read)
         # a vector may be read over the end
-        scratch = (batch * text.scratch + MOST_LANES) * self.dtype.itemsize
+        scratch = (batch * built.text.scratch + MOST_LANES) * self.dtype.itemsize
         return _Arrays(
             self._array(batch * cells_read, queue),
-            self._array(batch * text.output_size, queue),
+            self._array(batch * built.text.output_size, queue),
             cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, scratch),
+            None if built.parted is None else built.parted.new_arrays(batch),
         )
 
     def _array(self, size: int, queue: cl.CommandQueue) -> SharedArray:

@@ -1,21 +1,18 @@
-"""From a schedule to the text of one kernel that runs all of it."""
+"""From a schedule to the text of one kernel that runs all of it, or of its parts."""
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.engines.backend import Solvers
+from cnnum.engines.opencl.apart import take_apart
 from cnnum.engines.opencl.lowering import Lowering
+from cnnum.engines.opencl.parts import Parts
 from cnnum.engines.opencl.storage import PRIVATE_CELLS, Arena, Tables, Values
 from cnnum.engines.opencl.text import fill, indented
-from cnnum.engines.opencl.tiles import SPLIT, Tiling
-from cnnum.graph.nodes import Constant, Input, Node, Pick, Transient
+from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
-
-_DECLARES = re.compile(r"\s*(\{|real \w+;|__global real \*const \w+ = .*;)$")
-"""Lines before the steps that stand before what comes after them too."""
 
 WIDE_BYTES = 64
 """Vectors from this size on have no built-ins that every compiler can handle."""
@@ -38,8 +35,8 @@ class KernelText:
         Values of global scratch a work item needs (0: everything is private).
     private : int
         Values in private arrays of a work item at the most (0: they are in scratch).
-    tiling : Tiling or None
-        Launches of their own that take the steps of a large array.
+    parts : Parts or None
+        The launches that a large array takes; None where the whole plan is one.
     """
 
     source: str
@@ -49,63 +46,38 @@ class KernelText:
     outputs: dict[str, int]
     scratch: int
     private: int
-    tiling: Tiling | None = None
+    parts: Parts | None
 
 
 def lower(
     schedule: Schedule, solvers: Solvers, lanes: int, dtype: np.dtype[np.floating]
 ) -> KernelText:
     """Return the kernel text of a schedule for `lanes` frames side by side."""
-    tables = Tables(dtype, lanes, splits=_one_transient(schedule))
+    tables = Tables(dtype, lanes)
     arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
     lowering = Lowering(schedule, solvers, tables, arena, Values(tables))
     lowering.lower()
     outputs, writes = _write_outputs(lowering)
     arena.keep_all()
     slots = [arena.array(f"s{k}", schedule.cells) for k in range(lowering.values.slots)]
-    if not arena.private:
-        slots.insert(0, f"__global real *const mine = scratch + get_global_id(0) * {arena.size};")
     size = sum(_numbers(node, schedule) for node in schedule.outputs.values()) + 1
-    body = indented([*slots, *lowering.body, *writes], 1)
-    source = _prelude(lanes, dtype) + "\n" + _kernels(tables, arena, body)
+    body = [*slots, *lowering.body, *writes]
+    parts = None
+    if arena.private:
+        kernels = fill("plan", tables=tables.text, body=indented(body, 1))
+    else:
+        parts = take_apart("\n".join(body), schedule.shape[0], tables.strips)
+        own = "\n".join(strips.text for strips in tables.strips.values())
+        kernels = f"#define FRAME_SIZE {arena.size}\n{tables.text}\n{own}\n{parts.text}"
     return KernelText(
-        source,
+        f"{_prelude(lanes, dtype)}\n{kernels}",
         tables.buffer(),
         size,
         lowering.memory_size,
         outputs,
         0 if arena.private else arena.size,
         arena.size if arena.private else 0,
-        tables.tiling,
-    )
-
-
-def _one_transient(schedule: Schedule) -> bool:
-    """Return whether nothing runs but one template, so that its kernel can be parted."""
-    parts = [n.operation for n in schedule.nodes]
-    alone = all(isinstance(part, Input | Transient | Pick | Constant) for part in parts)
-    return alone and len(schedule.transients) == 1
-
-
-def _kernels(tables: Tables, arena: Arena, body: str) -> str:
-    """Return the plan's kernel; or, parted, what comes before the steps, the steps, and the rest.
-
-    The part after the steps begins with the declarations of the part before.
-    """
-    text = tables.text
-    if tables.tiling is None:
-        return fill("plan", kernel="plan", tables=text, body=body)
-    lines = body.splitlines()
-    at = next(n for n, line in enumerate(lines) if line.strip() == SPLIT)
-    declared = [line for line in lines[:at] if _DECLARES.match(line)]
-    before = "\n".join([*lines[:at], "    }"])
-    after = "\n".join([*declared, *lines[at + 1 :]])
-    return "\n".join(
-        [
-            fill("plan", kernel="plan", tables=text, body=before),
-            f"#define FRAME_SIZE {arena.size}\n{tables.tiling.text}",
-            fill("plan", kernel="finish", tables="", body=after),
-        ]
+        parts,
     )
 
 
@@ -146,7 +118,9 @@ def _prelude(lanes: int, dtype: np.dtype[np.floating]) -> str:
     helpers = [fill("functions", real=f"{scalar}{width}", bits=bits, mask=mask)]
     if lanes * dtype.itemsize >= WIDE_BYTES:
         helpers.append(fill("halves"))
-    helpers.append(fill("many_lanes", bits=bits) if lanes > 1 else fill("one_lane"))
+    helpers.append(
+        fill("many_lanes", bits=bits) if lanes > 1 else fill("one_lane", real=scalar, bits=bits)
+    )
     return fill(
         "prelude",
         pragma="#pragma OPENCL EXTENSION cl_khr_fp64 : enable" if double else "",

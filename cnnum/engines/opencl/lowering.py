@@ -156,7 +156,10 @@ class Lowering:
         if isinstance(operation, Input):
             count = len(self.schedule.channels_read)
             place, base = self.schedule.channels_read.index(operation.channel), "input"
-            at, stride = f"i * {count} + {place}", self.schedule.cells * count
+            # large arrays come channel by channel, small ones as frames have them
+            by_cells = self.arena.private
+            at = f"i * {count} + {place}" if by_cells else f"{place * self.schedule.cells} + i"
+            stride = self.schedule.cells * count
         else:
             at, base = f"{self.memory_at[operation.memory]} + i", "memory"
             stride = self.memory_size

@@ -145,4 +145,4 @@ def watch_change(text: TransientText, state: str) -> list[str]:
     equilibrium.
     """
     tau = text.number(float(text.template.tau.max()))
-    return [f"change = fmax(change, fabs({tau} * rate) / {text.scale(f'{state}[{{at}}]')});"]
+    return [f"change = greater(change, fabs({tau} * rate) / {text.scale(f'{state}[{{at}}]')});"]

@@ -102,5 +102,5 @@ def _rounded(a: str) -> list[str]:
         f"const real before = {a} * now + drive - from;",
         f"const real after = {a} * clamp(to, -ONE, ONE) + drive - to;",
         "const real grown = PICK(before != ZERO, fabs(after / before), ONE);",
-        f"largest = fmax(largest, fabs(to) + grown * (fabs(drive) + fabs(from) + fabs({a})));",
+        f"largest = greater(largest, fabs(to) + grown * (fabs(drive) + fabs(from) + fabs({a})));",
     ]

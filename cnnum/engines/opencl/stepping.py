@@ -230,13 +230,13 @@ def _judge(text: TransientText, tableau: ButcherTableau) -> None:
     rounding = text.number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
     for layer in range(text.layers):
         at = text.at(layer)
-        scale = text.scale(f"fmax(fabs(x[{at}]), fabs(xs[{at}]))")
+        scale, at_end = text.scale(f"fmax(fabs(x[{at}]), fabs(xs[{at}]))"), text.scale(f"xs[{at}]")
         parts = " + ".join(f"fabs(h * ({_combination(d, text, at)}))" for d in tableau.truncation)
         body += [
             f"{{ const real e = fabs(h * ({_combination(tableau.error, text, at)}));",
-            f"worst = fmax(worst, e / {scale});",
-            f"added = fmax(added, {parts} + {rounding} * fabs(xs[{at}]));",
-            f"speed = fmax(speed, fabs(k{last}[{at}]));",
-            f"change = fmax(change, fabs({tau} * k{last}[{at}]) / {text.scale(f'xs[{at}]')}); }}",
+            f"worst = greater(worst, e / {scale});",
+            f"added = greater(added, {parts} + {rounding} * fabs(xs[{at}]));",
+            f"speed = greater(speed, fabs(k{last}[{at}]));",
+            f"change = greater(change, fabs({tau} * k{last}[{at}]) / {at_end}); }}",
         ]
     text.over_cells(body)

@@ -12,10 +12,17 @@ from cnnum.engines.opencl.text import number
 from cnnum.graph.nodes import Constant, ConstantMap, Node
 
 if TYPE_CHECKING:
-    from cnnum.engines.opencl.tiles import Tiling
+    from cnnum.engines.opencl.strips import Strips
 
 PRIVATE_CELLS = 32 * 32
 """Largest array that lives in private memory, so that a whole program is one launch."""
+
+ALIGNED = 16
+"""Arrays of scratch begin at multiples of this, so that vectors lie within a cache's lines."""
+
+APART = 5 * ALIGNED
+"""Numbers between arrays of scratch: those of 1024×1024 cells would else all begin at the same
+place of a page, where writing one holds up reading another."""
 
 
 @dataclass(slots=True)
@@ -30,7 +37,7 @@ class Arena:
     def array(self, name: str, length: int) -> str:
         """Return the declaration of an array."""
         start = self.places[name] = self._top
-        self._top += length
+        self._top += length if self.private else -(-length // ALIGNED) * ALIGNED + APART
         self.size = max(self.size, self._top)
         if self.private:
             return f"real {name}[{length}];"
@@ -59,19 +66,16 @@ class Tables:
         Of the kernel's numbers.
     lanes : int
         Frames side by side in the kernel's type.
-    splits : bool
-        Whether the plan's kernel may be parted for steps that are launches of their own.
     types : dict of str to str
         Texts of further types that the kernel uses, by name.
-    tiling : Tiling or None
-        Those steps.
+    strips : dict of str to Strips
+        Steps of large arrays that are kernels of their own, by name.
     """
 
     dtype: np.dtype[np.floating]
     lanes: int
-    splits: bool = False
-    tiling: "Tiling | None" = None
     types: dict[str, str] = field(default_factory=dict[str, str])
+    strips: "dict[str, Strips]" = field(default_factory=dict[str, "Strips"])
     _tables: dict[str, str] = field(default_factory=dict[str, str])
     _data: list[Floats] = field(default_factory=list[Floats])
     _length: int = 0

@@ -4,7 +4,7 @@
         real running = PICK(time < $duration, ONE, ZERO);
 $first_rates
         for (int i = 0; i < $states; ++i) {
-            speed_before = fmax(speed_before, fabs(k0[i]));
+            speed_before = greater(speed_before, fabs(k0[i]));
         }
         for (int n = 0; n < $limit && ANY_LANE(running); ++n) {
             real worst = ZERO, added = ZERO, speed = ZERO, change = ZERO;

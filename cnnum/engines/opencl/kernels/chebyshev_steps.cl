@@ -4,7 +4,7 @@
         real running = PICK(time < $duration, ONE, ZERO);
 $first_rates
         for (int i = 0; i < $cells; ++i) {
-            speed_before = fmax(speed_before, fabs(k0[i]));
+            speed_before = greater(speed_before, fabs(k0[i]));
         }
         for (int n = 0; n < $limit && ANY_LANE(running); ++n) {
             real worst = ZERO, added = ZERO, speed = ZERO, change = ZERO;
@@ -15,16 +15,16 @@ $first_rates
             while (stages < $most && (scalar)(stages * stages) < reach) {
                 ++stages;
             }
-            __global const scalar *row = data + $rows + stages * $most * 4;
-            const real first = R(row[2]);
+            int row = $rows + stages * $most * 4;
+            const real begin = R(data[row + 2]);
             for (int i = 0; i < $cells; ++i) {
                 old[i] = x[i];
-                xs[i] = x[i] + first * h * k0[i];
+                xs[i] = x[i] + begin * h * k0[i];
             }
             for (int j = 1; j < stages; ++j) {
                 row += 4;
-                const real back1 = R(row[0]), back2 = R(row[1]);
-                const real weight = R(row[2]), start = R(row[3]);
+                const real back1 = R(data[row]), back2 = R(data[row + 1]);
+                const real weight = R(data[row + 2]), start = R(data[row + 3]);
 $stage
             }
 $last_rates

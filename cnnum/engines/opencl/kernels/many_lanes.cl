@@ -1,5 +1,6 @@
 #define PICK(condition, yes, no) ((condition) ? (real)(yes) : (real)(no))
 #define ANY_LANE(value) any_lane((value) != ZERO)
+#define greater(a, b) fmax(a, b)
 
 static inline int any_lane(const $bits lanes) { return any(lanes.lo | lanes.hi); }
 

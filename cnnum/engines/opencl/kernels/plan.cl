@@ -2,7 +2,7 @@ $tables
 
 // One work item runs the whole program for LANES frames.
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void $kernel(__global const scalar *restrict input, __global scalar *restrict output,
+void plan(__global const scalar *restrict input, __global scalar *restrict output,
           __global scalar *restrict memory, __global const scalar *restrict data,
           __global real *restrict scratch, const int batch, const int is_first)
 {

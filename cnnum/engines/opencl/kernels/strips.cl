@@ -1,0 +1,146 @@
+// Strips of rows, several steps at a time: a step follows the one before at a distance of a few
+// rows, so that what it reads is still in the cache. Strips narrow by a rim from step to step;
+// then what is missing between them is made up for. Of the two arrays of outputs, a step reads
+// one and writes the other.
+typedef scalar vec __attribute__((ext_vector_type($width), aligned($bytes)));
+#define ROW(row) (((row) + $radius) * $pitch + $width)
+
+static inline vec shown(const vec x) { return $shown; }
+
+// Virtual cells on both sides of a row that begins at p.
+static inline void sides(__global scalar *const y, const int p)
+{
+$sides
+}
+
+// Virtual rows are copies of rows.
+static void copy_row(__global scalar *const y, const int to, const int from)
+{
+    for (int c = -$width; c < $pitch - $width; ++c) {
+        y[ROW(to) + c] = y[ROW(from) + c];
+    }
+}
+
+static void upper(__global scalar *const y)
+{
+$upper
+}
+
+static void lower(__global scalar *const y)
+{
+$lower
+}
+
+static void one_row(__global scalar *const x, __global const scalar *const w,
+                    __global const scalar *const from, __global scalar *const to, const int start)
+{
+    for (int p = start; p < start + $cols; p += $width) {
+$one_row
+    }
+    sides(to, start);
+}
+
+static void more_rows(__global scalar *const x, __global const scalar *const w,
+                      __global const scalar *const from, __global scalar *const to, const int start)
+{
+    for (int p = start; p < start + $cols; p += $width) {
+$more_rows
+    }
+    for (int r = 0; r < $block; ++r) {
+        sides(to, start + r * $pitch);
+    }
+}
+
+// One step of a block of rows of a strip.
+static void step(__global scalar *const x, __global const scalar *const w,
+                 __global const scalar *const from, __global scalar *const to,
+                 const int row, const int end)
+{
+    if (row + $block <= end) {
+        more_rows(x, w, from, to, ROW(row));
+    } else {
+        for (int r = row; r < end; ++r) {
+            one_row(x, w, from, to, ROW(r));
+        }
+    }
+}
+
+// Phases: 0 sets out from the states at `source`, 1 takes steps, 2 makes up for what is missing
+// between strips, 3 brings the states back.
+__kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void $kernel(__global scalar *scratch, __global const scalar *registers, const int guard,
+             const int frames, const int pieces, const int phase, const int done,
+             const int steps)
+{
+    const int frame = get_global_id(0) / pieces, piece = get_global_id(0) % pieces;
+    if (guard >= 0 && registers[guard * frames + frame] == 0) {
+        return;
+    }
+    __global scalar *const mine = scratch + (size_t)frame * FRAME_SIZE;
+    __global scalar *const x = mine + $x, *const w = mine + $w;
+    __global scalar *const outputs[2] = {mine + $even, mine + $odd};
+    const int begin = (int)((long)$rows * piece / pieces);
+    const int end = (int)((long)$rows * (piece + 1) / pieces);
+    if (phase == 0) {
+        const int above = $periodic && begin == 0 ? $radius : 0;
+        const int below = $periodic && end == $rows ? $radius : 0;
+        for (int r = begin - above; r < end + below; ++r) {
+            const int row = (r + $rows) % $rows;
+            for (int c = 0; c < $cols; ++c) {
+                const int cell = row * $cols + c, p = ROW(r) + c;
+                const scalar value = mine[$state + cell];
+                x[p] = value;
+                w[p] = $drive;
+                outputs[0][p] = $first;
+            }
+            sides(outputs[0], ROW(r));
+        }
+        if (!$periodic && begin == 0) {
+            upper(outputs[0]);
+        }
+        if (!$periodic && end == $rows) {
+            lower(outputs[0]);
+        }
+    } else if (phase == 1) {
+        const int top = begin == 0 && !$periodic, bottom = end == $rows && !$periodic;
+        for (int taken = 0; taken < steps; taken += $levels) {
+            const int levels = min($levels, steps - taken);
+            const int blocks = (end - begin + $block - 1) / $block;
+            for (int wave = 0; wave < blocks + (levels - 1) * $lag; ++wave) {
+                for (int n = 1; n <= levels && wave >= (n - 1) * $lag; ++n) {
+                    const int low = top ? 0 : begin + n * $radius;
+                    const int high = bottom ? $rows : end - n * $radius;
+                    const int row = low + (wave - (n - 1) * $lag) * $block;
+                    if (row < high) {
+                        __global scalar *const to = outputs[(done + taken + n) & 1];
+                        step(x, w, outputs[(done + taken + n - 1) & 1], to, row, high);
+                        if (row == 0 && top) {
+                            upper(to);
+                        }
+                        if (row + $block >= $rows && bottom) {
+                            lower(to);
+                        }
+                    }
+                }
+            }
+        }
+    } else if (phase == 2 && ($periodic || end < $rows)) {
+        for (int n = 1; n <= steps; ++n) {
+            __global const scalar *const from = outputs[(done + n - 1) & 1];
+            __global scalar *const to = outputs[(done + n) & 1];
+            for (int r = end - n * $radius; r < end + n * $radius; ++r) {
+                one_row(x, w, from, to, ROW(r < $rows ? r : r - $rows));
+            }
+            if (end == $rows) {
+                upper(to);
+                lower(to);
+            }
+        }
+    } else if (phase == 3) {
+        for (int r = begin; r < end; ++r) {
+            for (int c = 0; c < $cols; ++c) {
+                mine[$state + r * $cols + c] = x[ROW(r) + c];
+            }
+        }
+    }
+}

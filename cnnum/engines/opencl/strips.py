@@ -1,0 +1,241 @@
+"""The kernel text of Euler's steps on large arrays: strips of rows, several steps a launch.
+
+Rows of a strip are taken a few at a time, a vector of columns wide: an output that is loaded serves
+all the cells of the block that it is a neighbour of.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.text import fill, indented, rename
+from cnnum.engines.opencl.transients import TransientText
+from cnnum.integrators.choice import FixedSteps
+from cnnum.network import taps
+
+CACHE_BYTES = 1024 * 1024
+"""Of the rows between the first and the last of the steps that follow each other."""
+
+LEVELS = 8
+"""Steps a launch, at most: what is missing between strips grows with them."""
+
+WHOLE_CELLS = 128 * 128
+"""Arrays up to this are one strip and one launch."""
+
+BLOCK_ROWS = 4
+VECTOR_BYTES = 64
+
+_OWN = re.compile(r"\b(vec|ROW|shown|sides|copy_row|upper|lower|one_row|more_rows|step)\b")
+"""Names that the kernel has to itself: a plan may have several."""
+
+
+@dataclass(frozen=True, slots=True)
+class Strips:
+    """How a large array's steps are launched.
+
+    Attributes
+    ----------
+    kernel, text : str
+        The kernel's name, and its text.
+    count : int
+        Steps.
+    levels : int
+        Steps a launch, where there is more than one strip.
+    most : int
+        Strips of an array that are high enough for so many steps.
+    alone : bool
+        Whether a single strip needs nothing from beyond its end, so that one launch takes all.
+    small : bool
+        Whether more strips would cost more in launches than they win.
+    """
+
+    kernel: str
+    text: str
+    count: int
+    levels: int
+    most: int
+    alone: bool
+    small: bool
+
+    def pieces(self, batch: int, units: int) -> int:
+        """Return into how many strips each array of a batch is parted on so many cores."""
+        if self.alone and (self.small or batch >= units):
+            return 1
+        return max(1, min(self.most, 2 * units // batch))
+
+    def launches(self, pieces: int) -> int:
+        """Return the launches for an array in so many strips."""
+        if pieces == 1 and self.alone:
+            return 3
+        return 2 + 2 * math.ceil(self.count / self.levels)
+
+
+def strips_fit(text: TransientText, scheme: FixedSteps) -> bool:
+    """Return whether steps of a scheme can be taken strip by strip."""
+    template, radius = text.template, text.radius
+    even = scheme.last == scheme.step and scheme.count > 0 and not scheme.settle
+    simple = template.plain and text.layers == 1 and text.operands.mask is None
+    known = template.output.name in ("standard", "linear", "full-range")
+    return (
+        scheme.tableau.stages == 1
+        and even
+        and simple
+        and known
+        and 0 < radius <= BLOCK_ROWS
+        and min(text.shape) >= 4 * radius
+        and not text.arena.private
+    )
+
+
+def euler_strips(text: TransientText, scheme: FixedSteps) -> None:
+    """Append the name that stands for the steps, and keep their kernel with the tables."""
+    size = (text.shape[0] + 2 * text.radius) * _pitch(text)
+    for array in ("strip_x", "strip_w", "strip_even", "strip_odd"):
+        text.array(array, size)
+    name = f"advance_{len(text.tables.strips)}"
+    text.lines.append(f"{name};")
+    text.tables.strips[name] = _strips(text, scheme, name)
+
+
+def _width(text: TransientText) -> int:
+    return VECTOR_BYTES // text.tables.dtype.itemsize
+
+
+def _pitch(text: TransientText) -> int:
+    """Return the distance of rows: a vector before them, and what the last one runs over.
+
+    An odd number of vectors: 1024 columns took a third longer with an even one, whose rows stand
+    in a page where other rows do.
+    """
+    width = _width(text)
+    return (-(-text.shape[1] // width) + 2 | 1) * width
+
+
+def _strips(text: TransientText, scheme: FixedSteps, name: str) -> Strips:
+    (rows, cols), radius, places = text.shape, text.radius, text.arena.places
+    pitch, size = _pitch(text), text.tables.dtype.itemsize
+    periodic = text.template.boundary.pad_mode == "wrap"
+    # strips must not vanish before the last of the steps
+    levels = min(LEVELS, CACHE_BYTES // (4 * BLOCK_ROWS * pitch * size), rows // (2 * radius) - 1)
+    levels = max(1, levels)
+    names: dict[str, object] = {
+        "kernel": name,
+        "width": _width(text),
+        "bytes": size,
+        "rows": rows,
+        "cols": cols,
+        "radius": radius,
+        "pitch": pitch,
+        "block": BLOCK_ROWS,
+        "levels": levels,
+        "lag": -(-2 * radius // BLOCK_ROWS),
+        "periodic": int(periodic),
+        "x": places["strip_x"],
+        "w": places["strip_w"],
+        "even": places["strip_even"],
+        "odd": places["strip_odd"],
+        "state": places["x"],
+        "shown": _shown(text),
+        "drive": _drive(text, scheme),
+        "first": rename(text.template.output.opencl, {"x": "value"}),
+        "sides": indented(_sides(text), 1),
+        "upper": indented(_rows_beyond(text, -1), 1),
+        "lower": indented(_rows_beyond(text, 1), 1),
+        "one_row": indented(_step(text, scheme, 1), 2),
+        "more_rows": indented(_step(text, scheme, BLOCK_ROWS), 2),
+    }
+    source = _OWN.sub(rf"\1_{name}", fill("strips", **names))
+    most = rows // (2 * (levels + 1) * radius)
+    small = text.cells <= WHOLE_CELLS
+    return Strips(name, source, scheme.count, levels, max(1, most), not periodic, small)
+
+
+def _scale(scheme: FixedSteps, text: TransientText, factor: float = 1.0) -> str:
+    return text.number(factor * scheme.step / float(text.template.tau[0]))
+
+
+def _drive(text: TransientText, scheme: FixedSteps) -> str:
+    constant = constant_drive(text)
+    if constant is not None:
+        return _scale(scheme, text, constant[0])
+    return f"{_scale(scheme, text)} * mine[{text.arena.places['w']} + cell]"
+
+
+def _shown(text: TransientText) -> str:
+    """Return f of a vector of states."""
+    if text.template.output.name == "linear":
+        return "x"
+    return "x < (vec)(-1) ? (vec)(-1) : ((vec)(1) < x ? (vec)(1) : x)"
+
+
+def _step(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
+    """Return the text of one step of some rows and a vector of columns."""
+    kept = text.number(1.0 - scheme.step / float(text.template.tau[0])).replace("R(", "(vec)(")
+    pitch, radius = _pitch(text), text.radius
+    at = [f"{row * pitch} + p" for row in range(block)]
+    lines = [
+        f"vec s{row} = *(__global const vec *)(w + {place}) + {kept} * "
+        f"*(__global const vec *)(x + {place});"
+        for row, place in enumerate(at)
+    ]
+    found = {(tap.row, tap.col): tap.weight for tap in taps(text.template.A, 0)}
+    for row in range(-radius, block + radius):
+        for col in range(-radius, radius + 1):
+            adds = [
+                f"s{to} += {_weight(text, scheme, found[row - to, col])} * v;"
+                for to in range(block)
+                if (row - to, col) in found
+            ]
+            if adds:
+                load = f"const vec v = *(__global const vec *)(from + {row * pitch + col} + p);"
+                lines.append(f"{{ {load} {' '.join(adds)} }}")
+    for row, place in enumerate(at):
+        new = f"shown(s{row})"
+        state = new if text.template.output.limited else f"s{row}"
+        lines.append(f"*(__global vec *)(x + {place}) = {state};")
+        lines.append(f"*(__global vec *)(to + {place}) = {new};")
+    return lines
+
+
+def _weight(text: TransientText, scheme: FixedSteps, weight: float) -> str:
+    return _scale(scheme, text, weight).replace("R(", "(vec)(")
+
+
+def _sides(text: TransientText) -> list[str]:
+    """Return the text that sets the virtual cells left and right of a row."""
+    cols, mode = text.shape[1], text.template.boundary.pad_mode
+    constant, lines = _constant(text), list[str]()
+    for n in range(text.radius):
+        # the mirror lies between cells: the n-th cell beyond repeats the n-th within
+        left, right = (n, cols - 1 - n) if mode != "wrap" else (cols - 1 - n, n)
+        lines += [
+            f"y[p - {n + 1}] = {constant or f'y[p + {left}]'};",
+            f"y[p + {cols + n}] = {constant or f'y[p + {right}]'};",
+        ]
+    return lines
+
+
+def _rows_beyond(text: TransientText, side: int) -> list[str]:
+    """Return the text that sets the virtual rows above (-1) or below (1) the array."""
+    rows, mode = text.shape[0], text.template.boundary.pad_mode
+    constant, lines = _constant(text), list[str]()
+    for n in range(text.radius):
+        to, near, far = (-1 - n, n, rows - 1 - n) if side < 0 else (rows + n, rows - 1 - n, n)
+        if constant is None:
+            lines.append(f"copy_row(y, {to}, {far if mode == 'wrap' else near});")
+        else:
+            each = f"y[ROW({to}) + c] = {constant};"
+            cols = f"int c = -{text.radius}; c < {text.shape[1] + text.radius}; ++c"
+            lines.append(f"for ({cols}) {{ {each} }}")
+    return lines
+
+
+def _constant(text: TransientText) -> str | None:
+    """Return the output of virtual cells of a fixed boundary."""
+    constant = text.template.boundary.constant
+    if constant is None:
+        return None
+    return text.number(float(text.template.output.numpy(np.asarray(constant))))
