@@ -1,4 +1,4 @@
-"""Beyond 32×32 cells a plan runs in parts that all cores share, and gives what one kernel gives."""
+"""Beyond 128×128 cells a plan runs in parts that all cores share, with one kernel's own bits."""
 
 import numpy as np
 import pytest
@@ -62,6 +62,7 @@ CASES = {
 def parted(monkeypatch):
     """An engine that runs arrays of any size in parts."""
     monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
+    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
     monkeypatch.setattr(executable, "WIDE_CELLS", 0)
     return cnnum.Engine("opencl")
 
@@ -87,6 +88,7 @@ def test_parts_give_the_bits_of_one_kernel(name, parted):
         maps |= {"mask": rng.uniform(size=SHAPE) < 0.2, "bias": rng.uniform(-1, 1, SHAPE)}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernel_text, "PRIVATE_CELLS", 32 * 32)
+        patch.setattr(kernel_text, "WHOLE_CELLS", 32 * 32)
         whole = cnnum.Engine("opencl")
         wanted = [
             whole.run(net, **{k: v[[n]] if v.ndim == 3 else v for k, v in maps.items()}, **settings)
@@ -140,9 +142,14 @@ def flooded(free, seed):
     return np.isin(labels, sorted(touched)) & free
 
 
+@pytest.mark.parametrize("most", [32 * 32, 128 * 128])
 @pytest.mark.parametrize("shape", [(40, 33), (5, 300)])
-def test_large_programs_are_right(shape):
-    """Against labelled regions, for frames whose loops take different numbers of rounds."""
+def test_large_programs_are_right(shape, most, monkeypatch):
+    """Against labelled regions, for frames whose loops take different numbers of rounds.
+
+    Once in parts, once as one kernel whose arrays are too large to be private.
+    """
+    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", most)
     rng = np.random.default_rng(7)
     stream = cnnum.Engine("opencl").compile(flood, shape, channels=("a", "b")).stream((4,))
     before = None  # on the first frame, what was before is what is
@@ -166,9 +173,9 @@ def test_large_programs_are_right(shape):
 
 
 def test_large_pictures_have_their_holes_filled():
-    """A binary wave over 48×70 cells, through arrays that no core has to itself."""
+    """A binary wave over 130×140 cells, through arrays that no core has to itself."""
     rng = np.random.default_rng(8)
-    pictures = rng.uniform(size=(2, 48, 70)) < 0.55
+    pictures = rng.uniform(size=(2, 130, 140)) < 0.55
     black = np.where(pictures, 1.0, -1.0)
     filled = cnnum.Engine("opencl").run(cnnum.get_template("HOLE"), input=black).output > 0
     cross = scipy.ndimage.generate_binary_structure(2, 1)

@@ -1,4 +1,4 @@
-"""Steps of large arrays, tile by tile, and of wide batches are the reference's own steps."""
+"""Steps of large arrays, strip by strip, and of wide batches are the reference's own steps."""
 
 import numpy as np
 import pytest
@@ -10,8 +10,8 @@ from cnnum.template import Template
 REFERENCE = Engine("reference")
 DEVICES = [device.label for device in list_devices()]
 
-# within one tile; several tiles in rows, in columns, in both; more steps than a launch takes
-SHAPES = [((40, 33), 9), ((300, 70), 33), ((40, 700), 9), ((300, 300), 18)]
+# one work item; strips of odd heights; low and wide strips; more steps than a launch takes
+SHAPES = [((40, 33), 9), ((301, 70), 33), ((40, 700), 9), ((290, 300), 18)]
 
 
 def random_template(rng, boundary, output, radius):
@@ -31,7 +31,7 @@ def random_template(rng, boundary, output, radius):
 @pytest.mark.parametrize(
     ("output", "radius"), [("standard", 1), ("standard", 2), ("linear", 1), ("full-range", 1)]
 )
-def test_tiles_step_as_one_array(boundary, output, radius):
+def test_strips_step_as_one_array(boundary, output, radius):
     """To rounding: 33 steps of values of order 1 in float32, and in float64."""
     rng = np.random.default_rng(4)
     template = random_template(rng, boundary, output, radius)

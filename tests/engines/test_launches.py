@@ -5,6 +5,7 @@ import pyopencl as cl
 import pytest
 
 import cnnum
+from cnnum.graph.nodes import RunSpec
 
 
 @pytest.fixture
@@ -33,3 +34,21 @@ def test_slip_program_is_one_launch_a_frame(launches, batch):
     assert len(launches) == 3
     kinds = {event.command_type for event in launches}
     assert kinds == {cl.command_type.NDRANGE_KERNEL}
+
+
+@pytest.mark.parametrize(
+    ("shape", "method"), [((40, 40), "euler"), ((130, 130), "euler"), ((130, 130), "rk4")]
+)
+def test_a_large_array_takes_the_launches_that_its_plan_tells(launches, shape, method):
+    """One work item up to 128×128 cells; strips and parts beyond, with no round to guess."""
+    template = cnnum.Template("weak", [[0, 0.1, 0], [0.1, 0.3, 0.1], [0, 0.1, 0]], [[1.0]])
+    spec = RunSpec(duration=2.0, method=method, dt=0.1)
+
+    @cnnum.program
+    def weak(frame):
+        return {"y": cnnum.transient(template, input=frame.channel("a"), spec=spec).outputs[0]}
+
+    plan = cnnum.Engine("opencl").compile(weak, shape, channels=("a",))
+    plan(np.zeros((*shape, 1)))
+    assert len(launches) == plan.explain().launches
+    assert (len(launches) == 1) == (shape == (40, 40))

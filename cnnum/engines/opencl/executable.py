@@ -152,7 +152,7 @@ class OpenCLExecutable:
         arrays = self._arrays_for(batch, built)
         if frames.size:
             # large arrays go channel by channel
-            given = frames if built.parted is None else np.moveaxis(frames, -1, 1)
+            given = np.moveaxis(frames, -1, 1) if built.text.scratch else frames
             np.copyto(arrays.input.host.reshape(given.shape), given, casting="same_kind")
             arrays.input.push(queue)
         self._bind(built, arrays, memory, batch, first)

@@ -14,6 +14,10 @@ from cnnum.engines.opencl.text import fill, indented
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
 
+WHOLE_CELLS = 128 * 128
+"""Largest array that one work item runs the whole plan for: adaptive steps of 64×64 cells take so a
+third of the time that parts take, those of 128×128 two thirds, and of 1024×1024 three halves."""
+
 WIDE_BYTES = 64
 """Vectors from this size on have no built-ins that every compiler can handle."""
 
@@ -63,14 +67,18 @@ def lower(
     size = sum(_numbers(node, schedule) for node in schedule.outputs.values()) + 1
     body = [*slots, *lowering.body, *writes]
     parts = None
-    if arena.private:
-        kernels = fill("plan", tables=tables.text, body=indented(body, 1))
-    else:
+    own = "\n".join([tables.text, *(strips.text for strips in tables.strips.values())])
+    if schedule.cells > WHOLE_CELLS:
         parts = take_apart("\n".join(body), schedule.shape[0], tables.strips)
-        own = "\n".join(strips.text for strips in tables.strips.values())
-        kernels = f"#define FRAME_SIZE {arena.size}\n{tables.text}\n{own}\n{parts.text}"
+        kernels = f"{own}\n{parts.text}"
+    else:
+        alone = {f"{name};": f"{name}_alone(mine);" for name in tables.strips}
+        body = [alone.get(line.strip(), line) for line in body]
+        if not arena.private:
+            body.insert(0, "__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;")
+        kernels = fill("plan", tables=own, body=indented(body, 1))
     return KernelText(
-        f"{_prelude(lanes, dtype)}\n{kernels}",
+        f"{_prelude(lanes, dtype)}\n#define FRAME_SIZE {arena.size}\n{kernels}",
         tables.buffer(),
         size,
         lowering.memory_size,

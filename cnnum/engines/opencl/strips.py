@@ -22,13 +22,10 @@ CACHE_BYTES = 1024 * 1024
 LEVELS = 8
 """Steps a launch, at most: what is missing between strips grows with them."""
 
-WHOLE_CELLS = 128 * 128
-"""Arrays up to this are one strip and one launch."""
-
 BLOCK_ROWS = 4
 VECTOR_BYTES = 64
 
-_OWN = re.compile(r"\b(vec|ROW|shown|sides|copy_row|upper|lower|one_row|more_rows|step)\b")
+_OWN = re.compile(r"\b(vec|ROW|shown|sides|copy_row|upper|lower|one_row|more_rows|step|strip)\b")
 """Names that the kernel has to itself: a plan may have several."""
 
 
@@ -48,8 +45,6 @@ class Strips:
         Strips of an array that are high enough for so many steps.
     alone : bool
         Whether a single strip needs nothing from beyond its end, so that one launch takes all.
-    small : bool
-        Whether more strips would cost more in launches than they win.
     """
 
     kernel: str
@@ -58,11 +53,10 @@ class Strips:
     levels: int
     most: int
     alone: bool
-    small: bool
 
     def pieces(self, batch: int, units: int) -> int:
         """Return into how many strips each array of a batch is parted on so many cores."""
-        if self.alone and (self.small or batch >= units):
+        if self.alone and batch >= units:
             return 1
         return max(1, min(self.most, 2 * units // batch))
 
@@ -131,6 +125,7 @@ def _strips(text: TransientText, scheme: FixedSteps, name: str) -> Strips:
         "pitch": pitch,
         "block": BLOCK_ROWS,
         "levels": levels,
+        "count": scheme.count,
         "lag": -(-2 * radius // BLOCK_ROWS),
         "periodic": int(periodic),
         "x": places["strip_x"],
@@ -149,8 +144,7 @@ def _strips(text: TransientText, scheme: FixedSteps, name: str) -> Strips:
     }
     source = _OWN.sub(rf"\1_{name}", fill("strips", **names))
     most = rows // (2 * (levels + 1) * radius)
-    small = text.cells <= WHOLE_CELLS
-    return Strips(name, source, scheme.count, levels, max(1, most), not periodic, small)
+    return Strips(name, source, scheme.count, levels, max(1, most), not periodic)
 
 
 def _scale(scheme: FixedSteps, text: TransientText, factor: float = 1.0) -> str:

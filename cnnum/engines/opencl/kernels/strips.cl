@@ -65,18 +65,11 @@ static void step(__global scalar *const x, __global const scalar *const w,
     }
 }
 
-// Phases: 0 sets out from the states at `source`, 1 takes steps, 2 makes up for what is missing
-// between strips, 3 brings the states back.
-__kernel __attribute__((reqd_work_group_size(1, 1, 1)))
-void $kernel(__global scalar *scratch, __global const scalar *registers, const int guard,
-             const int frames, const int pieces, const int phase, const int done,
-             const int steps)
+// Phases: 0 sets out from the states, 1 takes steps, 2 makes up for what is missing between
+// strips, 3 brings the states back.
+static void strip(__global scalar *const mine, const int pieces, const int piece, const int phase,
+                  const int done, const int steps)
 {
-    const int frame = get_global_id(0) / pieces, piece = get_global_id(0) % pieces;
-    if (guard >= 0 && registers[guard * frames + frame] == 0) {
-        return;
-    }
-    __global scalar *const mine = scratch + (size_t)frame * FRAME_SIZE;
     __global scalar *const x = mine + $x, *const w = mine + $w;
     __global scalar *const outputs[2] = {mine + $even, mine + $odd};
     const int begin = (int)((long)$rows * piece / pieces);
@@ -142,5 +135,29 @@ void $kernel(__global scalar *scratch, __global const scalar *registers, const i
                 mine[$state + r * $cols + c] = x[ROW(r) + c];
             }
         }
+    }
+}
+
+// All steps of a frame, by one work item.
+static void ${kernel}_alone(__global scalar *const mine)
+{
+    strip(mine, 1, 0, 0, 0, 0);
+    for (int done = 0; done < $count; done += $levels) {
+        strip(mine, 1, 0, 1, done, min($levels, $count - done));
+        strip(mine, 1, 0, 2, done, min($levels, $count - done));
+    }
+    strip(mine, 1, 0, 3, 0, 0);
+}
+
+// A phase of the frames whose register `guard` is not 0 (negative: of all).
+__kernel __attribute__((reqd_work_group_size(1, 1, 1)))
+void $kernel(__global scalar *scratch, __global const scalar *registers, const int guard,
+             const int frames, const int pieces, const int phase, const int done,
+             const int steps)
+{
+    const int frame = get_global_id(0) / pieces;
+    if (guard < 0 || registers[guard * frames + frame] != 0) {
+        __global scalar *const mine = scratch + (size_t)frame * FRAME_SIZE;
+        strip(mine, pieces, get_global_id(0) % pieces, phase, done, steps);
     }
 }
