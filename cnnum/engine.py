@@ -211,7 +211,7 @@ class Engine:
         if key not in self._plans:
             self._plans[key] = self._transient_plan(template, shape, names, spec)
         plan = self._plans[key]
-        outputs = plan(stack)
+        outputs = plan.run_finite(stack)
         (solver,) = plan.solvers.values()
         if solver.forced:
             outputs |= {
@@ -270,15 +270,16 @@ def _stack(given: dict[str, Floats]) -> tuple[tuple[str, ...], Floats, Shape, tu
     except ValueError:
         shapes = {role: array.shape for role, array in given.items()}
         raise ArrayError(f"The batches of {shapes} do not broadcast.") from None
-    names: list[str] = []
-    planes: list[Floats] = []
-    for role, array in given.items():
-        full = np.broadcast_to(array, (*lead, *array.shape[-3:]))
-        names += [f"{role} {number}" for number in range(array.shape[-3])]
-        planes += [full[..., number, :, :] for number in range(array.shape[-3])]
+    names = [f"{role} {n}" for role, array in given.items() for n in range(array.shape[-3])]
+    shape = as_shape(next(iter(given.values())).shape[-2:])
     # side by side in memory, where they can be copied as they are
-    stack = np.moveaxis(np.stack(planes, axis=-3), -3, -1)
-    return tuple(names), stack, as_shape(planes[0].shape[-2:]), lead
+    planes = np.empty((*lead, len(names), *shape))
+    at = 0
+    for array in given.values():
+        planes[..., at : at + array.shape[-3], :, :] = array
+        at += array.shape[-3]
+    axes = range(len(lead))
+    return tuple(names), planes.transpose(*axes, -2, -1, -3), shape, lead
 
 
 def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:

@@ -126,7 +126,14 @@ class Plan:
         MethodError
             If a transient does not reach its end.
         """
-        frames, lead = self._frames(frame)
+        return self.run_finite(self._finite(frame))
+
+    def run_finite(self, frame: Floats) -> dict[str, Floats]:
+        """Run the program on a frame or a batch whose shape and numbers have been checked.
+
+        Parameters and errors are those of a call.
+        """
+        frames, lead = self._read(frame)
         memory = self.executable.new_memory(len(frames))
         return self._run(frames, lead, memory, first=True)
 
@@ -151,6 +158,10 @@ class Plan:
             stream.push_read(empty)
 
     def _frames(self, frame: ArrayLike) -> tuple[Floats, tuple[int, ...]]:
+        return self._read(self._finite(frame))
+
+    def _finite(self, frame: ArrayLike) -> Floats:
+        """Return a frame or a batch of the shape promised, of finite numbers."""
         array, channels = finite("frame", frame), self.schedule.channels
         shape = self.schedule.shape
         if len(channels) == 1 and array.shape[-2:] == shape and array.shape[-3:] != (*shape, 1):
@@ -160,12 +171,18 @@ class Plan:
                 f"A frame for this plan has the shape (..., {shape[0]}, {shape[1]}, "
                 f"{len(channels)}) with the channels {', '.join(channels)}, got {array.shape}."
             )
-        lead = array.shape[:-3]
+        return array
+
+    def _read(self, array: Floats) -> tuple[Floats, tuple[int, ...]]:
+        """Return the channels that are read, as (batch, rows, cols, channels), and leading axes."""
+        lead, channels = array.shape[:-3], self.schedule.channels
         frames = array.reshape(-1, *array.shape[-3:])
         if len(frames) == 0:
             raise ArrayError("A batch needs at least one frame, got none.")
-        read = [channels.index(name) for name in self.schedule.channels_read]
-        return (frames if len(read) == len(channels) else frames[..., read]), lead
+        read = self.schedule.channels_read
+        if len(read) == len(channels):
+            return frames, lead
+        return frames[..., [channels.index(name) for name in read]], lead
 
     def _run(
         self, frames: Floats, lead: tuple[int, ...], memory: object, *, first: bool
