@@ -70,7 +70,7 @@ def points(*, quick: bool = False) -> tuple[Point, ...]:
     """Return the places to measure."""
     sides: tuple[int, ...] = (8, 16, 32, 64, 128, 256, 512, 1024, 2048)
     batches: tuple[int, ...] = (1, 16, 256, 4096, 65_536)
-    grids: tuple[tuple[int, int], ...] = ((2, 2), (4, 4), (8, 8), (16, 16), (4, 6), (9, 9))
+    grids: tuple[tuple[int, int], ...] = ((2, 2), (4, 4), (4, 6), (8, 8), (9, 9), (16, 16))
     if quick:
         sides, batches, grids = (8, 64, 512, 2048), (1, 256, 65_536), ((2, 2), (8, 8))
     return (
