@@ -42,3 +42,11 @@ def test_first_template_finds_the_corners():
     found = {tuple(cell) for cell in np.argwhere(names["result"].output > 0).tolist()}
     assert found == {(2, 2), (2, 6), (5, 2), (5, 6)}
     assert cnnum.get_template("CORNER").z[0] == -5.0
+
+
+def test_engines_page_has_every_limit():
+    from cnnum.engines.limits import LIMITS
+
+    page = (ROOT / "docs" / "engines.md").read_text()
+    rows = {f"| {limit.engine} | {limit.what} | {limit.why} |" for limit in LIMITS}
+    assert rows <= set(page.splitlines())
