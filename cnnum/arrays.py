@@ -15,6 +15,9 @@ Floats = NDArray[np.float64]
 Shape = tuple[int, int]
 """Rows and columns of a cell array."""
 
+FEW = 4096
+"""Numbers whose squares OpenBLAS sums in one thread; 16,384 are shared."""
+
 
 def finite(name: str, value: ArrayLike) -> Floats:
     """Return `value` as a float64 array, refusing what is not finite real numbers.
@@ -42,9 +45,12 @@ def finite(name: str, value: ArrayLike) -> Floats:
 def all_finite(array: Floats) -> bool:
     """Return whether no number of an array is NaN or infinite.
 
-    The sum of squares takes a third of the time of looking at every number; where it overflows,
-    every number is looked at.
+    The sum of squares of a small array takes a third of the time of looking at every number; where
+    it overflows, every number is looked at. BLAS shares large sums between threads, whose waiting
+    for each other takes milliseconds on a busy machine.
     """
+    if array.size > FEW:
+        return bool(np.isfinite(array).all())
     numbers = array.ravel(order="K")  # as they lie in memory: no copy
     return math.isfinite(np.vdot(numbers, numbers)) or bool(np.isfinite(array).all())
 
