@@ -5,16 +5,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, Shape, as_shape, maps
 from cnnum.engines.backend import open_backend
-from cnnum.engines.support import schemes_of
+from cnnum.engines.support import FUSING, schemes_of
 from cnnum.errors import ArrayError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
 from cnnum.integrators.choice import choose
+from cnnum.integrators.fusing import fuse
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.fields import Field
@@ -143,9 +144,10 @@ class Engine:
             for node in thinned.transients
             if isinstance(node.operation, Transient)
         }
-        executable = self._backend.build(thinned, solvers)
-        device, precision = self.device, self.precision
-        return Plan(name, self.name, device, precision, thinned, solvers, executable, self._backend)
+        built = fuse(thinned, solvers) if self.name in FUSING else thinned
+        executable, backend = self._backend.build(built, solvers), self._backend
+        about = (name, self.name, self.device, self.precision)
+        return Plan(*about, thinned, built, solvers, executable, backend)
 
     def run(
         self,
@@ -205,7 +207,7 @@ class Engine:
         """
         roles = {"input": input, "previous": previous, "state": state, "bias": bias, "mask": mask}
         given = _given(template, roles)
-        names, stack, shape, lead = _stack(given)
+        names, stack, shape, lead = _stack(given, np.dtype(self.precision))
         spec = RunSpec(duration, method, rtol, atol, dt, force=force)
         key = (template.digest, shape, names, spec)
         if key not in self._plans:
@@ -263,7 +265,9 @@ def _common_shape(values: Sequence[ArrayLike]) -> Shape:
     return as_shape(next(iter(shapes)))
 
 
-def _stack(given: dict[str, Floats]) -> tuple[tuple[str, ...], Floats, Shape, tuple[int, ...]]:
+def _stack(
+    given: dict[str, Floats], dtype: np.dtype[np.floating]
+) -> tuple[tuple[str, ...], NDArray[np.floating], Shape, tuple[int, ...]]:
     """Return channel names and all maps as one frame (..., rows, cols, channels)."""
     try:
         lead = np.broadcast_shapes(*(array.shape[:-3] for array in given.values()))
@@ -273,7 +277,7 @@ def _stack(given: dict[str, Floats]) -> tuple[tuple[str, ...], Floats, Shape, tu
     names = [f"{role} {n}" for role, array in given.items() for n in range(array.shape[-3])]
     shape = as_shape(next(iter(given.values())).shape[-2:])
     # side by side in memory, where they can be copied as they are
-    planes = np.empty((*lead, len(names), *shape))
+    planes = np.empty((*lead, len(names), *shape), dtype)
     at = 0
     for array in given.values():
         planes[..., at : at + array.shape[-3], :, :] = array

@@ -5,15 +5,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, Shape, all_finite, finite
 from cnnum.engines.backend import Backend, Executable, OneFrame, Solvers
 from cnnum.errors import ArrayError, MethodError
-from cnnum.graph.cost import node_flops
 from cnnum.graph.nodes import Constant, ConstantMap, Pick, Transient
 from cnnum.graph.schedule import LeftOut, Schedule
-from cnnum.integrators.choice import FixedSteps
+from cnnum.integrators.cost import operation_flops
 from cnnum.tracing import TraceStep, everything_kept, trace_steps
 
 
@@ -84,6 +83,9 @@ class Plan:
     ----------
     program, engine, device, precision : str
     schedule : Schedule
+        The program's operations.
+    built : Schedule
+        What runs instead: chains of linear operations may be fused.
     solvers : mapping of int to Solver
         How each transient runs.
     executable : Executable
@@ -96,6 +98,7 @@ class Plan:
     device: str
     precision: str
     schedule: Schedule
+    built: Schedule
     solvers: Solvers
     executable: Executable
     backend: Backend
@@ -128,7 +131,7 @@ class Plan:
         """
         return self.run_finite(self._finite(frame))
 
-    def run_finite(self, frame: Floats) -> dict[str, Floats]:
+    def run_finite(self, frame: NDArray[np.floating]) -> dict[str, Floats]:
         """Run the program on a frame or a batch whose shape and numbers have been checked.
 
         Parameters and errors are those of a call.
@@ -157,7 +160,7 @@ class Plan:
             stream.push_read(empty)
             stream.push_read(empty)
 
-    def _frames(self, frame: ArrayLike) -> tuple[Floats, tuple[int, ...]]:
+    def _frames(self, frame: ArrayLike) -> tuple[NDArray[np.floating], tuple[int, ...]]:
         return self._read(self._finite(frame))
 
     def _finite(self, frame: ArrayLike) -> Floats:
@@ -173,7 +176,7 @@ class Plan:
             )
         return array
 
-    def _read(self, array: Floats) -> tuple[Floats, tuple[int, ...]]:
+    def _read(self, array: NDArray[np.floating]) -> tuple[NDArray[np.floating], tuple[int, ...]]:
         """Return the channels that are read, as (batch, rows, cols, channels), and leading axes."""
         lead, channels = array.shape[:-3], self.schedule.channels
         frames = array.reshape(-1, *array.shape[-3:])
@@ -185,7 +188,7 @@ class Plan:
         return frames[..., [channels.index(name) for name in read]], lead
 
     def _run(
-        self, frames: Floats, lead: tuple[int, ...], memory: object, *, first: bool
+        self, frames: NDArray[np.floating], lead: tuple[int, ...], memory: object, *, first: bool
     ) -> dict[str, Floats]:
         outputs = self.executable.run(frames, memory, first=first)
         self._refuse_infinite(outputs)
@@ -214,12 +217,16 @@ class Plan:
     def keeping_everything(self) -> "Plan":
         """Return the plan built once more with the result of every operation as an output."""
         kept = everything_kept(self.schedule)
-        executable = self.backend.build(kept, self.solvers)
-        return replace(self, schedule=kept, executable=executable)
+        return replace(self, schedule=kept).unfused()
+
+    def unfused(self) -> "Plan":
+        """Return the plan built once more with every operation on its own, to compare with."""
+        executable = self.backend.build(self.schedule, self.solvers)
+        return replace(self, built=self.schedule, executable=executable)
 
     def explain(self) -> Explanation:
         """Return what runs, what was left out and why, and what it costs."""
-        schedule, cells = self.schedule, self.schedule.cells
+        schedule, cells = self.built, self.built.cells
         free = (Constant, ConstantMap, Pick)
         runs = [node for node in schedule.nodes if not isinstance(node.operation, free)]
         maps = tuple(name for name, node in schedule.outputs.items() if not node.scalar)
@@ -236,7 +243,7 @@ class Plan:
             channels_read=schedule.channels_read,
             maps_read_back=maps,
             transients=tuple(self._transients()),
-            flops=sum(node_flops(n, schedule.shape, self._steps(n.index)) for n in runs),
+            flops=sum(operation_flops(n, self.solvers.get(n.index), schedule.shape) for n in runs),
             bytes_in=width * cells * len(schedule.channels_read),
             bytes_out=width * (cells * len(maps) + numbers),
             private_bytes=self.executable.private_bytes,
@@ -244,13 +251,9 @@ class Plan:
             left_out=schedule.left_out,
         )
 
-    def _steps(self, index: int) -> int:
-        solver = self.solvers.get(index)
-        return solver.scheme.count if solver and isinstance(solver.scheme, FixedSteps) else 1
-
     def _transients(self) -> list[str]:
         texts: list[str] = []
-        for node in self.schedule.transients:
+        for node in self.built.transients:
             assert isinstance(node.operation, Transient)
             solver = self.solvers[node.index]
             name = node.operation.template.name
@@ -308,7 +311,7 @@ class Stream:
             self._memory = executable.new_memory(batch)
             self._one = None if self.batch else executable.one(self._memory)
 
-    def _advance(self, frames: Floats, lead: tuple[int, ...]) -> dict[str, Floats]:
+    def _advance(self, frames: NDArray[np.floating], lead: tuple[int, ...]) -> dict[str, Floats]:
         self._open(len(frames))
         outputs = self.plan._run(  # pyright: ignore[reportPrivateUsage]
             frames, lead, self._memory, first=self.frames == 0
