@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypedDict
 
-from cnnum.engines.opencl.parts import Launch, Part, Parts, Rounds, Steps
+from cnnum.engines.opencl.parts import Launch, Part, Parts, Rounds, Steps, Strips
 from cnnum.engines.opencl.scopes import NAME, Array, Fixed, Register, Scope, parted_at_commas
 from cnnum.engines.opencl.statements import (
     Block,
@@ -23,7 +23,6 @@ from cnnum.engines.opencl.statements import (
     Sweep,
     parse,
 )
-from cnnum.engines.opencl.strips import Strips
 from cnnum.engines.opencl.text import fill, indented
 
 PIECE = 1024

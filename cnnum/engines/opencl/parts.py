@@ -1,8 +1,45 @@
 """What the host does to run a plan for large arrays: launches, steps by strips, and rounds."""
 
+import math
 from dataclasses import dataclass
 
-from cnnum.engines.opencl.strips import Strips
+
+@dataclass(frozen=True, slots=True)
+class Strips:
+    """How a large array's steps are launched.
+
+    Attributes
+    ----------
+    kernel, text : str
+        The kernel's name, and its text.
+    count : int
+        Steps.
+    levels : int
+        Steps a launch, where there is more than one strip.
+    most : int
+        Strips of an array that are high enough for so many steps.
+    alone : bool
+        Whether a single strip needs nothing from beyond its end, so that one launch takes all.
+    """
+
+    kernel: str
+    text: str
+    count: int
+    levels: int
+    most: int
+    alone: bool
+
+    def pieces(self, batch: int, units: int) -> int:
+        """Return into how many strips each array of a batch is parted on so many cores."""
+        if self.alone and batch >= units:
+            return 1
+        return max(1, min(self.most, 2 * units // batch))
+
+    def launches(self, pieces: int) -> int:
+        """Return the launches for an array in so many strips."""
+        if pieces == 1 and self.alone:
+            return 3
+        return 2 + 2 * math.ceil(self.count / self.levels)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,21 +1,18 @@
 """Where values live while a plan's kernel runs: arrays, their slots, and constant data."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.boundary import Boundary, halo_sources
+from cnnum.engines.opencl.parts import Strips
 from cnnum.engines.opencl.text import number
 from cnnum.graph.nodes import Constant, ConstantMap, Node
 
-if TYPE_CHECKING:
-    from cnnum.engines.opencl.strips import Strips
-
 PRIVATE_CELLS = 32 * 32
-"""Largest array that lives in private memory, so that a whole program is one launch."""
+"""Largest array that a work item keeps in private memory."""
 
 ALIGNED = 16
 """Arrays of scratch begin at multiples of this, so that vectors lie within a cache's lines."""
@@ -75,7 +72,7 @@ class Tables:
     dtype: np.dtype[np.floating]
     lanes: int
     types: dict[str, str] = field(default_factory=dict[str, str])
-    strips: "dict[str, Strips]" = field(default_factory=dict[str, "Strips"])
+    strips: "dict[str, Strips]" = field(default_factory=dict[str, Strips])
     _tables: dict[str, str] = field(default_factory=dict[str, str])
     _data: list[Floats] = field(default_factory=list[Floats])
     _length: int = 0

@@ -4,13 +4,12 @@ Rows of a strip are taken a few at a time, a vector of columns wide: an output t
 all the cells of the block that it is a neighbour of.
 """
 
-import math
 import re
-from dataclasses import dataclass
 
 import numpy as np
 
 from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.parts import Strips
 from cnnum.engines.opencl.text import fill, indented, rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
@@ -27,44 +26,6 @@ VECTOR_BYTES = 64
 
 _OWN = re.compile(r"\b(vec|ROW|shown|sides|copy_row|upper|lower|one_row|more_rows|step|strip)\b")
 """Names that the kernel has to itself: a plan may have several."""
-
-
-@dataclass(frozen=True, slots=True)
-class Strips:
-    """How a large array's steps are launched.
-
-    Attributes
-    ----------
-    kernel, text : str
-        The kernel's name, and its text.
-    count : int
-        Steps.
-    levels : int
-        Steps a launch, where there is more than one strip.
-    most : int
-        Strips of an array that are high enough for so many steps.
-    alone : bool
-        Whether a single strip needs nothing from beyond its end, so that one launch takes all.
-    """
-
-    kernel: str
-    text: str
-    count: int
-    levels: int
-    most: int
-    alone: bool
-
-    def pieces(self, batch: int, units: int) -> int:
-        """Return into how many strips each array of a batch is parted on so many cores."""
-        if self.alone and batch >= units:
-            return 1
-        return max(1, min(self.most, 2 * units // batch))
-
-    def launches(self, pieces: int) -> int:
-        """Return the launches for an array in so many strips."""
-        if pieces == 1 and self.alone:
-            return 3
-        return 2 + 2 * math.ceil(self.count / self.levels)
 
 
 def strips_fit(text: TransientText, scheme: FixedSteps) -> bool:
