@@ -1,4 +1,4 @@
-"""Beyond 128×128 cells a plan runs in parts that all cores share, with one kernel's own bits."""
+"""Beyond 256×256 cells a plan runs in parts that all cores share, with one kernel's own bits."""
 
 import numpy as np
 import pytest
@@ -142,7 +142,7 @@ def flooded(free, seed):
     return np.isin(labels, sorted(touched)) & free
 
 
-@pytest.mark.parametrize("most", [32 * 32, 128 * 128])
+@pytest.mark.parametrize("most", [32 * 32, 256 * 256])
 @pytest.mark.parametrize("shape", [(40, 33), (5, 300)])
 def test_large_programs_are_right(shape, most, monkeypatch):
     """Against labelled regions, for frames whose loops take different numbers of rounds.
@@ -172,12 +172,12 @@ def test_large_programs_are_right(shape, most, monkeypatch):
         before = wanted
 
 
-def test_large_pictures_have_their_holes_filled():
+def test_large_pictures_have_their_holes_filled(parted):
     """A binary wave over 130×140 cells, through arrays that no core has to itself."""
     rng = np.random.default_rng(8)
     pictures = rng.uniform(size=(2, 130, 140)) < 0.55
     black = np.where(pictures, 1.0, -1.0)
-    filled = cnnum.Engine("opencl").run(cnnum.get_template("HOLE"), input=black).output > 0
+    filled = parted.run(cnnum.get_template("HOLE"), input=black).output > 0
     cross = scipy.ndimage.generate_binary_structure(2, 1)
     wanted = np.stack([scipy.ndimage.binary_fill_holes(p, structure=cross) for p in pictures])
     np.testing.assert_array_equal(filled, wanted)

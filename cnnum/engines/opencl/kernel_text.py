@@ -14,9 +14,10 @@ from cnnum.engines.opencl.text import fill, indented
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
 
-WHOLE_CELLS = 128 * 128
-"""Largest array that one work item runs the whole plan for: adaptive steps of 64×64 cells take so a
-third of the time that parts take, those of 128×128 two thirds, and of 1024×1024 three halves."""
+WHOLE_CELLS = 256 * 256
+"""Largest array that one work item runs the whole plan for. On two cores adaptive steps of 256×256
+cells take so half the time that they take in parts, and Euler's as long; those of 512×512 a tenth
+and half longer."""
 
 WIDE_BYTES = 64
 """Vectors from this size on have no built-ins that every compiler can handle."""
