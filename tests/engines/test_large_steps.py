@@ -64,7 +64,7 @@ def test_runs_are_the_same_to_the_bit():
     rng = np.random.default_rng(6)
     template = random_template(rng, "zero-flux", "standard", 1)
     engine = Engine()
-    for shape in ((8, 8), (200, 300)):
+    for shape in ((8, 8), (300, 300)):
         u = rng.uniform(-1, 1, (3, *shape))
         first, second = (
             engine.run(template, input=u, duration=1.0, dt=0.05).state for _ in range(2)
