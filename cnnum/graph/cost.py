@@ -3,7 +3,7 @@
 import numpy as np
 
 from cnnum.arrays import Shape
-from cnnum.graph.nodes import Apply, Node, Reduce, Transient
+from cnnum.graph.nodes import Apply, Node, Product, Reduce, Transient
 from cnnum.template import Template
 
 
@@ -26,6 +26,8 @@ def node_flops(node: Node, shape: Shape, steps: int = 1) -> int:
         template = node.operation.template
         feedforward = 2 * int(np.count_nonzero(template.B)) * cells
         return feedforward + steps * step_flops(template, shape)
+    if isinstance(node.operation, Product):
+        return 2 * cells * cells * len(node.arguments)
     if isinstance(node.operation, Apply):
         return 1 if node.scalar else cells
     return cells if isinstance(node.operation, Reduce) else 0

@@ -197,6 +197,24 @@ class Loop:
         return tuple(node for node in self.nodes if isinstance(node.operation, Parameter))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Product:
+    """What a chain of linear operations comes to: Σ matrix · argument + constant.
+
+    Attributes
+    ----------
+    matrices : tuple of (cells, cells) float
+        One an argument, cells row-major.
+    constant : (cells,) float
+    """
+
+    matrices: tuple[Floats, ...]
+    constant: Floats
+
+    def __str__(self) -> str:
+        return f"product with {len(self.matrices)} matrices"
+
+
 @dataclass(frozen=True, slots=True)
 class Pick:
     """One of several answers: of a transient, a layer's output or state, or a figure of its run.
@@ -223,6 +241,7 @@ Operation = (
     | Transient
     | Parameter
     | Loop
+    | Product
     | Pick
 )
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.numba.records import Real, Reals
-from cnnum.engines.numba.reductions import sums
+from cnnum.engines.numba.reductions import products, sums
 from cnnum.engines.numba.transients import TransientRunner
 from cnnum.graph.nodes import (
     CAPTURED,
@@ -23,6 +23,7 @@ from cnnum.graph.nodes import (
     Node,
     Parameter,
     Pick,
+    Product,
     Reduce,
     Transient,
 )
@@ -171,6 +172,8 @@ def _local(operation: object, arguments: Sequence[Reals]) -> Reals:
         return np.full((1, 1, 1), operation.value)
     if isinstance(operation, ConstantMap):
         return operation.values[np.newaxis]
+    if isinstance(operation, Product):
+        return _product(operation, arguments)
     if isinstance(operation, Apply):
         return operation.function.numpy(*arguments)
     assert isinstance(operation, Reduce)
@@ -181,3 +184,11 @@ def _local(operation: object, arguments: Sequence[Reals]) -> Reals:
     return np.asarray(operation.function.numpy(values.astype(np.float64, copy=False)))[
         :, np.newaxis, np.newaxis
     ]
+
+
+def _product(operation: Product, arguments: Sequence[Reals]) -> Floats:
+    batch, shape = max(len(values) for values in arguments), arguments[0].shape[1:]
+    totals = np.tile(operation.constant, (batch, 1))
+    for matrix, values in zip(operation.matrices, arguments, strict=True):
+        products(np.ascontiguousarray(matrix.T), values.reshape(len(values), -1), totals)
+    return totals.reshape(batch, *shape)

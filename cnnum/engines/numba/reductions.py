@@ -1,4 +1,4 @@
-"""Read-outs of a whole array whose rounding depends on the order of its cells."""
+"""Sums over a whole array, whose rounding depends on the order of its cells."""
 
 import numpy as np
 
@@ -15,3 +15,21 @@ def sums(values: Reals) -> Floats:
         for value in values[row]:
             totals[row] += value
     return totals
+
+
+@compiled
+def products(columns: Floats, values: Reals, totals: Floats) -> None:
+    """Add matrix · values to every row of totals, column by column in float64.
+
+    Parameters
+    ----------
+    columns : (cells, cells) float64
+        The matrix, one column a row.
+    values : (batch or 1, cells) float
+    totals : (batch, cells) float64
+        Changed in place.
+    """
+    for row in range(len(totals)):
+        given = values[min(row, len(values) - 1)]
+        for cell in range(len(given)):
+            totals[row] += columns[cell] * np.float64(given[cell])

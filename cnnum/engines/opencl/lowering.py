@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 from cnnum.engines.backend import Solvers
 from cnnum.engines.opencl.loops import lower_loop
+from cnnum.engines.opencl.products import product
 from cnnum.engines.opencl.schemes import run, settled_now
 from cnnum.engines.opencl.storage import Arena, Tables, Values
 from cnnum.engines.opencl.text import rename
@@ -17,6 +18,7 @@ from cnnum.graph.nodes import (
     Loop,
     Node,
     Pick,
+    Product,
     Read,
     Reduce,
     Transient,
@@ -93,6 +95,11 @@ class Lowering:
         elif isinstance(operation, Loop):
             self._flush()
             lower_loop(self, node, operation, self.users[node.index])
+        elif isinstance(operation, Product):
+            self._flush()
+            sources = [self.values.read(argument) for argument in node.arguments]
+            slot = self.values.take_slot(node)
+            self.body += product(self.tables, operation, sources, slot)
         self._free_after(node)
 
     def _alone(self, node: Node) -> bool:
