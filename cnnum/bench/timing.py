@@ -58,8 +58,11 @@ def timed(call: Call, *, budget: float = 1.0, runs: int = 9) -> Timing:
 def interleaved(calls: Sequence[Call], *, budget: float = 2.0, runs: int = 9) -> tuple[Timing, ...]:
     """Return the times of calls that take turns, so that all see the same disturbances."""
     first = [seconds_of(call) for call in calls]
-    if max(first) > budget:  # so long a run needs no warming up
-        return tuple(Timing.of([seconds]) for seconds in first)
+    if max(first) > budget:  # so long a run needs no warming up, and leaves no time for turns
+        return tuple(
+            Timing.of([seconds]) if seconds > budget else timed(call, budget=budget, runs=runs)
+            for seconds, call in zip(first, calls, strict=True)
+        )
     taken: list[list[float]] = [[] for _ in calls]
     until = time.perf_counter() + budget
     for _ in range(runs):
