@@ -7,6 +7,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.checks.program_records import Outputs, ProgramCase, ProgramForm
 from cnnum.tactile.indenters import Disc, Pressure, Reads, frame_under
+from cnnum.tactile.touches import drawn, readings
 
 NOISE = 2.5e-3
 """Of one reading, as a share of the peak: 2.5 mV (Table 3.II) of 1 V."""
@@ -86,6 +87,25 @@ def _off_centre(case: ProgramCase, outputs: Outputs) -> float:
     return float(np.hypot(row, column).max())
 
 
+def _pulled(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    """Draw two spheres that are pulled by up to 0.65 of their load, at 0.2 to 0.4 of the array."""
+    size = min(shape)
+    touches = drawn(rng, (0.2 * size, 0.4 * size), size, 2)
+    loads = -np.stack([readings(touch, size, DEPTH, "strain") for touch in touches])
+    peaks = np.max(np.abs(loads), axis=(1, 2, 3))
+    pulls = np.array([touch.pulls for touch in touches])
+    expected = {"load": 1.0 / peaks, "pull": pulls / peaks[:, None]}
+    return ProgramCase(pressed(loads, rng), expected, {"depth": DEPTH})
+
+
+def _off_loads(case: ProgramCase, outputs: Outputs) -> float:
+    """Return the largest error of a load along an axis, as a share of the normal load."""
+    true = np.column_stack([case.expected["pull"], case.expected["load"]])
+    # strain is negative under a push, and a pull's along its direction
+    found = np.stack([outputs[name] for name in ("load_x", "load_y", "load_normal")], axis=-1)
+    return float(np.max(np.abs(found - true) / case.expected["load"][:, None]))
+
+
 FORMS = (
     ProgramForm(
         name="outline-strain",
@@ -126,5 +146,15 @@ FORMS = (
         tolerance=0.15,
         tolerance_reason="what lies below a tenth of the peak is cut off, cell by cell",
         summary="distance from the middle of a sphere's contact, cells",
+    ),
+    ProgramForm(
+        name="loads",
+        program="contact",
+        needs=("load_x", "load_y", "load_normal"),
+        cases=_pulled,
+        error=_off_loads,
+        tolerance=0.12,
+        tolerance_reason="strain does not tell a pull from a pressure beside it wholly",
+        summary="loads of spheres over their normal load, by Hertz and Cattaneo-Mindlin",
     ),
 )

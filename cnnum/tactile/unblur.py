@@ -9,6 +9,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import convolve2d
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile.checks import Array, positive
@@ -23,6 +24,9 @@ more rounds edges."""
 
 WAVES = 48
 """Wave numbers to each axis at which the inverse is fitted."""
+
+LEFT = 6
+"""Cells to each side of what the filter leaves of a load: the ground of contacts up to 12 wide."""
 
 DEEPEST = 2.0
 """Pitches of cover from which an edge is lost in the noise."""
@@ -63,6 +67,27 @@ def unblur_kernel(depth: float, reads: Reads) -> Array:
     kernel = np.asarray(found[places], dtype=np.float64)
     kernel.setflags(write=False)
     return kernel
+
+
+@cache
+def left_kernel(depth: float, reads: Reads) -> Array:
+    """Return what the filter does not give back of a load on one cell, around it.
+
+    Parameters and errors are those of `unblur_kernel`.
+
+    Returns
+    -------
+    (13, 13) float
+        The load less its filtered reading.
+    """
+    weights = unblur_kernel(depth, reads)
+    reach = np.arange(-LEFT - RADIUS, LEFT + RADIUS + 1.0)
+    x, y = np.meshgrid(reach, reach)
+    back = convolve2d(Rectangle(1.0, 1.0).normal(x, y, depth, reads), weights, mode="valid")
+    left = np.asarray(-back, dtype=np.float64)
+    left[LEFT, LEFT] += 1.0
+    left.setflags(write=False)
+    return left
 
 
 def _love(depth: float, reads: Reads) -> Array:

@@ -2,28 +2,33 @@
 
 from collections.abc import Mapping
 
-from cnnum.library import get_template
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
+from cnnum.programs.fields import Field, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.transients import apply
-from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of, square
+from cnnum.templates.tactile.loads import PUSH, Loads, loads_of, square
+from cnnum.templates.tactile.pressure import Carries, pressed_of
+from cnnum.templates.tactile.unblur import DEPTH, READS
 
 SHARE = 0.1
-"""Share of the peak load from which a taxel counts as touched: what the cover spreads beyond the
-contact stays below it."""
-
-LEVEL = 0.1
-"""Threshold of the template `contact_threshold`."""
+"""Share of the peak pressure from which a taxel counts as touched: what is left of the cover's blur
+stays below it."""
 
 
 @program
 def contact(
-    frame: FrameFields, *, push: float = PUSH, share: float = SHARE, normal_gain: float = 1.0
+    frame: FrameFields,
+    *,
+    push: float = PUSH,
+    share: float = SHARE,
+    depth: float = DEPTH,
+    reads: Carries = READS,
+    normal_gain: float = 1.0,
+    unit: float = 1.0,
 ) -> Mapping[str, Field]:
     """Contact and its loads.
 
-    The stream must begin without contact: its first frames say what rest is.
+    The stream must begin without contact: its first frames say what rest is. The cover's blur is
+    taken off as in `edges`; of what strain can not pass, the contact's own shape tells.
 
     Parameters
     ----------
@@ -33,58 +38,71 @@ def contact(
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
     share : float
-        Share of the peak normal load from which a taxel counts as touched.
+        Share of the peak pressure from which a taxel counts as touched.
+    depth : float
+        Cover above the taxels, in pitches.
+    reads : "strain", "stress" or "force"
+        What the taxels read; "force" for taxels that each carry their own share of the load.
     normal_gain : float
-        Normal load over what the normal channel reads, in the shear channels' unit, for
-        `friction_used`.
+        Normal load over what the normal channel reads, in the shear channels' unit.
+    unit : float
+        Of the loads: 2/3 E pitch² for strain, pitch² for stress gives newtons.
 
     Returns
     -------
     mapping
         `contact` (flag), `contact_map` (logic), `contact_area` (cells), `contact_row`,
-        `contact_column` (centroid of the load, cells; afterwards, where it
-        was last), `load_x`, `load_y`,
-        `load_normal` (sums over the contact, the frame's unit), `friction_used` (tangential over
-        normal load).
+        `contact_column` (centroid of the load, cells; afterwards, where it was last), `load_x`,
+        `load_y`, `load_normal` (of all that touches), `friction_used` (tangential over normal
+        load).
+
+    Raises
+    ------
+    PhysicsError
+        If the depth is out of range.
+    UnknownNameError
+        If `reads` is unknown.
     """
-    return contact_of(loads_of(frame, push), share=share, normal_gain=normal_gain)
+    return contact_of(
+        loads_of(frame, push),
+        share=share,
+        depth=depth,
+        reads=reads,
+        normal_gain=normal_gain,
+        unit=unit,
+    )
 
 
 def contact_of(
-    loads: Loads, *, share: float = SHARE, normal_gain: float = 1.0
+    loads: Loads,
+    *,
+    share: float = SHARE,
+    depth: float = DEPTH,
+    reads: Carries = READS,
+    normal_gain: float = 1.0,
+    unit: float = 1.0,
 ) -> Mapping[str, Field]:
     """Return the outputs of `contact` from what other programs share with it."""
-    touched = touched_map(loads, share)
-    inside = where(touched, 1.0, 0.0)
-    normal, x, y = (
-        (channel * inside).sum() for channel in (loads.normal, loads.shear_x, loads.shear_y)
-    )
-    weight = maximum(loads.normal, 0.0) * inside
-    frame, whole = loads.frame, weight.sum()
+    frame, load = loads.frame, pressed_of(loads, share, depth, reads, normal_gain)
+    whole = load.weight.sum()
+    touches = load.touched.any()
+    normal, x, y = (where(touches, unit * part, 0.0) for part in (load.normal, load.x, load.y))
     return {
         "contact": loads.contact,
-        "contact_map": touched,
-        "contact_area": touched.count(),
-        "contact_row": _kept(loads, (weight * frame.row).sum() / whole),
-        "contact_column": _kept(loads, (weight * frame.column).sum() / whole),
+        "contact_map": load.touched,
+        "contact_area": load.touched.count(),
+        "contact_row": _kept(loads, touches, (load.weight * frame.row).sum() / whole),
+        "contact_column": _kept(loads, touches, (load.weight * frame.column).sum() / whole),
         "load_x": x,
         "load_y": y,
         "load_normal": normal,
-        "friction_used": sqrt(square(x) + square(y)) / (normal_gain * normal),
+        "friction_used": where(touches, sqrt(square(x) + square(y)) / normal, 0.0),
     }
 
 
-def _kept(loads: Loads, value: Field) -> Field:
-    """Return a number while there is contact, and afterwards what it was at last."""
+def _kept(loads: Loads, touches: Field, value: Field) -> Field:
+    """Return a number while something touches, and afterwards what it was at last."""
     memory = loads.frame.memory(scalar=True)
-    now = where(loads.contact, value, memory.value)
+    now = where(touches, value, memory.value)
     memory.store(now)
     return now
-
-
-def touched_map(loads: Loads, share: float = SHARE) -> Field:
-    """Return the taxels that are touched, by the threshold template on scaled loads."""
-    level = maximum(share * loads.normal.max(), LIFT * sqrt(loads.normal_noise))
-    scaled = minimum(maximum(LEVEL * loads.normal / level, -1.0), 1.0)
-    black = apply(get_template("contact_threshold"), input=scaled).black()
-    return black & loads.contact

@@ -12,7 +12,7 @@ from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.localize import localize_of
 from cnnum.templates.tactile.pull import place_of
 from cnnum.templates.tactile.slip import slip_of
-from cnnum.templates.tactile.twist import RATE, twist_of
+from cnnum.templates.tactile.twist import BUMP, RATE, Cover, twist_of
 from cnnum.templates.tactile.unblur import DEPTH, READS
 
 
@@ -24,6 +24,8 @@ def tactile(
     depth: float = DEPTH,
     reads: Reads = READS,
     rate: float = RATE,
+    cover: Cover = "flat",
+    bump: float = BUMP,
 ) -> Mapping[str, Field]:
     """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.
 
@@ -37,9 +39,11 @@ def tactile(
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
     depth, reads
-        See `edges`; the depth is for `twist_rate`, too.
+        See `edges` and `contact`; the depth is for `twist_rate`, too.
     rate : float, Hz
-        See `twist`.
+    cover : "flat", "bumpy" or "bumps-fem"
+    bump : float
+        See `twist`; only `twist_rate` asks for the cover.
 
     Returns
     -------
@@ -49,9 +53,9 @@ def tactile(
     loads = loads_of(frame, push)
     place = place_of(loads, patch_of(loads))
     return {
-        **contact_of(loads),
+        **contact_of(loads, depth=depth, reads=reads),
         **slip_of(place),
-        **twist_of(place, rate=rate, depth=depth),
+        **twist_of(place, rate=rate, depth=depth, cover=cover, bump=bump),
         **edges_of(loads, depth=depth, reads=reads),
         **localize_of(loads),
     }

@@ -1,9 +1,15 @@
-"""Contact against plain NumPy over the whole recording, on every engine."""
+"""Contact against plain NumPy over the whole recording, on every engine.
+
+Where each taxel carries its own share of the load everything can be counted; loads through a cover
+are held to closed forms in test_contact_loads.py.
+"""
 
 import numpy as np
 import pytest
 
 from cnnum.templates.tactile.contact import contact
+
+COUNTED = contact.bind(reads="force")
 
 
 def touched_frames(strain):
@@ -33,7 +39,7 @@ def test_contact_is_what_numpy_says(engine, run, short_scene, shape):
         pytest.skip("the reference solves every threshold anew; one shape of it is enough")
     strain = short_scene(shape)[20:46] if engine.name == "reference" else short_scene(shape)
     flags, loads = touched_frames(strain)
-    got = run(engine, contact, strain)
+    got = run(engine, COUNTED, strain)
     np.testing.assert_array_equal(got["contact"], flags)
     assert flags.any()
     assert not flags[:18].any()
@@ -44,7 +50,8 @@ def test_contact_is_what_numpy_says(engine, run, short_scene, shape):
         # shear's rest is known to a quarter of the noise, a few 1e-3 of the largest load
         assert got[name] == pytest.approx(expected, abs=0.02 * np.abs(loads).sum(axis=(1, 2)).max())
     noise = np.sqrt(np.diff(strain[:16, ..., 2], axis=0).var() / 2)
-    level = np.maximum(0.1 * loads.max(axis=(1, 2)), 4 * noise)[:, None, None]
+    top = loads.max(axis=(1, 2))
+    level = np.maximum(0.1 * top, np.minimum(4 * noise, 0.5 * top))[:, None, None]
     # the noise of 16 small frames is known to 10 %; elsewhere rounding is all that can differ
     sure = np.abs(loads - level) > np.where(level > 5 * noise, 0.01, 0.15) * level
     assert ((loads > level) == inside)[flags][sure[flags]].all()
@@ -58,7 +65,7 @@ def test_centroid_area_and_friction_used(opencl, run):
     frames[30:, 2:5, 3:7, 2] -= 1.0
     frames[30:, 2:5, 3:7, 0] -= 0.3
     frames[30:, 2:5, 3:7, 1] += 0.4
-    got = run(opencl, contact, frames)
+    got = run(opencl, COUNTED, frames)
     last = {name: values[-1] for name, values in got.items()}
     # sums of 12 cells of noise 1e-3, each again in the rest that was learned from 30 frames
     assert last["contact_area"] == 12
