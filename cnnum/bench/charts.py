@@ -71,6 +71,11 @@ def compile_time(rows: Sequence[Row]) -> Picture:
     return bars(rows, ["case", "device"], "cold_s", "s to the first result, empty caches")
 
 
+def denormals(rows: Sequence[Row]) -> Picture:
+    """Return how much longer runs next to zero take."""
+    return bars(rows, ["case", "precision"], "ratio", "time over that of numbers of order 1")
+
+
 def peers(rows: Sequence[Row]) -> Picture:
     """Return how many times longer each peer takes."""
     figure = bars(rows, ["case", "peer"], "ratio", "times as long as this engine")
@@ -115,6 +120,7 @@ CHARTS: Mapping[str, Callable[[Sequence[Row]], Picture]] = {
     "latency": latency,
     "scenes": scenes,
     "compile": compile_time,
+    "denormals": denormals,
     "scaling": scaling,
     "peers": peers,
 }

@@ -183,6 +183,17 @@ def compile_time(device: str | None, quick: bool, out: Path | None, as_json: boo
     return _report("compile", rows, 1, engine.device, out, as_json)
 
 
+@command.command("denormals")
+@_options
+def denormals(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """What runs cost whose states and inputs decay below the smallest normal number."""
+    from cnnum.bench.denormals import COUNT, measure_denormals
+
+    engine = _engine(device)
+    found = measure_denormals(engine, quick=quick)
+    return _report("denormals", found, COUNT, engine.device, out, as_json)
+
+
 @command.command("scaling")
 @_options
 def scaling(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:

@@ -213,3 +213,23 @@ def test_results_are_the_same_to_the_bit_from_run_to_run(precision):
         for again in runs[1:]:
             assert again.state.tobytes() == runs[0].state.tobytes()
             assert again.error.tobytes() == runs[0].error.tobytes()
+
+
+def test_states_of_the_denormals_benchmark_do_become_denormal():
+    """Else it would compare ordinary numbers with ordinary ones."""
+    import cnnum
+    from cnnum.bench import denormals
+    from cnnum.bench.samples import maps
+
+    ordinary = maps(1, 8, 8)
+    for precision in ("float32", "float64"):
+        state, given = denormals.near_zero(ordinary, precision)
+        least = denormals.smallest(precision)
+        assert np.median(np.abs(state)) > least
+        # float64 shows what float32 would be left with
+        engine = cnnum.Engine("reference")
+        left = engine.run(
+            denormals.decaying(), input=0 * given, state=state, method="euler", dt=0.1
+        )
+        assert 0 < np.median(np.abs(left.state)) < least
+        assert np.abs(given).max() < least
