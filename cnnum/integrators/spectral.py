@@ -169,8 +169,18 @@ def _through(rows: Floats, cols: Floats, factors: Floats, maps: Floats) -> Float
 
 def evaluate(scheme: Spectral, start: Floats, drive: Floats) -> Floats:
     """Return x(t) of (..., layers, rows, cols) initial states and drives."""
-    state = scheme.rows @ start @ scheme.cols.T
-    driven = scheme.rows @ drive @ scheme.cols.T
-    modes = np.einsum("tfkl,...fkl->...tkl", scheme.state, state)
-    modes += np.einsum("tfkl,...fkl->...tkl", scheme.drive, driven)
+    modes = np.zeros(start.shape)
+    for factors, maps in ((scheme.state, start), (scheme.drive, drive)):
+        moved = [n for n in range(maps.shape[-3]) if maps[..., n, :, :].any()]
+        if moved and factors.any():
+            seen = maps[..., moved, :, :]
+            modes += _weighed(factors[:, moved], scheme.rows @ seen @ scheme.cols.T)
     return np.asarray(scheme.rows.T @ modes @ scheme.cols + scheme.constant)
+
+
+def _weighed(factors: Floats, modes: Floats) -> Floats:
+    """Return Σ_f factors[t, f, k, l] · modes[..., f, k, l]; as matrix products, which are quick."""
+    lead, (to, layers, rows, cols) = modes.shape[:-3], factors.shape
+    by_mode = np.moveaxis(modes.reshape(-1, layers, rows, cols), (2, 3), (0, 1))
+    found = by_mode @ np.moveaxis(factors, (0, 1, 2, 3), (3, 2, 0, 1))
+    return np.moveaxis(found, (0, 1), (2, 3)).reshape(*lead, to, rows, cols)
