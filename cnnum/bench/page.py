@@ -73,7 +73,9 @@ def _html(
 
 
 def _table(rows: Sequence[Row]) -> str:
-    keys = list(rows[0]) if rows else []
+    # the device stands above, unless rows differ in it
+    same = len({row.get("device") for row in rows}) == 1
+    keys = [key for key in (rows[0] if rows else ()) if key != "device" or not same]
     head = "".join(f"<th>{escape(key)}</th>" for key in keys)
     body = "".join(
         "<tr>" + "".join(f"<td>{escape(cell(row[key]))}</td>" for key in keys) + "</tr>"
