@@ -76,11 +76,26 @@ def denormals(rows: Sequence[Row]) -> Picture:
     return bars(rows, ["case", "precision"], "ratio", "time over that of numbers of order 1")
 
 
+def fusing(rows: Sequence[Row]) -> Picture:
+    """Return how many times longer plans take with nothing fused."""
+    return bars(rows, ["case", "shape", "batch"], "ratio", "times as long with nothing fused")
+
+
 def peers(rows: Sequence[Row]) -> Picture:
     """Return how many times longer each peer takes."""
     figure = bars(rows, ["case", "peer"], "ratio", "times as long as this engine")
     figure.axes[0].set_xscale("log")
     return figure
+
+
+UNITS = {
+    "array": "array, cells; one frame",
+    "batch": "batch, frames of 8×8 cells",
+    "radius": "radius of the templates, cells",
+    "layers": "layers",
+    "taxel grid": "taxel grid; batch of 1024",
+}
+"""What grows along each panel of `scaling`."""
 
 
 def scaling(rows: Sequence[Row]) -> Picture:
@@ -89,8 +104,11 @@ def scaling(rows: Sequence[Row]) -> Picture:
     columns = min(3, len(curves))
     lines = -(-len(curves) // columns)
     figure: Picture = Figure(figsize=(5.2 * columns, 3.9 * lines), layout="constrained")
+    first: Axes = None
     for place, (case, inside) in enumerate(curves.items()):
-        axes: Axes = figure.add_subplot(lines, columns, place + 1)
+        # one scale for all: a curve is as flat as it looks
+        axes: Axes = figure.add_subplot(lines, columns, place + 1, sharey=first)
+        first = first or axes
         names = [_place(row) for row in inside]
         costs = [_value(row, "ns_per_update") for row in inside]
         _line(axes, list(range(len(names))), costs, case, 0)
@@ -100,8 +118,10 @@ def scaling(rows: Sequence[Row]) -> Picture:
                 fontsize=7,
             )  # fmt: skip
         axes.set_xticks(range(len(names)), names, rotation=45, fontsize=8)
-        axes.set(title=f"growing: {case}", ylabel="ns a cell update", yscale="log")
-        axes.margins(y=0.15)
+        axes.set(ylabel="ns a cell update", yscale="log", xlabel=UNITS.get(case, case))
+        axes.yaxis.set_major_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter("{x:g}")
+        axes.margins(x=0.1, y=0.15)
         axes.grid(visible=True, which="both", alpha=0.3)
     return figure
 
@@ -121,6 +141,7 @@ CHARTS: Mapping[str, Callable[[Sequence[Row]], Picture]] = {
     "scenes": scenes,
     "compile": compile_time,
     "denormals": denormals,
+    "fusing": fusing,
     "scaling": scaling,
     "peers": peers,
 }
