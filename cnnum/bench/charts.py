@@ -6,6 +6,7 @@ from typing import Any, cast
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from cnnum.bench.work_precision_chart import work_precision
 
@@ -119,8 +120,9 @@ def scaling(rows: Sequence[Row]) -> Picture:
             )  # fmt: skip
         axes.set_xticks(range(len(names)), names, rotation=45, fontsize=8)
         axes.set(ylabel="ns a cell update", yscale="log", xlabel=UNITS.get(case, case))
+        axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.yaxis.set_major_formatter("{x:g}")
-        axes.yaxis.set_minor_formatter("{x:g}")
+        axes.yaxis.set_minor_formatter(NullFormatter())
         axes.margins(x=0.1, y=0.15)
         axes.grid(visible=True, which="both", alpha=0.3)
     return figure
