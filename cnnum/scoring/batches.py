@@ -56,8 +56,8 @@ class Player:
                 some = [self._simulate(case) for case in mine[first : first + BATCH]]
                 yield from self._run(self._plan(*array), some)
 
-    def _plan(self, shape: Shape, rate: float, depth: float) -> Plan:
-        program = self._bound({"rate": rate, "depth": depth})
+    def _plan(self, shape: Shape, rate: float, depth: float, cover: str, bump: float) -> Plan:
+        program = self._bound({"rate": rate, "depth": depth, "cover": cover, "bump": bump})
         key = (shape, program.parameters)
         if key not in self._plans:
             known = program.trace(shape).outputs
@@ -68,7 +68,7 @@ class Player:
             )
         return self._plans[key]
 
-    def _bound(self, known: Mapping[str, float]) -> Program:
+    def _bound(self, known: Mapping[str, float | str]) -> Program:
         """Return the program, told of the array what it takes: whoever has one knows as much."""
         takes = inspect.signature(self._program.function).parameters
         return self._program.bind(**{name: known[name] for name in known if name in takes})
@@ -104,10 +104,11 @@ def events_of(
     return tuple(found)
 
 
-def _array(case: Case) -> tuple[Shape, float, float]:
-    """Return what a program is compiled for: shape, frames a second, depth in pitches."""
+def _array(case: Case) -> tuple[Shape, float, float, str, float]:
+    """Return what a program is compiled for: shape, frames a second, and the cover in pitches."""
     settings = case.settings
-    return settings.shape, settings.rate, settings.thickness / settings.pitch
+    depth, bump = settings.thickness / settings.pitch, settings.bump_radius / settings.pitch
+    return settings.shape, settings.rate, depth, settings.cover, bump
 
 
 def _play(one: Simulated, outputs: dict[str, Floats], events: tuple[Event, ...]) -> Play:

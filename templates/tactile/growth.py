@@ -24,6 +24,13 @@ BESIDE = 0.3
 """Share of a change of the normal load that a sideways one must exceed: contacts that taxels sample
 unevenly read up to about a tenth of it as shear."""
 
+CROSS = 0.1
+"""That tenth: by so much of the largest change of the normal load since it began a load may be off
+the law that it follows."""
+
+ANOTHER = 1.5
+"""Ratio of the whole contact's load to that at rest, either way, at which it is another contact."""
+
 STEADY = 0.02
 """Share of the normal load by which it may change at rest."""
 
@@ -68,6 +75,10 @@ class Reading:
     arm : Field
         What a normal load is multiplied by to compare it with this one: 1 for a force, the
         contact's radius of gyration for a torque.
+    whole : Field
+        Load of the whole contact.
+    jolt : Field
+        Flag: the loads are not comparable with those of the frame before.
     """
 
     load: tuple[Field, ...]
@@ -79,6 +90,8 @@ class Reading:
     normal_now: Field
     normal_noise: Field
     arm: Field
+    whole: Field
+    jolt: Field
 
 
 class Growth:
@@ -88,6 +101,8 @@ class Growth:
     ----------
     grows : Field
         Flag: it is growing, or has been and is still there.
+    age : Field
+        Frames since it began, this one counted.
     load : tuple of Field
         Its components since it began.
     size : Field
@@ -108,10 +123,11 @@ class Growth:
         parts = (*reading.load, *reading.beside)
         self._zero = [frame.memory(scalar=True) for _ in parts]
         self._rest = [frame.memory(scalar=True) for _ in parts]
+        self._whole = frame.memory(scalar=True)
         self._normal, self._count = frame.memory(scalar=True), frame.memory(scalar=True)
         self._low, self._age = frame.memory(scalar=True), frame.memory(scalar=True)
         self._still, self._peak = frame.memory(scalar=True), frame.memory(scalar=True)
-        self._offset = frame.memory(scalar=True)
+        self._offset, self._shaken = frame.memory(scalar=True), frame.memory(scalar=True)
         self._loaded = frame.memory(scalar=True, logic=True)
         self._active = frame.memory(scalar=True, logic=True)
         own = len(reading.load)
@@ -136,25 +152,33 @@ class Growth:
         rested = zip(self._rest, self._zero[: len(self.load)], strict=False)
         before = length([rest.value - zero.value for rest, zero in rested])
         acts = length(self.acts)
-        begins = idle & clear & (self.size > BESIDE * self.steady)
+        whole, rested_whole = reading.whole, self._whole.value
+        same = (whole < ANOTHER * rested_whole) & (rested_whole < ANOTHER * whole)
+        smooth = ~reading.jolt & same
+        begins = idle & smooth & clear & (self.size > BESIDE * self.steady)
         self._begins = begins & (acts > before + AWAY * self.size)
         moves = (self._changed > BEGINS * sqrt(reading.normal_noise) * spread) & (
             self._changed > STEADY * abs(reading.normal)
         )
         self._jumps = idle & ~self._begins & (clear | moves)
-        self._rests = idle & ~self._begins & ~self._jumps
+        self._rests = idle & smooth & ~self._begins & ~self._jumps
         held = acts > HELD * reading.normal * reading.arm
         self._holds = known & (self._begins | (self._loaded.value & (held | ~idle)))
         peak = where(self._begins, self.size, maximum(self._peak.value, self.size))
         least = RELEASED * peak - 3.0 * sqrt(reading.noise)
-        goes_on = known & self._active.value & (self.size > least) & (self.steady < self.size)
+        goes_on = known & smooth & self._active.value
+        goes_on = goes_on & (self.size > least) & (self.steady < self.size)
         self.grows = self._begins | goes_on
         self._peak.store(where(self.grows, peak, 0.0))
 
     def _weigh(self, law: Law, early: float) -> None:
         """Weigh the hypotheses, and see whether it has stopped."""
-        age = where(self._begins, self._low.value, self._age.value) + 1.0
+        self.age = age = where(self._begins, self._low.value, self._age.value) + 1.0
         self._age.store(where(self.grows, age, 0.0))
+        excess = maximum(self._changed - BEGINS * sqrt(self._reading.normal_noise), 0.0)
+        shaken = where(self._begins, excess, maximum(self._shaken.value, excess))
+        self._shaken.store(where(self.grows, shaken, 0.0))
+        beside = CROSS * shaken * self._reading.arm
         offset = where(self._begins, 0.5 * self.size, self._offset.value)
         self._offset.store(offset)
         self.found = weighed(
@@ -165,6 +189,7 @@ class Growth:
             age=age,
             offset=offset,
             noise=self._reading.noise,
+            beside=beside * beside,
             early=early,
         )
         found = self.found
@@ -200,9 +225,9 @@ class Growth:
         loaded = self._holds & self._contact
         self._loaded.store(loaded)
         reading = self._reading
-        now = (*reading.load, *reading.beside, reading.normal)
-        fresh = (*reading.load_now, *reading.beside_now, reading.normal_now)
-        held = (*self._rest, self._normal)
+        now = (*reading.load, *reading.beside, reading.normal, reading.whole)
+        fresh = (*reading.load_now, *reading.beside_now, reading.normal_now, reading.whole)
+        held = (*self._rest, self._normal, self._whole)
         means = [_moved(*part, rate, restarts) for part in zip(held, now, fresh, strict=True)]
         for memory, mean in zip(held, means, strict=True):
             memory.store(mean)

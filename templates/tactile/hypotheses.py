@@ -99,6 +99,7 @@ def weighed(
     age: Field,
     offset: Field,
     noise: Field,
+    beside: Field,
     early: float,
 ) -> Weighed:
     """Return the weights of all hypotheses after this frame's load.
@@ -117,6 +118,8 @@ def weighed(
         What it may have been at age 0, RMS.
     noise : Field
         Variance of a component.
+    beside : Field
+        Mean square by which something else may have put it off its law; no noise either.
     early : float
         Share of its time for `soon`.
     """
@@ -125,7 +128,8 @@ def weighed(
     sums = [_summed(frame, runs, keep, part, scalar=True) for part in load]
     size = sum((part * part for part in load[1:]), start=load[0] * load[0])
     peak = _largest(frame, runs, size)
-    variance = maximum(noise + TRUST**2 * peak * maximum(count / ALONE, 1.0), TINY)
+    off = TRUST**2 * peak + beside
+    variance = maximum(noise + off * maximum(count / ALONE, 1.0), TINY)
     free = count + variance / maximum(offset * offset, TINY)
     fits: list[Fit] = []
     rivals: list[Fit] = []

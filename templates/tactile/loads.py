@@ -7,8 +7,10 @@ slowly, so that an offset or its drift never becomes a load; while something tou
 from dataclasses import dataclass
 
 from cnnum.frame import FORCE_AXES
+from cnnum.library import get_template
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.transients import apply
 
 SETTLE = 16
 """Frames at the start that are taken as rest: their mean is known to a quarter of the noise."""
@@ -23,6 +25,17 @@ of 256 noisy taxels exceeds 6 once in 4 million frames; it must in two frames in
 NOISY = 5.0
 """Noise power, in its mean over the array, above which a taxel is broken. One of 16 with ten times
 the noise has 14 times the mean; a sound one, known from 16 frames, exceeds 5 once in 10⁵."""
+
+ASTRAY = 8.0
+"""Rest of a taxel, over the typical one or the noise, above which it is broken: 5.4 standard
+deviations of what calibration leaves. A bridge that is stuck stands anywhere in the range."""
+
+BREAK = 300.0
+"""Change of a taxel's normal load from one frame to the next, over its neighbours' and the noise,
+as powers, above which it breaks. A contact is felt under a cover by several taxels: in 176 scenes
+with whole taxels, up to 200 frames a second (tuning seeds), 1 in 100 exceeds 200, and one 300."""
+
+TINY = 1e-30
 
 ROUNDING = 1e-6
 """Least noise, as a share of the largest raw value: what float32 leaves of a perfect sensor."""
@@ -51,6 +64,10 @@ class Loads:
     sound, healthy : Field
         Logic maps: taxels whose noise is no outlier in the normal axis, and in any. Only sound ones
         tell where a contact is, only healthy ones what acts on it.
+    alive : Field
+        Logic map: taxels that read something at rest, be it noise.
+    breaks : Field
+        Flag: a taxel broke in this frame, under a contact.
     """
 
     frame: FrameFields
@@ -62,6 +79,8 @@ class Loads:
     contact: Field
     sound: Field
     healthy: Field
+    alive: Field
+    breaks: Field
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +123,10 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     rest = {name: frame.memory() for name in FORCE_AXES}
     shear, normal = _Noise(frame, ("shear_x", "shear_y")), _Noise(frame, ("normal",))
     above = push * (frame.normal - rest["normal"].value)
-    peak = where(normal.healthy, above, 0.0).max()
+    broken, breaks = _broken(frame, touched.value, normal, abs(above))
+    sound = normal.healthy & ~_astray(normal, rest["normal"].value) & ~broken
+    aside = abs(rest["shear_x"].value) + abs(rest["shear_y"].value)
+    peak = where(sound, above, 0.0).max()
     high = (count > float(SETTLE)) & (square(peak) > TOUCH**2 * normal.held)
     contact = (high & frame.previous(high)) | (
         touched.value & (square(peak) > LIFT**2 * normal.held)
@@ -129,9 +151,37 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
         shear_noise=shear.follow(free),
         normal_noise=normal.follow(free),
         contact=contact,
-        sound=normal.healthy,
-        healthy=normal.healthy & shear.healthy,
+        sound=sound,
+        healthy=sound & shear.healthy & ~_astray(shear, aside),
+        alive=normal.alive,
+        breaks=breaks,
     )
+
+
+def _astray(noise: "_Noise", rest: Field) -> Field:
+    """Return the taxels whose rest is far from the others': the mean of roots bears outliers."""
+    far = abs(rest)
+    return far > ASTRAY * maximum(square(sqrt(far).mean()), sqrt(noise.held))
+
+
+def _broken(
+    frame: FrameFields, touched: Field, normal: "_Noise", above: Field
+) -> tuple[Field, Field]:
+    """Return the taxels that broke under a contact, and whether any did in this frame.
+
+    One is broken until it reads as at rest again while nothing touches.
+    """
+    lasts, latch = frame.memory(scalar=True), frame.memory(logic=True)
+    lasts.store(where(touched, lasts.value + 1.0, 0.0))
+    change = normal.change / maximum(normal.held, TINY)
+    size = sqrt(change)
+    around = (apply(get_template("smooth"), input=size) - 0.25 * size) / 0.75
+    alone = change > BREAK * (square(around) + 1.0)
+    new = alone & (lasts.value > float(SETTLE)) & ~latch.value
+    back = ~touched & (above < LIFT * sqrt(normal.held))
+    broken = new | (latch.value & ~back)
+    latch.store(broken)
+    return broken, new.any()
 
 
 def patch_of(loads: Loads) -> Patch:
@@ -155,6 +205,8 @@ class _Noise:
 
     Attributes
     ----------
+    change : Field
+        Half the mean square change of a taxel since the frame before, a map.
     held : Field
         As it was known before this frame, a mean over the healthy taxels.
     healthy : Field
@@ -164,20 +216,21 @@ class _Noise:
     def __init__(self, frame: FrameFields, names: tuple[str, ...]) -> None:
         channels = [frame.channel(name) for name in names]
         changes = [square(channel - frame.previous(channel)) for channel in channels]
-        self._change = sum(changes[1:], start=changes[0]) / (2.0 * len(channels))
+        self.change = sum(changes[1:], start=changes[0]) / (2.0 * len(channels))
         self._variance, self._seen = frame.memory(), frame.memory(scalar=True)
         size = maximum(channels[0].max(), -channels[0].min())
         self._least = square(ROUNDING * size)
         known = self._variance.value
         self.healthy = known <= NOISY * known.mean()
+        self.alive = (known > 0.0) | ~(known.max() > 0.0)
         self.held = self._typical(known)
 
     def follow(self, free: Field) -> Field:
         """Return it after this frame; one that repeats the one before is not counted."""
-        news = free & (self._change.max() > 0.0)
+        news = free & (self.change.max() > 0.0)
         count = self._seen.value + where(news, 1.0, 0.0)
         rate = where(news, maximum(1.0 / count, 1.0 / FORGET), 0.0)
-        now = self._variance.value + rate * (self._change - self._variance.value)
+        now = self._variance.value + rate * (self.change - self._variance.value)
         self._variance.store(now)
         self._seen.store(count)
         return self._typical(now)

@@ -65,6 +65,8 @@ class Side:
         Normal load near the contact, and its variance.
     place_noise : Field
         Variance of the contact's centre along an axis, cells².
+    sideways : tuple of Field
+        Force and torque on the taxels near the contact, over the normal load on them.
     memory : LocalMemory
         Of the taxels near the contact when the load was last at rest.
     near : Field
@@ -76,6 +78,7 @@ class Side:
     normal: Field
     normal_noise: Field
     place_noise: Field
+    sideways: tuple[Field, ...]
     memory: LocalMemory
     near: Field
 
@@ -136,6 +139,8 @@ def _side(contact: Place, law: Law, *, torque: bool) -> Side:
             normal_now=normal_now,
             normal_noise=normal_noise,
             arm=contact.spread if torque else frame.constant(1.0),
+            whole=where(contact.there, contact.load, 0.0),
+            jolt=loads.breaks,
         ),
         law,
         early=1.0 if torque else LOOSE,
@@ -150,6 +155,7 @@ def _side(contact: Place, law: Law, *, torque: bool) -> Side:
         place_noise=where(
             contact.there, loads.normal_noise * arms / (2.0 * square(contact.load)), 0.0
         ),
+        sideways=tuple(part / normal_now for part in (*force_now, moment_now[0] / contact.spread)),
         memory=memory,
         near=contact.near,
     )

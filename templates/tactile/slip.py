@@ -11,22 +11,23 @@ import math
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, sqrt, where
+from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
+from cnnum.templates.tactile.growth import length
 from cnnum.templates.tactile.latch import latched
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
 from cnnum.templates.tactile.pull import RADIUS, Place, Side, force_on, place_of
 
-STOPS = 5.0
+STOPS = 8.0
 """How much more often a pull that is over has stopped than slipped, before it is looked at: only a
 force that bends as Mindlin's does is called slip, or one whose object moves on."""
 
-GROSS = 0.2
+GROSS = 0.165
 """Belief in gross slip at which it is reported."""
 
-INCIPIENT = 0.4
-"""Belief that less than half the contact radius sticks by the next frame, at which incipient slip
-is reported; stops count as much as slips here, since it warns."""
+INCIPIENT = 0.35
+"""Belief that less than half the contact radius sticks by the next frame, and not all slips yet, at
+which incipient slip is reported; stops count as much as slips here, since it warns."""
 
 ENGAGED = 0.2
 """Share of the normal load that the force has at least. Rubber's friction is seldom below 0.3, and
@@ -36,11 +37,21 @@ STEADY = 0.3
 """Largest change of the normal load, as a share of the force, under which a force counts: beyond,
 the grip changes."""
 
-MOVES = 4.0
-"""Standard deviations by which the contact must have moved on along the pull."""
+CHANCE = 1.0
+"""Standard deviations by which a contact that stays seems to move on: what is beyond counts."""
+
+FARTHEST = 3.5
+"""Standard deviations beyond that count: 450 times as likely a slip as a stop."""
 
 ASIDE = 2.0
-"""The same by which it may have moved more sideways than along."""
+"""Standard deviations by which it may have moved more sideways than along."""
+
+SURE = 1e-6
+"""Pitches to which float32 knows a place, were there no noise."""
+
+ROLLS = 1.0
+"""Force, in normal loads, over the pitches that the contact has moved since it began to grow:
+below, the object rolls, and taxels that sample its contact coarsely read the change as shear."""
 
 
 @program
@@ -82,10 +93,12 @@ def slip_of(
     frame, grows, found = loads.frame, force.growth.grows, force.growth.found
     believed = found.growing + STOPS * found.stopped
     change = force.growth.steady < STEADY * force.growth.size + 5.0 * sqrt(force.normal_noise)
-    engaged = force.outweighs & (force.growth.size > ENGAGED * force.normal) & change
-    bends = found.passed > gross * believed
-    gone = latched(frame, grows, engaged & (bends | _moves_on(contact, force)))
-    warns = found.soon > incipient * (found.growing + found.stopped)
+    stays = force.growth.size > ROLLS * force.normal * _moved(contact, force)
+    engaged = force.outweighs & (force.growth.size > ENGAGED * force.normal) & change & stays
+    slid = found.passed * _moves_on(contact, force)
+    bends = slid > gross * (believed + slid - found.passed)
+    gone = latched(frame, grows, engaged & bends)
+    warns = found.soon - found.passed > incipient * (found.growing + found.stopped)
     begun = latched(frame, grows, engaged & warns)
     force.close(gone)
     sticks = where(grows, found.sticks / (found.growing + found.stopped), 1.0)
@@ -103,8 +116,20 @@ def slip_of(
     }
 
 
+def _moved(contact: Place, force: Side) -> Field:
+    """Return how far the contact has moved since the force began to grow, pitches."""
+    frame, growth = contact.loads.frame, force.growth
+    way = list[Field]()
+    for now in (contact.column, contact.row):
+        memory = frame.memory(scalar=True)
+        start = where(growth.grows & (growth.age > 1.0), memory.value, now)
+        memory.store(start)
+        way.append(now - start)
+    return length(way)
+
+
 def _moves_on(contact: Place, force: Side) -> Field:
-    """Return whether the contact has moved on along a force that does not grow any more."""
+    """Return how much more likely a slip is than a stop, by how the contact moves along it."""
     frame, growth = contact.loads.frame, force.growth
     start = [frame.memory(scalar=True) for _ in range(2)]
     way = list[Field]()
@@ -115,9 +140,10 @@ def _moves_on(contact: Place, force: Side) -> Field:
     (x, y), (to_x, to_y) = way, growth.load
     along = (x * to_x + y * to_y) / growth.size
     across = abs(x * to_y - y * to_x) / growth.size
-    noise = sqrt(force.place_noise)
-    moved = (along > MOVES * math.sqrt(2.0) * noise) & (across < along + ASIDE * noise)
-    return growth.still & ~growth.stops & moved
+    noise = maximum(sqrt(force.place_noise), SURE)
+    counts = growth.still & ~growth.stops & (across < along + ASIDE * noise)
+    beyond = minimum(maximum(along / (math.sqrt(2.0) * noise) - CHANCE, 0.0), FARTHEST)
+    return exp(where(counts, 0.5 * beyond * beyond, 0.0))
 
 
 def _sticks(contact: Place, sticks: Field) -> Field:

@@ -4,16 +4,21 @@ A torque at a constant rate grows by Lubkin's law; the program asks how much of 
 gone through, as `slip` does with the force.
 """
 
-import math
 from collections.abc import Mapping
+from typing import Literal, get_args
 
+from cnnum.errors import name_error
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
+from cnnum.tactile.bumps_felt import BumpsFelt, bumps_felt
+from cnnum.templates.tactile.bump_loads import turned_on_bumps
+from cnnum.templates.tactile.contact_radius import TINY, round_under
 from cnnum.templates.tactile.latch import latched
 from cnnum.templates.tactile.laws import CURVE
-from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
-from cnnum.templates.tactile.pull import Place, place_of, torque_on
+from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
+from cnnum.templates.tactile.pull import Place, Side, place_of, torque_on
+from cnnum.templates.tactile.sphere import turned_by
 
 TURNS = 0.5
 """Belief that half the contact radius slips, at which a twist is reported."""
@@ -27,15 +32,13 @@ STEADY = 0.3
 DEPTH = 0.5
 """Pitches from the surface to the taxels, unless told otherwise."""
 
-WIDER, LESS, ROUND = 3.0, 0.8, 0.2
-"""a² = 3 ρ² − 0.8 z² + 0.2 in pitches: contact radius from the radius of gyration ρ of the normal
-strain above its rim, at the depth z. 3 instead of Hertz's 2.5, for the rim takes the foot off.
-Fitted to simulated contacts (tuning seeds, flat and bumpy covers, z from 0.47 to 1.33), within
-2–6 %."""
+LEAST = 0.05
+"""Moment, a radian, that the taxels near a contact feel at least."""
 
-FELT, FADES = 0.93, 0.6
-"""Share 0.93 exp(−0.6 z) of a torque that the taxels near the contact feel; the rest passes around
-them. Fitted likewise: 10 % for flat covers, 15 % less is felt under thin ones with bumps."""
+Cover = Literal["flat", "bumpy", "bumps-fem"]
+
+BUMP = 0.4
+"""Radius of a bump, pitches, unless told otherwise."""
 
 RATE = 200.0
 """Frames a second that `twist_rate` is for, unless told otherwise."""
@@ -49,6 +52,8 @@ def twist(
     turns: float = TURNS,
     rate: float = RATE,
     depth: float = DEPTH,
+    cover: Cover = "flat",
+    bump: float = BUMP,
 ) -> Mapping[str, Field]:
     """Twist of what touches the skin, from how the torque about the contact's centre grows.
 
@@ -67,6 +72,10 @@ def twist(
         Of the frames.
     depth : float
         Of the taxels under the surface, pitches; for `twist_rate`.
+    cover : "flat", "bumpy" or "bumps-fem"
+        As the driver `simulated` has them; for `twist_rate`.
+    bump : float
+        Radius of a bump, pitches.
 
     Returns
     -------
@@ -74,20 +83,30 @@ def twist(
         `twist` (flag, until the torque is let go), `twist_sense` (+1 from x to y, that is from
         columns to rows, clockwise as seen from above; −1; 0 without a torque), `twist_strength`
         (1 − c/a: 0 sticks, 1 turns freely), `twist_rate` (rad/s, while a torque grows or is held;
-        of strain or calibrated shear, see `rate_of`), `twist_row`, `twist_column` (centre, cells).
+        of strain, of a round contact), `twist_row`,
+        `twist_column` (centre, cells).
     """
     loads = loads_of(frame, push)
     contact = place_of(loads, patch_of(loads))
-    return twist_of(contact, turns=turns, rate=rate, depth=depth)
+    return twist_of(contact, turns=turns, rate=rate, depth=depth, cover=cover, bump=bump)
 
 
 def twist_of(
-    contact: Place, *, turns: float = TURNS, rate: float = RATE, depth: float = DEPTH
+    contact: Place,
+    *,
+    turns: float = TURNS,
+    rate: float = RATE,
+    depth: float = DEPTH,
+    cover: Cover = "flat",
+    bump: float = BUMP,
 ) -> Mapping[str, Field]:
     """Return the outputs of `twist` from what other programs share with it."""
+    if cover not in get_args(Cover):
+        raise name_error("cover", cover, get_args(Cover))
+    bumps = None if cover == "flat" else bumps_felt(cover, float(depth), float(bump))
     torque = torque_on(contact)
     growth, found = torque.growth, torque.growth.found
-    believed = found.growing + found.stopped
+    believed = found.growing + found.stopped + found.ended
     change = growth.steady < STEADY * growth.size + 5.0 * contact.spread * sqrt(torque.normal_noise)
     engaged = (growth.size > ENGAGED * torque.normal * contact.spread) & torque.outweighs & change
     turned = latched(contact.loads.frame, growth.grows, engaged & (found.passed > turns * believed))
@@ -95,31 +114,27 @@ def twist_of(
     twisted = growth.grows & torque.outweighs
     sense = where(growth.acts[0] > 0.0, 1.0, -1.0)
     pace = sqrt(found.pace / found.growing)
+    speed = CURVE[0] * pace / _felt(contact, torque, depth, bumps)
     return {
         "twist": turned,
         "twist_sense": where(twisted, sense, 0.0),
-        "twist_strength": where(twisted, 1.0 - found.sticks / believed, 0.0),
-        "twist_rate": where(twisted, sense * rate * rate_of(pace, contact.spread, depth), 0.0),
+        "twist_strength": where(twisted, 1.0 - found.sticks / (found.growing + found.stopped), 0.0),
+        "twist_rate": where(twisted, sense * rate * speed, 0.0),
         "twist_row": contact.row,
         "twist_column": contact.column,
     }
 
 
-def rate_of(pace: Field, spread: Field, depth: float) -> Field:
-    """Return the rate of a twist, rad a frame, from the law that its torque follows.
-
-    A contact that sticks takes the torque 16 G a³ θ / 3 (Reissner and Sagoci), and the moment of
-    the shear strain over the taxels' plane is that torque over 2 G and the pitch cubed.
-
-    Parameters
-    ----------
-    pace : Field
-        The law's last moment over its time, cells a frame.
-    spread : Field
-        Radius of gyration of the contact, cells.
-    depth : float
-        Of the taxels, pitches.
-    """
-    radius = sqrt(maximum(WIDER * spread * spread + (ROUND - LESS * depth * depth), 0.25))
-    felt = FELT * math.exp(-FADES * depth)
-    return 0.375 / felt * CURVE[0] * pace / (radius * radius * radius)
+def _felt(contact: Place, torque: Side, depth: float, bumps: BumpsFelt | None) -> Field:
+    """Return the moment that the taxels which are summed feel, for a turn of 1 rad."""
+    place = round_under(contact, torque.sideways, depth, bumps)
+    rows, columns = contact.loads.frame.row - place.row, contact.loads.frame.column - place.column
+    # the moment is taken about the centroid, and the strain goes round the centre
+    if bumps is None:
+        away = maximum(square(rows) + square(columns), TINY)
+        lever = (contact.from_row * rows + contact.from_column * columns) / away
+        felt = lever * turned_by(away, place.radius, depth)
+    else:
+        turned = turned_on_bumps(rows, columns, place.radius, bumps)
+        felt = contact.from_column * turned.y - contact.from_row * turned.x
+    return maximum(where(torque.memory.value & contact.loads.alive, felt, 0.0).sum(), LEAST)

@@ -156,3 +156,53 @@ def test_a_batch_of_arrays(opencl, run, simulate):
         assert differ.sum() <= 1  # sums in another order, at a threshold
     np.testing.assert_allclose(got["slip_x"][-1, 1], got["slip_y"][-1, 0], atol=1e-3)
     np.testing.assert_allclose(got["slip_y"][-1, 1], -got["slip_x"][-1, 0], atol=1e-3)
+
+
+def test_a_taxel_that_breaks_under_a_contact_is_left_out(opencl, run, simulate):
+    """A bridge that sticks is a step in force, torque and place: none of them is slip."""
+    script = (*HELD, Phase("hold", 1.0))
+    strain, _ = simulate(script=script, seed=23)
+    broken = strain.copy()
+    # 100 standard deviations of the noise, at the rim of the contact, half a second into holding
+    noise = np.diff(strain[:30], axis=0).std() / np.sqrt(2.0)
+    broken[240:, 5, 2] += 100.0 * noise * np.array([1.0, 0.3, -1.0])
+    whole, got = (run(opencl, tactile, each, [*FLAGS, "twist_row"]) for each in (strain, broken))
+    for name in FLAGS[1:]:
+        assert not got[name].any(), name
+    # the centre stays where it was, to what one taxel of the rim weighs
+    assert abs(got["twist_row"][-30:] - whole["twist_row"][-30:]).max() <= 0.1
+
+
+def test_a_bridge_that_is_stuck_from_the_start_is_no_load(opencl, run, simulate):
+    """It stands anywhere in the range, and says nothing of the contact."""
+    strain, truth = simulate(script=HELD, seed=24)
+    stuck = strain.copy()
+    stuck[:, 1, 6] = 40.0 * np.abs(strain[:30]).mean()
+    got = run(opencl, tactile, stuck, FLAGS)
+    assert abs(onsets(got["contact"])[0] - onsets(truth["contact"])[0]) <= 5
+    for name in FLAGS[1:]:
+        assert not got[name].any(), name
+
+
+def test_two_frames_of_pull_are_no_slip(opencl, run, simulate):
+    """What a held object weighs comes within a few frames; that it has stopped is not slip."""
+    script = (*HELD, Phase("pull", 0.01, speed=4.0e-3), Phase("hold", 0.3))
+    strain, truth = simulate(script=script, seed=25)
+    assert not truth["incipient"].any()
+    assert np.hypot(truth["shear_x"], truth["shear_y"]).max() > 0.1 * truth["normal_force"].max()
+    got = run(opencl, slip, strain, FLAGS[1:3])
+    assert not got["incipient_slip"].any()
+    assert not got["gross_slip"].any()
+
+
+def test_rolling_is_not_moving_on(opencl, run, simulate):
+    """A pull that stopped well before slip, and the object rolls the way it was pulled."""
+    script = (
+        *HELD,
+        Phase("pull", 0.05, speed=0.8e-3, direction=0.3),
+        Phase("roll", 0.3, speed=2.0e-3, direction=0.3),
+    )
+    strain, truth = simulate(script=script, seed=26)
+    assert not truth["slip"].any()
+    got = run(opencl, slip, strain, FLAGS[1:3])
+    assert not got["gross_slip"].any()
