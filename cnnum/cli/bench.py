@@ -194,6 +194,17 @@ def denormals(device: str | None, quick: bool, out: Path | None, as_json: bool) 
     return _report("denormals", found, COUNT, engine.device, out, as_json)
 
 
+@command.command("fusing")
+@_options
+def fusing(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Tactile programs with their linear operations fused, beside the same with nothing fused."""
+    from cnnum.bench.fusing import measure_fusing
+
+    engine = _engine(device)
+    rows = measure_fusing(engine, quick=quick)
+    return _report("fusing", rows, None, engine.device, out, as_json)
+
+
 @command.command("scaling")
 @_options
 def scaling(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
