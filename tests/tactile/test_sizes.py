@@ -1,0 +1,240 @@
+"""Every tactile program on 4×4×3, 8×8×3 and 16×16×3, in a batch with its mirror image.
+
+The same thing is put in the middle of each array: what the program says of it may differ by the
+noise, which is drawn anew, by what a small array cuts off, and by nothing else. A scene that is
+turned over, left for right, must be told turned over.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from cnnum.arrays import Floats
+from cnnum.program_library import get_program, program_names
+from cnnum.tactile.bump_loads import bump_readings
+from cnnum.tactile.halfspace import SurfaceToDepth
+from cnnum.tactile.indenters import Disc, frame_under
+from cnnum.tactile.touches import Touch, readings
+
+SIZES = (4, 8, 16)
+REST = 20
+NOISE = 1e-3
+DEPTH = 0.5
+MIRROR = np.array([-1.0, 1.0, 1.0])
+"""Of shear along x, shear along y and normal load when left is taken for right."""
+
+
+@dataclass(frozen=True)
+class Same:
+    """An output that is the same on every array, to within what."""
+
+    name: str
+    within: float
+    turns: bool = False  # changes its sign with left and right
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Frames by the array's side, and what is to come out of the last of them."""
+
+    frames: Callable[[int], Floats]
+    same: tuple[Same, ...]
+    parameters: dict[str, object]
+    middle: bool = False  # compare the middle 2×2 of maps
+
+
+def after_rest(seen: list[Floats]) -> Floats:
+    """Rest, then frames of a scene, with noise."""
+    seen_all = np.stack(seen)
+    size = NOISE * np.abs(seen_all).max()
+    frames = size * np.random.default_rng(seen_all.shape[1]).normal(
+        size=(REST + len(seen), *seen_all.shape[1:])
+    )
+    frames[REST:] += seen_all
+    return frames
+
+
+def pulled(cells: int) -> Floats:
+    """A sphere that is held, pulled until it slips, and slides on."""
+    pulls = [0.0] * 12 + list(np.linspace(0.0, 0.7, 22)) + [0.7] * 4
+    touches = [Touch(1.3, (0.2, -0.1), pull, 0.6) for pull in pulls]
+    return after_rest([readings(touch, cells, DEPTH, "strain") for touch in touches])
+
+
+def disc(cells: int) -> Floats:
+    load = np.zeros((cells, cells, 3))
+    load[..., 2] = -frame_under(Disc(1.4, (0.1, 0.1)), (cells, cells), DEPTH, "strain")
+    return after_rest([load] * 3)
+
+
+def bumps(cells: int) -> Floats:
+    own, at = np.zeros((cells, cells, 3)), cells // 2
+    own[at - 1, at - 1], own[at, at] = (0.2, 0.1, 1.0), (0.1, -0.2, 0.8)
+    return after_rest([bump_readings(own, "strain", 7.5, 1.0)] * 3)
+
+
+def held(cells: int) -> Floats:
+    """Two fingers side by side that an object slips between."""
+    load = np.zeros((cells, cells, 3))
+    load[..., 0] = np.where(np.arange(cells) < cells // 2, 0.3, -0.3)
+    load[..., 1], load[..., 2] = 0.1, 1.0
+    return after_rest([load] * 3)
+
+
+def rubbed(cells: int) -> Floats:
+    """A friction of a half, that wavers."""
+    wave = 0.5 + 0.05 * np.sin(0.9 * np.arange(40.0))
+    return after_rest([np.full((cells, cells, 3), 1.0) * [0.6 * w, 0.8 * w, 1.0] for w in wave])
+
+
+def rearranged(cells: int) -> Floats:
+    """Raw counts of an object that is pulled and settles cell by cell."""
+    rng, frames = np.random.default_rng(1), 70
+    pull = np.concatenate([np.zeros(45), np.linspace(0.0, 150.0, frames - 45)])
+    loose = np.abs(np.gradient(pull))[:, None, None, None]
+    counts = 16000 + rng.normal(0, 1.5, (frames, cells, cells, 3))
+    counts += np.cumsum(loose * rng.normal(0, 1.0, counts.shape), axis=0)
+    counts[..., 0] += pull[:, None, None]
+    return np.round(counts)
+
+
+def block(cells: int) -> Floats:
+    """Tractions on the middle 2×2 cells, Pa."""
+    load, at = np.zeros((1, cells, cells, 3)), cells // 2
+    load[:, at - 1 : at + 1, at - 1 : at + 1] = 300.0, -200.0, 1000.0
+    return load
+
+
+def strained(cells: int) -> Floats:
+    """Strain under that block's pressure."""
+    cover = SurfaceToDepth((cells, cells), 1.5e-3, 1e-3, youngs_modulus=0.87e6)
+    return cover(block(cells) * [0.0, 0.0, 1.0])
+
+
+PLACE = (Same("contact_row", 0.15), Same("contact_column", 0.15, turns=True))
+LOADS = (
+    # sums of noise, and on 4×4 a third of the shear inferred: 10 % of a load of 1
+    Same("load_normal", 0.1),
+    Same("load_x", 0.1, turns=True),
+    Same("load_y", 0.1),
+    Same("contact", 0.0),
+)
+SLIP = (
+    # a frame's force is known to some 5 % on the largest array, whose noise is summed
+    Same("gross_slip", 0.0),
+    Same("slip_x", 0.1, turns=True),
+    Same("slip_y", 0.1),
+)
+STRESSES = tuple(
+    # the block is half as wide as the 4×4 array, and what is beyond the rim differs:
+    # mirrored, periodic or free, a tenth of the largest stress of 1 kPa
+    Same(name, 130.0, turns=name.endswith("xz"))
+    for name in ("stress_xz", "stress_yz", "stress_zz")
+)
+
+SCENES = {
+    "contact": Scene(pulled, (*PLACE, *LOADS), {}),
+    "edges": Scene(disc, (Same("edge_row", 0.5), Same("edge_count", 4.0)), {}),
+    "grasp_code": Scene(
+        held,
+        (Same("code_known", 0.0), Same("grasp_slip", 0.0), Same("grasp_y", 0.02)),
+        {"push": 1.0},
+    ),
+    "grasp_slip": Scene(
+        rearranged, (Same("gross_slip", 0.0), Same("slip_x", 0.05, turns=True)), {}
+    ),
+    "halfspace_equilibrium": Scene(
+        block, STRESSES, {"poisson": 0.3, "layers": 1, "slabs": 3, "tolerance": 1e-3}, middle=True
+    ),
+    "halfspace_layers": Scene(block, STRESSES, {}, middle=True),
+    "halfspace_stress": Scene(block, STRESSES, {}, middle=True),
+    "halfspace_strain": Scene(
+        block,
+        # the same in strain, 3σ/2E
+        tuple(
+            Same(name, 2.2e-4, turns=name.endswith("xz"))
+            for name in ("strain_xz", "strain_yz", "strain_zz")
+        ),
+        {},
+        middle=True,
+    ),
+    "localize": Scene(
+        bumps,
+        # four standard deviations of the noise, and 3 bumps to each side: 2 %
+        (Same("bump_count", 0.0), Same("bump_patches", 0.0), Same("bump_load_normal", 0.03)),
+        {"push": 1.0},
+        middle=True,
+    ),
+    "slip": Scene(pulled, SLIP, {}),
+    "surface_load": Scene(
+        strained,
+        # a pressure of 1 kPa comes back on a ground that the array's size decides
+        (Same("load_normal", 120.0), Same("load_x", 75.0, turns=True)),
+        {"reach": 3, "tolerance": 1e-3, "noise": 1e-3},
+        middle=True,
+    ),
+    # all that it shares with the others is tested with them
+    "tactile": Scene(pulled, (*PLACE, Same("contact", 0.0)), {}),
+    "texture": Scene(
+        rubbed, (Same("friction", 0.01), Same("texture_known", 0.0)), {"push": 1.0, "window": 16}
+    ),
+    "twist": Scene(pulled, (Same("twist", 0.0), Same("twist_row", 0.3)), {}),
+}
+
+
+def last(plan, frames, batch):
+    stream, outputs = plan.stream(batch), {}
+    for frame in frames:
+        outputs = stream.push(frame)
+    return outputs
+
+
+def seen_from_middle(scene: Scene, same: Same, cells: int, value: Floats) -> Floats:
+    """A place from the array's middle; the middle of a map; anything else as it is."""
+    if same.name.endswith(("_row", "_column")):
+        return value - (cells - 1) / 2
+    if scene.middle and value.ndim > 1:
+        at = slice(cells // 2 - 1, cells // 2 + 1)
+        return value[..., at, at]
+    return value.min(axis=(-2, -1)) if value.ndim > 1 else value
+
+
+def test_every_program_has_a_scene():
+    assert set(SCENES) == set(program_names("tactile"))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_sizes_and_mirror_images_agree(opencl, name):
+    scene = SCENES[name]
+    program = get_program(name).bind(**scene.parameters)
+    needs = [same.name for same in scene.same]
+    said: dict[str, list[Floats]] = {same.name: [] for same in scene.same}
+    for cells in SIZES:
+        frames = scene.frames(cells)
+        both = np.stack([frames, frames[:, :, ::-1] * MIRROR], axis=1)
+        plan = opencl.compile(program, (cells, cells), needs)
+        got = last(plan, both, (2,))
+        for same in scene.same:
+            value = seen_from_middle(scene, same, cells, np.asarray(got[same.name]))
+            assert np.isfinite(value).all()
+            said[same.name].append(value)
+            turned = value[1][..., ::-1] if value.ndim > 1 else value[1]
+            # rounding of float32, after steps of differing order: a hundredth of what is allowed
+            room = max(0.02 * same.within, 1e-6)
+            np.testing.assert_allclose(turned, -value[0] if same.turns else value[0], atol=room)
+        if cells == SIZES[0]:
+            alone = last(plan, both[:, 1], ())
+            for same in scene.same:
+                np.testing.assert_allclose(
+                    alone[same.name],
+                    got[same.name][1],
+                    rtol=1e-4,
+                    atol=max(1e-6, 1e-3 * same.within),
+                )
+    for same in scene.same:
+        small, *larger = (value[0] for value in said[same.name])
+        for value in larger:
+            assert np.abs(value - small).max() <= same.within, (same.name, small, value)
+    assert any(np.abs(values[0]).max() > 0.0 for values in said.values())
