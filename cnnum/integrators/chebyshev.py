@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from cnnum.arrays import Floats
 
@@ -75,7 +74,7 @@ class Chebyshev:
 def chebyshev_method(stages: int) -> Chebyshev:
     """Return the method of that many stages (at least 2)."""
     w0 = 1.0 + DAMPING / stages**2
-    value, slope, bend = (_derivatives(w0, stages, order) for order in range(3))
+    value, slope, bend = _polynomials(w0, stages)
     w1 = slope[stages] / bend[stages]
     b = np.empty(stages + 1)
     b[2:] = bend[2:] / slope[2:] ** 2
@@ -93,12 +92,18 @@ def chebyshev_method(stages: int) -> Chebyshev:
     return Chebyshev(stages, float(b[1] * w1), tuple(rows))
 
 
-def _derivatives(at: float, highest: int, order: int) -> Floats:
-    """Return the derivatives of that order of T₀ … T_highest at a place."""
-    unit = np.eye(highest + 1)
-    series = [chebyshev.chebder(row, order) if order else row for row in unit]
-    values = [chebyshev.chebval(at, row) for row in series]
-    return np.array(values, dtype=np.float64)
+def _polynomials(at: float, highest: int) -> tuple[Floats, Floats, Floats]:
+    """Return T₀ … T_highest at a place, and their first and second derivatives.
+
+    By T_{j+1} = 2x T_j − T_{j−1} and its derivatives, which grow from x ≥ 1 on and lose nothing.
+    """
+    value, slope, bend = np.ones(highest + 1), np.zeros(highest + 1), np.zeros(highest + 1)
+    value[1], slope[1] = at, 1.0
+    for j in range(1, highest):
+        value[j + 1] = 2.0 * at * value[j] - value[j - 1]
+        slope[j + 1] = 2.0 * value[j] + 2.0 * at * slope[j] - slope[j - 1]
+        bend[j + 1] = 4.0 * slope[j] + 2.0 * at * bend[j] - bend[j - 1]
+    return value, slope, bend
 
 
 def stages_for(reach: float) -> int:
