@@ -59,7 +59,12 @@ def found_places(right: Floats, below: Floats) -> Floats:
 
 
 def run_edges(
-    engine: Engine, bodies: Sequence[Indenter], cells: int, depth: float, reads: Reads
+    engine: Engine,
+    bodies: Sequence[Indenter],
+    cells: int,
+    depth: float,
+    reads: Reads,
+    noise: float = NOISE,
 ) -> dict[str, Floats]:
     """Return the outputs of `edges` after rest and three frames of each body, side by side."""
     loads = np.stack([frame_under(body, (cells, cells), depth, reads) for body in bodies])
@@ -68,7 +73,7 @@ def run_edges(
     plan = engine.compile(get_program("edges").bind(depth=depth, reads=reads), (cells, cells))
     stream, outputs = plan.stream((len(bodies),)), dict[str, Floats]()
     for number in range(21):
-        frame = NOISE * rng.normal(size=(*loads.shape, 3))
+        frame = noise * rng.normal(size=(*loads.shape, 3))
         frame[..., 2] -= loads if number >= 18 else 0.0
         outputs = stream.push(frame)
     return outputs
@@ -81,12 +86,18 @@ def off_outline(body: Indenter, places: Floats, cells: int) -> Floats:
 
 
 def errors_of(
-    engine: Engine, kind: str, cells: int, depth: float, reads: Reads, count: int
+    engine: Engine,
+    kind: str,
+    cells: int,
+    depth: float,
+    reads: Reads,
+    count: int,
+    noise: float = NOISE,
 ) -> tuple[Floats, int]:
     """Return the errors of all places of many indenters, and how many of these have no edge."""
     rng = np.random.default_rng(7)
     bodies = [indenter(kind, LARGER[cells], rng) for _ in range(count)]
-    got = run_edges(engine, bodies, cells, depth, reads)
+    got = run_edges(engine, bodies, cells, depth, reads, noise)
     found = [
         found_places(right, below)
         for right, below in zip(got["edge_to_right"], got["edge_to_below"], strict=True)
@@ -111,6 +122,12 @@ def main(count: int = 60) -> None:
                         f"| {cells} | {reads} | {depth} | {kind} | {low:.2f} | {high:.2f} | "
                         f"{share:.1%} | {missed}/{count} |"
                     )
+    for noise in (NOISE, NOISE / 100):
+        off, _ = errors_of(engine, "punch", 8, DEPTHS[0], "strain", count, noise)
+        print(
+            f"punch, 8×8, strain, {DEPTHS[0]}, noise {noise:.3%}: 95 % within "
+            f"{np.quantile(off, 0.95):.2f}, {np.mean(off < 0.5):.1%} below 0.5"
+        )
     for radius in ("2.5", "3.0", "3.3", "3.6"):
         shares = [
             count - errors_of(engine, radius, 8, depth, reads, count)[1]

@@ -1,11 +1,12 @@
 """Edges of what presses on the skin: where its outline passes, between the taxels."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply, shift
 from cnnum.tactile.indenters import Reads
@@ -29,6 +30,9 @@ pressure takes 0.95 at a radius of 3 cells, 1.4 at 4."""
 
 VOTERS = 3
 """Cells to each side whose links are averaged before an edge is called sharp."""
+
+HOLLOW = (0.2, 0.26)
+"""Mean of what the inside lacks from which the load may be a punch's, and from which it is."""
 
 
 @program
@@ -81,7 +85,9 @@ def edges_of(
     noise = sqrt(loads.normal_noise)
     least = maximum(SHARE * load.max(), LIFT * noise_gain(depth, reads) * noise)
     links = links_of(frame, load, least)
-    sharp = _sharp(links, rise) & loads.contact
+    votes = _Votes(links)
+    sharp = votes.sharp(rise) & loads.contact
+    links = votes.placed(links)
     ends = [link.crosses & sharp for link in links]
     found = _nearest(links, ends)
     number = found.count()
@@ -97,17 +103,32 @@ def edges_of(
     }
 
 
-def _sharp(links: tuple[Links, ...], rise: float) -> Field:
-    """Return where the links around a taxel agree that the load ends within a cell."""
-    size = 2 * VOTERS + 1
-    vote = filter_template("vote", np.ones((size, size)), "Sums what is around a cell.")
-    number, total = _total(links, ones=True), _total(links, ones=False)
-    return apply(vote, input=total) < rise * apply(vote, input=number)
+class _Votes:
+    """What the links around a taxel say together."""
 
+    def __init__(self, links: tuple[Links, ...]) -> None:
+        size = 2 * VOTERS + 1
+        self._vote = filter_template("vote", np.ones((size, size)), "Sums what is around a cell.")
+        self._number = self._of(links, [1.0] * len(links))
+        self._rise = self._of(links, [link.rise for link in links])
+        self._hollow = self._of(links, [link.hollow for link in links])
 
-def _total(links: tuple[Links, ...], *, ones: bool) -> Field:
-    parts = [where(link.crosses, 1.0 if ones else link.rise, 0.0) for link in links]
-    return sum(parts[1:], start=parts[0])
+    def sharp(self, rise: float) -> Field:
+        """Return where the load ends within a cell."""
+        return self._rise < rise * self._number
+
+    def placed(self, links: tuple[Links, ...]) -> tuple[Links, ...]:
+        """Return the links, placed as on a punch where the load is hollow."""
+        low, high = HOLLOW
+        hollow = self._hollow / maximum(self._number, 1.0)
+        share = minimum(maximum((hollow - low) / (high - low), 0.0), 1.0)
+        return tuple(
+            replace(link, place=link.place + share * (link.rim - link.place)) for link in links
+        )
+
+    def _of(self, links: tuple[Links, ...], values: Sequence[object]) -> Field:
+        parts = [where(link.crosses, value, 0.0) for link, value in zip(links, values, strict=True)]
+        return apply(self._vote, input=sum(parts[1:], start=parts[0]))
 
 
 def _nearest(links: tuple[Links, ...], ends: list[Field]) -> Field:

@@ -15,7 +15,7 @@ WAYS = ((0, 1), (0, -1), (1, 0), (-1, 0))
 HALF, NEAR_TOP = 0.5, 0.88
 """Shares of the load inside. At one half, a cell that the outline cuts into halves lies on it."""
 
-EMPTY = 0.25
+EMPTY = 0.12
 """Share of the load inside that is left at most within two cells outside."""
 
 ALONG = 0.6
@@ -30,6 +30,11 @@ the second and third cell inside fall behind the rim, yet carry 0.4 of it, the l
 0.3 of what they lack. Both were set on punches of 1.5 to 2.8 cells."""
 
 
+NEAREST = 1e-3
+"""Share of the load of a cell and the next that is taken as the rest of nothing, so that the model
+of a punch's rim divides by none."""
+
+
 @dataclass(frozen=True, slots=True)
 class Links:
     """The links of every taxel to its neighbour in one direction.
@@ -42,11 +47,18 @@ class Links:
         Cells from half of the load to 0.88 of it, where it ends.
     place : Field
         Cells from the taxel outwards to where it ends; below 0 where that is inside.
+    hollow : Field
+        Share of the load at the rim that the second and third cell inside lack, where there are
+        such cells.
+    rim : Field
+        The place if the load is that of a flat punch.
     """
 
     crosses: Field
     rise: Field
     place: Field
+    hollow: Field
+    rim: Field
 
 
 def links_of(frame: FrameFields, load: Field, least: Field) -> tuple[Links, ...]:
@@ -76,7 +88,9 @@ def _links(
     half = _share(load - level, load - outside[0])
     high = floor + NEAR_TOP * (top - floor)
     rise = minimum(half + _climb(inside, outside[0], high), LONGEST)
-    return Links(crosses, rise, _place(inside, outside[0], top, floor))
+    hollow = _hollow(inside, top)
+    place = _place(inside, outside[0], HALF + RIM * hollow, top, floor)
+    return Links(crosses, rise, place, hollow, _rim(inside, outside[0], floor))
 
 
 def _climb(inside: Sequence[Field], outer: Field, high: Field) -> Field:
@@ -88,14 +102,32 @@ def _climb(inside: Sequence[Field], outer: Field, high: Field) -> Field:
     return one + two - early
 
 
-def _place(inside: Sequence[Field], outer: Field, top: Field, floor: Field) -> Field:
-    """Return the cells outwards to the outline, the rim of a punch allowed for."""
-    first, second, third, fourth = inside
-    deep = minimum(third, fourth)
-    lacks = where(deep > DEEP * top, minimum(1.0 - deep / top, HALF), 0.0)
-    level = floor + (HALF + RIM * lacks) * (top - floor)
+def _hollow(inside: Sequence[Field], top: Field) -> Field:
+    """Return what the second and third cell inside lack."""
+    deep = minimum(inside[2], inside[3])
+    return where(deep > DEEP * top, minimum(1.0 - deep / top, HALF), 0.0)
+
+
+def _place(inside: Sequence[Field], outer: Field, share: Field, top: Field, floor: Field) -> Field:
+    """Return the cells outwards to where the load falls below a share."""
+    first, second = inside[:2]
+    level = floor + share * (top - floor)
     inner = _share(level - first, second - first)
     return where(first >= level, _share(first - level, first - outer), -inner)
+
+
+def _rim(inside: Sequence[Field], outer: Field, floor: Field) -> Field:
+    """Return the cells outwards to a punch's rim.
+
+    Its load from the rim to s inside goes as √s. Of s up to the taxel's inner side and s + 1 up to
+    the next one's the loads are known.
+    """
+    ground = minimum(floor, 0.0)
+    near = outer + inside[0] - 2.0 * ground
+    both = near + inside[1] - ground
+    part = minimum(maximum(_share(near, both), NEAREST), 1.0 - NEAREST)
+    square = part * part
+    return minimum(maximum(square / (1.0 - square) - 0.5, -1.0), 1.0)
 
 
 def _share(part: Field, whole: Field) -> Field:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cnnum.bench.surround import GAPS, beside, hat
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under, two_bars
 from cnnum.templates.tactile.edges import edges
 
@@ -77,9 +78,9 @@ def test_outlines_are_found_to_half_a_cell(opencl, run, cells, reads, depth):
         off = errors(body, where, cells)
         if number % 5 == 4:
             # a punch's load is singular at its rim: a taxel that it barely cuts reads as if
-            # half covered, so that single places lie too far out, more so the wider the punch
-            assert np.median(off) < 0.35
-            assert np.quantile(off, 0.95) < 1.0
+            # half covered, which thin covers hide between two taxels
+            assert np.median(off) < 0.3
+            assert np.quantile(off, 0.95) < 0.75
         else:
             # the tail of 1 link in 500 that noise and a rectangle's corners move
             assert np.quantile(off, 0.95) < 0.5
@@ -125,6 +126,19 @@ def test_edge_load_is_the_pressure(opencl, run):
     inner, outer = load[6:10, 6:10] * seen.max(), load[:3]
     assert np.abs(inner - 1.0).max() < 0.08
     assert np.abs(outer).max() < 0.05
+
+
+def test_surround_of_bars_and_points():
+    """Figures of docs/programs/edges.md, the hat by its own formula."""
+    shares = [beside(gap, "strain") for gap in GAPS]
+    assert [round(100 * share, 1) for share in shares] == [7.1, 4.5, 3.0, 1.5]
+    assert all(-0.004 < beside(gap, "stress") < 0.0 for gap in GAPS)
+    # Boussinesq at ν = 0.5, z = 1: σ_zz less the mean stress goes as 3/R⁵ − 1/R³
+    away = np.linspace(0.0, 10.0, 200001)
+    far = np.hypot(away, 1.0)
+    shape = (3.0 / far**2 - 1.0) / far**3
+    assert hat() == pytest.approx(shape.max() / -shape.min(), rel=1e-4)
+    assert hat() == pytest.approx(55.9, abs=0.05)
 
 
 @pytest.mark.parametrize("depth", [0.5, 1.0])
