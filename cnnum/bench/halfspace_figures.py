@@ -43,9 +43,13 @@ def ways_figure(ways: Sequence[Row], love: Sequence[Row]) -> Picture:
     left.set(xscale="log", yscale="log", xlabel="time of one 8×8×3 frame, s")
     left.set(ylabel="largest error / largest load", title="Against the lattice's own transform")
     left.axhline(1e-5, color="0.6", linewidth=0.8, linestyle=":")
-    for mark, load in zip("osD", ("q_x", "q_y", "p"), strict=True):
+    # both shears have the same error: the larger mark shows around the smaller one
+    for mark, size, load in (("o", 11, "q_x"), ("s", 6, "q_y"), ("D", 6, "p")):
         own = [r for r in love if r["load"] == load]
-        right.plot(_of(own, "cells"), _of(own, "error"), marker=mark, label=f"{load} on 2×2 taxels")
+        label = f"${load}$ on 2×2 taxels"
+        right.plot(
+            _of(own, "cells"), _of(own, "error"), marker=mark, ms=size, mfc="none", label=label
+        )
     cells = np.array([1.0, 8.0])
     right.plot(cells, 0.2 / cells**2, "k:", label="slope 2")
     right.set(xscale="log", yscale="log", xlabel="cells a taxel, along each axis")
@@ -66,7 +70,7 @@ def equilibrium_figure(rows: Sequence[Row]) -> Picture:
     cells = np.array([1.0, 3.0])
     left.plot(cells, 0.6 / cells**2, "k:", label="slope 2")
     left.set(xscale="log", yscale="log", xlabel="cells a unit of length (the taxels lie 2 deep)")
-    left.set(ylabel="largest error / largest u_z", title="What relaxes, against (4.9)")
+    left.set(ylabel="largest error / largest $u_z$", title="What relaxes, against (4.9)")
     left.set_xticks([1, 2, 3], ["1", "2", "3"])
     left.set_xticks([], minor=True)
     own = sorted((r for r in rows if r["cells"] == 1), key=lambda r: _number(r["poisson"]))
@@ -77,7 +81,7 @@ def equilibrium_figure(rows: Sequence[Row]) -> Picture:
     right.set(xscale="log", yscale="log")
     right.invert_xaxis()
     right.set(title="Work to equilibrium, 8×8 cells × 6 slabs × 3")
-    right.set(xlabel="1 − 2ν (ν grows to the right, up to 0.49)")
+    right.set(xlabel="1 − 2ν (ν grows to the right, up to 0.49)", ylabel="number, or ms")
     _finish(left, right)
     return figure
 
@@ -91,7 +95,7 @@ def inverse_figure(rows: Sequence[Row], maps: Sequence[tuple[str, Floats, float]
         limit = float(np.abs(values).max()) / unit
         shown = where.imshow(values / unit, cmap="RdBu_r", vmin=-limit, vmax=limit)
         where.set(title=title, xlabel="column of taxels", ylabel="row")
-        label = "kPa" if unit == 1e3 else "strain, 10⁻³"
+        label = "kPa" if unit == 1e3 else "10⁻³, noise of 10⁻⁴"
         figure.colorbar(shown, ax=where, label=label, shrink=0.85)
     for place, key, factor, name in (
         (axes[1, 0], "width", 1e3, "width of the point response, mm"),
@@ -117,8 +121,8 @@ def contacts(engine: Engine) -> list[tuple[str, Floats, float]]:
     found = engine.compile(get_program("surface_load"), (8, 8), ["load_normal"])(strain)
     return [
         ("pressure of three contacts", load[..., 2], 1e3),
-        ("ε_zz under 1 mm, noise 10⁻⁴", strain[..., 2], 1e-3),
-        ("surface_load", found["load_normal"], 1e3),
+        ("strain $ε_{zz}$ under 1 mm", strain[..., 2], 1e-3),
+        ("pressure by surface_load", found["load_normal"], 1e3),
     ]
 
 

@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from cnnum.arrays import Floats
+from cnnum.bench.contact_errors import held
 from cnnum.bench.edge_errors import NOISE, found_places, run_edges
 from cnnum.engine import Engine
 from cnnum.program_library import get_program
@@ -19,21 +20,29 @@ from cnnum.tactile.bump_loads import bump_readings
 from cnnum.tactile.indenters import Disc, Indenter, Rectangle, Ring, frame_under, two_bars
 from cnnum.tactile.texture import texture as whole_recording
 from cnnum.tactile.texture_materials import FOUR, Stroke, rub
+from cnnum.tactile.touches import Touch, readings
 
 MADE: Any = {"dpi": 100, "bbox_inches": "tight"}
 
 
-def _sheet(columns: int, width: float = 3.4) -> tuple[Any, Any]:
-    figure: Any = Figure(figsize=(width * columns, 3.5), layout="constrained")
+def _sheet(columns: int, width: float = 3.4, height: float = 3.5) -> tuple[Any, Any]:
+    figure: Any = Figure(figsize=(width * columns, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure, figure.subplots(1, columns, squeeze=False)[0]
 
 
-def _map(figure: Any, axis: Any, values: Floats, title: str, unit: str) -> None:
-    top = float(np.abs(values).max()) or 1.0
+def _map(axis: Any, values: Floats, title: str, top: float | None = None) -> Any:
+    """Draw a map, red where positive; the labels of rows are for the first of a sheet."""
+    top = top or float(np.abs(values).max()) or 1.0
     image = axis.imshow(values, cmap="RdBu_r", vmin=-top, vmax=top)
-    figure.colorbar(image, ax=axis, label=unit, shrink=0.8)
-    axis.set(title=title, xlabel="column, cells", ylabel="row, cells")
+    axis.set(title=title, xlabel="column, cells")
+    return image
+
+
+def _flags(axis: Any, values: Any, title: str) -> None:
+    """Draw a logic map: grey where it holds."""
+    axis.imshow(values, cmap="Greys", vmin=0.0, vmax=2.0)
+    axis.set(title=title, xlabel="column, cells")
 
 
 def _streamed(name: str, frames: Floats, **parameters: object) -> dict[str, Floats]:
@@ -57,20 +66,23 @@ def edges_picture() -> Any:
         ("ring", Ring(1.0, 2.8, (0.1, 0.2))),
         ("rectangle, 29°", Rectangle(2.8, 4.0, 0.5)),
         ("two bars, 34°", two_bars(1.7, 3.8, 1.5, 0.6)),
-        ("sphere (Hertz)", Disc(3.4, (0.2, 0.1), "hertz")),
+        ("sphere (Hertz): no edge", Disc(3.4, (0.2, 0.1), "hertz")),
     ]
     got = run_edges(Engine(), [body for _, body in bodies], 8, 0.5, "strain")
-    figure, axes = _sheet(len(bodies))
-    fine = np.linspace(-0.5, 7.5, 161)
+    figure, axes = _sheet(len(bodies), 2.7, 3.6)
+    fine, image = np.linspace(-0.5, 7.5, 161), None
     for number, (axis, (name, body)) in enumerate(zip(axes, bodies, strict=True)):
         seen = frame_under(body, (8, 8), 0.5, "strain")
-        _map(figure, axis, seen / seen.max(), name, "compressive strain / its peak")
+        image = _map(axis, seen / seen.max(), name, 1.0)
         x, y = np.meshgrid(fine - 3.5, fine - 3.5)
         axis.contour(fine, fine, body.distance(x, y), [0.0], colors="k", linestyles=":")
         where = found_places(got["edge_to_right"][number], got["edge_to_below"][number])
         axis.plot(where[:, 1], where[:, 0], "o", color="#2a8c2a", markersize=4, label="edge found")
         axis.plot([], [], "k:", label="true outline")
-    axes[0].legend(loc="upper left", fontsize=7)
+    axes[0].set_ylabel("row, cells")
+    figure.colorbar(image, ax=list(axes), label="compressive strain / peak", shrink=0.65)
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     return figure
 
 
@@ -83,35 +95,56 @@ def localize_picture() -> Any:
     read = bump_readings(loads, "pad", 3.0, 0.5)
     got = _streamed("localize", _held(read), push=1.0, taxels="pad", bump_pitch=3.0, bump_depth=0.5)
     figure, axes = _sheet(3, 3.9)
-    _map(figure, axes[0], read[..., 2], "read: normal combination", "stress × r², load")
-    _map(figure, axes[1], got["bump_load_normal"], "loads found, arrows: shear", "load")
-    rows, cols = np.indices((8, 8))
-    axes[1].quiver(
-        *(cols, rows, got["bump_load_x"], got["bump_load_y"]), angles="xy", scale=2.5, width=0.01
-    )
-    _map(figure, axes[2], got["bump_patch"], f"{got['bump_patches']:.0f} contacts", "label")
-    for r, c in zip(got["bump_patch_row"].flat, got["bump_patch_column"].flat, strict=True):
-        if r or c:
-            axes[2].plot(c, r, "k+", markersize=10)
-    axes[2].plot([], [], "k+", label="centroid of a contact")
-    axes[2].legend(loc="lower left", fontsize=7)
+    image = _map(axes[0], read[..., 2], "read: normal combination")
+    figure.colorbar(image, ax=axes[0], label="stress × (bump radius)² / load", shrink=0.8)
+    image = _map(axes[1], got["bump_load_normal"], "normal loads found, arrows: shear")
+    figure.colorbar(image, ax=axes[1], label="load, shares of the largest", shrink=0.8)
+    rows, cols = np.nonzero(got["bump_contact"])
+    shear = got["bump_load_x"][rows, cols], got["bump_load_y"][rows, cols]
+    axes[1].quiver(cols, rows, *shear, angles="xy", scale_units="xy", scale=0.35, width=0.012)
+    _flags(axes[2], got["bump_patch"] > 0, f"{got['bump_patches']:.0f} contacts")
+    patches = np.unique(got["bump_patch"][got["bump_patch"] > 0])
+    for number, label in enumerate(patches, start=1):
+        at = tuple(np.argwhere(got["bump_patch"] == label)[0])
+        r, c = got["bump_patch_row"][at], got["bump_patch_column"][at]
+        axes[2].plot(c, r, "k+", markersize=10, label="centroid" if number == 1 else None)
+        axes[2].annotate(str(number), (c, r), (6, 6), textcoords="offset points")
+    axes[2].legend(loc="lower left", fontsize=8)
+    axes[0].set_ylabel("row, cells")
     return figure
 
 
 def contact_picture() -> Any:
-    """Strain under a sphere, the taxels that count as touched, and the centroid."""
-    body = Disc(2.2, (0.6, -0.4), "hertz")
-    seen = frame_under(body, (8, 8), 0.5, "strain")
-    frames = _held(-np.stack([0 * seen, 0 * seen, seen / seen.max()], axis=-1))
-    got = _streamed("contact", frames)
-    figure, axes = _sheet(2, 4.0)
-    _map(figure, axes[0], seen / seen.max(), "read: a sphere", "compressive strain / its peak")
-    _map(figure, axes[1], got["contact_map"], f"{got['contact_area']:.0f} taxels", "touched")
+    """A pulled sphere: its normal strain, the pressure found, and the taxels touched."""
+    body = Touch(4.6, (0.6, -0.4), 0.5, 0.4)
+    seen = readings(body, 16, 0.5, "strain")
+    got = _streamed("contact", held([seen])[:, 0])
+    strain = -seen[..., 2] / np.abs(seen[..., 2]).max()
+    high = np.where(strain > 0.1, strain, 0.0)
+    rows, cols = np.indices(strain.shape)
+    raw = ((high * cols).sum() / high.sum(), (high * rows).sum() / high.sum())
+    figure, axes = _sheet(2, 4.6, 4.4)
+    image = _map(axes[0], strain, "read: normal strain of a pulled sphere", 1.0)
+    figure.colorbar(image, ax=axes[0], label="compressive strain / peak", shrink=0.8)
+    loads = ", ".join(f"{got[name]:.2f}" for name in ("load_x", "load_y", "load_normal"))
+    true = ", ".join(f"{load:.2f}" for load in (*body.pulls, 1.0))
+    _flags(
+        axes[1],
+        got["contact_map"],
+        f"{got['contact_area']:.0f} taxels; "
+        f"true area {np.pi * body.radius**2:.0f}\nloads {loads} for {true}",
+    )
+    turn = np.linspace(0, 2 * np.pi, 90)
+    x, y = 7.5 + body.centre[0], 7.5 + body.centre[1]
     for axis in axes:
-        turn = np.linspace(0, 2 * np.pi, 90)
-        axis.plot(4.1 + 2.2 * np.cos(turn), 3.1 + 2.2 * np.sin(turn), "k:", label="true contact")
-        axis.plot(got["contact_column"], got["contact_row"], "k+", label="centroid found")
-        axis.legend(loc="lower left", fontsize=7)
+        axis.plot(x + body.radius * np.cos(turn), y + body.radius * np.sin(turn), "k:")
+        axis.plot([], [], "k:", label="true contact")
+        axis.plot(*raw, "x", color="#b05a00", label="centroid of the strain")
+        axis.plot(got["contact_column"], got["contact_row"], "k+", ms=9, label="centroid found")
+    arrow = {"angles": "xy", "scale_units": "xy", "scale": 0.15, "width": 0.008, "color": "#0a6ebd"}
+    axes[0].quiver(x, y, *body.pulls, **arrow, label="pull")
+    axes[0].legend(loc="lower left", fontsize=7)
+    axes[0].set_ylabel("row, cells")
     return figure
 
 
@@ -126,24 +159,32 @@ def grasp_code_picture() -> Any:
         "tilt": ((one, one), (one, -one)),
         "squeeze": ((corner, down), (corner, down)),
     }
-    figure, axes = _sheet(4)
+    figure, axes = _sheet(4, 3.3, 2.4)
     for axis, (name, pair) in zip(axes, cases.items(), strict=True):
         shear = np.concatenate([np.stack(finger, axis=-1) for finger in pair], axis=1)
         load = np.concatenate([0.3 * shear, np.ones((2, 4, 1))], axis=-1)
         got = _streamed("grasp_code", _held(load), push=1.0)
         said = [k for k in cases if got[f"grasp_{k}"] > 0]
         row, col = np.indices((2, 4))
-        axis.quiver(col, row, shear[..., 0], shear[..., 1], angles="xy", scale=8, color="#0a6ebd")
-        axis.axvline(1.5, color="0.5")
+        # a gap between the fingers, so that no arrow of one ends in the other
+        place = col + np.where(col > 1, 0.8, 0.0)
+        axis.plot(place.ravel(), row.ravel(), "o", color="0.6", ms=4)
+        arrow = {"angles": "xy", "scale_units": "xy", "scale": 2.2, "width": 0.012}
+        axis.quiver(place, row, shear[..., 0], shear[..., 1], color="#0a6ebd", **arrow)
+        axis.axvline(1.9, color="0.5", lw=1)
+        code = int(got["grasp_code"])
         axis.set(
-            title=f"{name}: code {int(got['grasp_code'])}, read as {', '.join(said)}",
+            title=f"{name}: read as {', '.join(said)}\ncode {code} = 0x{code:04X}",
             xlabel="columns: finger 1 | finger 2",
-            ylabel="row, taxels",
-            xlim=(-0.7, 3.7),
+            xlim=(-0.7, 4.5),
             ylim=(1.7, -0.7),
+            xticks=[0, 1, 2.8, 3.8],
+            xticklabels=["0", "1", "2", "3"],
+            yticks=[0, 1],
             aspect="equal",
         )
         axis.title.set_fontsize(9)
+    axes[0].set_ylabel("row, taxels")
     return figure
 
 
@@ -165,12 +206,17 @@ def texture_picture() -> Any:
             (axes[1], "texture_roughness", true.roughness),
         ):
             line = axis.plot([o[name][place] for o in got], label=material.name)
-            later = np.arange(20, 220, 20)
+            later = np.arange(40, 220, 20)
             axis.plot(later, exact[(later - 20, *place)], "o", color=line[0].get_color(), ms=4)
-    axes[0].set(title="friction (6.3)", xlabel="frame of 15 ms", ylabel="shear over normal load")
-    axes[1].set(title="roughness (6.4)", xlabel="frame of 15 ms", ylabel="%")
-    axes[0].plot([], [], "o", color="0.4", label="over the recording")
-    axes[0].legend(fontsize=7)
+    axes[0].set(title="friction (6.3)", ylabel="shear over normal load")
+    axes[1].set(title="roughness (6.4)", ylabel="roughness, %")
+    for axis in axes:
+        axis.axvline(20, color="0.7", lw=1, ls="--")
+        axis.set_xlabel("frame of 15 ms; rubbing begins at the dashed line")
+        axis.grid(alpha=0.3)
+    axes[0].plot([], [], "o", color="0.4", label="the recording as a whole")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, frameon=False)
     return figure
 
 

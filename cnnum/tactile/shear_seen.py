@@ -82,8 +82,8 @@ def shear_seen(shape: tuple[int, int], depth: float) -> ShearSeen:
 def pulled_normal(depth: float, reads: Reads, reach: int) -> Array:
     """Return what normal readings see of a pull on a cell, as weights of a correlation.
 
-    The skin is pressed before what drags it and stretched behind; strain falls off with no more
-    than the square of the distance.
+    Ahead of a pull the skin is squeezed along it and swells, behind it is stretched and sinks in;
+    strain falls off with no more than the square of the distance.
 
     Parameters
     ----------

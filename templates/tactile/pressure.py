@@ -110,7 +110,7 @@ def _carried(loads: Loads, normal: Field, noise: Field, share: float) -> Pressed
 def _under_cover(loads: Loads, normal: Field, noise: Field, cover: _Cover) -> Pressed:
     """Return what presses on a cover: the pull's shape and the pressure's find one another.
 
-    In an incompressible cover a pull strains the skin as a pressure somewhat before it would, so
+    In an incompressible cover a pull strains the skin as a pressure behind it would, so
     that one map can not be told from the other. What can: the sum of the shear is the pull, and
     it acts where the pressure does.
     """

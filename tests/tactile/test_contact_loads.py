@@ -7,7 +7,7 @@ from scipy.signal import correlate2d
 from cnnum.bench.contact_errors import errors, run_contact
 from cnnum.drivers.simulated.script import Phase
 from cnnum.errors import UnknownNameError
-from cnnum.tactile.halfspace import SurfaceToDepth
+from cnnum.tactile.halfspace import SurfaceToDepth, strain_transfer
 from cnnum.tactile.indenters import Disc, Rectangle, frame_under
 from cnnum.tactile.shear_seen import NEAR, pulled_far, pulled_normal, shear_seen
 from cnnum.tactile.touches import Touch, drawn, readings
@@ -105,6 +105,19 @@ def test_other_bodies_weigh_what_they_carry(opencl, run, reads):
 def test_stray_readings_are_refused():
     with pytest.raises(UnknownNameError, match="'strain', 'stress', 'force'"):
         contact.bind(reads="volt").trace((8, 8))
+
+
+def test_normal_strain_tells_nothing_that_the_shear_does_not():
+    """Wave by wave ε_zz = i (kx ε_xz + ky ε_yz)/k, or its opposite, for pulls and pushes alike.
+
+    So no filter parts them, and `contact` has to know where the pull acts.
+    """
+    kx, ky = np.random.default_rng(3).uniform(-3.0, 3.0, (2, 50))
+    passes = strain_transfer(kx, ky, 0.7, youngs_modulus=1.5)
+    along = 1j * (kx[:, None] * passes[:, 0] + ky[:, None] * passes[:, 1])
+    along /= np.hypot(kx, ky)[:, None]
+    sign = np.sign((along[0, 2] / passes[0, 2, 2]).real)
+    np.testing.assert_allclose(sign * along, passes[:, 2], atol=1e-12)
 
 
 @pytest.mark.parametrize("reads", ["strain", "stress"])
