@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from cnnum.bench.halfspace_figures import contacts
+from cnnum.bench.halfspace_runs import inverse
 from cnnum.errors import ProgramError
 from cnnum.tactile.halfspace import SurfaceToDepth
 from cnnum.tactile.inverse import LoadMap
@@ -70,6 +72,26 @@ def test_noise_and_resolution_are_those_stated(opencl):
     stated = least_squares((8, 8)).noise_error(LIKELY) / 1.959964
     # 400 frames know a standard deviation to 1/√800 = 3.5 %; the worst of 192 is within four
     assert np.abs(got.std(axis=0) / stated - 1).max() <= 0.16
+
+
+def test_heights_are_read_from_the_ground(opencl):
+    """The contacts of docs/programs/halfspace.md, and the figures given there."""
+    (_, true, _), _, (_, found, _) = contacts(opencl)
+    ground = found[true == 0].mean()
+    # as printed there, to its last digit
+    assert ground == pytest.approx(-0.7e3, abs=50.0)
+    assert found[true == 0].min() == pytest.approx(-2.1e3, abs=50.0)
+    for pressure, height in ((6e3, 5.5e3), (8e3, 8.1e3), (12e3, 12.1e3)):
+        assert found[true == pressure].mean() - ground == pytest.approx(height, abs=50.0)
+
+
+@pytest.mark.parametrize("thickness", [0.5e-3, 1.0e-3, 1.5e-3])
+def test_noise_dips_where_the_singular_values_say(opencl, thickness):
+    kept = inverse(opencl, PITCH, thickness)
+    cover = LoadMap(taxels((8, 8)), (8, 8), PITCH, thickness, E, NOISE)
+    stated = np.reshape(cover.noise_error(LIKELY), (8, 8, 3))[4, 4, 2] / 1.959964
+    # 200 frames know a standard deviation to 5 %: within two of these
+    assert kept["noise"] == pytest.approx(stated, rel=0.1)
 
 
 def test_a_larger_array_steps_to_the_same(opencl):
