@@ -177,7 +177,7 @@ def _broken(
     size = sqrt(change)
     around = (apply(get_template("smooth"), input=size) - 0.25 * size) / 0.75
     alone = change > BREAK * (square(around) + 1.0)
-    new = alone & (lasts.value > float(SETTLE)) & ~latch.value
+    new = alone & normal.healthy & (lasts.value > float(SETTLE)) & ~latch.value
     back = ~touched & (above < LIFT * sqrt(normal.held))
     broken = new | (latch.value & ~back)
     latch.store(broken)

@@ -206,3 +206,18 @@ def test_rolling_is_not_moving_on(opencl, run, simulate):
     assert not truth["slip"].any()
     got = run(opencl, slip, strain, FLAGS[1:3])
     assert not got["gross_slip"].any()
+
+
+def test_a_noisy_taxel_does_not_break(opencl, run, simulate):
+    """It is left out from the start, so that its jumps change nothing of what is being followed."""
+    script = (*HELD, Phase("pull", 0.6, speed=0.8e-3, direction=0.4))
+    strain, truth = simulate(script=script, seed=27)
+    loud = strain.copy()
+    noise = np.diff(strain[:30], axis=0).std() / np.sqrt(2.0)
+    rng = np.random.default_rng(5)
+    loud[:, 6, 6] += 3.0 * noise * rng.standard_normal(loud[:, 6, 6].shape)
+    # one jump of 50 standard deviations shortly before slip
+    gross = onsets(truth["slip"])[0]
+    loud[gross - 4, 6, 6] += 50.0 * noise
+    got = run(opencl, slip, loud, FLAGS[1:3])
+    assert abs(onsets(got["gross_slip"])[0] - gross) <= 5
