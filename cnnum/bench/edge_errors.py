@@ -128,7 +128,7 @@ def main(count: int = 60) -> None:
             f"punch, 8×8, strain, {DEPTHS[0]}, noise {noise:.3%}: 95 % within "
             f"{np.quantile(off, 0.95):.2f}, {np.mean(off < 0.5):.1%} below 0.5"
         )
-    for radius in ("2.5", "3.0", "3.3", "3.6"):
+    for radius in ("2.0", "2.5", "3.0", "3.3", "3.6"):
         shares = [
             count - errors_of(engine, radius, 8, depth, reads, count)[1]
             for reads in readings
