@@ -252,7 +252,7 @@ FIGURES = ("time", "steps", "settled", "error")
 """The figures of a run that `Pick` can ask for: one number a frame."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Node:
     """One operation on the values of other nodes; equal nodes of a graph are the same object.
 
@@ -271,6 +271,10 @@ class Node:
     arguments: tuple["Node", ...]
     scalar: bool
     logic: bool
+
+    def __repr__(self) -> str:
+        # arguments by number: written out in full, a shared graph fills the memory
+        return f"Node({self.index}: {self.operation} of {[a.index for a in self.arguments]})"
 
 
 @dataclass(frozen=True, slots=True)
