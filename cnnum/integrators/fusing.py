@@ -13,7 +13,7 @@ from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-from cnnum.graph.nodes import Memory, Node, Pick, Product, Transient
+from cnnum.graph.nodes import ConstantMap, Memory, Node, Operation, Pick, Product, Transient
 from cnnum.graph.schedule import LeftOut, Schedule
 from cnnum.integrators.affine import Affine, is_affine, is_linear, local, states
 from cnnum.integrators.choice import Solver
@@ -166,7 +166,7 @@ def _products(chains: _Chains, chosen: frozenset[int]) -> dict[int, Node]:
         node = inside[index]
         values[index] = _value(node, values, chains, cells)
         if index in chosen:
-            found[index] = _product(node, values[index][0], nodes)
+            found[index] = _product(node, values[index][0], chains, nodes)
         for argument in node.arguments:  # matrices are large
             if last[argument.index] == index:
                 values.pop(argument.index, None)
@@ -190,9 +190,11 @@ def _value(
     return (local(node, arguments, cells),)
 
 
-def _product(node: Node, value: Affine, nodes: Mapping[int, Node]) -> Node:
+def _product(node: Node, value: Affine, chains: _Chains, nodes: Mapping[int, Node]) -> Node:
     parts = {number: matrix for number, matrix in value.parts.items() if matrix.any()}
-    operation = Product(tuple(parts.values()), value.constant)
+    operation: Operation = Product(tuple(parts.values()), value.constant)
+    if not parts:  # what is read cancels
+        operation = ConstantMap.of(value.constant.reshape(chains.schedule.shape))
     return Node(node.index, operation, tuple(nodes[n] for n in parts), scalar=False, logic=False)
 
 
