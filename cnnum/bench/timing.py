@@ -33,11 +33,16 @@ class Timing:
         return cls(min(seconds), middle, high - low, len(seconds))
 
 
-def seconds_of(call: Call) -> float:
-    """Return the wall time of one call, s."""
+TURN_S = 0.05
+"""s of a turn that a call takes again and again, unless it is longer."""
+
+
+def seconds_of(call: Call, count: int = 1) -> float:
+    """Return the wall time of a call, s: the mean of so many, one after the other."""
     begin = time.perf_counter()
-    call()
-    return time.perf_counter() - begin
+    for _ in range(count):
+        call()
+    return (time.perf_counter() - begin) / count
 
 
 def timed(call: Call, *, budget: float = 1.0, runs: int = 9) -> Timing:
@@ -56,7 +61,11 @@ def timed(call: Call, *, budget: float = 1.0, runs: int = 9) -> Timing:
 
 
 def interleaved(calls: Sequence[Call], *, budget: float = 2.0, runs: int = 9) -> tuple[Timing, ...]:
-    """Return the times of calls that take turns, so that all see the same disturbances."""
+    """Return the times of calls that take turns, so that all see the same disturbances.
+
+    A short call is repeated in its turn, as it would be in use: alone after another's, it would
+    find nothing in the caches.
+    """
     first = [seconds_of(call) for call in calls]
     if max(first) > budget:  # so long a run needs no warming up, and leaves no time for turns
         return tuple(
@@ -64,10 +73,12 @@ def interleaved(calls: Sequence[Call], *, budget: float = 2.0, runs: int = 9) ->
             for seconds, call in zip(first, calls, strict=True)
         )
     taken: list[list[float]] = [[] for _ in calls]
+    turn = min(TURN_S, budget / runs)
+    repeats = [max(1, int(turn / max(seconds, 1e-9))) for seconds in first]
     until = time.perf_counter() + budget
     for _ in range(runs):
-        for seconds, call in zip(taken, calls, strict=True):
-            seconds.append(seconds_of(call))
+        for seconds, call, count in zip(taken, calls, repeats, strict=True):
+            seconds.append(seconds_of(call, count))
         if time.perf_counter() > until:
             break
     return tuple(Timing.of(seconds) for seconds in taken)
