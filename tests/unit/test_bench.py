@@ -1,5 +1,6 @@
 """Benchmarks: timing that can be trusted, peers that do the same work, pages that stand alone."""
 
+import itertools
 import json
 import time
 
@@ -21,11 +22,16 @@ from cnnum.report.work_precision import WorkPrecision
 
 
 def test_interleaved_calls_take_turns():
+    """A turn each to warm up and four more; a short call comes more than once in a turn."""
     order = []
-    calls = [lambda: order.append("a"), lambda: order.append("b")]
+    calls = [lambda: order.append("a"), lambda: (order.append("b"), time.sleep(0.06))]
     first, second = interleaved(calls, budget=5.0, runs=4)
-    assert order == ["a", "b"] * 5
+    turns = [(name, len(list(calls))) for name, calls in itertools.groupby(order)]
+    assert [name for name, _ in turns] == ["a", "b"] * 5
+    assert all(count > 1 for name, count in turns[2:] if name == "a")
+    assert all(count == 1 for name, count in turns if name == "b")
     assert first.runs == second.runs == 4
+    assert first.median < 0.05 <= second.median
 
 
 def test_a_long_call_runs_once():
@@ -33,6 +39,12 @@ def test_a_long_call_runs_once():
     (timing,) = interleaved([lambda: (runs.append(1), time.sleep(0.02))], budget=0.01)
     assert len(runs) == timing.runs == 1
     assert timing.least >= 0.02
+
+
+def test_a_long_call_does_not_keep_a_short_one_from_more_runs():
+    long, short = interleaved([lambda: time.sleep(0.02), lambda: None], budget=0.01, runs=5)
+    assert long.runs == 1
+    assert short.runs == 5
 
 
 def test_timing_sums_up():
