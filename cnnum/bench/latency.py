@@ -6,6 +6,7 @@ from time import perf_counter
 
 import numpy as np
 
+from cnnum.bench.errors import program_error
 from cnnum.bench.samples import frames
 from cnnum.engine import Engine
 from cnnum.engines.opencl.empty import EmptyLaunch
@@ -43,6 +44,9 @@ class Latency:
         Median of such a launch where single frames run: in the thread that asks, if the device
         has a partner for that.
     frames : int
+    error : float or None
+        Of a contact's frames, largest of the outputs, each over its largest value, against the
+        reference engine; None where that takes longer than ten seconds a frame.
     """
 
     case: str
@@ -54,6 +58,7 @@ class Latency:
     ratio: float
     own_launch_us: float
     frames: int
+    error: float | None
 
 
 def measure_latency(
@@ -97,8 +102,9 @@ def _measure(engine: Engine, name: str, plan: Plan, count: int) -> Latency:
         alone += _times(own.run, turn)
     p50, p99 = (1e6 * float(np.percentile(pushed, p)) for p in (50, 99))
     idle, least = (1e6 * float(np.median(seconds)) for seconds in (launched, alone))
+    error = program_error(plan, name)
     return Latency(
-        name, engine.device, cost.launches, p50, p99, idle, p50 / idle, least, len(pushed)
+        name, engine.device, cost.launches, p50, p99, idle, p50 / idle, least, len(pushed), error
     )
 
 

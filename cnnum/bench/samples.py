@@ -49,6 +49,24 @@ def frames(batch: int, shape: Shape, channels: int = 3) -> NDArray[np.float32]:
     return maps(batch, *shape, channels).astype(np.float32)
 
 
+TOUCHED = 18
+"""First frame of `touch` with a contact: programs take 16 to learn what rest is."""
+
+
+def touch(count: int = 28, shape: Shape = (8, 8)) -> NDArray[np.float32]:
+    """Return frames of a stream: noise, then a contact that is pushed and pulled."""
+    rows, cols = shape
+    row, col = np.mgrid[:rows, :cols]
+    near = (row - 0.45 * rows) ** 2 + (col - 0.4 * cols) ** 2
+    bump = np.exp(-near / (0.1 * rows * cols / 2))
+    pushed = np.clip(np.arange(count) - TOUCHED + 1.0, 0.0, None)[:, np.newaxis, np.newaxis]
+    rest = generator().normal(0.0, 2e-3, (count, rows, cols, 3))
+    # compression is negative, and a pull along x shears towards −x
+    rest[..., 0] -= 0.02 * np.clip(pushed - 3.0, 0.0, None) * bump
+    rest[..., 2] -= 0.1 * np.minimum(pushed, 4.0) * bump
+    return rest.astype(np.float32)
+
+
 def channelwise(template: Template, spec: RunSpec) -> Program:
     """Return the program that runs a template of one layer on every channel of a frame."""
 

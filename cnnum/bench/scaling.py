@@ -4,7 +4,11 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from cnnum.arrays import Shape
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats, Shape
+from cnnum.bench.errors import STEPS, ends_error
 from cnnum.bench.samples import full_template, maps
 from cnnum.bench.timing import difference
 from cnnum.engine import Engine
@@ -41,6 +45,9 @@ class Scaling:
     seconds : float
         Median of the longer run, host to host, s.
     spread : float
+    error : float
+        Of the first and the last frame after a few of the steps, over their largest state, against
+        the reference engine's own steps.
     """
 
     case: str
@@ -53,6 +60,7 @@ class Scaling:
     ns_per_update: float
     seconds: float
     spread: float
+    error: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +109,9 @@ def _measure(engine: Engine, point: Point, budget: float) -> Scaling:
     def run(steps: int, given: Template = template) -> None:
         engine.run(given, input=u, duration=steps * STEP, dt=STEP)
 
+    def states(on: Engine, frames: NDArray[np.floating]) -> Floats:
+        return on.run(template, input=frames, duration=STEPS * STEP, dt=STEP).state
+
     more, long = difference(lambda: run(few), lambda: run(3 * few), budget=budget, runs=9)
     rate = cells * 2 * few / more
     return Scaling(
@@ -114,4 +125,5 @@ def _measure(engine: Engine, point: Point, budget: float) -> Scaling:
         ns_per_update=1e9 / rate,
         seconds=long.median,
         spread=long.spread,
+        error=ends_error(states, engine, u),
     )

@@ -3,8 +3,12 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from cnnum.arrays import Shape
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats, Shape
 from cnnum.bench.device_peak import PeakMeter
+from cnnum.bench.errors import STEPS, ends_error
 from cnnum.bench.samples import channelwise, frames, full_template
 from cnnum.bench.timing import difference
 from cnnum.engine import Engine
@@ -34,6 +38,9 @@ class Throughput:
     share_of_peak : float
     seconds, spread : float
         One launch host to host, s.
+    error : float
+        Of the first and the last frame after a few of the steps, over their largest output, against
+        the reference engine's own steps.
     """
 
     case: str
@@ -48,6 +55,7 @@ class Throughput:
     share_of_peak: float
     seconds: float
     spread: float
+    error: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,4 +124,9 @@ def _measure(engine: Engine, case: ThroughputCase, meter: PeakMeter, budget: flo
         share_of_peak=flops / peak,
         seconds=many.median,
         spread=many.spread,
+        error=ends_error(lambda on, some: _outputs(on, case, some), engine, batch),
     )
+
+
+def _outputs(engine: Engine, case: ThroughputCase, batch: NDArray[np.floating]) -> Floats:
+    return np.stack(list(_plan(engine, case, STEPS)(batch).values()), axis=1)

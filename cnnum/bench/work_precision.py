@@ -1,6 +1,5 @@
 """Error against run time of PDE templates and tactile programs, by method, precision, engine."""
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
 
@@ -8,6 +7,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.bench.budget import shared_out
+from cnnum.bench.errors import REFERENCE_S, SLOW_REFERENCE, Answer, stream_error, truths
 from cnnum.bench.samples import frames
 from cnnum.bench.timing import timed
 from cnnum.engine import Engine
@@ -41,10 +41,7 @@ TIME_S, QUICK_TIME_S = 900.0, 45.0
 """s for all cases, the builds of their kernels among them. A task that has begun is finished: a
 run ends within 20 minutes, and a quick one within 60 s, on two cores that nobody else uses."""
 
-PROGRAM_SHAPE, PROGRAM_FRAMES, TRUE_FRAMES = (8, 8), 64, 8
-
-SLOW_REFERENCE = ("halfspace_equilibrium", "halfspace_layers", "surface_load")
-"""Programs of which the reference engine takes longer than ten seconds a frame."""
+PROGRAM_SHAPE, PROGRAM_FRAMES = (8, 8), 64
 
 OMISSIONS = (
     "The reference engine is the truth, so it has no row of its own.",
@@ -54,9 +51,10 @@ OMISSIONS = (
     "method='auto' has no row of its own: it is one of the methods shown.",
     f"Tolerances below {SINGLE:g} are not asked of float32, whose rounding is above them.",
     "Tactile programs run with the method that is chosen for each of their templates; their rows "
-    "tell engines and precisions apart, not methods. Their error is that of the first "
-    f"{TRUE_FRAMES} of {PROGRAM_FRAMES} frames, or of as many as the reference engine manages in "
-    "8 s (1 s with --quick).",
+    "tell engines and precisions apart, not methods. Their error is that of a stream with a "
+    f"contact, as far as the reference engine gets in {REFERENCE_S:g} s (1 s with --quick): the "
+    "largest of the outputs, each over its largest value. Their time is that of a batch of "
+    f"{PROGRAM_FRAMES} frames.",
     "--quick runs OpenCL in float32 and Numba in float64, and programs on OpenCL alone: building "
     "their kernels takes longest.",
     f"{', '.join(SLOW_REFERENCE)}: a frame takes the reference engine more than ten seconds.",
@@ -143,7 +141,9 @@ def _tasks(
         )
         return
     batch = np.abs(frames(PROGRAM_FRAMES, PROGRAM_SHAPE)).astype(np.float64)
-    truth = cache(lambda: _truths(name, batch, 1.0 if quick else 8.0))  # once, and only if needed
+    seconds = 1.0 if quick else REFERENCE_S
+    # once, and only if needed
+    truth = cache(lambda: truths(name, PROGRAM_SHAPE, seconds))
     for engine in _compiling(engines, quick=quick):
         yield f"{engine.name} {engine.precision}", partial(_program, name, engine, batch, truth)
 
@@ -154,17 +154,14 @@ def _compiling(engines: Sequence[Engine], *, quick: bool) -> Sequence[Engine]:
 
 
 def _program(
-    name: str, engine: Engine, batch: Floats, truths: Callable[[], list[dict[str, Floats]]]
+    name: str, engine: Engine, batch: Floats, truth: Callable[[], list[Answer]]
 ) -> WorkPrecision | None:
     try:
         plan = engine.compile(get_program(name), PROGRAM_SHAPE)
     except CnnumError:  # the engine says why in `cnnum plan`
         return None
-    got, truth = plan(batch), truths()  # the first run of a batch may still build a kernel
-    error = max(
-        _largest({name: each[frame] for name, each in got.items()}, known)
-        for frame, known in enumerate(truth)
-    )
+    error = stream_error(plan, truth())
+    plan(batch)  # the first run of a batch may still build a kernel
     timing = timed(partial(plan, batch), budget=0.3)
     return WorkPrecision(
         case=name,
@@ -179,17 +176,3 @@ def _program(
         spread=timing.spread,
         steps=0,
     )
-
-
-def _truths(name: str, batch: Floats, budget: float) -> list[dict[str, Floats]]:
-    """Return what the reference engine makes of the first frames, as many as it manages."""
-    plan = Engine("reference").compile(get_program(name), PROGRAM_SHAPE)
-    found: list[dict[str, Floats]] = []
-    until = time.perf_counter() + budget
-    while len(found) < TRUE_FRAMES and (not found or time.perf_counter() < until):
-        found.append(plan(batch[len(found)]))
-    return found
-
-
-def _largest(got: dict[str, Floats], truth: dict[str, Floats]) -> float:
-    return max(float(np.abs(got[name] - truth[name]).max()) for name in truth)

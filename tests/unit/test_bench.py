@@ -245,3 +245,36 @@ def test_states_of_the_denormals_benchmark_do_become_denormal():
         )
         assert 0 < np.median(np.abs(left.state)) < least
         assert np.abs(given).max() < least
+
+
+def test_streams_that_are_compared_have_a_contact():
+    """Else errors of programs would be those of nothing."""
+    from cnnum.bench import errors
+    from cnnum.bench.samples import TOUCHED, touch
+    from cnnum.program_library import get_program
+
+    plan = Engine("opencl").compile(
+        get_program("contact"), (8, 8), needs=["contact", "contact_area"]
+    )
+    stream = plan.stream()
+    found = [stream.push(frame) for frame in touch()]
+    assert not any(answer["contact"] for answer in found[:TOUCHED])
+    assert all(answer["contact"] for answer in found[TOUCHED + 2 :])
+    assert errors.stream_error(plan, found) == 0.0
+    found[-1] = found[-1] | {"contact_area": 1.1 * found[-1]["contact_area"]}
+    assert errors.stream_error(plan, found) >= 0.09
+
+
+def test_errors_of_steps_are_seen():
+    from cnnum.bench.errors import ends_error
+    from cnnum.bench.samples import maps
+
+    def states(engine, frames, wrong=0.0):
+        template = full_template()
+        result = engine.run(template, input=frames, duration=0.4, dt=0.02)
+        return result.state + wrong * (engine.name != "reference")
+
+    u = maps(3, 8, 8)
+    # 20 steps of values of order 1 in float32
+    assert 0 < ends_error(states, Engine("opencl"), u) < 2e-6
+    assert ends_error(lambda *a: states(*a, wrong=1e-3), Engine("opencl"), u) > 1e-4
