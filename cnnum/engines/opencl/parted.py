@@ -125,12 +125,13 @@ class _Run:
         """Set out, take the steps strip by strip, and bring the states back."""
         strips = steps.strips
         pieces = strips.pieces(self.batch, self.plan.queue.device.max_compute_units)
-        at_once = strips.count if strips.launches(pieces) == 3 else strips.levels
+        whole = pieces == 1 and strips.alone
+        at_once = strips.count if whole else strips.levels
         self._phase(steps, pieces, 0, 0, 0)
         for done in range(0, strips.count, at_once):
             count = min(at_once, strips.count - done)
             self._phase(steps, pieces, 1, done, count)
-            if at_once < strips.count or not strips.alone:
+            if not whole:
                 self._phase(steps, pieces, 2, done, count)
         self._phase(steps, pieces, 3, 0, 0)
 
