@@ -10,7 +10,7 @@ from cnnum.template import Template
 REFERENCE = Engine("reference")
 DEVICES = [device.label for device in list_devices()]
 
-# one work item; strips of odd heights; low and wide strips; more and fewer steps than a launch takes
+# one work item; strips of odd heights; low and wide ones; more and fewer steps than a launch holds
 SHAPES = [((40, 33), 9), ((941, 70), 33), ((40, 1700), 9), ((290, 300), 18), ((290, 300), 5)]
 
 
