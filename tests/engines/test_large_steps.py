@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cnnum.engine import Engine
+from cnnum.engines.opencl import kernel_text
 from cnnum.engines.opencl.devices import list_devices
 from cnnum.template import Template
 
@@ -44,6 +45,26 @@ def test_strips_step_as_one_array(boundary, output, radius):
             scale = np.abs(wanted.state).max()
             assert np.abs(got.state - wanted.state).max() <= tolerance * scale
             assert np.abs(got.output - wanted.output).max() <= tolerance * scale
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_strips_of_any_size_step_as_one_array(seed, monkeypatch):
+    """Any rows, columns, steps and batch: strips are high or low, launches full or not."""
+    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+    monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
+    rng = np.random.default_rng(seed)
+    few = (1, 5) if seed % 2 else (5, 25)
+    radius, batch, steps = (int(rng.integers(*span)) for span in ((1, 3), (1, 4), few))
+    shape = tuple(int(side) for side in rng.integers(4 * radius, 200, 2))
+    boundary = (0.3, "zero-flux", "periodic")[seed % 3]
+    output = ("standard", "linear", "full-range")[rng.integers(3)]
+    template = random_template(rng, boundary, output, radius)
+    maps = {name: rng.uniform(-1, 1, (batch, *shape)) for name in ("input", "state")}
+    wanted = REFERENCE.run(template, duration=0.05 * steps, dt=0.05, **maps).state
+    engine = Engine(precision="float64")
+    got = engine.run(template, duration=0.05 * steps, dt=0.05, **maps).state
+    # up to 24 steps of values of order 1
+    assert np.abs(got - wanted).max() <= 1e-13 * np.abs(wanted).max()
 
 
 @pytest.mark.parametrize("device", DEVICES)
