@@ -37,9 +37,9 @@ class Explanation:
         Arithmetic a frame; a transient of adaptive steps counts one step.
     bytes_in, bytes_out : int
         Traffic to and from the device a frame.
-    private_bytes, scratch_bytes : int
-        Private memory of a work item, and global memory where the array is too large for it. No
-        local (work-group) memory is used: a work item runs whole frames.
+    private_bytes, local_bytes, scratch_bytes : int
+        Private memory of a work item, local memory of a work group, and global memory where the
+        array is too large for private memory.
     left_out : tuple of LeftOut
     """
 
@@ -57,6 +57,7 @@ class Explanation:
     bytes_in: int
     bytes_out: int
     private_bytes: int
+    local_bytes: int
     scratch_bytes: int
     left_out: tuple[LeftOut, ...]
 
@@ -66,7 +67,8 @@ class Explanation:
             f"({self.precision}) on {self.device}",
             f"  {self.ops} operations in {self.launches} launch(es), {self.flops} flops, "
             f"{self.bytes_in} B in, {self.bytes_out} B out a frame; "
-            f"{self.private_bytes} B of private and {self.scratch_bytes} B of scratch memory",
+            f"{self.private_bytes} B of private, {self.local_bytes} B of local and "
+            f"{self.scratch_bytes} B of scratch memory",
             f"  reads {', '.join(self.channels_read) or 'no channel'}; "
             f"reads back {', '.join(self.maps_read_back) or 'no map'}",
         ]
@@ -247,6 +249,7 @@ class Plan:
             bytes_in=width * cells * len(schedule.channels_read),
             bytes_out=width * (cells * len(maps) + numbers),
             private_bytes=self.executable.private_bytes,
+            local_bytes=self.executable.local_bytes,
             scratch_bytes=self.executable.scratch_bytes,
             left_out=schedule.left_out,
         )

@@ -55,6 +55,7 @@ def _record(scene: str, wants: tuple[str, ...], plan: "Explanation") -> dict[str
         "flops": plan.flops,
         "bytes_in": plan.bytes_in,
         "private_bytes": plan.private_bytes,
+        "local_bytes": plan.local_bytes,
         "scratch_bytes": plan.scratch_bytes,
         "bytes_out": plan.bytes_out,
         "engine": plan.engine,

@@ -65,6 +65,11 @@ class Executable(Protocol):
         ...
 
     @property
+    def local_bytes(self) -> int:
+        """Local memory of a work group; 0 where there is no such thing, or none is used."""
+        ...
+
+    @property
     def scratch_bytes(self) -> int:
         """Global memory that one frame works in, beside what it takes and gives."""
         ...

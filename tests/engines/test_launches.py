@@ -5,6 +5,8 @@ import pyopencl as cl
 import pytest
 
 import cnnum
+from cnnum.engines.opencl.building import build_program
+from cnnum.engines.opencl.executable import QUIET
 from cnnum.graph.nodes import RunSpec
 
 
@@ -52,3 +54,14 @@ def test_a_large_array_takes_the_launches_that_its_plan_tells(launches, shape, m
     plan(np.zeros((*shape, 1)))
     assert len(launches) == plan.explain().launches
     assert (len(launches) == 1) == (shape == (40, 40))
+
+
+@pytest.mark.parametrize("shape", [(8, 8), (40, 40)])
+def test_local_memory_is_what_the_device_says(shape):
+    """Of the kernel that the plan's own text makes."""
+    plan = cnnum.Engine("opencl").compile(cnnum.get_program("slip"), shape)
+    queue = plan.executable.queue
+    program = build_program(queue.context, plan.source, [QUIET])
+    kernel = cl.Kernel(program, "plan")
+    kept = kernel.get_work_group_info(cl.kernel_work_group_info.LOCAL_MEM_SIZE, queue.device)
+    assert plan.explain().local_bytes == kept

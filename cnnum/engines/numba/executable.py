@@ -65,6 +65,11 @@ class NumbaExecutable:
         return 0
 
     @property
+    def local_bytes(self) -> int:
+        """There is no device with local memory."""
+        return 0
+
+    @property
     def scratch_bytes(self) -> int:
         """The host's memory is not counted."""
         return 0

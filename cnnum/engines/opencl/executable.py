@@ -85,8 +85,13 @@ class OpenCLExecutable:
 
     @property
     def private_bytes(self) -> int:
-        """Private memory of a work item that runs one frame, in arrays; no local memory is used."""
+        """Private memory of a work item that runs one frame, in arrays."""
         return self._text(1).private * self.dtype.itemsize
+
+    @property
+    def local_bytes(self) -> int:
+        """None: a work item runs whole frames, or a piece that no other one writes to."""
+        return 0
 
     @property
     def scratch_bytes(self) -> int:

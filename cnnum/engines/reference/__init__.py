@@ -56,6 +56,11 @@ class ReferenceExecutable:
         return 0
 
     @property
+    def local_bytes(self) -> int:
+        """There is no device with local memory."""
+        return 0
+
+    @property
     def scratch_bytes(self) -> int:
         """The host's memory is not counted."""
         return 0

@@ -71,6 +71,7 @@ def explained(program: str, channels: tuple[str, ...], ops: int, *left: LeftOut)
         bytes_in=144,
         bytes_out=52,
         private_bytes=2048,
+        local_bytes=0,
         scratch_bytes=0,
         left_out=left,
     )
