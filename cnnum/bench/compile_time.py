@@ -4,8 +4,16 @@ import os
 import subprocess
 import sys
 import tempfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.bench.samples import maps
+from cnnum.engine import Engine
 from cnnum.library import get_template
 from cnnum.programs import Program, program
 from cnnum.programs.fields import Field
@@ -20,15 +28,23 @@ NAMES = (
 
 _CHILD = """
 import sys, time
-from cnnum.bench.compile_time import dozen
+from cnnum.bench.compile_time import SHAPE, dozen, picture
 from cnnum.engine import Engine
 import numpy as np
-engine = Engine(device=sys.argv[1])
+engine, frame = Engine(device=sys.argv[1]), picture()
 begin = time.perf_counter()
-plan = engine.compile(dozen(), (8, 8))
-plan(np.zeros((8, 8, 3)))
+plan = engine.compile(dozen(), SHAPE)
+found = plan(frame)
 print(time.perf_counter() - begin)
+np.savez(sys.argv[2], **found)
 """
+
+SHAPE = (8, 8)
+
+
+def picture() -> Floats:
+    """Return the frame that every start runs: greys of a fixed seed in its first channel."""
+    return maps(*SHAPE, 3)
 
 
 def dozen() -> Program:
@@ -53,6 +69,9 @@ class CompileTime:
         In the plan.
     cold_s, warm_s : float
         To the first result: with empty caches, and in a new process with full ones.
+    error : float
+        Largest difference of any start's outputs, which lie between −1 and 1, from the reference
+        engine's.
     """
 
     case: str
@@ -60,6 +79,7 @@ class CompileTime:
     templates: int
     cold_s: float
     warm_s: float
+    error: float
 
 
 def measure_compile(device: str, *, repeats: int = 3) -> CompileTime:
@@ -68,22 +88,46 @@ def measure_compile(device: str, *, repeats: int = 3) -> CompileTime:
     Each start is a process of its own; the caches of PoCL and of cnnum lie in a folder that is
     empty at first.
     """
-    cold: list[float] = []
-    warm: list[float] = []
+    cold: list[_Start] = []
+    warm: list[_Start] = []
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as cache:
-            cold.append(_start(device, cache))
-            warm.append(min(_start(device, cache), _start(device, cache)))
-    return CompileTime("a dozen 8×8 templates", device, len(NAMES), min(cold), min(warm))
+            cold.append(_start(device, Path(cache)))
+            warm += [_start(device, Path(cache)) for _ in range(2)]
+    true = Engine("reference").compile(dozen(), SHAPE)(picture())
+    return CompileTime(
+        "a dozen 8×8 templates",
+        device,
+        len(NAMES),
+        min(start.seconds for start in cold),
+        min(start.seconds for start in warm),
+        largest_difference([start.outputs for start in cold + warm], true),
+    )
 
 
-def _start(device: str, cache: str) -> float:
-    variables = {"POCL_CACHE_DIR": cache, "XDG_CACHE_HOME": cache, "CNNUM_CACHE": cache}
+def largest_difference(
+    answers: Sequence[Mapping[str, Floats]], true: Mapping[str, Floats]
+) -> float:
+    """Return the largest difference of any answer's outputs from the truth."""
+    return max(float(np.abs(each[name] - true[name]).max()) for each in answers for name in true)
+
+
+@dataclass(frozen=True, slots=True)
+class _Start:
+    seconds: float
+    outputs: dict[str, NDArray[np.float64]]
+
+
+def _start(device: str, cache: Path) -> _Start:
+    names = ("POCL_CACHE_DIR", "XDG_CACHE_HOME", "CNNUM_CACHE")
+    variables = dict.fromkeys(names, str(cache))
+    answers = cache / "answers.npz"
     done = subprocess.run(
-        [sys.executable, "-c", _CHILD, device],
+        [sys.executable, "-c", _CHILD, device, str(answers)],
         capture_output=True,
         text=True,
         check=True,
         env={**os.environ, **variables, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
     )
-    return float(done.stdout.split()[-1])
+    with np.load(answers) as kept:
+        return _Start(float(done.stdout.split()[-1]), {name: kept[name] for name in NAMES})

@@ -7,7 +7,8 @@ from functools import partial
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
-from cnnum.bench.samples import full_template, maps
+from cnnum.bench.errors import stream_error, truths
+from cnnum.bench.samples import full_template, maps, touch
 from cnnum.bench.timing import Call, interleaved
 from cnnum.engine import Engine
 from cnnum.program_library import get_program
@@ -17,7 +18,9 @@ DECAY = 40.0
 """Time constants of a run."""
 
 PROGRAM = "tactile"
-FRAME_SHAPE, FRAMES = (8, 8), 64
+FRAME_SHAPE = (8, 8)
+PROGRAM_S = 15.0
+"""s that the reference engine may take for the program's frames."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,9 @@ class Denormals:
         The first over the second.
     spread : float
         Of the first, s.
+    error, ordinary_error : float
+        Largest difference of what both come to from the reference engine's, over the largest of
+        the latter. It is 1 where what is left next to zero is taken as 0.
     """
 
     case: str
@@ -42,10 +48,14 @@ class Denormals:
     ordinary_seconds: float
     ratio: float
     spread: float
+    error: float
+    ordinary_error: float
 
 
 @dataclass(frozen=True, slots=True)
-class _Case:
+class Case:
+    """A run of `decaying` on a batch of arrays; without a step it follows its error."""
+
     name: str
     shape: Shape
     batch: int
@@ -54,24 +64,26 @@ class _Case:
 
 
 CASES = (
-    _Case("8×8, Euler", (8, 8), 1, "euler", 0.01),
-    _Case("8×8, batch 1024, Euler", (8, 8), 1024, "euler", 0.02),
-    _Case("8×8, batch 1024, adaptive", (8, 8), 1024, "bogacki-shampine", None),
-    _Case("512×512, Euler", (512, 512), 1, "euler", 0.1),
+    Case("8×8, Euler", (8, 8), 1, "euler", 0.01),
+    Case("8×8, batch 1024, Euler", (8, 8), 1024, "euler", 0.02),
+    Case("8×8, batch 1024, adaptive", (8, 8), 1024, "bogacki-shampine", None),
+    Case("512×512, Euler", (512, 512), 1, "euler", 0.1),
 )
-
-
-def measure_denormals(engine: Engine, *, quick: bool = False) -> Iterator[Denormals]:
-    """Yield a row a case, of an OpenCL engine and of the same device in float64."""
-    budget = 0.3 if quick else 3.0
-    for each in (engine, Engine(engine.name, device=engine.device, precision="float64")):
-        for case in CASES:
-            yield _transient(each, case, budget)
-        yield _program(each, budget)
-
 
 COUNT = 2 * (len(CASES) + 1)
 """Rows."""
+
+
+def measure_denormals(engine: Engine, *, quick: bool = False) -> Iterator[Denormals]:
+    """Yield a row a case, of an OpenCL engine in float32 and in float64."""
+    budget = 0.3 if quick else 3.0
+    engines = (engine, Engine(engine.name, device=engine.device, precision="float64"))
+    for case in CASES:
+        true = case_truths(case)
+        for each in engines:
+            yield measure_case(each, case, true, budget)
+    for each in engines:
+        yield measure_program(each, budget)
 
 
 def smallest(precision: str) -> float:
@@ -85,32 +97,77 @@ def decaying() -> Template:
     return Template("decaying", full.A, full.B, 0.0, boundary=0.0, initial=0.0, duration=DECAY)
 
 
-def near_zero(ordinary: Floats, precision: str) -> tuple[Floats, Floats]:
-    """Return states that pass the smallest normal number within the run, and inputs below it."""
-    least = smallest(precision)
+def near_zero(ordinary: Floats, least: float) -> tuple[Floats, Floats]:
+    """Return states that pass a least number within the run, and inputs below it."""
     return ordinary * least * np.exp(0.25 * DECAY), ordinary * 0.1 * least
 
 
-def _transient(engine: Engine, case: _Case, budget: float) -> Denormals:
-    template, ordinary = decaying(), maps(case.batch, *case.shape)
-
-    def run(state: Floats, given: Floats) -> None:
-        engine.run(template, input=given, state=state, method=case.method, dt=case.dt)
-
-    near = near_zero(ordinary, engine.precision)
-    calls: list[Call] = [partial(run, *near), partial(run, ordinary, ordinary)]
-    return _row(case.name, engine, calls, budget)
+LINEAR = 2.0**-20
+"""A least number at which all of a run lies within the linear range, for truths: there states are
+as large as what they come from, and float64 has all its digits."""
 
 
-def _program(engine: Engine, budget: float) -> Denormals:
+def case_truths(case: Case) -> tuple[Floats, Floats]:
+    """Return the states of the first and the last array that the reference engine comes to.
+
+    Returns
+    -------
+    near, ordinary : (arrays, rows, cols) float
+        Next to zero, over the least number there; and of numbers of order 1.
+    """
+    ordinary = _ends(maps(case.batch, *case.shape))
+    state, given = near_zero(ordinary, LINEAR)
+    found = [
+        _states(Engine("reference"), case, state, given) / LINEAR,
+        _states(Engine("reference"), case, ordinary, ordinary),
+    ]
+    return found[0], found[1]
+
+
+def _ends(batch: Floats) -> Floats:
+    return batch[:: max(1, len(batch) - 1)]
+
+
+def _states(engine: Engine, case: Case, state: Floats, given: Floats) -> Floats:
+    method = case.method if case.dt or engine.name != "reference" else "auto"
+    return engine.run(decaying(), input=given, state=state, method=method, dt=case.dt).state
+
+
+def measure_case(
+    engine: Engine, case: Case, true: tuple[Floats, Floats], budget: float
+) -> Denormals:
+    """Return the row of a case whose truths are known."""
+    ordinary, least = maps(case.batch, *case.shape), smallest(engine.precision)
+    near = near_zero(ordinary, least)
+    runs = [partial(_states, engine, case, *near), partial(_states, engine, case, *2 * (ordinary,))]
+    found = [_ends(run()) for run in runs]
+    errors = [
+        float(np.abs(got - size * wanted).max() / np.abs(size * wanted).max())
+        for got, wanted, size in zip(found, true, (least, 1.0), strict=True)
+    ]
+    return _row(case.name, engine, [*runs], errors, budget)
+
+
+def measure_program(engine: Engine, budget: float) -> Denormals:
+    """Return the row of a program on the stream of a touch."""
     plan = engine.compile(get_program(PROGRAM), FRAME_SHAPE)
-    frames = maps(FRAMES, *FRAME_SHAPE, 3)
-    tiny = frames * 0.1 * smallest(engine.precision)
-    calls: list[Call] = [partial(plan, tiny), partial(plan, frames)]
-    return _row(f"{PROGRAM}, 8×8×3", engine, calls, budget)
+    sizes = (0.1 * smallest(engine.precision), 1.0)
+
+    def run(size: float) -> None:
+        stream = plan.stream()
+        for frame in size * touch(shape=FRAME_SHAPE).astype(np.float64):
+            stream.push(frame)
+
+    errors = [
+        stream_error(plan, truths(PROGRAM, FRAME_SHAPE, PROGRAM_S, size), size) for size in sizes
+    ]
+    calls: list[Call] = [partial(run, size) for size in sizes]
+    return _row(f"{PROGRAM}, stream of 8×8×3", engine, calls, errors, budget)
 
 
-def _row(case: str, engine: Engine, calls: list[Call], budget: float) -> Denormals:
+def _row(
+    case: str, engine: Engine, calls: list[Call], errors: list[float], budget: float
+) -> Denormals:
     for call in calls:
         call()
     near, ordinary = interleaved(calls, budget=budget, runs=41)
@@ -122,4 +179,6 @@ def _row(case: str, engine: Engine, calls: list[Call], budget: float) -> Denorma
         ordinary_seconds=ordinary.median,
         ratio=near.median / ordinary.median,
         spread=near.spread,
+        error=errors[0],
+        ordinary_error=errors[1],
     )

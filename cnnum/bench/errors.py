@@ -24,7 +24,7 @@ STEPS = 20
 Answer = dict[str, Floats]
 
 
-def truths(name: str, shape: Shape, seconds: float) -> list[Answer]:
+def truths(name: str, shape: Shape, seconds: float, size: float = 1.0) -> list[Answer]:
     """Return what the reference engine makes of a program on the first frames of `touch`.
 
     Parameters
@@ -34,31 +34,38 @@ def truths(name: str, shape: Shape, seconds: float) -> list[Answer]:
     shape : (rows, cols)
     seconds : float
         After which no further frame begins; one always does.
+    size : float
+        What the frames are multiplied with.
     """
     stream = Engine("reference").compile(get_program(name), shape).stream()
     found: list[Answer] = []
     until = time.perf_counter() + seconds
-    for frame in touch(shape=shape):
+    for frame in _sized(shape, size):
         if found and time.perf_counter() > until:
             break
         found.append(stream.push(frame))
     return found
 
 
-def stream_error(plan: Plan, true: list[Answer]) -> float:
+def _sized(shape: Shape, size: float) -> Floats:
+    # in float64: single precision has no small numbers left to multiply
+    return size * touch(shape=shape).astype(np.float64)
+
+
+def stream_error(plan: Plan, true: list[Answer], size: float = 1.0) -> float:
     """Return the largest difference of a plan's outputs from the truth, each over its largest.
 
     It is that of the frames with a contact, if the truth has some: the direction of a pull that
     is not there is rounding.
     """
     stream = plan.stream()
-    got = [stream.push(frame) for frame in touch(shape=plan.schedule.shape)[: len(true)]]
+    got = [stream.push(frame) for frame in _sized(plan.schedule.shape, size)[: len(true)]]
     first = TOUCHED if len(true) > TOUCHED else 0
     found: list[float] = [0.0]
     for name in true[0]:
         ours, theirs = (np.stack([each[name] for each in all_[first:]]) for all_ in (got, true))
-        size = float(np.abs(theirs).max())
-        found.append(float(np.abs(ours - theirs).max()) / (size or 1.0))
+        largest = float(np.abs(theirs).max())
+        found.append(float(np.abs(ours - theirs).max()) / (largest or 1.0))
     return max(found)
 
 

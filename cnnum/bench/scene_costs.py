@@ -1,10 +1,12 @@
 """What is left out, as time: scenes that want one thing beside the scene that wants everything."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.arrays import Floats
 from cnnum.bench.latency import seconds_of_launch
 from cnnum.engine import Engine
 from cnnum.frame import Frame
@@ -16,9 +18,16 @@ WHOLE = "tactile"
 
 SCENES = ("contact", "edges", "localize", "slip", "twist", WHOLE)
 
+REST, EVERY = 60, 10
+"""Frames of rest that answers are compared on, and of which of those after them: the reference
+engine takes 60 ms for one with a contact."""
+
+Answer = Mapping[str, Floats]
+
 OMISSIONS = (
     "reading the frame from its driver: the time is from a frame in host memory to its events",
     "the array of 'localize', a bumpy cover: all scenes are given the frames of 'tactile'",
+    "errors of all frames: answers are compared on a stream of the first and of every tenth",
 )
 
 
@@ -44,6 +53,13 @@ class SceneCost:
         To the device and back.
     frames : int
         Measured.
+    error : float
+        Largest difference of the answers from what the reference engine makes of the frames in the
+        scene that wants everything, each over its largest; in frames whose flags agree.
+    flips : int
+        Frames of which a flag, or one of a taxel, is not the reference engine's.
+    compared : int
+        Frames that the last two are from.
     """
 
     case: str
@@ -59,9 +75,12 @@ class SceneCost:
     bytes_in: int
     bytes_out: int
     frames: int
+    error: float
+    flips: int
+    compared: int
 
 
-def measure_scenes(engine: Engine, *, rounds: int = 8) -> list[SceneCost]:
+def measure_scenes(engine: Engine, *, rounds: int = 8, every: int = EVERY) -> list[SceneCost]:
     """Return a row a scene; every frame goes through all of them before the next one comes.
 
     Parameters
@@ -70,15 +89,54 @@ def measure_scenes(engine: Engine, *, rounds: int = 8) -> list[SceneCost]:
         On an OpenCL device.
     rounds : int
         Times that the frames of the scene's script are run.
+    every : int
+        Of how many frames one is compared with the reference engine's answer.
     """
-    opened = {
-        name: load_scene(WHOLE, engine=engine, changes={"wants": list(read_scene(name).wants)})
-        for name in SCENES
-    }
+    opened = {name: opened_scene(name, engine) for name in SCENES}
     with opened[WHOLE].driver as driver:
         frames = list(driver.frames())
     seconds = _seconds(opened, frames * rounds)
-    return [_row(name, opened[name], seconds, engine) for name in SCENES]
+    some = compared(frames, every)
+    true = answers(opened_scene(WHOLE, Engine("reference")), some)
+    errors = {name: error_of(scene, answers(scene, some), true) for name, scene in opened.items()}
+    return [_row(name, opened[name], seconds, errors[name], len(true), engine) for name in SCENES]
+
+
+def opened_scene(name: str, engine: Engine) -> Scene:
+    """Return the scene that wants what the named one does, on the array of `WHOLE`."""
+    wants = list(read_scene(name).wants)
+    return load_scene(WHOLE, engine=engine, changes={"wants": wants})
+
+
+def compared(frames: Sequence[Frame], every: int) -> list[Frame]:
+    """Return a stream of the first frames, which are of rest, and one of so many after them."""
+    return [*frames[:REST], *frames[REST::every]]
+
+
+def answers(scene: Scene, frames: Sequence[Frame]) -> list[Answer]:
+    """Return what a scene's program makes of a stream of frames; of bad ones nothing."""
+    way = scene.way()
+    moments = [way.step(number, frame) for number, frame in enumerate(frames)]
+    return [moment.outputs for moment in moments if moment.values is not None]
+
+
+def error_of(scene: Scene, got: Sequence[Answer], true: Sequence[Answer]) -> tuple[float, int]:
+    """Return the largest error of frames whose flags agree, and the number of all others."""
+    outputs = scene.plan.schedule.outputs
+    agree = np.ones(len(true), dtype=bool)
+    for name in (name for name, node in outputs.items() if node.logic):
+        agree &= ~_off(name, got, true).any(axis=-1)
+    found = [0.0]
+    for name in outputs:
+        largest = max(float(np.abs(each[name]).max()) for each in true)
+        found.append(float(_off(name, got, true)[agree].max(initial=0.0)) / (largest or 1.0))
+    return max(found), int(np.count_nonzero(~agree))
+
+
+def _off(name: str, got: Sequence[Answer], true: Sequence[Answer]) -> Floats:
+    """Return (frames, cells) differences of an output."""
+    ours, theirs = (np.stack([np.ravel(each[name]) for each in all_]) for all_ in (got, true))
+    return np.abs(ours - theirs)
 
 
 def _seconds(opened: dict[str, Scene], frames: list[Frame]) -> dict[str, NDArray[np.float64]]:
@@ -96,7 +154,12 @@ def _seconds(opened: dict[str, Scene], frames: list[Frame]) -> dict[str, NDArray
 
 
 def _row(
-    name: str, scene: Scene, seconds: dict[str, NDArray[np.float64]], engine: Engine
+    name: str,
+    scene: Scene,
+    seconds: dict[str, NDArray[np.float64]],
+    error: tuple[float, int],
+    compared: int,
+    engine: Engine,
 ) -> SceneCost:
     plan, own, whole = scene.plan.explain(), seconds[name], seconds[WHOLE]
     p50, p99 = (1e6 * float(np.percentile(own, p)) for p in (50, 99))
@@ -114,4 +177,7 @@ def _row(
         bytes_in=plan.bytes_in,
         bytes_out=plan.bytes_out,
         frames=len(own),
+        error=error[0],
+        flips=error[1],
+        compared=compared,
     )

@@ -175,15 +175,22 @@ def test_events_are_those_of_the_scene_that_wants_everything(name, opencl):
     assert [(e.t, e.kind, e.phase) for e in thin] == [(e.t, e.kind, e.phase) for e in full]
 
 
-def test_leaving_out_saves_time(opencl):
+def test_leaving_out_saves_time_and_changes_no_answer(opencl):
     """Each frame goes through all scenes in turn, so that a busy machine slows all of them.
 
     Contact takes a third of everything where nothing else runs; a half leaves room for machines
     whose launches cost more.
     """
-    rows = {row.case: row for row in measure_scenes(opencl, rounds=1)}
+    rows = {row.case: row for row in measure_scenes(opencl, rounds=1, every=100)}
     assert rows["tactile"].share == 1.0
     assert rows["contact"].share < 0.5
     assert all(rows[name].share < 0.9 for name in SCENES)
     assert all(rows[name].saved_us > 0.0 for name in SCENES)
     assert rows["contact"].ops < rows["tactile"].ops / 5
+    # 60 frames of rest and 20 more of the press, the pull, the twist and after
+    assert all(row.compared == 80 for row in rows.values())
+    # float32 through some hundred operations; a strength is a ratio of small differences. The rate
+    # of a twist that tactile tells is no part of this: of so few frames it is anything
+    assert all(rows[name].error < 5e-3 for name in SCENES)
+    # a taxel's edge can lie within rounding of its level in one of the frames
+    assert all(row.flips <= 1 for row in rows.values())

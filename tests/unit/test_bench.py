@@ -235,8 +235,8 @@ def test_states_of_the_denormals_benchmark_do_become_denormal():
 
     ordinary = maps(1, 8, 8)
     for precision in ("float32", "float64"):
-        state, given = denormals.near_zero(ordinary, precision)
         least = denormals.smallest(precision)
+        state, given = denormals.near_zero(ordinary, least)
         assert np.median(np.abs(state)) > least
         # float64 shows what float32 would be left with
         engine = cnnum.Engine("reference")

@@ -1,0 +1,74 @@
+"""Rows of benchmarks carry an error that is seen, against the reference engine."""
+
+import numpy as np
+import pytest
+
+from cnnum.bench import compile_time, denormals, scene_costs
+from cnnum.bench.samples import maps
+from cnnum.engine import Engine
+
+
+def test_cold_and_warm_starts_give_the_reference_engines_answer():
+    row = compile_time.measure_compile(Engine("opencl").device, repeats=1)
+    # float32, and DIFFUS follows its error to 1e-4 of values of order 1
+    assert 0.0 < row.error < 1e-4
+    assert row.warm_s < row.cold_s
+
+
+def test_one_wrong_start_is_seen():
+    true = {name: np.zeros((8, 8)) for name in compile_time.NAMES}
+    wrong = true | {"HOLE": np.eye(8)}
+    assert compile_time.largest_difference([true, true], true) == 0.0
+    assert compile_time.largest_difference([true, wrong], true) == 1.0
+
+
+@pytest.mark.parametrize("precision", ["float32", "float64"])
+def test_runs_next_to_zero_are_held_to_the_reference_engines(precision):
+    case = denormals.CASES[0]
+    engine = Engine(precision=precision)
+    row = denormals.measure_case(engine, case, denormals.case_truths(case), budget=0.01)
+    # 4000 steps of numbers of order 1, each rounded twice
+    assert 0.0 < row.ordinary_error < 8000 * np.finfo(precision).eps
+    # a denormal of a hundredth of the smallest normal number has 17 of 23 bits; a device without
+    # denormals has none
+    assert row.error < 1e-3 or row.error == 1.0
+    near, ordinary = denormals.case_truths(case)
+    row = denormals.measure_case(engine, case, (1.5 * near, 1.5 * ordinary), budget=0.01)
+    assert row.ordinary_error == pytest.approx(1 / 3, abs=1e-3)
+    assert row.error == 1.0 or row.error == pytest.approx(1 / 3, abs=1e-3)
+
+
+def test_the_truth_next_to_zero_is_that_of_steps_next_to_zero():
+    """In float64, to which float32's smallest normal number is like any other."""
+    case = denormals.CASES[0]
+    near, _ = denormals.case_truths(case)
+    least = denormals.smallest("float32")
+    state, given = denormals.near_zero(maps(case.batch, *case.shape), least)
+    template, how = denormals.decaying(), {"method": case.method, "dt": case.dt}
+    stepped = Engine("reference").run(template, input=given, state=state, **how)
+    # rounding of 4000 steps
+    np.testing.assert_allclose(least * near, stepped.state, rtol=1e-9)
+
+
+def test_a_program_next_to_zero_is_held_to_the_reference_engines():
+    row = denormals.measure_program(Engine(), budget=0.01)
+    # float32 through some hundred operations; strengths of slip are ratios of small differences
+    assert 0.0 < row.ordinary_error < 5e-3
+    # squares of such numbers are 0 in float32 and not in float64: the one sees no contact
+    assert row.error <= 1.0
+
+
+def test_a_scene_that_answers_otherwise_is_seen(opencl):
+    scene = scene_costs.opened_scene("edges", opencl)
+    with scene.driver as driver:
+        frames = scene_costs.compared(list(driver.frames()), 200)
+    found = scene_costs.answers(scene, frames)
+    assert scene_costs.error_of(scene, found, found) == (0.0, 0)
+    at = max(range(len(found)), key=lambda n: found[n]["edge_count"])
+    assert found[at]["edge_count"] > 0
+    moved = [dict(each) for each in found]
+    moved[at]["edge_row"] = moved[at]["edge_row"] + 0.1 * max(e["edge_row"] for e in found)
+    error, flips = scene_costs.error_of(scene, moved, found)
+    assert (error, flips) == (pytest.approx(0.1), 0)
+    moved[at]["edges"] = 1.0 - moved[at]["edges"]
+    assert scene_costs.error_of(scene, moved, found) == (0.0, 1)
