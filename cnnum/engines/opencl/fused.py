@@ -13,11 +13,12 @@ import numpy as np
 
 from cnnum.boundary import Boundary
 from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.equal_weights import shares_products, weighted_terms
 from cnnum.engines.opencl.rows import fits_rows, row_steps
 from cnnum.engines.opencl.text import fill, indented, rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
-from cnnum.network import taps
+from cnnum.network import Tap, taps
 
 BLOCK_COLUMNS = 10
 BLOCK_STATEMENTS = 400
@@ -114,14 +115,9 @@ def _block(text: TransientText) -> int:
 def _sweep(text: TransientText, scheme: FixedSteps) -> None:
     """Append one step of all cells."""
     rows, cols = text.shape
-    block, radius = _block(text), text.radius
+    block = _block(text)
     with text.aside() as body:
-        for column in range(block + 2 * radius):
-            if column < block:
-                _begin(text, scheme, column)
-            _scatter(text, scheme, column, block)
-            if column >= 2 * radius:
-                _end(text, scheme, column - 2 * radius)
+        _block_of_columns(text, scheme, block)
     text.lines.append(f"for (int r = 0; r < {rows}; ++r) {{")
     text.lines.append(f"    for (int b = 0; b < {cols}; b += {block}) {{")
     text.lines.append(f"        const int i = r * {cols} + b, p = r * {text.pitch} + b;")
@@ -130,6 +126,27 @@ def _sweep(text: TransientText, scheme: FixedSteps) -> None:
     if text.template.boundary.constant is None:
         text.lines += [f"    {line}" for line in _rim_columns(text, text.template.boundary)]
     text.lines.append("}")
+
+
+def _block_of_columns(text: TransientText, scheme: FixedSteps, block: int) -> None:
+    """Append one step of a row's columns `b` to `b + block`.
+
+    Where weights are equal, what is loaded is kept and added up before it is weighted, else it is
+    added to all sums at once, which takes fewer registers.
+    """
+    found = [taps(text.template.A, layer) for layer in range(text.layers)]
+    gathers = any(shares_products(each) for each in found)
+    for column in range(block + 2 * text.radius):
+        if column < block:
+            _begin(text, scheme, column)
+        if not gathers:
+            _scatter(text, scheme, column, block)
+        else:
+            _load(text, column)
+        if gathers and column >= 2 * text.radius:
+            _gather(text, scheme, column - 2 * text.radius)
+        if column >= 2 * text.radius:
+            _end(text, scheme, column - 2 * text.radius)
 
 
 def _two_sweeps(text: TransientText, scheme: FixedSteps) -> None:
@@ -144,11 +161,15 @@ def _two_sweeps(text: TransientText, scheme: FixedSteps) -> None:
         at = text.at(layer)
         kept = text.number(1.0 - scheme.step / float(text.template.tau[layer]))
         drive = f"wh[{at}]" if constant is None else _number(text, scheme, layer, constant[layer])
-        terms = [
-            f" + {_number(text, scheme, layer, tap.weight)} * {text.neighbour('y', tap)}"
-            for tap in taps(text.template.A, layer)
-        ]
-        body.append(f"{{ real sum = {drive} + {kept} * x[{at}]{''.join(terms)};")
+
+        def number(weight: float, to: int = layer) -> str:
+            return _number(text, scheme, to, weight)
+
+        terms = weighted_terms(
+            taps(text.template.A, layer), number, lambda tap: text.neighbour("y", tap)
+        )
+        sums = " + ".join([drive, f"{kept} * x[{at}]", *terms])
+        body.append(f"{{ real sum = {sums};")
         body += [f"    {line}" for line in _settle(text, scheme, "sum", f"x[{at}]", "")]
         body.append(f"    x[{at}] = sum; }}")
     text.over_grid(body)
@@ -190,6 +211,33 @@ def _scatter(text: TransientText, scheme: FixedSteps, column: int, block: int) -
                 rim = text.radius - span // 2
                 place = source * text.padded + (row + rim) * text.pitch + column
                 text.lines.append(f"{{ const real v = from[{place} + p]; {' '.join(adds)} }}")
+
+
+def _load(text: TransientText, column: int) -> None:
+    """Append what is read of a padded column."""
+    span, rim = text.template.A.shape[-1], text.radius - text.template.A.shape[-1] // 2
+    for source in range(text.layers):
+        for row in range(rim, rim + span):
+            place = source * text.padded + row * text.pitch + column
+            text.lines.append(f"const real {_loaded(source, row, column)} = from[{place} + p];")
+
+
+def _loaded(source: int, row: int, column: int) -> str:
+    return f"v{source}_{row}_{column}"
+
+
+def _gather(text: TransientText, scheme: FixedSteps, column: int) -> None:
+    """Append the sums of a column's cells, equal weights together."""
+    for layer in range(text.layers):
+
+        def number(weight: float, to: int = layer) -> str:
+            return _number(text, scheme, to, weight)
+
+        def output(tap: Tap) -> str:
+            return _loaded(tap.source, text.radius + tap.row, text.radius + tap.col + column)
+
+        terms = weighted_terms(taps(text.template.A, layer), number, output)
+        text.lines += [f"s{layer}_{column} += {term};" for term in terms]
 
 
 def _reached(

@@ -7,10 +7,11 @@ written to memory, and read back at another place, between the steps.
 import numpy as np
 
 from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.equal_weights import weighted_terms
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
-from cnnum.network import taps
+from cnnum.network import Tap, taps
 from cnnum.outputs import OutputFunction
 
 WIDTHS = (4, 8, 16)
@@ -150,13 +151,16 @@ def _weighted(text: TransientText, scheme: FixedSteps, layer: int, row: int) -> 
         source = np.pad(np.arange(rows), radius, mode=boundary.pad_mode)
     else:
         source = np.pad(np.arange(rows), radius, constant_values=-1)
-    terms: list[str] = []
-    for tap in taps(text.template.A, layer):
+
+    def output(tap: Tap) -> str:
         at = int(source[radius + row + tap.row])
         name = f"y{tap.source}_{at}" + (f"_{radius + tap.col}" if tap.col else "")
-        weight = _number(text, scheme, layer, tap.weight)
-        terms.append(f"{weight} * {name if at >= 0 else _rim(text)}")
-    return terms
+        return name if at >= 0 else _rim(text)
+
+    def number(weight: float) -> str:
+        return _number(text, scheme, layer, weight)
+
+    return weighted_terms(taps(text.template.A, layer), number, output)
 
 
 def _end(text: TransientText) -> list[str]:

@@ -1,6 +1,6 @@
 """The kernel text of Euler's steps on large arrays: strips of rows, several steps a launch.
 
-Rows of a strip are taken a few at a time, a vector of columns wide: an output that is loaded serves
+Rows of a strip are taken a few at a time, a vector of cells wide: an output that is loaded serves
 all the cells of the block that it is a neighbour of.
 """
 
@@ -9,11 +9,13 @@ import re
 import numpy as np
 
 from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.equal_weights import shares_products, weighted_terms
 from cnnum.engines.opencl.parts import Strips
+from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.text import fill, indented, rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
-from cnnum.network import taps
+from cnnum.network import Tap, taps
 
 CACHE_BYTES = 1024 * 1024
 """Of the rows between the first and the last of the steps that follow each other."""
@@ -22,13 +24,19 @@ LEVELS = 32
 """Steps a launch, at most: what is missing between strips grows with them. 512×512 cells take four
 fifths of the time that they take with 8."""
 
+LEAST_LEVELS = 14
+"""Steps a launch even if their rows do not fit the cache: 2048×2048 cells take four fifths of the
+time that they take with the 7 whose rows do."""
+
 SHARES = 8
 """Strips that an array can be parted into, at least."""
 
 BLOCK_ROWS = 4
 VECTOR_BYTES = 64
 
-_OWN = re.compile(r"\b(vec|ROW|shown|sides|copy_row|upper|lower|one_row|more_rows|step|strip)\b")
+_OWN = re.compile(
+    r"\b(vec|ROW|shown|sides|copy_row|fill_row|upper|lower|one_row|more_rows|step|strip)\b"
+)
 """Names that the kernel has to itself: a plan may have several."""
 
 
@@ -51,7 +59,7 @@ def strips_fit(text: TransientText, scheme: FixedSteps) -> bool:
 
 def euler_strips(text: TransientText, scheme: FixedSteps) -> None:
     """Append the name that stands for the steps, and keep their kernel with the tables."""
-    size = (text.shape[0] + 2 * text.radius) * _pitch(text)
+    size = (text.shape[0] + 2 * text.radius) * _layout(text).pitch
     for array in ("strip_x", "strip_w", "strip_even", "strip_odd"):
         text.array(array, size)
     name = f"advance_{len(text.tables.strips)}"
@@ -59,35 +67,33 @@ def euler_strips(text: TransientText, scheme: FixedSteps) -> None:
     text.tables.strips[name] = _strips(text, scheme, name)
 
 
-def _width(text: TransientText) -> int:
-    return VECTOR_BYTES // text.tables.dtype.itemsize
-
-
-def _pitch(text: TransientText) -> int:
-    """Return the distance of rows: a vector before them, and what the last one runs over.
-
-    An odd number of vectors: 1024 columns took a third longer with an even one, whose rows stand
-    in a page where other rows do.
-    """
-    width = _width(text)
-    return (-(-text.shape[1] // width) + 2 | 1) * width
+def _layout(text: TransientText) -> RowLayout:
+    width = VECTOR_BYTES // text.tables.dtype.itemsize
+    boundary = text.template.boundary
+    return RowLayout(text.shape[1], text.radius, width, boundary, _constant(text))
 
 
 def _strips(text: TransientText, scheme: FixedSteps, name: str) -> Strips:
     (rows, cols), radius, places = text.shape, text.radius, text.arena.places
-    pitch, size = _pitch(text), text.tables.dtype.itemsize
+    layout, size = _layout(text), text.tables.dtype.itemsize
     periodic = text.template.boundary.pad_mode == "wrap"
     # strips must not vanish before the last of the steps
     high = rows // (2 * radius * SHARES) - 1
-    levels = max(1, min(LEVELS, CACHE_BYTES // (4 * BLOCK_ROWS * pitch * size), high))
+    cached = CACHE_BYTES // (4 * BLOCK_ROWS * layout.pitch * size)
+    levels = max(1, min(LEVELS, max(LEAST_LEVELS, cached), high))
     names: dict[str, object] = {
         "kernel": name,
-        "width": _width(text),
+        "width": layout.width,
         "bytes": size,
         "rows": rows,
         "cols": cols,
         "radius": radius,
-        "pitch": pitch,
+        "pitch": layout.pitch,
+        "head": layout.head,
+        "span": layout.vectors * layout.width,
+        "pieces": layout.pieces,
+        "length": layout.length,
+        "step": layout.step,
         "block": BLOCK_ROWS,
         "levels": levels,
         "count": scheme.count,
@@ -101,7 +107,7 @@ def _strips(text: TransientText, scheme: FixedSteps, name: str) -> Strips:
         "shown": _shown(text),
         "drive": _drive(text, scheme),
         "first": rename(text.template.output.opencl, {"x": "value"}),
-        "sides": indented(_sides(text), 1),
+        "sides": indented(layout.sides(), 1),
         "upper": indented(_rows_beyond(text, -1), 1),
         "lower": indented(_rows_beyond(text, 1), 1),
         "one_row": indented(_step(text, scheme, 1), 2),
@@ -131,26 +137,16 @@ def _shown(text: TransientText) -> str:
 
 
 def _step(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
-    """Return the text of one step of some rows and a vector of columns."""
+    """Return the text of one step of some rows and a vector of cells."""
     kept = text.number(1.0 - scheme.step / float(text.template.tau[0])).replace("R(", "(vec)(")
-    pitch, radius = _pitch(text), text.radius
-    at = [f"{row * pitch} + p" for row in range(block)]
+    at = [f"{row * _layout(text).pitch} + p" for row in range(block)]
     lines = [
         f"vec s{row} = *(__global const vec *)(w + {place}) + {kept} * "
         f"*(__global const vec *)(x + {place});"
         for row, place in enumerate(at)
     ]
-    found = {(tap.row, tap.col): tap.weight for tap in taps(text.template.A, 0)}
-    for row in range(-radius, block + radius):
-        for col in range(-radius, radius + 1):
-            adds = [
-                f"s{to} += {_weight(text, scheme, found[row - to, col])} * v;"
-                for to in range(block)
-                if (row - to, col) in found
-            ]
-            if adds:
-                load = f"const vec v = *(__global const vec *)(from + {row * pitch + col} + p);"
-                lines.append(f"{{ {load} {' '.join(adds)} }}")
+    shares = shares_products(taps(text.template.A, 0))
+    lines += _gather(text, scheme, block) if shares else _scatter(text, scheme, block)
     for row, place in enumerate(at):
         new = f"shown(s{row})"
         state = new if text.template.output.limited else f"s{row}"
@@ -159,22 +155,47 @@ def _step(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
     return lines
 
 
+def _scatter(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
+    """Return the text that adds every output, as it is loaded, to the sums that it is part of."""
+    found = {(tap.row, tap.col): tap.weight for tap in taps(text.template.A, 0)}
+    radius, lines = text.radius, list[str]()
+    for row in range(-radius, block + radius):
+        for col in range(-radius, radius + 1):
+            adds = [
+                f"s{to} += {_weight(text, scheme, found[row - to, col])} * v;"
+                for to in range(block)
+                if (row - to, col) in found
+            ]
+            if adds:
+                lines.append(f"{{ const vec v = {_load(text, row, col)}; {' '.join(adds)} }}")
+    return lines
+
+
+def _gather(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
+    """Return the text that loads all outputs, and adds those of equal weights before weighting."""
+    found, radius = taps(text.template.A, 0), text.radius
+    places = sorted({(to + tap.row, tap.col) for to in range(block) for tap in found})
+    lines = [
+        f"const vec v{row + radius}_{col + radius} = {_load(text, row, col)};"
+        for row, col in places
+    ]
+    for to in range(block):
+
+        def output(tap: Tap, to: int = to) -> str:
+            return f"v{to + tap.row + radius}_{tap.col + radius}"
+
+        terms = weighted_terms(found, lambda weight: _weight(text, scheme, weight), output)
+        lines += [f"s{to} += {term};" for term in terms]
+    return lines
+
+
+def _load(text: TransientText, row: int, col: int) -> str:
+    layout = _layout(text)
+    return f"*(__global const vec *)(from + {row * layout.pitch + col * layout.step} + p)"
+
+
 def _weight(text: TransientText, scheme: FixedSteps, weight: float) -> str:
     return _scale(scheme, text, weight).replace("R(", "(vec)(")
-
-
-def _sides(text: TransientText) -> list[str]:
-    """Return the text that sets the virtual cells left and right of a row."""
-    cols, mode = text.shape[1], text.template.boundary.pad_mode
-    constant, lines = _constant(text), list[str]()
-    for n in range(text.radius):
-        # the mirror lies between cells: the n-th cell beyond repeats the n-th within
-        left, right = (n, cols - 1 - n) if mode != "wrap" else (cols - 1 - n, n)
-        lines += [
-            f"y[p - {n + 1}] = {constant or f'y[p + {left}]'};",
-            f"y[p + {cols + n}] = {constant or f'y[p + {right}]'};",
-        ]
-    return lines
 
 
 def _rows_beyond(text: TransientText, side: int) -> list[str]:
@@ -186,9 +207,7 @@ def _rows_beyond(text: TransientText, side: int) -> list[str]:
         if constant is None:
             lines.append(f"copy_row(y, {to}, {far if mode == 'wrap' else near});")
         else:
-            each = f"y[ROW({to}) + c] = {constant};"
-            cols = f"int c = -{text.radius}; c < {text.shape[1] + text.radius}; ++c"
-            lines.append(f"for ({cols}) {{ {each} }}")
+            lines.append(f"fill_row(y, {to}, {constant});")
     return lines
 
 

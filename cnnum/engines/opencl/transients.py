@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from cnnum.boundary import Boundary
+from cnnum.engines.opencl.equal_weights import weighted_terms
 from cnnum.engines.opencl.storage import Arena, Tables
 from cnnum.engines.opencl.text import number
 from cnnum.integrators.choice import Solver
@@ -122,9 +123,8 @@ class TransientText:
 
     def weighted(self, array: str, found: tuple[Tap, ...], total: str = "sum") -> list[str]:
         """Return statements that add the weighted neighbours of cell `p` to `total`."""
-        return [
-            f"{total} += {self.number(tap.weight)} * {self.neighbour(array, tap)};" for tap in found
-        ]
+        terms = weighted_terms(found, self.number, lambda tap: self.neighbour(array, tap))
+        return [f"{total} += {term};" for term in terms]
 
     def scale(self, size: str) -> str:
         """Return the tolerance of a value of this size."""

@@ -3,7 +3,7 @@
 // then what is missing between them is made up for. Of the two arrays of outputs, a step reads
 // one and writes the other.
 typedef scalar vec __attribute__((ext_vector_type($width), aligned($bytes)));
-#define ROW(row) (((row) + $radius) * $pitch + $width)
+#define ROW(row) (((row) + $radius) * $pitch + $head)
 
 static inline vec shown(const vec x) { return $shown; }
 
@@ -16,8 +16,15 @@ $sides
 // Virtual rows are copies of rows.
 static void copy_row(__global scalar *const y, const int to, const int from)
 {
-    for (int c = -$width; c < $pitch - $width; ++c) {
+    for (int c = -$head; c < $pitch - $head; ++c) {
         y[ROW(to) + c] = y[ROW(from) + c];
+    }
+}
+
+static void fill_row(__global scalar *const y, const int to, const scalar value)
+{
+    for (int c = -$head; c < $pitch - $head; ++c) {
+        y[ROW(to) + c] = value;
     }
 }
 
@@ -34,7 +41,7 @@ $lower
 static void one_row(__global scalar *const x, __global const scalar *const w,
                     __global const scalar *const from, __global scalar *const to, const int start)
 {
-    for (int p = start; p < start + $cols; p += $width) {
+    for (int p = start; p < start + $span; p += $width) {
 $one_row
     }
     sides(to, start);
@@ -43,7 +50,7 @@ $one_row
 static void more_rows(__global scalar *const x, __global const scalar *const w,
                       __global const scalar *const from, __global scalar *const to, const int start)
 {
-    for (int p = start; p < start + $cols; p += $width) {
+    for (int p = start; p < start + $span; p += $width) {
 $more_rows
     }
     for (int r = 0; r < $block; ++r) {
@@ -79,12 +86,15 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
         const int below = $periodic && end == $rows ? $radius : 0;
         for (int r = begin - above; r < end + below; ++r) {
             const int row = (r + $rows) % $rows;
-            for (int c = 0; c < $cols; ++c) {
-                const int cell = row * $cols + c, p = ROW(r) + c;
-                const scalar value = mine[$state + cell];
-                x[p] = value;
-                w[p] = $drive;
-                outputs[0][p] = $first;
+            for (int lane = 0; lane < $pieces; ++lane) {
+                const int start = lane * $length, length = min($length, $cols - start);
+                for (int n = 0; n < length; ++n) {
+                    const int cell = row * $cols + start + n, p = ROW(r) + n * $step + lane;
+                    const scalar value = mine[$state + cell];
+                    x[p] = value;
+                    w[p] = $drive;
+                    outputs[0][p] = $first;
+                }
             }
             sides(outputs[0], ROW(r));
         }
@@ -131,8 +141,11 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
         }
     } else if (phase == 3) {
         for (int r = begin; r < end; ++r) {
-            for (int c = 0; c < $cols; ++c) {
-                mine[$state + r * $cols + c] = x[ROW(r) + c];
+            for (int lane = 0; lane < $pieces; ++lane) {
+                const int start = lane * $length, length = min($length, $cols - start);
+                for (int n = 0; n < length; ++n) {
+                    mine[$state + r * $cols + start + n] = x[ROW(r) + n * $step + lane];
+                }
             }
         }
     }

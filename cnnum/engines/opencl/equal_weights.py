@@ -1,0 +1,65 @@
+"""Weighted sums with one product for all neighbours whose weights are equal.
+
+Neighbours of a column are added first: that sum is also wanted, with the same weight or another,
+by the cells left and right of it, and compilers then find it once.
+"""
+
+from collections.abc import Callable, Iterable
+from itertools import groupby
+
+from cnnum.network import Tap
+
+
+def shared_products(found: Iterable[Tap]) -> list[tuple[Tap, ...]]:
+    """Return the taps in groups whose weights are equal but for their signs, column by column."""
+    groups: dict[float, list[Tap]] = {}
+    for tap in found:
+        groups.setdefault(abs(tap.weight), []).append(tap)
+    return [tuple(sorted(group, key=_column)) for group in groups.values()]
+
+
+def shares_products(found: Iterable[Tap]) -> bool:
+    """Return whether any two weights are equal but for their signs."""
+    return any(len(group) > 1 for group in shared_products(found))
+
+
+def weighted_terms(
+    found: Iterable[Tap], number: Callable[[float], str], value: Callable[[Tap], str]
+) -> list[str]:
+    """Return the terms of Σ weight · value, one a group of equal weights.
+
+    Parameters
+    ----------
+    found : iterable of Tap
+    number : callable
+        The literal of a weight.
+    value : callable
+        The expression of what stands at a tap.
+    """
+    return [_term(group, number, value) for group in shared_products(found)]
+
+
+def _column(tap: Tap) -> tuple[int, int, int]:
+    return tap.source, tap.col, tap.row
+
+
+def _term(
+    group: tuple[Tap, ...], number: Callable[[float], str], value: Callable[[Tap], str]
+) -> str:
+    if len(group) == 1:
+        return f"{number(group[0].weight)} * {value(group[0])}"
+    weight, total = group[0].weight, ""
+    for _, column in groupby(group, key=lambda tap: (tap.source, tap.col)):
+        members = list(column)
+        # within a column the first is added, so that the sum is the same wherever it is wanted
+        inner = "".join(
+            f"{_sign(tap, members[0].weight) if n else ''}{value(tap)}"
+            for n, tap in enumerate(members)
+        )
+        inner = f"({inner})" if len(members) > 1 else inner
+        total += f"{_sign(members[0], weight) if total else ''}{inner}"
+    return f"{number(weight)} * ({total})"
+
+
+def _sign(tap: Tap, weight: float) -> str:
+    return " + " if tap.weight == weight else " - "
