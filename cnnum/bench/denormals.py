@@ -38,7 +38,8 @@ class Denormals:
         Of the first, s.
     error, ordinary_error : float
         Largest difference of what both come to from the reference engine's, over the largest of
-        the latter. It is 1 where what is left next to zero is taken as 0.
+        the latter. Next to zero it is 1 where a device takes denormals as 0, and anything above
+        where steps follow an absolute tolerance.
     """
 
     case: str
