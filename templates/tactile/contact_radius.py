@@ -55,11 +55,14 @@ class Round:
         As it was last known, pitches.
     row, column : Field
         Its centre, cells.
+    sheared : Field
+        Flag: before this frame something has acted sideways on it.
     """
 
     radius: Field
     row: Field
     column: Field
+    sheared: Field
 
 
 def round_under(
@@ -108,7 +111,7 @@ def round_under(
     near = ~fresh | (abs(steps[0]) < NEAR)
     longer = where(learns, where(near, seen + 1.0, 1.0), seen)
     count.store(where(contact.there, longer, 0.0))
-    return Round(*moved)
+    return Round(*moved, spoiled.value)
 
 
 def _steps(

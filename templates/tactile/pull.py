@@ -7,7 +7,7 @@ from cnnum.programs.fields import Field, maximum, where
 from cnnum.programs.machine import LocalMemory
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.growth import Growth, Reading, length
-from cnnum.templates.tactile.laws import PULL, TWIST, Law
+from cnnum.templates.tactile.laws import PULL, Law
 from cnnum.templates.tactile.loads import Loads, Patch, square
 
 RADIUS = 2.5**0.5
@@ -65,8 +65,6 @@ class Side:
         Normal load near the contact, and its variance.
     place_noise : Field
         Variance of the contact's centre along an axis, cells².
-    sideways : tuple of Field
-        Force and torque on the taxels near the contact, over the normal load on them.
     memory : LocalMemory
         Of the taxels near the contact when the load was last at rest.
     near : Field
@@ -78,7 +76,6 @@ class Side:
     normal: Field
     normal_noise: Field
     place_noise: Field
-    sideways: tuple[Field, ...]
     memory: LocalMemory
     near: Field
 
@@ -109,17 +106,31 @@ def place_of(loads: Loads, patch: Patch) -> Place:
 
 def force_on(contact: Place) -> Side:
     """Return the force on a contact, x and y, beside the torque."""
-    return _side(contact, PULL, torque=False)
+    return _side(contact, PULL, contact.loads.frame.memory(logic=True), torque=False)
 
 
-def torque_on(contact: Place) -> Side:
-    """Return the torque about the contact's centre, positive from x to y, beside the force."""
-    return _side(contact, TWIST, torque=True)
+def torque_on(contact: Place, law: Law, near: LocalMemory) -> Side:
+    """Return the torque about the contact's centre, positive from x to y, beside the force.
+
+    Parameters
+    ----------
+    contact : Place
+    law : Law
+        By which what is summed over the taxels grows.
+    near : LocalMemory
+        Logic map, for the taxels that are summed.
+    """
+    return _side(contact, law, near, torque=True)
 
 
-def _side(contact: Place, law: Law, *, torque: bool) -> Side:
+def sideways_on(contact: Place) -> tuple[Field, ...]:
+    """Return force and torque on the taxels near the contact, over the normal load on them."""
+    force, moment, normal = _sums(contact, where(contact.near, 1.0, 0.0))
+    return tuple(part / normal for part in (*force, moment[0] / contact.spread))
+
+
+def _side(contact: Place, law: Law, memory: LocalMemory, *, torque: bool) -> Side:
     loads, frame = contact.loads, contact.loads.frame
-    memory = frame.memory(logic=True)
     held, now = (where(near, 1.0, 0.0) for near in (memory.value, contact.near))
     away = square(contact.from_row) + square(contact.from_column)
     cells, arms = held.sum(), (held * away).sum()
@@ -155,7 +166,6 @@ def _side(contact: Place, law: Law, *, torque: bool) -> Side:
         place_noise=where(
             contact.there, loads.normal_noise * arms / (2.0 * square(contact.load)), 0.0
         ),
-        sideways=tuple(part / normal_now for part in (*force_now, moment_now[0] / contact.spread)),
         memory=memory,
         near=contact.near,
     )

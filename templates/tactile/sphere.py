@@ -65,7 +65,7 @@ def pushed_by(away: Field, radius: Field, depth: float) -> Pushed:
     w = _root(away, radius, depth)
     whole = away + radius * radius + depth * depth + w.size
     sine = root(2.0) * radius / sqrt(whole)
-    angle = _arcsine(sine)
+    angle = arcsine(sine)
     flat = w.u / w.size
     cube = w.size * w.size * w.size
     real = w.u * (w.u * w.u - 3.0 * w.v * w.v) / cube
@@ -96,7 +96,8 @@ def _root(away: Field, radius: Field, depth: float) -> Root:
     return Root(square, size, u, 0.5 * cross / u)
 
 
-def _arcsine(sine: Field) -> Field:
+def arcsine(sine: Field) -> Field:
+    """Return the angle, 0 to π/2, of a sine from 0 to 1."""
     first, second, third, fourth = ARCSINE
     left = first + sine * (second + sine * (third + sine * fourth))
     return pi / 2.0 - sqrt(1.0 - sine) * left

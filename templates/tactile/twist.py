@@ -9,16 +9,14 @@ from typing import Literal, get_args
 
 from cnnum.errors import name_error
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.fields import Field, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.tactile.bumps_felt import BumpsFelt, bumps_felt
-from cnnum.templates.tactile.bump_loads import turned_on_bumps
-from cnnum.templates.tactile.contact_radius import TINY, round_under
+from cnnum.tactile.bumps_felt import bumps_felt
 from cnnum.templates.tactile.latch import latched
 from cnnum.templates.tactile.laws import CURVE
-from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
-from cnnum.templates.tactile.pull import Place, Side, place_of, torque_on
-from cnnum.templates.tactile.sphere import turned_by
+from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
+from cnnum.templates.tactile.pull import Place, place_of, torque_on
+from cnnum.templates.tactile.turning import turning_of
 
 TURNS = 0.5
 """Belief that half the contact radius slips, at which a twist is reported."""
@@ -31,9 +29,6 @@ STEADY = 0.3
 
 DEPTH = 0.5
 """Pitches from the surface to the taxels, unless told otherwise."""
-
-LEAST = 0.05
-"""Moment, a radian, that the taxels near a contact feel at least."""
 
 Cover = Literal["flat", "bumpy", "bumps-fem"]
 
@@ -104,17 +99,20 @@ def twist_of(
     if cover not in get_args(Cover):
         raise name_error("cover", cover, get_args(Cover))
     bumps = None if cover == "flat" else bumps_felt(cover, float(depth), float(bump))
-    torque = torque_on(contact)
+    near = contact.loads.frame.memory(logic=True)
+    turning = turning_of(contact, near.value, float(depth), bumps)
+    torque = torque_on(contact, turning.law, near)
     growth, found = torque.growth, torque.growth.found
     believed = found.growing + found.stopped + found.ended
     change = growth.steady < STEADY * growth.size + 5.0 * contact.spread * sqrt(torque.normal_noise)
     engaged = (growth.size > ENGAGED * torque.normal * contact.spread) & torque.outweighs & change
     turned = latched(contact.loads.frame, growth.grows, engaged & (found.passed > turns * believed))
     torque.close(turned)
+    turning.close(growth.grows)
     twisted = growth.grows & torque.outweighs
     sense = where(growth.acts[0] > 0.0, 1.0, -1.0)
     pace = sqrt(found.pace / found.growing)
-    speed = CURVE[0] * pace / _felt(contact, torque, depth, bumps)
+    speed = CURVE[0] * pace / turning.felt
     return {
         "twist": turned,
         "twist_sense": where(twisted, sense, 0.0),
@@ -123,18 +121,3 @@ def twist_of(
         "twist_row": contact.row,
         "twist_column": contact.column,
     }
-
-
-def _felt(contact: Place, torque: Side, depth: float, bumps: BumpsFelt | None) -> Field:
-    """Return the moment that the taxels which are summed feel, for a turn of 1 rad."""
-    place = round_under(contact, torque.sideways, depth, bumps)
-    rows, columns = contact.loads.frame.row - place.row, contact.loads.frame.column - place.column
-    # the moment is taken about the centroid, and the strain goes round the centre
-    if bumps is None:
-        away = maximum(square(rows) + square(columns), TINY)
-        lever = (contact.from_row * rows + contact.from_column * columns) / away
-        felt = lever * turned_by(away, place.radius, depth)
-    else:
-        turned = turned_on_bumps(rows, columns, place.radius, bumps)
-        felt = contact.from_column * turned.y - contact.from_row * turned.x
-    return maximum(where(torque.memory.value & contact.loads.alive, felt, 0.0).sum(), LEAST)
