@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text
+from cnnum.engines.opencl import kernel_text, strip_layout
 from cnnum.engines.opencl.devices import list_devices
 from cnnum.template import Template
 
 REFERENCE = Engine("reference")
 DEVICES = [device.label for device in list_devices()]
 
-# one work item; strips of odd heights; low and wide ones; more and fewer steps than a launch holds
-SHAPES = [((40, 33), 9), ((941, 70), 33), ((40, 1700), 9), ((290, 300), 18), ((290, 300), 5)]
+# one work item; strips of odd heights; low and wide ones; more and fewer steps than a launch holds,
+# with rows in lanes where there are many
+SHAPES = [((40, 33), 9), ((941, 70), 33), ((40, 1700), 9), ((290, 300), 66), ((290, 300), 5)]
 
 
 def random_template(rng, boundary, output, radius, symmetric=False):
@@ -34,10 +35,13 @@ def random_template(rng, boundary, output, radius, symmetric=False):
     ("output", "radius"), [("standard", 1), ("standard", 2), ("linear", 1), ("full-range", 1)]
 )
 def test_strips_step_as_one_array(boundary, output, radius):
-    """To rounding: 33 steps of values of order 1 in float32, and in float64."""
+    """To rounding: up to 66 steps of values of order 1 in float32, and in float64.
+
+    Networks that do not settle double a rounding of 6e-8 some times on their way.
+    """
     rng = np.random.default_rng(4)
     template = random_template(rng, boundary, output, radius)
-    for precision, tolerance in (("float32", 3e-6), ("float64", 1e-13)):
+    for precision, tolerance in (("float32", 1e-5), ("float64", 1e-13)):
         engine = Engine(precision=precision)
         for shape, steps in SHAPES:
             maps = {name: rng.uniform(-1, 1, (2, *shape)) for name in ("input", "state")}
@@ -50,9 +54,15 @@ def test_strips_step_as_one_array(boundary, output, radius):
 
 @pytest.mark.parametrize("seed", range(8))
 def test_strips_of_any_size_step_as_one_array(seed, monkeypatch):
-    """Any rows, columns, steps and batch: strips are high or low, launches full or not."""
+    """Any rows, columns, steps and batch: strips are high or low, launches full or not.
+
+    In half of them lanes take pieces of rows, some of which have no cells for all lanes.
+    """
     monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
     monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
+    if seed % 8 > 3:
+        monkeypatch.setattr(strip_layout, "LANES_FROM", 1)
+        monkeypatch.setattr(strip_layout, "LANES_STEPS", 1)
     rng = np.random.default_rng(seed)
     few = (1, 5) if seed % 2 else (5, 25)
     radius, batch, steps = (int(rng.integers(*span)) for span in ((1, 3), (1, 4), few))

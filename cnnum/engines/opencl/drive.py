@@ -15,6 +15,17 @@ def reads_inputs(text: TransientText) -> bool:
     )
 
 
+def pads_inputs(text: TransientText) -> bool:
+    """Return whether any cell is driven by what its neighbours are given."""
+    template = text.template
+    radius = template.B.shape[-1] // 2
+    beside = template.B.copy()
+    beside[..., radius, radius] = 0.0
+    delays = template.delayed is not None and bool(template.delayed.B.any())
+    couples = any("u" in (c.neighbour, c.centre) for c in template.nonlinear)
+    return bool(beside.any()) or delays or couples
+
+
 def constant_drive(text: TransientText) -> tuple[float, ...] | None:
     """Return z of every layer where nothing else drives the cells."""
     if reads_inputs(text) or text.operands.biases:
@@ -35,7 +46,7 @@ def drive(text: TransientText) -> None:
         return
     template = text.template
     text.array("w", text.layers * text.cells)
-    if reads_inputs(text):
+    if pads_inputs(text):
         text.array("u", template.inputs * text.padded)
         if has_history(text):
             _history(text)
@@ -46,7 +57,7 @@ def drive(text: TransientText) -> None:
         if text.operands.biases:
             start += f" + {text.operands.biases[layer]}"
         body.append(f"sum = {start};")
-        body += text.weighted("u", taps(template.B, layer))
+        body += _driven(text, layer)
         body += [
             line
             for coupling in template.nonlinear
@@ -57,6 +68,15 @@ def drive(text: TransientText) -> None:
             body += _delayed(text, layer)
         body.append(f"w[{text.at(layer)}] = sum;")
     text.over_grid(body)
+
+
+def _driven(text: TransientText, layer: int) -> list[str]:
+    """Return statements that add B * u of a layer to `sum`."""
+    found = taps(text.template.B, layer)
+    if pads_inputs(text):
+        return text.weighted("u", found)
+    inputs = text.operands.inputs
+    return [f"sum += {text.number(tap.weight)} * {inputs[tap.source]};" for tap in found]
 
 
 def has_history(text: TransientText) -> bool:

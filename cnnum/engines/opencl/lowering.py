@@ -175,6 +175,10 @@ class Lowering:
             text = f"gather({base} + {at.removesuffix(' + i')}, frame, last, {stride})"
             self.body.append(f"const real {name} = {text};")
             return
+        if isinstance(operation, Input) and not self.arena.private:
+            # one frame a work item: large arrays are read where they are
+            self.values.alias(node, f"input[(size_t)frame * {stride} + {at}]")
+            return
         slot = self.values.take_slot(node)
         text = f"gather({base} + {at}, frame, last, {stride})"
         self.over_cells([f"{slot}[i] = {text};"])

@@ -59,7 +59,7 @@ def strips_fit(text: TransientText, scheme: FixedSteps) -> bool:
 
 def euler_strips(text: TransientText, scheme: FixedSteps) -> None:
     """Append the name that stands for the steps, and keep their kernel with the tables."""
-    size = (text.shape[0] + 2 * text.radius) * _layout(text).pitch
+    size = (text.shape[0] + 2 * text.radius) * _layout(text, scheme).pitch
     for array in ("strip_x", "strip_w", "strip_even", "strip_odd"):
         text.array(array, size)
     name = f"advance_{len(text.tables.strips)}"
@@ -67,15 +67,15 @@ def euler_strips(text: TransientText, scheme: FixedSteps) -> None:
     text.tables.strips[name] = _strips(text, scheme, name)
 
 
-def _layout(text: TransientText) -> RowLayout:
+def _layout(text: TransientText, scheme: FixedSteps) -> RowLayout:
     width = VECTOR_BYTES // text.tables.dtype.itemsize
     boundary = text.template.boundary
-    return RowLayout(text.shape[1], text.radius, width, boundary, _constant(text))
+    return RowLayout(text.shape[1], text.radius, width, boundary, _constant(text), scheme.count)
 
 
 def _strips(text: TransientText, scheme: FixedSteps, name: str) -> Strips:
     (rows, cols), radius, places = text.shape, text.radius, text.arena.places
-    layout, size = _layout(text), text.tables.dtype.itemsize
+    layout, size = _layout(text, scheme), text.tables.dtype.itemsize
     periodic = text.template.boundary.pad_mode == "wrap"
     # strips must not vanish before the last of the steps
     high = rows // (2 * radius * SHARES) - 1
@@ -139,7 +139,7 @@ def _shown(text: TransientText) -> str:
 def _step(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
     """Return the text of one step of some rows and a vector of cells."""
     kept = text.number(1.0 - scheme.step / float(text.template.tau[0])).replace("R(", "(vec)(")
-    at = [f"{row * _layout(text).pitch} + p" for row in range(block)]
+    at = [f"{row * _layout(text, scheme).pitch} + p" for row in range(block)]
     lines = [
         f"vec s{row} = *(__global const vec *)(w + {place}) + {kept} * "
         f"*(__global const vec *)(x + {place});"
@@ -167,7 +167,9 @@ def _scatter(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
                 if (row - to, col) in found
             ]
             if adds:
-                lines.append(f"{{ const vec v = {_load(text, row, col)}; {' '.join(adds)} }}")
+                lines.append(
+                    f"{{ const vec v = {_load(text, scheme, row, col)}; {' '.join(adds)} }}"
+                )
     return lines
 
 
@@ -176,7 +178,7 @@ def _gather(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
     found, radius = taps(text.template.A, 0), text.radius
     places = sorted({(to + tap.row, tap.col) for to in range(block) for tap in found})
     lines = [
-        f"const vec v{row + radius}_{col + radius} = {_load(text, row, col)};"
+        f"const vec v{row + radius}_{col + radius} = {_load(text, scheme, row, col)};"
         for row, col in places
     ]
     for to in range(block):
@@ -189,8 +191,8 @@ def _gather(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
     return lines
 
 
-def _load(text: TransientText, row: int, col: int) -> str:
-    layout = _layout(text)
+def _load(text: TransientText, scheme: FixedSteps, row: int, col: int) -> str:
+    layout = _layout(text, scheme)
     return f"*(__global const vec *)(from + {row * layout.pitch + col * layout.step} + p)"
 
 
