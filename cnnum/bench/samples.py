@@ -39,6 +39,21 @@ def full_template(radius: int = 1, layers: int = 1, *, boundary: float | str = 0
     )
 
 
+def even_template(radius: int = 1) -> Template:
+    """Return a template whose weights depend on the distance alone, so that many are equal."""
+    row, col = np.mgrid[-radius : radius + 1, -radius : radius + 1]
+    weights = np.exp(-(row**2 + col**2) / 3.0)
+    return Template(
+        f"even {2 * radius + 1}x{2 * radius + 1}",
+        weights * (0.9 / weights.sum()),
+        [[0.3]],
+        0.05,
+        boundary=0.0,
+        initial=0.0,
+        duration=1.0,
+    )
+
+
 def maps(*shape: int) -> Floats:
     """Return maps of numbers between −1 and 1."""
     return generator().uniform(-1.0, 1.0, shape)

@@ -9,13 +9,16 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats, Shape
 from cnnum.bench.device_peak import PeakMeter
 from cnnum.bench.errors import STEPS, ends_error
-from cnnum.bench.samples import channelwise, frames, full_template
+from cnnum.bench.samples import channelwise, even_template, frames, full_template
 from cnnum.bench.timing import difference
 from cnnum.engine import Engine
 from cnnum.graph.nodes import RunSpec
 from cnnum.plan import Plan
+from cnnum.template import Template
 
 STEP = 0.01
+
+FULL, EVEN, EVEN_5 = full_template(), even_template(), even_template(2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,13 +63,14 @@ class Throughput:
 
 @dataclass(frozen=True, slots=True)
 class ThroughputCase:
-    """A full 3×3 template on every channel of a batch of frames, by Euler's method."""
+    """A template without zeros on every channel of a batch of frames, by Euler's method."""
 
     name: str
     shape: Shape
     batch: int
     channels: int
     steps: int
+    template: Template = FULL
 
 
 CASES = (
@@ -74,6 +78,9 @@ CASES = (
     ThroughputCase("8×8×3, batch 1024", (8, 8), 1024, 3, 4000),
     ThroughputCase("16×16×3, batch 4096", (16, 16), 4096, 3, 300),
     ThroughputCase("1024×1024", (1024, 1024), 1, 1, 400),
+    ThroughputCase("8×8×3, batch 1024, equal weights", (8, 8), 1024, 3, 4000, EVEN),
+    ThroughputCase("8×8×3, batch 1024, equal weights, 5×5", (8, 8), 1024, 3, 2000, EVEN_5),
+    ThroughputCase("1024×1024, equal weights", (1024, 1024), 1, 1, 400, EVEN),
 )
 
 
@@ -97,7 +104,7 @@ def measure_throughput(
 def _plan(engine: Engine, case: ThroughputCase, steps: int) -> Plan:
     names = tuple("xyz"[: case.channels])
     spec = RunSpec(duration=steps * STEP, method="euler", dt=STEP)
-    program = channelwise(full_template(), spec)
+    program = channelwise(case.template, spec)
     return engine.compile(program, case.shape, channels=names)
 
 
@@ -110,7 +117,7 @@ def _measure(engine: Engine, case: ThroughputCase, meter: PeakMeter, budget: flo
     peak = max(before, meter.flops())
     cells = case.batch * case.channels * case.shape[0] * case.shape[1]
     rate = cells * 2 * case.steps / more
-    flops = rate * (2 * 9 + 4)
+    flops = rate * (2 * np.count_nonzero(case.template.A) + 4)
     return Throughput(
         case=case.name,
         device=engine.device,
