@@ -33,6 +33,12 @@ def test_an_isotropic_template_takes_three_products():
     assert len(shared_products(taps(edges[np.newaxis, np.newaxis], 0))) == 2
 
 
+def test_few_equal_weights_can_stay_alone():
+    kernel = np.array([[1.0, 2, 1], [2, 3, 2], [4, 2, 4]])
+    groups = shared_products(taps(kernel[np.newaxis, np.newaxis], 0), least=4)
+    assert sorted(len(group) for group in groups) == [1, 1, 1, 1, 1, 4]
+
+
 def test_different_weights_share_nothing():
     assert not shares_products([Tap(0, 0, 0, 0.5), Tap(0, 0, 1, 0.25)])
     assert shares_products([Tap(0, 0, 0, 0.5), Tap(1, 0, 1, -0.5)])

@@ -10,12 +10,23 @@ from itertools import groupby
 from cnnum.network import Tap
 
 
-def shared_products(found: Iterable[Tap]) -> list[tuple[Tap, ...]]:
-    """Return the taps in groups whose weights are equal but for their signs, column by column."""
-    groups: dict[float, list[Tap]] = {}
+def shared_products(found: Iterable[Tap], least: int = 2) -> list[tuple[Tap, ...]]:
+    """Return the taps in groups whose weights are equal but for their signs, column by column.
+
+    Parameters
+    ----------
+    found : iterable of Tap
+    least : int
+        Taps of a group; fewer stay alone.
+    """
+    equal: dict[float, list[Tap]] = {}
     for tap in found:
-        groups.setdefault(abs(tap.weight), []).append(tap)
-    return [tuple(sorted(group, key=_column)) for group in groups.values()]
+        equal.setdefault(abs(tap.weight), []).append(tap)
+    groups: list[tuple[Tap, ...]] = []
+    for group in equal.values():
+        many = len(group) >= least
+        groups += [tuple(sorted(group, key=_column))] if many else [(tap,) for tap in group]
+    return groups
 
 
 def shares_products(found: Iterable[Tap]) -> bool:
@@ -24,7 +35,10 @@ def shares_products(found: Iterable[Tap]) -> bool:
 
 
 def weighted_terms(
-    found: Iterable[Tap], number: Callable[[float], str], value: Callable[[Tap], str]
+    found: Iterable[Tap],
+    number: Callable[[float], str],
+    value: Callable[[Tap], str],
+    least: int = 2,
 ) -> list[str]:
     """Return the terms of Σ weight · value, one a group of equal weights.
 
@@ -35,8 +49,10 @@ def weighted_terms(
         The literal of a weight.
     value : callable
         The expression of what stands at a tap.
+    least : int
+        Taps of a group; fewer stay alone.
     """
-    return [_term(group, number, value) for group in shared_products(found)]
+    return [_term(group, number, value) for group in shared_products(found, least)]
 
 
 def _column(tap: Tap) -> tuple[int, int, int]:
