@@ -148,21 +148,39 @@ def _write(folder: Path, name: str, figure: Picture, rows: dict[str, list[Row]],
     (folder / f"{name}.json").write_text(json.dumps(data, indent=1) + "\n")
 
 
-def main(folder: Path) -> None:
-    """Measure, draw and write everything."""
-    engine = Engine()
+def _ways(engine: Engine, folder: Path) -> None:
     ways, love = list(both_ways(engine)), list(love_errors(engine))
     name = "halfspace-error-time"
     _write(folder, name, ways_figure(ways, love), {"ways": ways, "love": love}, engine.device)
+
+
+def _rest(engine: Engine, folder: Path) -> None:
     sizes = [(1, r) for r in (0.0, 0.3, 0.4, 0.45, 0.48, 0.49)]
     rest = [equilibrium(*each) for each in (*sizes, (2, 0.3), (2, 0.49), (3, 0.3), (3, 0.49))]
     figure = equilibrium_figure(rest)
     _write(folder, "halfspace-equilibrium", figure, {"rows": rest}, engine.device)
+
+
+def _back(engine: Engine, folder: Path) -> None:
     covers = [(p, z) for p in (0.75e-3, 1.5e-3, 3e-3) for z in (0.3e-3, 0.5e-3, 1e-3, 1.5e-3, 2e-3)]
     back = [inverse(engine, *each) for each in covers]
     figure = inverse_figure(back, contacts(engine))
     _write(folder, "surface-load", figure, {"rows": back}, engine.device)
 
 
+PICTURES = {
+    "halfspace-error-time": _ways,
+    "halfspace-equilibrium": _rest,
+    "surface-load": _back,
+}
+
+
+def main(folder: Path, names: Sequence[str] = tuple(PICTURES)) -> None:
+    """Measure, draw and write everything, or the pictures named."""
+    engine = Engine()
+    for name in names:
+        PICTURES[name](engine, folder)
+
+
 if __name__ == "__main__":
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), sys.argv[2:] or tuple(PICTURES))

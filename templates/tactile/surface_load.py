@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping
 
+from cnnum.errors import ProgramError
 from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
-from cnnum.programs.fields import Field, sqrt
+from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import transient
 from cnnum.templates.tactile.load_network import LoadNetwork
@@ -22,14 +23,17 @@ def surface_load(
     youngs_modulus: float = 0.87e6,
     noise: float = 1e-4,
     likely: float = 3.0e3,
+    drag: float = 0.3,
     reach: int = 7,
     tolerance: float = 1e-4,
+    rounds: int = 1,
 ) -> Mapping[str, Field]:
     """Tractions all over the surface, any number of contacts at once.
 
     What noise drowns is left out: the answer is smeared over the width of its point response.
     A uniform pressure makes no strain in an incompressible half-space, so that a pressure is seen
-    by its edges.
+    by its edges, and what is fitted to them stands on a ground below 0. Nothing pulls where nothing
+    touches: in each round what is below 0 is taken off, and what is left of the strain fitted anew.
 
     Parameters
     ----------
@@ -42,12 +46,19 @@ def surface_load(
     noise : float
         RMS of the noise of each strain, as measured at rest.
     likely : float, Pa
-        RMS of the loads that are taken as likely: with the noise it sets the regularisation
+        RMS of the pressures that are taken as likely: with the noise it sets the regularisation
         (Wiener's choice).
+    drag : float
+        The same of the tractions along each axis of the surface, over that of the pressures. Long
+        waves of pressure and of a pull along them strain the cover alike; this tells how to share
+        what is seen.
     reach : int
         Taxels, along each axis, over which a load is felt.
     tolerance : float
         Of the equilibrium where the array is too large for one exact product.
+    rounds : int
+        Fits after the first. More of them lower the bias and let more noise in; at 0 the answer is
+        that of least squares, linear in the strain.
 
     Returns
     -------
@@ -64,11 +75,40 @@ def surface_load(
     ----------
     Tikhonov & Arsenin, Solutions of Ill-Posed Problems (1977).
     """
-    network = LoadNetwork(thickness, pitch, youngs_modulus, noise, likely, reach)
+    if rounds < 0:
+        raise ProgramError(f"'rounds': expected 0 or more, got {rounds}.")
+    network = LoadNetwork(thickness, pitch, youngs_modulus, noise, likely, drag, reach)
     spec = RunSpec(rtol=tolerance, atol=tolerance, settle_limit=PATIENCE)
-    signals = [frame.channel(c) * (1.0 / noise) for c in ("shear_x", "shear_y", "normal")]
-    states = transient(network.template(), input=signals, spec=spec).states
-    x, y, normal = (state * (noise / network.scale) for state in states[:3])
-    left = sum((s * s for s in states[4:]), start=states[3] * states[3])
-    residual = sqrt(left.mean() * (1.0 / 3.0))
+    least = network.noise_of_pressure
+    strain = [frame.channel(c) * (1.0 / noise) for c in ("shear_x", "shear_y", "normal")]
+    load = _fit(network, strain, spec)
+    for _ in range(rounds):
+        load = _pushing(load, least / likely)
+        more = _fit(network, _left(network, strain, load), spec)
+        load = [had + new for had, new in zip(load, more, strict=True)]
+    if rounds:
+        load = _pushing(load, least / likely)
+    left = _left(network, strain, load)
+    residual = sqrt(sum((s * s for s in left[1:]), start=left[0] * left[0]).mean() * (1.0 / 3.0))
+    x, y, normal = (
+        each * float(size) for each, size in zip(load, network.likely_loads, strict=True)
+    )
     return {"load_x": x, "load_y": y, "load_normal": normal, "residual": residual}
+
+
+def _fit(network: LoadNetwork, strain: list[Field], spec: RunSpec) -> list[Field]:
+    """Return the least squares of strain over noise: loads over likely ones."""
+    taxels = transient(network.template(), input=strain, spec=spec).states
+    return list(transient(network.back(), input=list(taxels)).states)
+
+
+def _left(network: LoadNetwork, strain: list[Field], load: list[Field]) -> list[Field]:
+    seen = transient(network.forth(), input=load).states
+    return [had - explained for had, explained in zip(strain, seen, strict=True)]
+
+
+def _pushing(load: list[Field], least: float) -> list[Field]:
+    """Return a load that nowhere pulls, and drags where it presses by more than noise."""
+    x, y, normal = load
+    presses = normal > least
+    return [where(presses, x, 0.0), where(presses, y, 0.0), maximum(normal, 0.0)]

@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 
+from cnnum.bench import load_errors
 from cnnum.bench.halfspace_figures import contacts
 from cnnum.bench.halfspace_runs import inverse
 from cnnum.errors import ProgramError
 from cnnum.tactile.halfspace import SurfaceToDepth
 from cnnum.tactile.inverse import LoadMap
+from cnnum.templates.tactile.load_network import LoadNetwork
 from cnnum.templates.tactile.surface_load import surface_load
 
 PITCH, THICKNESS, E, NOISE, LIKELY = 1.5e-3, 1.0e-3, 0.87e6, 1e-4, 3e3
+HEIGHTS = {6e3: 5.9e3, 8e3: 7.9e3, 12e3: 11.9e3}
 NAMES = ("load_x", "load_y", "load_normal")
 
 
@@ -20,8 +23,17 @@ def taxels(shape):
     return np.stack([x.ravel(), y.ravel()], axis=-1)
 
 
-def least_squares(shape):
-    return LoadMap(taxels(shape), shape, PITCH, THICKNESS, E, NOISE)
+LINEAR = {"rounds": 0, "drag": 1.0}
+"""Least squares of loads and noise without correlation, with no more known of the loads."""
+
+
+def least_squares(shape, beyond=7, noise=NOISE):
+    """Singular values of loads on the array and so many cells around it, and where the array is."""
+    rows, cols = shape
+    cover = LoadMap(
+        taxels(shape), (rows + 2 * beyond, cols + 2 * beyond), PITCH, THICKNESS, E, noise
+    )
+    return cover, np.s_[..., beyond : beyond + rows, beyond : beyond + cols, :]
 
 
 def answer(engine, strain, **options):
@@ -31,13 +43,27 @@ def answer(engine, strain, **options):
     return np.stack([got[name] for name in NAMES], axis=-1), got["residual"]
 
 
-@pytest.mark.parametrize("shape", [(4, 4), (8, 8)])
+@pytest.mark.parametrize("shape", [(4, 4), (5, 6)])
 def test_the_network_is_least_squares(opencl, shape):
     strain = np.random.default_rng(2).normal(0.0, 3e-3, (2, *shape, 3))
-    got, _ = answer(opencl, strain)
-    wanted = least_squares(shape)(strain.reshape(2, -1, 3), LIKELY).traction
-    # float32: roundings of 6e-8 times the sum of 384 products of the gain
-    assert np.abs(got - wanted).max() <= 2e-4 * np.abs(wanted).max()
+    got, _ = answer(opencl, strain, **LINEAR)
+    cover, on_array = least_squares(shape)
+    wanted = cover(strain.reshape(2, -1, 3), LIKELY).traction[on_array]
+    # singular values feel loads on cells that are more than 7 away, too; without them see `dense`
+    assert np.abs(got - wanted).max() <= 2e-2 * np.abs(wanted).max()
+
+
+def test_drags_are_as_likely_as_said(opencl):
+    """By hand: with drags ten times less likely, a pressure is what strain comes from."""
+    load, _ = two_contacts()
+    load[..., :2] = 0.0
+    cover = SurfaceToDepth((8, 8), PITCH, THICKNESS, youngs_modulus=E)
+    found = {d: answer(opencl, cover(load), rounds=0, drag=d)[0] for d in (1.0, 0.1)}
+    pressed = load[..., 2] > 0
+    kept = {d: each[pressed, 2].mean() / load[pressed, 2].mean() for d, each in found.items()}
+    pulled = {d: np.abs(each[..., :2]).max() for d, each in found.items()}
+    assert kept[0.1] > kept[1.0] + 0.1
+    assert pulled[0.1] < 0.5 * pulled[1.0]
 
 
 def two_contacts():
@@ -49,64 +75,119 @@ def two_contacts():
     return load, cover(load)
 
 
-def test_several_contacts_come_back_at_once(opencl):
+@pytest.mark.parametrize("rounds", [0, 1, 3])
+def test_several_contacts_come_back_at_once(opencl, rounds):
     load, strain = two_contacts()
     noisy = strain + np.random.default_rng(3).normal(0.0, NOISE, strain.shape)
-    got, residual = answer(opencl, noisy)
+    got, residual = answer(opencl, noisy, rounds=rounds)
     inside = load[..., 2] > 0
     pressure = got[..., 2]
-    # a uniform pressure is not seen: what is between contacts is the ground that they stand on
-    ground = np.median(pressure[~inside])
+    # without rounds, what is between contacts is the ground that they stand on
+    ground = np.median(pressure[~inside]) if rounds == 0 else 0.0
     touched = pressure - ground > 3e3
     assert (touched == inside).all()
     for patch, wanted in ((np.s_[1:3, 1:3], 8e3), (np.s_[5:7, 4:7], 6e3)):
         # a resolution of about a taxel smears an eighth of a patch of two over its edge
         assert abs(pressure[patch].mean() - ground - wanted) <= 0.2 * wanted
-    # as many loads as strains: the fit takes up much of the noise, and none of it beyond
-    assert 0.1 <= residual <= 1.2
+    # a fit takes up some of the noise; loads that nowhere pull leave what least squares would take
+    assert 0.1 <= residual <= (1.2 if rounds == 0 else 6.0)
+    if rounds:
+        assert pressure.min() >= 0.0
+        assert not got[..., :2][pressure == 0.0].any()
 
 
 def test_noise_and_resolution_are_those_stated(opencl):
     rng = np.random.default_rng(4)
-    got, _ = answer(opencl, rng.normal(0.0, NOISE, (400, 8, 8, 3)))
-    stated = least_squares((8, 8)).noise_error(LIKELY) / 1.959964
+    got, _ = answer(opencl, rng.normal(0.0, NOISE, (400, 8, 8, 3)), **LINEAR)
+    cover, on_array = least_squares((8, 8), beyond=4)
+    stated = np.reshape(cover.noise_error(LIKELY), (16, 16, 3))[on_array] / 1.959964
     # 400 frames know a standard deviation to 1/√800 = 3.5 %; the worst of 192 is within four
     assert np.abs(got.std(axis=0) / stated - 1).max() <= 0.16
 
 
-def test_heights_are_read_from_the_ground(opencl):
+def test_the_noise_of_an_endless_array_is_that_of_the_middle_of_a_large_one(opencl):
+    """From which on a drag is believed."""
+    network = LoadNetwork(THICKNESS, PITCH, E, 1e-3, LIKELY, 0.3, 5)
+    noise = np.random.default_rng(5).normal(0.0, 1e-3, (300, 14, 14, 3))
+    options = {"noise": 1e-3, "reach": 5, "rounds": 0}
+    plan = opencl.compile(surface_load.bind(**options), (14, 14), ["load_normal"])
+    middle = plan(noise)["load_normal"][:, 6:8, 6:8]
+    # 1200 numbers know it to 2 %, three of which; cells nearer to the rim are known less
+    assert middle.std() == pytest.approx(network.noise_of_pressure, rel=0.08)
+
+
+def test_heights_are_true(opencl):
     """The contacts of docs/programs/halfspace.md, and the figures given there."""
     (_, true, _), _, (_, found, _) = contacts(opencl)
-    ground = found[true == 0].mean()
-    # as printed there, to its last digit
-    assert ground == pytest.approx(-0.7e3, abs=50.0)
-    assert found[true == 0].min() == pytest.approx(-2.1e3, abs=50.0)
-    for pressure, height in ((6e3, 5.5e3), (8e3, 8.1e3), (12e3, 12.1e3)):
-        assert found[true == pressure].mean() - ground == pytest.approx(height, abs=50.0)
+    assert found.min() == 0.0
+    for pressure, height in HEIGHTS.items():
+        # as printed there, to its last digit
+        assert found[true == pressure].mean() == pytest.approx(height, abs=50.0)
+        assert height == pytest.approx(pressure, rel=0.2)
 
 
 @pytest.mark.parametrize("thickness", [0.5e-3, 1.0e-3, 1.5e-3])
 def test_noise_dips_where_the_singular_values_say(opencl, thickness):
     kept = inverse(opencl, PITCH, thickness)
-    cover = LoadMap(taxels((8, 8)), (8, 8), PITCH, thickness, E, NOISE)
-    stated = np.reshape(cover.noise_error(LIKELY), (8, 8, 3))[4, 4, 2] / 1.959964
+    cover = LoadMap(taxels((8, 8)), (16, 16), PITCH, thickness, E, NOISE)
+    stated = np.reshape(cover.noise_error(LIKELY), (16, 16, 3))[8, 8, 2] / 1.959964
     # 200 frames know a standard deviation to 5 %: within two of these
     assert kept["noise"] == pytest.approx(stated, rel=0.1)
 
 
-def test_a_larger_array_steps_to_the_same(opencl):
-    shape = (16, 16)
+def test_a_larger_array_takes_no_steps(opencl):
+    """Of 16×16 taxels with a reach of 7: K Pᵀ Kᵀ on the taxels alone is small enough for a product.
+
+    Held to singular values whose loads lie up to 7 cells beyond the rim.
+    """
+    shape, noise = (16, 16), 1e-3
+    plan = opencl.compile(surface_load.bind(noise=noise, **LINEAR), shape, list(NAMES))
+    assert not any("steps" in how for how in plan.explain().transients)
     strain = np.random.default_rng(5).normal(0.0, 3e-3, (*shape, 3))
-    coarse = {"noise": 1e-3, "likely": LIKELY}
-    program = surface_load.bind(reach=4, tolerance=1e-5, **coarse)
-    got = opencl.compile(program, shape, list(NAMES))(strain)
-    cover = LoadMap(taxels(shape), shape, PITCH, THICKNESS, E, coarse["noise"])
-    wanted = cover(strain.reshape(-1, 3), LIKELY).traction
+    got = plan(strain)
+    network = LoadNetwork(THICKNESS, PITCH, E, noise, LIKELY, 1.0, 7)
+    felt = dense(network, shape)
+    loads = felt.T @ np.linalg.solve(felt @ felt.T + np.eye(len(felt)), strain.ravel() / noise)
+    wanted = LIKELY * loads.reshape(30, 30, 3)[7:-7, 7:-7]
     for n, name in enumerate(NAMES):
-        # what lies beyond four taxels is left out, (z/r)³ = 0.4 % a cell, and the inverse of that
-        assert np.abs(got[name] - wanted[..., n]).max() <= 0.12 * np.abs(wanted).max()
+        # float32: 768 roundings of 6e-8 times the sum of the gain
+        assert np.abs(got[name] - wanted[..., n]).max() <= 1e-4 * np.abs(wanted).max()
+
+
+def dense(network, shape):
+    """Strain over noise by load over the likely one, cell by cell, from Love's and Cerruti's."""
+    reach, (rows, cols) = network.reach, shape
+    weights = network.influence() * LIKELY / network.noise
+    felt = np.zeros((rows, cols, 3, rows + 2 * reach, cols + 2 * reach, 3))
+    for r in range(rows):
+        for c in range(cols):
+            at = np.s_[r : r + 2 * reach + 1, c : c + 2 * reach + 1]
+            felt[r, c][:, *at] = np.moveaxis(weights, 1, -1)
+    return felt.reshape(3 * rows * cols, -1)
+
+
+def test_one_round_halves_the_error(opencl):
+    """Contacts anywhere on 16×16 taxels; see `python -m cnnum.bench.load_errors`."""
+    none, one = (load_errors.measure(opencl, 1e-4, rounds, count=40) for rounds in (0, 1))
+    assert one.rms < 0.5 * none.rms
+    assert abs(one.height - 1.0) < abs(none.height - 1.0)
+    # 0.9 of all pressure is found, and a tenth of it is what edges lose
+    assert one.height > 0.9
+
+
+def test_long_waves_are_shared_between_a_pressure_and_a_pull():
+    """Where no noise is, by hand: kz e^(−kz) and (1 − kz) e^(−kz) of the same two strains."""
+    waves = np.array([3e-3, 6e-3, 12e-3, 48e-3])
+    kz = 2 * np.pi * THICKNESS / waves
+    for drag in (1.0, 0.3):
+        wanted = kz**2 / (kz**2 + (drag * (1 - kz)) ** 2)
+        assert load_errors.kept(1e-9, drag, waves) == pytest.approx(wanted, rel=1e-4)
+    # and noise only takes away
+    assert (load_errors.kept(1e-3, 0.3, waves) < load_errors.kept(1e-9, 0.3, waves)).all()
 
 
 def test_wrong_covers_are_refused():
     with pytest.raises(ProgramError, match="above 0"):
         surface_load.bind(noise=0.0).trace((8, 8))
+    with pytest.raises(ProgramError, match="0 or more, got -1"):
+        surface_load.bind(rounds=-1).trace((8, 8))
