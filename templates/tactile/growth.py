@@ -28,6 +28,10 @@ CROSS = 0.1
 """That tenth: by so much of the largest change of the normal load since it began a load may be off
 the law that it follows."""
 
+AROUND, UNSEEN = 0.3, 1.0
+"""What a sudden load may have been at age 0: so much of a frame's growth, for it may begin anywhere
+between two frames, and so many standard deviations of the noise that it was noticed through."""
+
 ANOTHER = 1.5
 """Ratio of the whole contact's load to that at rest, either way, at which it is another contact."""
 
@@ -117,9 +121,17 @@ class Growth:
     """
 
     def __init__(
-        self, frame: FrameFields, contact: Field, reading: Reading, law: Law, *, early: float
+        self,
+        frame: FrameFields,
+        contact: Field,
+        reading: Reading,
+        law: Law,
+        *,
+        early: float,
+        sudden: bool = False,
     ) -> None:
         self._frame, self._reading, self._contact = frame, reading, contact
+        self._sudden = sudden
         parts = (*reading.load, *reading.beside)
         self._zero = [frame.memory(scalar=True) for _ in parts]
         self._rest = [frame.memory(scalar=True) for _ in parts]
@@ -179,7 +191,7 @@ class Growth:
         shaken = where(self._begins, excess, maximum(self._shaken.value, excess))
         self._shaken.store(where(self.grows, shaken, 0.0))
         beside = CROSS * shaken * self._reading.arm
-        offset = where(self._begins, 0.5 * self.size, self._offset.value)
+        offset = where(self._begins, self._missed(), self._offset.value)
         self._offset.store(offset)
         self.found = weighed(
             self._frame,
@@ -197,6 +209,13 @@ class Growth:
         self._stood = where(self.grows & over, self._still.value + 1.0, 0.0)
         self._still.store(self._stood)
         self.still = self._stood > 0.0
+
+    def _missed(self) -> Field:
+        """Return what it may have been at age 0, RMS, as it begins."""
+        if not self._sudden:
+            return 0.5 * self.size
+        frame = AROUND * self.size / self.age
+        return sqrt(frame * frame + UNSEEN * UNSEEN * self._reading.noise)
 
     @property
     def stops(self) -> Field:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from cnnum.library import get_template
-from cnnum.programs.fields import Field, maximum, where
+from cnnum.programs.fields import Field, maximum, minimum, where
 from cnnum.programs.machine import LocalMemory
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.growth import Growth, Reading, length
@@ -106,10 +106,11 @@ def place_of(loads: Loads, patch: Patch) -> Place:
 
 def force_on(contact: Place) -> Side:
     """Return the force on a contact, x and y, beside the torque."""
-    return _side(contact, PULL, contact.loads.frame.memory(logic=True), torque=False)
+    frame = contact.loads.frame
+    return _side(contact, PULL, frame.memory(logic=True), frame.constant(1.0), torque=False)
 
 
-def torque_on(contact: Place, law: Law, near: LocalMemory) -> Side:
+def torque_on(contact: Place, law: Law, near: LocalMemory, weight: Field) -> Side:
     """Return the torque about the contact's centre, positive from x to y, beside the force.
 
     Parameters
@@ -119,23 +120,26 @@ def torque_on(contact: Place, law: Law, near: LocalMemory) -> Side:
         By which what is summed over the taxels grows.
     near : LocalMemory
         Logic map, for the taxels that are summed.
+    weight : Field
+        Map: how much the moment of a taxel counts.
     """
-    return _side(contact, law, near, torque=True)
+    return _side(contact, law, near, weight, torque=True)
 
 
 def sideways_on(contact: Place) -> tuple[Field, ...]:
     """Return force and torque on the taxels near the contact, over the normal load on them."""
-    force, moment, normal = _sums(contact, where(contact.near, 1.0, 0.0))
+    all_alike = contact.loads.frame.constant(1.0)
+    force, moment, normal = _sums(contact, where(contact.near, 1.0, 0.0), all_alike)
     return tuple(part / normal for part in (*force, moment[0] / contact.spread))
 
 
-def _side(contact: Place, law: Law, memory: LocalMemory, *, torque: bool) -> Side:
+def _side(contact: Place, law: Law, memory: LocalMemory, weight: Field, *, torque: bool) -> Side:
     loads, frame = contact.loads, contact.loads.frame
     held, now = (where(near, 1.0, 0.0) for near in (memory.value, contact.near))
     away = square(contact.from_row) + square(contact.from_column)
-    cells, arms = held.sum(), (held * away).sum()
-    force, moment, normal = _sums(contact, held)
-    force_now, moment_now, normal_now = _sums(contact, now)
+    cells, arms = held.sum(), (held * square(weight) * away).sum()
+    force, moment, normal = _sums(contact, held, weight)
+    force_now, moment_now, normal_now = _sums(contact, now, weight)
     normal_noise = loads.normal_noise * cells
     growth = Growth(
         frame,
@@ -155,8 +159,12 @@ def _side(contact: Place, law: Law, memory: LocalMemory, *, torque: bool) -> Sid
         ),
         law,
         early=1.0 if torque else LOOSE,
+        sudden=torque,
     )
     own, other = length(growth.acts), length(growth.beside)
+    if torque:
+        # zero may have been learned in a pull, before a torque was felt at all
+        other = minimum(other, length(force))
     rim = RADIUS * contact.spread
     return Side(
         growth=growth,
@@ -171,9 +179,11 @@ def _side(contact: Place, law: Law, memory: LocalMemory, *, torque: bool) -> Sid
     )
 
 
-def _sums(contact: Place, near: Field) -> tuple[tuple[Field, Field], tuple[Field], Field]:
+def _sums(
+    contact: Place, near: Field, weight: Field
+) -> tuple[tuple[Field, Field], tuple[Field], Field]:
     """Return force, torque and normal load over some taxels."""
     loads = contact.loads
     x, y = near * loads.shear_x, near * loads.shear_y
-    moment = (contact.from_column * y - contact.from_row * x).sum()
+    moment = (weight * (contact.from_column * y - contact.from_row * x)).sum()
     return (x.sum(), y.sum()), (moment,), (near * loads.normal).sum()

@@ -38,6 +38,9 @@ pull that slid and was let go, and uses up friction until the contact has turned
 springs that keep (u/u_max)² + (F/F_max)² ≤ 1 (Jäger's model of a sphere), within 0.2 % of the last
 torque; after a pull of half that way it takes two thirds as much."""
 
+FELT = 0.8
+"""Share of the contact's radius that sticks while most of a torque grows."""
+
 LEAST = 0.05
 """Least κ: moment, a radian, that the taxels near a contact feel at least."""
 
@@ -50,6 +53,8 @@ class Turning:
     ----------
     law : Law
         Of the summed moment.
+    weight : Field
+        Map: how much the moment of a taxel counts in the sum.
     felt : Field
         Moment that they feel for a turn of 1 rad without slip.
     held : sequence of LocalMemory
@@ -61,6 +66,7 @@ class Turning:
     """
 
     law: Law
+    weight: Field
     felt: Field
     held: Sequence[LocalMemory]
     now: Sequence[Field]
@@ -88,7 +94,8 @@ def turning_of(contact: Place, near: Field, depth: float, bumps: BumpsFelt | Non
     """
     frame = contact.loads.frame
     place = round_under(contact, sideways_on(contact), depth, bumps)
-    summed = where(near & contact.loads.alive, 1.0, 0.0)
+    weight = _weight(contact, place, depth)
+    summed = where(near & contact.loads.alive, weight, 0.0)
     discs, mixes = _rule()
     if bumps is None:
         felt = _on_flat(contact, place, summed, discs, depth)
@@ -101,7 +108,18 @@ def turning_of(contact: Place, near: Field, depth: float, bumps: BumpsFelt | Non
     fresh = [first, locked, *(part / first for part in more)]
     held, grew = [frame.memory(scalar=True) for _ in fresh], frame.memory(scalar=True, logic=True)
     now = [where(grew.value, was.value, known) for was, known in zip(held, fresh, strict=True)]
-    return Turning(_law(now[1], now[2:]), now[0], held, now, grew)
+    return Turning(_law(now[1], now[2:]), weight, now[0], held, now, grew)
+
+
+def _weight(contact: Place, place: Round, depth: float) -> Field:
+    """Return what tells a torque from noise best: the shear strain that it makes, over the lever.
+
+    Such a sum over an endless array is about as large as that of moments.
+    """
+    away = maximum(square(contact.from_row) + square(contact.from_column), TINY)
+    moment = turned_by(away, FELT * place.radius, depth)
+    strain = moment / away
+    return strain * (moment.sum() / maximum((strain * moment).sum(), TINY))
 
 
 def _on_flat(

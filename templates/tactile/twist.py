@@ -21,7 +21,7 @@ from cnnum.templates.tactile.turning import turning_of
 TURNS = 0.5
 """Belief that half the contact radius slips, at which a twist is reported."""
 
-ENGAGED = 0.2
+ENGAGED = 0.13
 """Share of the normal load, at the contact's radius of gyration, that the torque has at least."""
 
 STEADY = 0.3
@@ -101,7 +101,7 @@ def twist_of(
     bumps = None if cover == "flat" else bumps_felt(cover, float(depth), float(bump))
     near = contact.loads.frame.memory(logic=True)
     turning = turning_of(contact, near.value, float(depth), bumps)
-    torque = torque_on(contact, turning.law, near)
+    torque = torque_on(contact, turning.law, near, turning.weight)
     growth, found = torque.growth, torque.growth.found
     believed = found.growing + found.stopped + found.ended
     change = growth.steady < STEADY * growth.size + 5.0 * contact.spread * sqrt(torque.normal_noise)
