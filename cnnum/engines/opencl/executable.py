@@ -23,6 +23,9 @@ columns of larger ones, whose lanes would no longer fit the cache."""
 
 MOST_LANES = 16
 
+LEAST_WIDTH = 4
+"""Cells side by side in a vector where a device says that it has none: its compiler splits them."""
+
 QUIET = "-w"
 """Compilers warn of how vectors of this width are handed to built-in functions, which is theirs."""
 
@@ -197,7 +200,8 @@ class OpenCLExecutable:
 
     def _text(self, lanes: int) -> KernelText:
         if lanes not in self._texts:
-            self._texts[lanes] = lower(self.schedule, self.solvers, lanes, self.dtype)
+            width = max(self.wide_lanes, LEAST_WIDTH)
+            self._texts[lanes] = lower(self.schedule, self.solvers, lanes, width, self.dtype)
         return self._texts[lanes]
 
     def _kernel(self, lanes: int, *, alone: bool) -> _Built:

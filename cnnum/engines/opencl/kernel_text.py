@@ -55,10 +55,10 @@ class KernelText:
 
 
 def lower(
-    schedule: Schedule, solvers: Solvers, lanes: int, dtype: np.dtype[np.floating]
+    schedule: Schedule, solvers: Solvers, lanes: int, width: int, dtype: np.dtype[np.floating]
 ) -> KernelText:
-    """Return the kernel text of a schedule for `lanes` frames side by side."""
-    tables = Tables(dtype, lanes)
+    """Return the kernel text of a schedule for `lanes` frames, or `width` cells, side by side."""
+    tables = Tables(dtype, lanes, width)
     arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
     lowering = Lowering(schedule, solvers, tables, arena, Values(tables))
     lowering.lower()

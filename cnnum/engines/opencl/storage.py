@@ -64,6 +64,8 @@ class Tables:
         Of the kernel's numbers.
     lanes : int
         Frames side by side in the kernel's type.
+    width : int
+        Numbers of a vector of the device, for cells side by side.
     types : dict of str to str
         Texts of further types that the kernel uses, by name.
     strips : dict of str to Strips
@@ -72,6 +74,7 @@ class Tables:
 
     dtype: np.dtype[np.floating]
     lanes: int
+    width: int
     types: dict[str, str] = field(default_factory=dict[str, str])
     strips: "dict[str, Strips]" = field(default_factory=dict[str, Strips])
     _tables: dict[str, str] = field(default_factory=dict[str, str])

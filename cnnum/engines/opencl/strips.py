@@ -32,7 +32,6 @@ SHARES = 8
 """Strips that an array can be parted into, at least."""
 
 BLOCK_ROWS = 4
-VECTOR_BYTES = 64
 
 _OWN = re.compile(
     r"\b(vec|ROW|shown|sides|copy_row|fill_row|upper|lower|one_row|more_rows|step|strip)\b"
@@ -68,7 +67,7 @@ def euler_strips(text: TransientText, scheme: FixedSteps) -> None:
 
 
 def _layout(text: TransientText, scheme: FixedSteps) -> RowLayout:
-    width = VECTOR_BYTES // text.tables.dtype.itemsize
+    width = text.tables.width
     boundary = text.template.boundary
     return RowLayout(text.shape[1], text.radius, width, boundary, _constant(text), scheme.count)
 
