@@ -23,6 +23,7 @@ def tactile(
     push: float = PUSH,
     depth: float = DEPTH,
     reads: Reads = READS,
+    unit: float = 1.0,
     rate: float = RATE,
     cover: Cover = "flat",
     bump: float = BUMP,
@@ -40,6 +41,8 @@ def tactile(
         rise under a push.
     depth, reads
         See `edges` and `contact`; the depth is for `twist_rate`, too.
+    unit : float
+        See `contact`: what a unit of its loads is.
     rate : float, Hz
     cover : "flat", "bumpy" or "bumps-fem"
     bump : float
@@ -53,7 +56,7 @@ def tactile(
     loads = loads_of(frame, push)
     place = place_of(loads, patch_of(loads))
     return {
-        **contact_of(loads, depth=depth, reads=reads),
+        **contact_of(loads, depth=depth, reads=reads, unit=unit),
         **slip_of(place),
         **twist_of(place, rate=rate, depth=depth, cover=cover, bump=bump),
         **edges_of(loads, depth=depth, reads=reads),
