@@ -1,4 +1,4 @@
-"""The radius of a round contact, from the normal strain that taxels under a flat cover read.
+"""The radius of a round contact, from the normal strain that taxels under a cover read.
 
 Hertz's map is fitted by least squares, one Gauss–Newton step a frame, as long as no load acts
 sideways: shear under the surface makes normal strain, too.
@@ -111,7 +111,7 @@ def round_under(
     near = ~fresh | (abs(steps[0]) < NEAR)
     longer = where(learns, where(near, seen + 1.0, 1.0), seen)
     count.store(where(contact.there, longer, 0.0))
-    return Round(*moved, spoiled.value)
+    return Round(moved[0], moved[1], moved[2], sheared=spoiled.value)
 
 
 def _steps(
