@@ -23,14 +23,19 @@ from cnnum.templates.tactile.unblur import (
 SHARE = 0.3
 """Least load along an edge, as a share of the largest."""
 
-RISE = 0.785
-"""Cells in which the load of an edge rises from half to 0.88 of its height, at most. A uniform load
-takes 0.4 to 0.9, with the place of the outline between the taxels, and 0.6 on average, up to 0.78
-for a small rectangle under one pitch; Hertz's pressure takes 0.79 to 0.89 at a radius of 2.5 cells
-and 0.96 at 3."""
+RISE = {0.3: 0.70, 0.5: 0.725, 0.75: 0.785}
+"""Cells in which the load of an edge rises from half to 0.88 of its height, at most, by pitches of
+cover; the thicker it is, the more the filter rounds. A uniform load takes 0.4 to 0.9, with the
+place of the outline between the taxels; on average 0.71 at most under 0.3 pitches, and 0.84 (small
+rectangles) under one. Hertz's pressure takes 0.70 to 0.81 at a radius of 2 cells, 0.79 to 0.89 at
+2.5 and 0.96 at 3."""
 
-VOTERS = 3
-"""Cells to each side whose links are averaged before an edge is called sharp."""
+VOTERS = 5
+"""Cells to each side whose links are averaged before an edge is called sharp: a contact of 2.5
+cells is judged as a whole."""
+
+HOLLOW_VOTERS = 3
+"""The same for whether a load is a punch's, along one side of it."""
 
 HOLLOW = (0.2, 0.26)
 """Mean of what the inside lacks from which the load may be a punch's, and from which it is."""
@@ -43,7 +48,7 @@ def edges(
     push: float = PUSH,
     depth: float = DEPTH,
     reads: Reads = READS,
-    rise: float = RISE,
+    rise: float | None = None,
 ) -> Mapping[str, Field]:
     """Edges, from the surface load that the cover has blurred.
 
@@ -62,8 +67,9 @@ def edges(
         Cover above the taxels, in pitches; up to 1 for what `docs/programs/edges.md` measures.
     reads : "strain" or "stress"
         What the taxels read.
-    rise : float
-        Cells in which the load of an edge rises from half to 0.88 of its height, on average.
+    rise : float, optional
+        Cells in which the load of an edge rises from half to 0.88 of its height, on average, at
+        most; by the depth unless given.
 
     Returns
     -------
@@ -78,7 +84,7 @@ def edges(
 
 
 def edges_of(
-    loads: Loads, *, depth: float = DEPTH, reads: Reads = READS, rise: float = RISE
+    loads: Loads, *, depth: float = DEPTH, reads: Reads = READS, rise: float | None = None
 ) -> Mapping[str, Field]:
     """Return the outputs of `edges` from what other programs share with it."""
     frame = loads.frame
@@ -87,7 +93,8 @@ def edges_of(
     least = maximum(SHARE * load.max(), LIFT * noise_gain(depth, reads) * noise)
     links = links_of(frame, load, least)
     votes = _Votes(links)
-    sharp = votes.sharp(rise) & loads.contact
+    most = rise_of(depth) if rise is None else rise
+    sharp = votes.sharp(most) & loads.contact
     links = votes.placed(links)
     ends = [link.crosses & sharp for link in links]
     found = _nearest(links, ends)
@@ -104,15 +111,19 @@ def edges_of(
     }
 
 
+def rise_of(depth: float) -> float:
+    """Return in how many cells an edge rises at most, under so many pitches of cover."""
+    return float(np.interp(depth, list(RISE), list(RISE.values())))
+
+
 class _Votes:
     """What the links around a taxel say together."""
 
     def __init__(self, links: tuple[Links, ...]) -> None:
-        size = 2 * VOTERS + 1
-        self._vote = filter_template("vote", np.ones((size, size)), "Sums what is around a cell.")
-        self._number = self._of(links, [1.0] * len(links))
-        self._rise = self._of(links, [link.rise for link in links])
-        self._hollow = self._of(links, [link.hollow for link in links])
+        self._number = _around(VOTERS, links, [1.0] * len(links))
+        self._rise = _around(VOTERS, links, [link.rise for link in links])
+        self._near = _around(HOLLOW_VOTERS, links, [1.0] * len(links))
+        self._hollow = _around(HOLLOW_VOTERS, links, [link.hollow for link in links])
 
     def sharp(self, rise: float) -> Field:
         """Return where the load ends within a cell."""
@@ -121,15 +132,19 @@ class _Votes:
     def placed(self, links: tuple[Links, ...]) -> tuple[Links, ...]:
         """Return the links, placed as on a punch where the load is hollow."""
         low, high = HOLLOW
-        hollow = self._hollow / maximum(self._number, 1.0)
+        hollow = self._hollow / maximum(self._near, 1.0)
         share = minimum(maximum((hollow - low) / (high - low), 0.0), 1.0)
         return tuple(
             replace(link, place=link.place + share * (link.rim - link.place)) for link in links
         )
 
-    def _of(self, links: tuple[Links, ...], values: Sequence[object]) -> Field:
-        parts = [where(link.crosses, value, 0.0) for link, value in zip(links, values, strict=True)]
-        return apply(self._vote, input=sum(parts[1:], start=parts[0]))
+
+def _around(cells: int, links: tuple[Links, ...], values: Sequence[object]) -> Field:
+    """Return the sum of values of links where an outline crosses, within so many cells."""
+    size = 2 * cells + 1
+    vote = filter_template(f"vote {cells}", np.ones((size, size)), "Sums what is around a cell.")
+    parts = [where(link.crosses, value, 0.0) for link, value in zip(links, values, strict=True)]
+    return apply(vote, input=sum(parts[1:], start=parts[0]))
 
 
 def _nearest(links: tuple[Links, ...], ends: list[Field]) -> Field:

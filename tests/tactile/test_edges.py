@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cnnum.bench.edge_errors import told_apart
 from cnnum.bench.surround import GAPS, beside, hat
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under, two_bars
 from cnnum.templates.tactile.edges import edges
@@ -99,6 +100,36 @@ def test_a_smooth_contact_has_no_edge(opencl, run, cells, reads, depth):
     bodies = [Disc(a, tuple(rng.uniform(-0.5, 0.5, 2)), "hertz") for a in radii]
     got, _ = found_by(run, opencl, bodies, cells, depth, reads)
     assert got["edge_count"].max() == 0
+
+
+@pytest.mark.parametrize("reads", ["strain", "stress"])
+@pytest.mark.parametrize(("radius", "depths"), [(2.0, (0.3, 0.5)), (2.5, (0.3, 0.5, 0.75, 1.0))])
+def test_a_small_smooth_contact_has_few(opencl, run, reads, radius, depths):
+    """Drawn as docs/programs/edges.md draws them, with other seeds than its bounds were set on."""
+    rng = np.random.default_rng(21)
+    bodies = [Disc(radius, tuple(rng.uniform(-0.5, 0.5, 2)), "hertz") for _ in range(40)]
+    for depth in depths:
+        got, _ = found_by(run, opencl, bodies, 8, depth, reads)
+        # up to 8 of 60 there, and 2 of 60: the mean of 40 and three standard deviations
+        assert (got["edge_count"][-1] > 0).sum() <= (11 if radius == 2.0 else 5)
+
+
+@pytest.mark.parametrize("reads", ["strain", "stress"])
+def test_noise_does_not_hide_a_sphere_of_two_cells(reads):
+    """Not even under a whole pitch, from the disc most like it."""
+    apart, likeness = told_apart(2.0, 1.0, reads)
+    assert apart > 9.5
+    assert 0.8 < likeness < 0.95
+    # of a smaller one it nearly does, and of none all
+    assert told_apart(1.0, 1.0, reads)[0] < apart / 3
+    # as many standard deviations as the difference of two frames has, drawn
+    sphere, disc = (
+        frame_under(Disc(a, (0.2, 0.1), kind), (8, 8), 1.0, reads)
+        for a, kind in ((2.0, "hertz"), (2.0 * likeness, "uniform"))
+    )
+    disc = disc * (sphere * disc).sum() / (disc * disc).sum()
+    by_hand = np.sqrt((((sphere - disc) / (NOISE * sphere.max())) ** 2).sum())
+    assert apart == pytest.approx(by_hand, rel=1e-6)
 
 
 @pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16)])
