@@ -34,7 +34,7 @@ SHARES = 8
 BLOCK_ROWS = 4
 
 _OWN = re.compile(
-    r"\b(vec|ROW|shown|sides|copy_row|fill_row|upper|lower|one_row|more_rows|step|strip)\b"
+    r"\b(vec|ROW|shown|hidden_one|sides|copy_row|fill_row|upper|lower|one_row|more_rows|step|strip)\b"
 )
 """Names that the kernel has to itself: a plan may have several."""
 
@@ -132,7 +132,7 @@ def _shown(text: TransientText) -> str:
     """Return f of a vector of states."""
     if text.template.output.name == "linear":
         return "x"
-    return "x < (vec)(-1) ? (vec)(-1) : ((vec)(1) < x ? (vec)(1) : x)"
+    return "(x = -one > x ? -one : x, one < x ? one : x)"
 
 
 def _step(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
@@ -147,7 +147,7 @@ def _step(text: TransientText, scheme: FixedSteps, block: int) -> list[str]:
     shares = shares_products(taps(text.template.A, 0))
     lines += _gather(text, scheme, block) if shares else _scatter(text, scheme, block)
     for row, place in enumerate(at):
-        new = f"shown(s{row})"
+        new = f"shown(s{row}, one)"
         state = new if text.template.output.limited else f"s{row}"
         lines.append(f"*(__global vec *)(x + {place}) = {state};")
         lines.append(f"*(__global vec *)(to + {place}) = {new};")
