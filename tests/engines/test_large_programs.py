@@ -74,8 +74,9 @@ def maps_for(net, rng):
     return maps
 
 
-OTHER_ORDER = ("Euler, until it settles", "sign")
-"""Cases in which one kernel adds the weights in another order (`cnnum.engines.opencl.fused`)."""
+OTHER_ORDER = ("Euler, until it settles", "sign", "full-range")
+"""Cases in which one kernel adds the weights in another order (`cnnum.engines.opencl.fused`), or
+equal ones in other groups (`cnnum.engines.opencl.rows`)."""
 
 
 @pytest.mark.parametrize("name", CASES)
