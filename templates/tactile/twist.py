@@ -22,7 +22,8 @@ TURNS = 0.5
 """Belief that half the contact radius slips, at which a twist is reported."""
 
 ENGAGED = 0.13
-"""Share of the normal load, at the contact's radius of gyration, that the torque has at least."""
+"""Share of the normal load, at the contact's radius of gyration, that the torque has at least: with
+a friction of 0.3 on few bumps it has 0.14 as half the contact radius slips."""
 
 STEADY = 0.3
 """Largest change of the normal load, at that radius, as a share of the torque."""
