@@ -8,7 +8,7 @@ its law are weighed, until it has fallen again, or has stopped without what the 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields, LocalMemory
 from cnnum.templates.tactile.hypotheses import weighed
 from cnnum.templates.tactile.laws import Law
@@ -18,7 +18,10 @@ BEGINS = 5.0
 two components."""
 
 QUIET = 2.0
-"""The same below which it has not begun; the frames since then are its age as it is noticed."""
+"""The same below which it has not begun; the frames since then are its age as it is noticed, as far
+as a load that grows evenly would not have been noticed before."""
+
+TINY = 1e-30
 
 BESIDE = 0.3
 """Share of a change of the normal load that a sideways one must exceed: contacts that taxels sample
@@ -98,6 +101,22 @@ class Reading:
     jolt: Field
 
 
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """How means at rest are learned in a frame.
+
+    Attributes
+    ----------
+    rate : Field
+        Share of the way to what is now that they go.
+    anew : Field
+        Flag: they are what is now, over the taxels that are near the contact now.
+    """
+
+    rate: Field
+    anew: Field
+
+
 class Growth:
     """A load, and what its law says of it.
 
@@ -116,8 +135,8 @@ class Growth:
     steady : Field
         Change of the normal load since it began, as an amount of this load.
     found : Weighed
-    still : Field
-        Flag: it does not grow any more.
+    first : Field
+        Its size as it was noticed.
     """
 
     def __init__(
@@ -139,6 +158,7 @@ class Growth:
         self._normal, self._count = frame.memory(scalar=True), frame.memory(scalar=True)
         self._low, self._age = frame.memory(scalar=True), frame.memory(scalar=True)
         self._still, self._peak = frame.memory(scalar=True), frame.memory(scalar=True)
+        self._first = frame.memory(scalar=True)
         self._offset, self._shaken = frame.memory(scalar=True), frame.memory(scalar=True)
         self._loaded = frame.memory(scalar=True, logic=True)
         self._active = frame.memory(scalar=True, logic=True)
@@ -185,12 +205,14 @@ class Growth:
 
     def _weigh(self, law: Law, early: float) -> None:
         """Weigh the hypotheses, and see whether it has stopped."""
-        self.age = age = where(self._begins, self._low.value, self._age.value) + 1.0
+        self.age = age = where(self._begins, self._since(), self._age.value + 1.0)
         self._age.store(where(self.grows, age, 0.0))
         excess = maximum(self._changed - BEGINS * sqrt(self._reading.normal_noise), 0.0)
         shaken = where(self._begins, excess, maximum(self._shaken.value, excess))
         self._shaken.store(where(self.grows, shaken, 0.0))
         beside = CROSS * shaken * self._reading.arm
+        self.first = where(self._begins, self.size, self._first.value)
+        self._first.store(self.first)
         offset = where(self._begins, self._missed(), self._offset.value)
         self._offset.store(offset)
         self.found = weighed(
@@ -208,7 +230,14 @@ class Growth:
         over = found.passed + found.ended > SURE * (found.growing + found.stopped)
         self._stood = where(self.grows & over, self._still.value + 1.0, 0.0)
         self._still.store(self._stood)
-        self.still = self._stood > 0.0
+
+    def _since(self) -> Field:
+        """Return how long it has grown as it is noticed, frames, this one counted."""
+        low = self._low.value + 1.0
+        if self._sudden:
+            return low
+        unseen = maximum(self.size - BEGINS * sqrt(self._reading.noise), TINY)
+        return minimum(low, self.size / unseen)
 
     def _missed(self) -> Field:
         """Return what it may have been at age 0, RMS, as it begins."""
@@ -217,23 +246,13 @@ class Growth:
         frame = AROUND * self.size / self.age
         return sqrt(frame * frame + UNSEEN * UNSEEN * self._reading.noise)
 
-    @property
-    def stops(self) -> Field:
-        """A flag: this is the first frame in which it does not grow any more."""
-        return self._stood.equals(1.0)
-
-    def close(self, kept: Field) -> Field:
+    def close(self, kept: Field) -> Learned:
         """Store everything for the next frame.
 
         Parameters
         ----------
         kept : Field
             Flag: something holds that keeps a load that stopped from being at rest again.
-
-        Returns
-        -------
-        Field
-            Flag: rest is learned anew, over the taxels that are near the contact now.
         """
         goes_on = self.grows & ~((self._stood > WAIT) & ~kept)
         self._active.store(goes_on)
@@ -255,7 +274,7 @@ class Growth:
             zero.store(where(unloaded, mean, zero.value))
         low = self._rests & (self.size > QUIET * sqrt(reading.noise))
         self._low.store(where(low, self._low.value + 1.0, 0.0))
-        return restarts
+        return Learned(rate, restarts)
 
 
 def _moved(memory: LocalMemory, now: Field, fresh: Field, rate: Field, restarts: Field) -> Field:

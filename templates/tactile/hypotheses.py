@@ -60,6 +60,8 @@ class Weighed:
         Both kinds' c/a, weighed.
     pace : Field
         Amplitude over time of those that follow the law, weighed: the first slope of the load.
+    weights : tuple of Field
+        Of each that follows the law, as many maps as `hypotheses` gives.
     """
 
     growing: Field
@@ -69,6 +71,7 @@ class Weighed:
     soon: Field
     sticks: Field
     pace: Field
+    weights: tuple[Field, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,8 +127,8 @@ def weighed(
         Share of its time for `soon`.
     """
     keep = _keep(age)
-    count = _summed(frame, runs, keep, frame.constant(1.0), scalar=True)
-    sums = [_summed(frame, runs, keep, part, scalar=True) for part in load]
+    count = summed(frame, runs, keep, frame.constant(1.0), scalar=True)
+    sums = [summed(frame, runs, keep, part, scalar=True) for part in load]
     size = sum((part * part for part in load[1:]), start=load[0] * load[0])
     peak = _largest(frame, runs, size)
     off = TRUST**2 * peak + beside
@@ -158,9 +161,10 @@ def _keep(age: Field) -> Field:
     return where(age > power, 1.0 - power / age, 1.0)
 
 
-def _summed(
-    frame: FrameFields, runs: Field, keep: Field, value: Field, *, scalar: bool = False
+def summed(
+    frame: FrameFields, runs: Field, keep: Field | float, value: Field, *, scalar: bool = False
 ) -> Field:
+    """Return the sum of a value over the frames since `runs` holds, the past times `keep`."""
     memory = frame.memory(scalar=scalar)
     now = where(runs, keep * memory.value + value, 0.0)
     memory.store(now)
@@ -185,10 +189,10 @@ def _fit(
     free: Field,
     variance: Field,
 ) -> Fit:
-    mean = _summed(frame, runs, keep, shape)
-    own = maximum(_summed(frame, runs, keep, shape * shape) - mean * mean / free, TINY)
+    mean = summed(frame, runs, keep, shape)
+    own = maximum(summed(frame, runs, keep, shape * shape) - mean * mean / free, TINY)
     along = [
-        _summed(frame, runs, keep, shape * part) - mean * total / free
+        summed(frame, runs, keep, shape * part) - mean * total / free
         for part, total in zip(load, sums, strict=True)
     ]
     power = reduce(add, [part * part for part in along]) / own
@@ -214,15 +218,16 @@ def _weights(
     return Weighed(
         growing=_total(weights),
         stopped=_total(against),
-        passed=_total([w * _over(age, t) for w, t in zip(weights, times, strict=True)]),
-        ended=_total([w * _over(age, t) for w, t in zip(against, times, strict=True)]),
-        soon=_total([w * _over(next_age, t) for w, t in zip(weights, times, strict=True)]),
+        passed=_total([w * over(age, t) for w, t in zip(weights, times, strict=True)]),
+        ended=_total([w * over(age, t) for w, t in zip(against, times, strict=True)]),
+        soon=_total([w * over(next_age, t) for w, t in zip(weights, times, strict=True)]),
         sticks=_total(stuck),
         pace=_total(pace),
+        weights=tuple(weights),
     )
 
 
-def _over(age: Field, times: Field) -> Field:
+def over(age: Field, times: Field) -> Field:
     """Return whether a time is over: 0 to 1 over the distance to the next hypothesis."""
     return minimum(maximum((age / times - 1.0) / (RATIO - 1.0) + 0.5, 0.0), 1.0)
 

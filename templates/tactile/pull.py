@@ -6,7 +6,7 @@ from cnnum.library import get_template
 from cnnum.programs.fields import Field, maximum, minimum, where
 from cnnum.programs.machine import LocalMemory
 from cnnum.programs.transients import apply
-from cnnum.templates.tactile.growth import Growth, Reading, length
+from cnnum.templates.tactile.growth import Growth, Learned, Reading, length
 from cnnum.templates.tactile.laws import PULL, Law
 from cnnum.templates.tactile.loads import Loads, Patch, square
 
@@ -63,8 +63,6 @@ class Side:
         Flag: it is the larger one of the two, a torque being a force at the contact's rim.
     normal, normal_noise : Field
         Normal load near the contact, and its variance.
-    place_noise : Field
-        Variance of the contact's centre along an axis, cells².
     memory : LocalMemory
         Of the taxels near the contact when the load was last at rest.
     near : Field
@@ -75,14 +73,14 @@ class Side:
     outweighs: Field
     normal: Field
     normal_noise: Field
-    place_noise: Field
     memory: LocalMemory
     near: Field
 
-    def close(self, kept: Field) -> None:
+    def close(self, kept: Field) -> Learned:
         """Store what the next frame needs; `kept` as for `Growth.close`."""
-        anew = self.growth.close(kept)
-        self.memory.store((anew & self.near) | (~anew & self.memory.value))
+        learned = self.growth.close(kept)
+        self.memory.store((learned.anew & self.near) | (~learned.anew & self.memory.value))
+        return learned
 
 
 def place_of(loads: Loads, patch: Patch) -> Place:
@@ -171,9 +169,6 @@ def _side(contact: Place, law: Law, memory: LocalMemory, weight: Field, *, torqu
         outweighs=own > other * rim if torque else own * rim > other,
         normal=normal,
         normal_noise=normal_noise,
-        place_noise=where(
-            contact.there, loads.normal_noise * arms / (2.0 * square(contact.load)), 0.0
-        ),
         memory=memory,
         near=contact.near,
     )

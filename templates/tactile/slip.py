@@ -4,26 +4,30 @@ A force that an object puts on the skin at a constant speed grows by Mindlin's l
 Q = μP (1 − (1 − t/T)^(3/2)), and all of the contact slips at T; c/a = √(1 − t/T) of it sticks until
 then. So the program asks how much of that law the force has gone through, whatever the friction,
 the speed, the cover and the size of the contact are. Where a few frames can not tell slip from a
-pull that has stopped, the contact tells: it moves on.
+pull that has stopped, the contact tells: it moves on (`moves`).
 """
 
-import math
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
+from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.templates.tactile.growth import length
 from cnnum.templates.tactile.latch import latched
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
+from cnnum.templates.tactile.moves import Rest, moves_on
 from cnnum.templates.tactile.pull import RADIUS, Place, Side, force_on, place_of
 
-STOPS = 8.0
-"""How much more often a pull that is over has stopped than slipped, before it is looked at: only a
-force that bends as Mindlin's does is called slip, or one whose object moves on."""
+STOPS = 5.0
+"""How much likelier a slip must be than a stop at the same time, by how the force bends and by how
+the contact moves on: a pull that is over has mostly stopped."""
+
+SUDDEN, MORE = 1.4, 4.0
+"""A force of which so little came after its first frame has no bend; a stop is so much likelier
+still. What a held object weighs comes like that, and what comes then may be rolling."""
 
 GROSS = 0.165
-"""Belief in gross slip at which it is reported."""
+"""Belief, against a pull that goes on growing, at which gross slip is reported."""
 
 INCIPIENT = 0.35
 """Belief that less than half the contact radius sticks by the next frame, and not all slips yet, at
@@ -37,21 +41,11 @@ STEADY = 0.3
 """Largest change of the normal load, as a share of the force, under which a force counts: beyond,
 the grip changes."""
 
-CHANCE = 1.0
-"""Standard deviations by which a contact that stays seems to move on: what is beyond counts."""
-
-FARTHEST = 3.5
-"""Standard deviations beyond that count: 450 times as likely a slip as a stop."""
-
-ASIDE = 2.0
-"""Standard deviations by which it may have moved more sideways than along."""
-
-SURE = 1e-6
-"""Pitches to which float32 knows a place, were there no noise."""
-
 ROLLS = 1.0
 """Force, in normal loads, over the pitches that the contact has moved since it began to grow:
 below, the object rolls, and taxels that sample its contact coarsely read the change as shear."""
+
+TINY = 1e-30
 
 
 @program
@@ -91,16 +85,14 @@ def slip_of(
     """Return the outputs of `slip` from what other programs share with it."""
     loads, force = contact.loads, force_on(contact)
     frame, grows, found = loads.frame, force.growth.grows, force.growth.found
-    believed = found.growing + STOPS * found.stopped
+    rest = Rest(loads)
     change = force.growth.steady < STEADY * force.growth.size + 5.0 * sqrt(force.normal_noise)
     stays = force.growth.size > ROLLS * force.normal * _moved(contact, force)
     engaged = force.outweighs & (force.growth.size > ENGAGED * force.normal) & change & stays
-    slid = found.passed * _moves_on(contact, force)
-    bends = slid > gross * (believed + slid - found.passed)
-    gone = latched(frame, grows, engaged & bends)
+    gone = latched(frame, grows, engaged & _slides(contact, force, rest, gross))
     warns = found.soon - found.passed > incipient * (found.growing + found.stopped)
     begun = latched(frame, grows, engaged & warns)
-    force.close(gone)
+    rest.learn(force.close(gone))
     sticks = where(grows, found.sticks / (found.growing + found.stopped), 1.0)
     sticks = where(gone, 0.0, sticks)
     x, y = force.growth.acts
@@ -128,22 +120,16 @@ def _moved(contact: Place, force: Side) -> Field:
     return length(way)
 
 
-def _moves_on(contact: Place, force: Side) -> Field:
-    """Return how much more likely a slip is than a stop, by how the contact moves along it."""
-    frame, growth = contact.loads.frame, force.growth
-    start = [frame.memory(scalar=True) for _ in range(2)]
-    way = list[Field]()
-    for memory, now in zip(start, (contact.column, contact.row), strict=True):
-        begun = where(growth.stops, now, memory.value)
-        memory.store(begun)
-        way.append(now - begun)
-    (x, y), (to_x, to_y) = way, growth.load
-    along = (x * to_x + y * to_y) / growth.size
-    across = abs(x * to_y - y * to_x) / growth.size
-    noise = maximum(sqrt(force.place_noise), SURE)
-    counts = growth.still & ~growth.stops & (across < along + ASIDE * noise)
-    beyond = minimum(maximum(along / (math.sqrt(2.0) * noise) - CHANCE, 0.0), FARTHEST)
-    return exp(where(counts, 0.5 * beyond * beyond, 0.0))
+def _slides(contact: Place, force: Side, rest: Rest, gross: float) -> Field:
+    """Return a flag: the force has stopped growing, and what it pulls at goes on."""
+    loads, growth, found = contact.loads, force.growth, force.growth.found
+    ratio = growth.size / maximum(force.normal, TINY)
+    moves = moves_on(loads, growth, rest.way(growth, loads.normal_noise), ratio)
+    stops = where(growth.size < SUDDEN * growth.first, MORE * STOPS, STOPS) * found.stopped
+    # of all that follow the law, those whose time is not over yet count as they are
+    grows = gross * (found.growing - found.passed + moves.against_growth)
+    slips, strays = moves.against_stops, moves.against_growth
+    return stops * strays + grows * slips < slips * strays
 
 
 def _sticks(contact: Place, sticks: Field) -> Field:

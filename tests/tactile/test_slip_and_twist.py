@@ -221,3 +221,43 @@ def test_a_noisy_taxel_does_not_break(opencl, run, simulate):
     loud[gross - 4, 6, 6] += 50.0 * noise
     got = run(opencl, slip, loud, FLAGS[1:3])
     assert abs(onsets(got["gross_slip"])[0] - gross) <= 5
+
+
+SLOWLY_HELD = (Phase("hold", 0.4), Phase("press", 0.3, load=0.6), Phase("hold", 0.3))
+"""For few frames a second: rest is learned from the first sixteen."""
+
+
+@pytest.mark.parametrize(
+    ("shape", "options", "rate", "speed"),
+    [
+        ((4, 4), {"cover": "bumps-fem", "friction": 0.31}, 100.0, 0.35e-3),
+        ((4, 4), {"thickness": 1.0e-3, "friction": 0.4}, 60.0, 1.0e-3),
+        ((8, 8), {"cover": "bumpy"}, 100.0, 2.0e-3),
+    ],
+    ids=["4x4 bumps", "4x4 flat", "bumpy"],
+)
+def test_a_quick_pull_is_told_by_the_contact_moving_on(
+    opencl, run, simulate, shape, options, rate, speed
+):
+    """A few frames bend as a stop does; that the map goes on with the pull makes the difference."""
+    script = (*SLOWLY_HELD, Phase("pull", 0.4, speed=speed, direction=0.7), Phase("relax", 0.3))
+    for seed in (31, 32, 33):
+        strain, truth = simulate(script=script, seed=seed, shape=shape, rate=rate, **options)
+        got = run(opencl, slip, strain, FLAGS[1:3])
+        found, true = onsets(got["gross_slip"]), onsets(truth["slip"])[0]
+        assert len(found) == 1
+        assert abs(found[0] - true) <= 5
+
+
+def test_what_moves_later_is_not_slip(opencl, run, simulate):
+    """A weight that comes within a frame, and the object rolls along it half a second later."""
+    script = (
+        *SLOWLY_HELD,
+        Phase("pull", 0.01, speed=2.3e-3, direction=0.3),
+        Phase("hold", 0.5),
+        Phase("roll", 0.2, speed=1.9e-3, direction=0.3),
+    )
+    for seed in (35, 36):
+        strain, truth = simulate(script=script, seed=seed, rate=100.0)
+        assert not truth["slip"].any()
+        assert not run(opencl, slip, strain, FLAGS[1:3])["gross_slip"].any()
