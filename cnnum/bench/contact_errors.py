@@ -11,6 +11,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.program_library import get_program
+from cnnum.tactile.halfspace import band_pass, low_pass
 from cnnum.tactile.indenters import Reads
 from cnnum.tactile.touches import WIDEST, Touch, drawn, readings
 
@@ -19,6 +20,9 @@ NOISE = 2.5e-3
 
 REST, HELD = 20, 3
 DEPTHS = (0.5, 0.75, 1.0, 1.3)
+WAVES = 8
+"""Waves of the pitch to each side, beyond which a cover of a quarter of it passes 1e-4."""
+
 RADII = ((0.5, 1.0), (1.0, 1.5), (1.5, 2.5), (2.5, 4.0), (4.0, 6.5))
 
 
@@ -58,6 +62,35 @@ def errors(touches: Sequence[Touch], got: dict[str, Floats], cells: int) -> dict
     }
 
 
+def aliased(radius: float, depth: float, reads: Reads) -> float:
+    """Return by how much readings of a sphere add up to too much, at most, by its place.
+
+    Taxels a pitch apart take waves of the pitch for none at all (Poisson's summation formula).
+    What they add up to is all that an endless array knows of a load.
+
+    Parameters
+    ----------
+    radius : float
+        Of the contact, pitches.
+    depth : float
+        Of the cover, pitches.
+    reads : "strain" or "stress"
+
+    Returns
+    -------
+    float
+        In loads; from a place on a taxel, or between four.
+    """
+    number = np.arange(-WAVES, WAVES + 1.0)
+    m, n = np.meshgrid(number, number)
+    k = np.where((m == 0) & (n == 0), np.inf, 2 * np.pi * np.hypot(m, n))
+    finite = np.where(np.isinf(k), 1.0, k)
+    sphere = 3 * (np.sin(finite * radius) - finite * radius * np.cos(finite * radius))
+    passes = (low_pass if reads == "stress" else band_pass)(finite, depth)
+    waves = np.where(np.isinf(k), 0.0, passes * sphere / (finite * radius) ** 3)
+    return float(max(abs(waves.sum()), abs((waves * (-1.0) ** (m + n)).sum())))
+
+
 def main(reads: Reads = "strain", count: int = 24) -> None:
     """Print quantiles of the errors."""
     engine, rng = Engine(), np.random.default_rng(1)
@@ -77,6 +110,9 @@ def main(reads: Reads = "strain", count: int = 24) -> None:
                     for three in [np.quantile(each, [0.05, 0.5, 0.95])]
                 ]
                 print(f"| {cells} | {depth} | {radii[0]}–{radii[1]}", *row, sep=" | ", end=" |\n")
+    for radius in (0.5, 0.7, 1.0):
+        shares = {depth: f"{aliased(radius, depth, reads):.1%}" for depth in DEPTHS}
+        print(f"readings of a sphere of {radius} cells add up to so much too much: {shares}")
 
 
 if __name__ == "__main__":

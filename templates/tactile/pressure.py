@@ -31,6 +31,13 @@ ROUNDS = 2
 """Times that the pull is laid out and taken off. After one, contacts wider than the cover is thick
 carry up to 40 % too little; after two, what is left is that of no pull at all."""
 
+AROUND = 1
+"""Cells around a narrow contact in which part of its load comes back: a hollow beside a peak."""
+
+NARROW, WIDE = 12.0, 24.0
+"""Taxels touched up to which that counts in full, and from which not at all: around wide contacts
+what is left of a pull is more than the hollow. They are radii of 2 and of 2.8 cells."""
+
 NOTHING = 1e-30
 """What sums of loads are kept above, so that no contact divides by 0."""
 
@@ -124,9 +131,8 @@ def _under_cover(loads: Loads, normal: Field, noise: Field, cover: _Cover) -> Pr
     pressure = _pressure(loads, normal, shape, found, cover)
     touched = touched_map(loads, pressure, _level(pressure, gained, cover.share))
     weight = where(touched, maximum(pressure, 0.0), 0.0)
-    shape, found = _shared(weight), weight.sum()
-    if cover.reads == "strain":
-        found = found * _unseen(weight, touched, cover)
+    shape = _shared(weight)
+    found = weight.sum() * _missed(pressure, weight, touched, cover)
     x, y = _pulls(loads, shape, found, cover.depth)
     return Pressed(touched, weight, found, x, y)
 
@@ -192,14 +198,21 @@ def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Fiel
     return found[0], found[1]
 
 
-def _unseen(weight: Field, touched: Field, cover: _Cover) -> Field:
-    """Return by how much a load is larger than what comes back of it.
+def _missed(pressure: Field, weight: Field, touched: Field, cover: _Cover) -> Field:
+    """Return by how much a load is larger than what the taxels touched hold of it.
 
     Strain passes no mean, so the pressure comes back on a ground below 0, the lower the wider the
-    contact. What the filter leaves of a load of this shape, on the taxels touched, says how much.
+    contact; and a load between taxels, or narrower than one, comes back too high, in a hollow of
+    its own. What the filter makes of a load of this shape, on the taxels touched and around them,
+    beside what is found there, says how much.
     """
     kernel = left_kernel(cover.depth, cover.reads)
     left = filter_template(f"left {cover.reads} {cover.depth:g}", kernel, "What unblur leaves.")
-    found = weight.sum()
-    lost = where(touched, apply(left, input=weight), 0.0).sum()
-    return found / maximum(found - lost, NOTHING)
+    size = 2 * AROUND + 1
+    box = filter_template(f"around {AROUND}", np.ones((size, size)), "Counts what is around.")
+    near = apply(box, input=where(touched, 1.0, 0.0)) > 0.5
+    narrow = minimum(maximum((WIDE - touched.count()) / (WIDE - NARROW), 0.0), 1.0)
+    share = where(touched, 1.0, where(near, narrow, 0.0))
+    found = (share * pressure).sum()
+    held = (share * (weight - apply(left, input=weight))).sum()
+    return maximum(found, 0.0) / maximum(held, NOTHING)

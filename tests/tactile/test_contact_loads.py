@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import correlate2d
 
-from cnnum.bench.contact_errors import errors, run_contact
+from cnnum.bench.contact_errors import aliased, errors, run_contact
 from cnnum.drivers.simulated.script import Phase
 from cnnum.errors import UnknownNameError
 from cnnum.tactile.halfspace import SurfaceToDepth, strain_transfer
@@ -54,6 +54,31 @@ def test_loads_of_pulled_spheres(opencl, cells, depth, reads):
     # whole taxels: the rim crosses 10 to 25 of them
     assert np.abs(off["contact_area"]).max() < 0.45
     assert np.abs(np.median(off["contact_area"])) < 0.2
+
+
+@pytest.mark.parametrize("reads", ["strain", "stress"])
+def test_narrow_contacts_weigh_what_their_readings_allow(opencl, reads):
+    """Half a cell to one in radius: between taxels, what these add up to is all that is known."""
+    for depth, limit in ((0.75, 0.15), (1.0, 0.15)):
+        touches = drawn(np.random.default_rng(12), (0.5, 1.0), 8, 24)
+        off = errors(touches, run_contact(opencl, touches, 8, depth, reads), 8)["load_normal"]
+        assert aliased(0.5, depth, reads) < 0.1
+        # that, and twice the 5 % by which a sphere's shape is not that of loads on whole cells
+        assert np.quantile(np.abs(off), 0.9) < limit
+
+
+@pytest.mark.parametrize(("radius", "depth"), [(0.5, 0.5), (0.7, 0.5), (0.5, 1.0)])
+def test_readings_add_up_by_place(radius, depth):
+    """Stress adds up to the load, on and between taxels, but for waves of the pitch."""
+    axis = np.arange(-60.0, 61.0)
+    x, y = np.meshgrid(axis, axis)
+    sums = []
+    for at in (0.0, 0.5):
+        body = Disc(radius, (at, at), "hertz")
+        sums.append(body.normal(x, y, depth, "stress").sum() / (np.pi * radius**2))
+    # an array of 121 pitches misses (z/60)³ of stress that falls off as the fifth power
+    wanted = aliased(radius, depth, "stress")
+    assert max(abs(each - 1.0) for each in sums) == pytest.approx(wanted, abs=2e-3)
 
 
 def test_a_pull_does_not_move_the_contact(opencl):
