@@ -29,7 +29,7 @@ still. What a held object weighs comes like that, and what comes then may be rol
 GROSS = 0.165
 """Belief, against a pull that goes on growing, at which gross slip is reported."""
 
-INCIPIENT = 0.35
+INCIPIENT = 0.28
 """Belief that less than half the contact radius sticks by the next frame, and not all slips yet, at
 which incipient slip is reported; stops count as much as slips here, since it warns."""
 
