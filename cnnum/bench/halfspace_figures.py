@@ -67,6 +67,8 @@ def equilibrium_figure(rows: Sequence[Row]) -> Picture:
     for mark, ratio in zip("os", (0.3, 0.49), strict=True):
         own = [r for r in rows if r["poisson"] == ratio]
         left.plot(_of(own, "cells"), _of(own, "error"), marker=mark, label=f"ν = {ratio}")
+        near = _of(own, "matched_error")
+        left.plot(_of(own, "cells"), near, marker=mark, ls="--", label=f"ν = {ratio}, matched")
     cells = np.array([1.0, 3.0])
     left.plot(cells, 0.6 / cells**2, "k:", label="slope 2")
     left.set(xscale="log", yscale="log", xlabel="cells a unit of length (the taxels lie 2 deep)")

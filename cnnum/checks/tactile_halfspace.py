@@ -44,6 +44,7 @@ def _block_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
         "thickness": 2.0,
         "pitch": 1.0,
         "slabs": SLABS,
+        "match": False,
         "poisson": POISSON,
         "youngs_modulus": 2 * (1 + POISSON),
     }

@@ -10,6 +10,7 @@ from cnnum.programs.transients import Applied, apply, transient
 from cnnum.template import Template
 from cnnum.templates.tactile.elastic_lattice import ElasticLattice, Form
 from cnnum.templates.tactile.halfspace_fields import depth_in_cells
+from cnnum.templates.tactile.lattice_fading import matched
 
 PATIENCE = 1e7
 """Time constants after which the relaxation gives up; that of ν = 0.499 on 16×16 cells is 1e6."""
@@ -28,6 +29,7 @@ def halfspace_equilibrium(
     slabs: int = 8,
     tolerance: float = 1e-5,
     method: str = "auto",
+    match: bool = True,
 ) -> Mapping[str, Field]:
     """Displacement, stress and strain at the taxels of a compressible cover.
 
@@ -59,6 +61,9 @@ def halfspace_equilibrium(
         constant; what is left to come is that times the slowest mode's time constants.
     method : str
         Integration method; "auto" takes Runge–Kutta–Chebyshev steps.
+    match : bool
+        Take off the loads what the lattice fades too little of short waves on the way to the
+        taxels; without, the answer is the lattice's own.
 
     Returns
     -------
@@ -74,6 +79,9 @@ def halfspace_equilibrium(
     lattice = ElasticLattice(slabs, depth_in_cells(thickness, pitch, cells) / layers, poisson)
     spec = RunSpec(method=method, rtol=tolerance, atol=tolerance, settle_limit=PATIENCE)
     loads = [frame.channel(c) for c in ("shear_x", "shear_y", "normal")]
+    if match:
+        nearer = matched(lattice.slab * layers, lattice.slab)
+        loads = [apply(nearer, input=load) for load in loads]
     relaxed = transient(lattice.template(), input=loads, spec=spec)
     shear_modulus = youngs_modulus / (2.0 * (1.0 + poisson))
     return _read(relaxed, lattice, layers, pitch / cells, shear_modulus)

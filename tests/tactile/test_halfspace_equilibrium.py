@@ -8,15 +8,20 @@ from cnnum.engine import Engine
 from cnnum.errors import ProgramError
 from cnnum.tactile import halfspace
 from cnnum.templates.tactile.halfspace_equilibrium import halfspace_equilibrium
+from cnnum.templates.tactile.lattice_fading import fading_error
+
+LIMITS = {0: (0.27, 0.05), 2: (0.12, 0.02)}
+"""Of the largest displacement, at one and at two cells a unit of length, under a pull and a push:
+as measured, to the next hundredth. A push's were 0.60 and 0.094 on the lattice as it is."""
 
 PLANE = 2
 """The taxels lie so many slabs deep."""
 
 
-def relaxed(engine, load, *, slabs, thickness, cells=1, poisson, tolerance):
+def relaxed(engine, load, *, slabs, thickness, cells=1, poisson, tolerance, match=False):
     program = halfspace_equilibrium.bind(
         thickness=thickness, pitch=1.0, cells=cells, slabs=slabs, layers=PLANE * cells,
-        poisson=poisson, youngs_modulus=2 * (1 + poisson), tolerance=tolerance,
+        poisson=poisson, youngs_modulus=2 * (1 + poisson), tolerance=tolerance, match=match,
     )  # fmt: skip
     names = [f"displacement_{axis}" for axis in "xyz"]
     got = engine.compile(program, load.shape[:2], names)(load)
@@ -51,26 +56,48 @@ def infinite(place, side, depth, axis, poisson):
     return found
 
 
+def off_4_9(cells, axis, poisson, match):
+    """Largest error of displacements under two opposite loads on a torus, over their largest.
+
+    Far images and the base do not matter.
+    """
+    side, depth, n = 8, 2.0, 8 * cells
+    load, place = np.zeros((n, n, 3)), (np.arange(n) + 0.5) / cells
+    load[cells : 2 * cells, cells : 2 * cells, axis] = 1.0
+    load[5 * cells : 6 * cells, 5 * cells : 6 * cells, axis] = -1.0
+    exact = infinite(place, side, depth, axis, poisson)
+    got = relaxed(
+        Engine(precision="float64"), load, slabs=6 * cells, thickness=depth, cells=cells,
+        poisson=poisson, tolerance=1e-8, match=match,
+    )  # fmt: skip
+    return np.abs(got - exact).max() / np.abs(exact).max()
+
+
 @pytest.mark.parametrize("poisson", [0.3, 0.49])
 @pytest.mark.parametrize("axis", [0, 2], ids=["Q", "F"])
 def test_what_relaxes_nears_4_9_as_the_square_of_the_cell(poisson, axis):
-    """Two opposite loads on a torus: far images and the base do not matter."""
-    side, depth, errors = 8, 2.0, []
-    engine = Engine(precision="float64")
-    for cells in (1, 2):
-        n = side * cells
-        load, place = np.zeros((n, n, 3)), (np.arange(n) + 0.5) / cells
-        load[cells : 2 * cells, cells : 2 * cells, axis] = 1.0
-        load[5 * cells : 6 * cells, 5 * cells : 6 * cells, axis] = -1.0
-        exact = infinite(place, side, depth, axis, poisson)
-        got = relaxed(
-            engine, load, slabs=6 * cells, thickness=depth, cells=cells, poisson=poisson,
-            tolerance=1e-8,
-        )  # fmt: skip
-        errors.append(np.abs(got - exact).max() / np.abs(exact).max())
+    errors = [off_4_9(cells, axis, poisson, match=False) for cells in (1, 2)]
     # second order is 4; at one cell a load of that size the terms beyond still help
     assert 3.5 <= errors[0] / errors[1] <= 8.0, errors
     assert errors[1] <= 0.17
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.49])
+@pytest.mark.parametrize("axis", [0, 2], ids=["Q", "F"])
+def test_loads_matched_to_the_lattice_come_nearer_to_4_9(poisson, axis):
+    """Nine weights a load take off what the lattice fades too little; see the documentation."""
+    errors = [off_4_9(cells, axis, poisson, match=True) for cells in (1, 2)]
+    assert errors[0] <= LIMITS[axis][0]
+    assert errors[1] <= LIMITS[axis][1]
+
+
+def test_the_lattice_fades_as_stated():
+    """By hand: a wave that goes as sinh(κz) obeys the second difference of slabs."""
+    k_x, k_y, slab, depth = np.array([0.3, 1.0, 2.5]), np.array([0.0, 0.7, 1.5]), 0.8, 2.0
+    slower = np.log(fading_error(k_x, k_y, depth, slab)) / depth + np.hypot(k_x, k_y)
+    down = (np.exp(slower * slab) - 2.0 + np.exp(-slower * slab)) / slab**2
+    across = 4.0 - 2.0 * np.cos(k_x) - 2.0 * np.cos(k_y)
+    np.testing.assert_allclose(down, across, rtol=1e-12)
 
 
 @pytest.mark.parametrize("options", [{"poisson": 0.5}, {"slabs": 1}])
