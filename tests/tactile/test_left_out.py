@@ -36,7 +36,7 @@ def templates(plan):
         (("edge_load",), ("normal",), ["smooth", "unblur strain 0.5"]),
         (("bump_count",), FORCE_AXES, ["smooth", "unmix"]),
         (("bump_load_x",), FORCE_AXES, ["smooth", "unmix"]),
-        (("gross_slip",), FORCE_AXES, 2 * ["smooth"]),
+        (("gross_slip",), FORCE_AXES, [*2 * ["slope"], *2 * ["smooth"]]),
         (("twist",), FORCE_AXES, 2 * ["smooth"]),
         (("twist_row",), ("normal",), ["smooth"]),
     ],
@@ -59,9 +59,9 @@ def test_counts_of_memories_and_nodes():
         for name, plan in (("contact", contact), ("slip", slip))
     }
     assert maps["contact"] == 4  # rest, the frame before, its noise, and which taxels broke
-    # 256 / 64 groups of 2 laws with 4 sums; the taxels near and broken; rest and frame before of 3,
-    # noise of 2
-    assert maps["slip"] == 4 * 2 * 4 + 2 + 3 + 3 + 2
+    # 256 / 64 groups of 2 laws and a ramp with 4 sums; the taxels near and broken; rest and frame
+    # before of 3, noise of 2; the normal load when the force was at rest
+    assert maps["slip"] == 4 * 3 * 4 + 2 + 3 + 3 + 2 + 1
     assert len(contact.nodes) < 130 < 400 < len(slip.nodes)
 
 
