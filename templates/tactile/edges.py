@@ -23,7 +23,7 @@ from cnnum.templates.tactile.unblur import (
 SHARE = 0.3
 """Least load along an edge, as a share of the largest."""
 
-RISE = {0.3: 0.70, 0.5: 0.725, 0.75: 0.785}
+RISE = {0.3: 0.70, 0.5: 0.735, 0.75: 0.785}
 """Cells in which the load of an edge rises from half to 0.88 of its height, at most, by pitches of
 cover; the thicker it is, the more the filter rounds. A uniform load takes 0.4 to 0.9, with the
 place of the outline between the taxels; on average 0.71 at most under 0.3 pitches, and 0.84 (small

@@ -110,8 +110,9 @@ def test_a_small_smooth_contact_has_few(opencl, run, reads, radius, depths):
     bodies = [Disc(radius, tuple(rng.uniform(-0.5, 0.5, 2)), "hertz") for _ in range(40)]
     for depth in depths:
         got, _ = found_by(run, opencl, bodies, 8, depth, reads)
-        # up to 8 of 60 there, and 2 of 60: the mean of 40 and three standard deviations
-        assert (got["edge_count"][-1] > 0).sum() <= (11 if radius == 2.0 else 5)
+        # up to 19 of 60 there, and 2 of 60: the mean of 40 and three standard deviations; of 2
+        # cells it was 36 of 40 with one bound for all covers
+        assert (got["edge_count"][-1] > 0).sum() <= (22 if radius == 2.0 else 5)
 
 
 @pytest.mark.parametrize("reads", ["strain", "stress"])
