@@ -30,9 +30,8 @@ place of the outline between the taxels; on average 0.71 at most under 0.3 pitch
 rectangles) under one. Hertz's pressure takes 0.70 to 0.81 at a radius of 2 cells, 0.79 to 0.89 at
 2.5 and 0.96 at 3."""
 
-VOTERS = 5
-"""Cells to each side whose links are averaged before an edge is called sharp: a contact of 2.5
-cells is judged as a whole."""
+VOTERS = 3
+"""Cells to each side whose links are averaged before an edge is called sharp."""
 
 HOLLOW_VOTERS = 3
 """The same for whether a load is a punch's, along one side of it."""
