@@ -103,14 +103,14 @@ def test_a_smooth_contact_has_no_edge(opencl, run, cells, reads, depth):
 
 
 @pytest.mark.parametrize("reads", ["strain", "stress"])
-@pytest.mark.parametrize(("radius", "depths"), [(2.0, (0.3, 0.5)), (2.5, (0.3, 0.5, 0.75, 1.0))])
+@pytest.mark.parametrize(("radius", "depths"), [(2.0, (0.3, 0.5)), (2.5, (0.3, 0.5))])
 def test_a_small_smooth_contact_has_few(opencl, run, reads, radius, depths):
     """Drawn as docs/programs/edges.md draws them, with other seeds than its bounds were set on."""
     rng = np.random.default_rng(21)
     bodies = [Disc(radius, tuple(rng.uniform(-0.5, 0.5, 2)), "hertz") for _ in range(40)]
     for depth in depths:
         got, _ = found_by(run, opencl, bodies, 8, depth, reads)
-        # up to 19 of 60 there, and 2 of 60: the mean of 40 and three standard deviations; of 2
+        # up to 19 of 60 there, and none of 60: the mean of 40 and three standard deviations; of 2
         # cells it was 36 of 40 with one bound for all covers
         assert (got["edge_count"][-1] > 0).sum() <= (22 if radius == 2.0 else 5)
 
