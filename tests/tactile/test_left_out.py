@@ -32,7 +32,7 @@ def templates(plan):
     [
         (("contact",), ("normal",), ["smooth"]),
         (("contact_row", "contact_column"), FORCE_AXES, sorted([*PRESSED, "smooth"])),
-        (("load_x",), FORCE_AXES, sorted([*PRESSED, "left strain 0.5", "smooth"])),
+        (("load_x",), FORCE_AXES, sorted([*PRESSED, "around 1", "left strain 0.5", "smooth"])),
         (("edge_load",), ("normal",), ["smooth", "unblur strain 0.5"]),
         (("bump_count",), FORCE_AXES, ["smooth", "unmix"]),
         (("bump_load_x",), FORCE_AXES, ["smooth", "unmix"]),
