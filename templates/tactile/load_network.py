@@ -118,8 +118,8 @@ class LoadNetwork:
 
 def _shared(one: Floats, other: Floats) -> Floats:
     """Return what two strains share, by how their taxels lie to each other."""
-    pairs = zip(one, other[:, ::-1, ::-1], strict=True)
-    return np.asarray(sum(fftconvolve(a, b) for a, b in pairs), dtype=np.float64)
+    products: Floats = fftconvolve(one, other[:, ::-1, ::-1], axes=(-2, -1))
+    return np.asarray(products.sum(axis=0))
 
 
 def _filter(name: str, weights: Floats) -> Template:

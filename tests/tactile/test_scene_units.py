@@ -34,7 +34,7 @@ def test_loads_are_newtons(demo):
 
 
 def test_a_contact_is_as_strong_as_what_presses(demo):
-    told, true, events = demo
+    told, _, events = demo
     contact = next(event for event in events if event.kind == "contact")
     assert contact.strength == pytest.approx(told[contact.frame, 0], rel=1e-6)
     assert 0.0 < contact.strength < 0.1  # newtons, two frames after the touch

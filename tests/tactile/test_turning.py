@@ -123,7 +123,7 @@ def torques(slid):
 
 
 def test_locked_shear_takes_what_springs_say():
-    """Within 0.2 % of the last torque, to which it was fitted, and rounding; it takes up to 2.7 %."""
+    """Within 0.2 % of the last torque, to which it was fitted; it takes up to 2.7 %."""
     free, left = torques(slid=False), torques(slid=True)
     takes, less = turning.LOCKED
     told = free - free**2 * (1.0 - free) * (takes - less * free)
