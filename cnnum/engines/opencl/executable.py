@@ -164,11 +164,15 @@ class OpenCLExecutable:
             np.copyto(arrays.input.host.reshape(given.shape), given, casting="same_kind")
             arrays.input.push(queue)
         self._bind(built, arrays, memory, batch, first)
-        if built.kernel is not None:
-            cl.enqueue_nd_range_kernel(queue, built.kernel, (-(-batch // lanes),), (1,))
-        elif built.parted is not None and arrays.between is not None:
-            built.parted.run(arrays.scratch, arrays.between, batch)
-        arrays.output.pull(queue)
+        try:
+            if built.kernel is not None:
+                cl.enqueue_nd_range_kernel(queue, built.kernel, (-(-batch // lanes),), (1,))
+            elif built.parted is not None and arrays.between is not None:
+                built.parted.run(arrays.scratch, arrays.between, batch)
+            arrays.output.pull(queue)
+        except BaseException:
+            queue.finish()  # after Ctrl-C nobody frees what a kernel still writes to
+            raise
         return self._unpack(built.text, arrays.output.host.reshape(batch, -1))
 
     def _bind(

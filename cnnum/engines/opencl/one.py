@@ -82,8 +82,12 @@ class OneFrame:
         if first is not self._first:
             self._kernel.set_args(*self._arguments, np.int32(1), np.int32(first))
             self._first = first
-        cl.enqueue_nd_range_kernel(self._queue, self._kernel, ONE_ITEM, ONE_ITEM)
-        self._output.pull(self._queue)
+        try:
+            cl.enqueue_nd_range_kernel(self._queue, self._kernel, ONE_ITEM, ONE_ITEM)
+            self._output.pull(self._queue)
+        except BaseException:
+            self._queue.finish()  # after Ctrl-C nobody frees what a kernel still writes to
+            raise
         self.packed = packed = self._taken.astype(np.float64)
         if packed[-1] != 0.0:
             refuse_unfinished(packed[-1:])
