@@ -96,8 +96,8 @@ def inverse_figure(rows: Sequence[Row], maps: Sequence[tuple[str, Floats, float]
         where = axes[0, at]
         limit = float(np.abs(values).max()) / unit
         shown = where.imshow(values / unit, cmap="RdBu_r", vmin=-limit, vmax=limit)
-        where.set(title=title, xlabel="column of taxels", ylabel="row")
-        label = "kPa" if unit == 1e3 else "10⁻³, noise of 10⁻⁴"
+        where.set(title=title, xlabel="column, taxels", ylabel="row, taxels")
+        label = "pressure, kPa" if unit == 1e3 else "strain, 10⁻³ (noise 0.1)"
         figure.colorbar(shown, ax=where, label=label, shrink=0.85)
     for place, key, factor, name in (
         (axes[1, 0], "width", 1e3, "width of the point response, mm"),
@@ -110,7 +110,11 @@ def inverse_figure(rows: Sequence[Row], maps: Sequence[tuple[str, Floats, float]
             y = [factor * _number(r[key]) for r in own]
             place.plot(x, y, marker="o", label=f"pitch {1e3 * pitch:g} mm")
         place.set(xlabel="thickness of the cover, mm", ylabel=name)
-    _finish(*axes[1])
+        place.grid(visible=True, alpha=0.3)
+        place.set_ylim(0, None)
+    # one key below for all three: inside, it would lie on the lines
+    handles, labels = axes[1, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels), frameon=False)
     return figure
 
 

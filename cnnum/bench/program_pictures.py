@@ -1,9 +1,11 @@
 """Pictures of the tactile programs: `python -m cnnum.bench.program_pictures docs/programs`.
 
-Each shows what an array reads of a known load, and what a program makes of it.
+All of them, or those named after the folder. Each shows what an array reads of a known load, and
+what a program makes of it.
 """
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +16,7 @@ from matplotlib.figure import Figure
 from cnnum.arrays import Floats
 from cnnum.bench.contact_errors import held
 from cnnum.bench.edge_errors import NOISE, found_places, run_edges
+from cnnum.bench.slip_pictures import grasp_slip_picture, slip_and_twist_picture
 from cnnum.engine import Engine
 from cnnum.program_library import get_program
 from cnnum.tactile.bump_loads import bump_readings
@@ -23,6 +26,9 @@ from cnnum.tactile.texture_materials import FOUR, Stroke, rub
 from cnnum.tactile.touches import Touch, readings
 
 MADE: Any = {"dpi": 100, "bbox_inches": "tight"}
+
+DOT: Any = {"color": "#ffd92f", "markersize": 5, "mec": "k", "mew": 0.8}
+"""Seen on dark and on light cells."""
 
 
 def _sheet(columns: int, width: float = 3.4, height: float = 3.5) -> tuple[Any, Any]:
@@ -75,15 +81,27 @@ def edges_picture() -> Any:
         seen = frame_under(body, (8, 8), 0.5, "strain")
         image = _map(axis, seen / seen.max(), name, 1.0)
         x, y = np.meshgrid(fine - 3.5, fine - 3.5)
-        axis.contour(fine, fine, body.distance(x, y), [0.0], colors="k", linestyles=":")
+        axis.contour(fine, fine, body.distance(x, y), [0.0], colors="k", linestyles="--")
         where = found_places(got["edge_to_right"][number], got["edge_to_below"][number])
-        axis.plot(where[:, 1], where[:, 0], "o", color="#2a8c2a", markersize=4, label="edge found")
-        axis.plot([], [], "k:", label="true outline")
+        axis.plot(where[:, 1], where[:, 0], "o", label="edge found", **DOT)
+        axis.plot([], [], "k--", label="true outline")
     axes[0].set_ylabel("row, cells")
     figure.colorbar(image, ax=list(axes), label="compressive strain / peak", shrink=0.65)
     handles, labels = axes[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2, frameon=False)
     return figure
+
+
+def _loads(axis: Any, loads: Floats, title: str) -> Any:
+    """Draw normal loads as colours and shear loads as arrows."""
+    image = axis.imshow(loads[..., 2], cmap="Reds", vmin=0.0, vmax=1.0)
+    axis.set(title=title, xlabel="column, bumps")
+    rows, cols = np.nonzero(np.abs(loads).max(axis=-1) > 0)
+    shear = loads[rows, cols]
+    arrow = {"angles": "xy", "scale_units": "xy", "scale": 0.35, "width": 0.012, "color": "#0a6ebd"}
+    drawn = axis.quiver(cols, rows, shear[:, 0], shear[:, 1], **arrow)
+    axis.quiverkey(drawn, 0.15, 0.08, 0.35, "shear of 0.35", labelpos="E", coordinates="axes")
+    return image
 
 
 def localize_picture() -> Any:
@@ -94,28 +112,45 @@ def localize_picture() -> Any:
     loads[5, 6] = 0.2, -0.2, 0.7
     read = bump_readings(loads, "pad", 3.0, 0.5)
     got = _streamed("localize", _held(read), push=1.0, taxels="pad", bump_pitch=3.0, bump_depth=0.5)
-    figure, axes = _sheet(3, 3.9)
-    image = _map(axes[0], read[..., 2], "read: normal combination")
-    figure.colorbar(image, ax=axes[0], label="stress × (bump radius)² / load", shrink=0.8)
-    image = _map(axes[1], got["bump_load_normal"], "normal loads found, arrows: shear")
-    figure.colorbar(image, ax=axes[1], label="load, shares of the largest", shrink=0.8)
-    rows, cols = np.nonzero(got["bump_contact"])
-    shear = got["bump_load_x"][rows, cols], got["bump_load_y"][rows, cols]
-    axes[1].quiver(cols, rows, *shear, angles="xy", scale_units="xy", scale=0.35, width=0.012)
-    _flags(axes[2], got["bump_patch"] > 0, f"{got['bump_patches']:.0f} contacts")
+    figure, axes = _sheet(4, 3.7, 3.9)
+    image = axes[0].imshow(read[..., 2], cmap="Reds", vmin=0.0)
+    axes[0].set(title="read: normal combination", xlabel="column, bumps", ylabel="row, bumps")
+    label = "stress × (bump radius)² / load"
+    figure.colorbar(image, ax=axes[0], label=label, shrink=0.8, location="bottom")
+    found = np.stack([got[f"bump_load_{axis}"] for axis in ("x", "y", "normal")], axis=-1)
+    _loads(axes[1], loads, "true loads")
+    image = _loads(axes[2], np.where(got["bump_contact"][..., None] > 0, found, 0.0), "loads found")
+    label = "normal load; shear is in the same unit"
+    figure.colorbar(image, ax=list(axes[1:3]), label=label, shrink=0.4, location="bottom")
+    _flags(axes[3], got["bump_patch"] > 0, f"{got['bump_patches']:.0f} contacts found")
+    axes[3].set_xlabel("column, bumps")
     patches = np.unique(got["bump_patch"][got["bump_patch"] > 0])
     for number, label in enumerate(patches, start=1):
         at = tuple(np.argwhere(got["bump_patch"] == label)[0])
         r, c = got["bump_patch_row"][at], got["bump_patch_column"][at]
-        axes[2].plot(c, r, "k+", markersize=10, label="centroid" if number == 1 else None)
-        axes[2].annotate(str(number), (c, r), (6, 6), textcoords="offset points")
-    axes[2].legend(loc="lower left", fontsize=8)
-    axes[0].set_ylabel("row, cells")
+        axes[3].plot(c, r, "k+", markersize=10, label="centroid" if number == 1 else None)
+        axes[3].annotate(str(number), (c, r), (14, 14), textcoords="offset points")
+    axes[3].legend(loc="lower left", fontsize=8)
     return figure
 
 
+def _compared(axis: Any, names: Sequence[str], true: Floats, found: Floats) -> None:
+    """Draw bars of what is true beside what was found, with their numbers."""
+    for off, values, colour, label in (
+        (-0.2, true, "0.72", "true"),
+        (0.2, found, "#0a6ebd", "found"),
+    ):
+        places = np.arange(len(names)) + off
+        bars = axis.bar(places, values, 0.36, color=colour, label=label)
+        axis.bar_label(bars, fmt="%.2f", fontsize=9, padding=2)
+    axis.set_xticks(range(len(names)), names, fontsize=8.5)
+    axis.set_box_aspect(1.0)
+    axis.margins(y=0.15)
+    axis.legend(loc="upper left", fontsize=9)
+
+
 def contact_picture() -> Any:
-    """A pulled sphere: its normal strain, the pressure found, and the taxels touched."""
+    """A pulled sphere: its normal strain, the taxels touched, and the loads found."""
     body = Touch(4.6, (0.6, -0.4), 0.5, 0.4)
     seen = readings(body, 16, 0.5, "strain")
     got = _streamed("contact", held([seen])[:, 0])
@@ -123,28 +158,31 @@ def contact_picture() -> Any:
     high = np.where(strain > 0.1, strain, 0.0)
     cells = np.arange(16.0)
     raw = [float(np.dot(high.sum(axis=axis), cells) / high.sum()) for axis in (0, 1)]
-    figure, axes = _sheet(2, 4.6, 4.4)
+    figure, axes = _sheet(3, 4.3, 4.7)
     image = _map(axes[0], strain, "read: normal strain of a pulled sphere", 1.0)
-    figure.colorbar(image, ax=axes[0], label="compressive strain / peak", shrink=0.8)
-    loads = ", ".join(f"{got[name]:.2f}" for name in ("load_x", "load_y", "load_normal"))
-    true = ", ".join(f"{load:.2f}" for load in (*body.pulls, 1.0))
-    _flags(
-        axes[1],
-        got["contact_map"],
-        f"{got['contact_area']:.0f} taxels; "
-        f"true area {np.pi * body.radius**2:.0f}\nloads {loads} for {true}",
-    )
+    label = "compressive strain / peak"
+    figure.colorbar(image, ax=axes[0], label=label, shrink=0.8, location="left")
+    area = f"{got['contact_area']:.0f} taxels; true area {np.pi * body.radius**2:.0f}"
+    _flags(axes[1], got["contact_map"], f"found: {area}")
+    names = ("load_x", "load_y", "load_normal", "friction_used")
+    true = np.array([*body.pulls, 1.0, np.hypot(*body.pulls)])
+    _compared(axes[2], names, true, np.array([float(got[name]) for name in names]))
+    axes[2].set(title="loads", ylabel="shares of the true normal load")
     turn = np.linspace(0, 2 * np.pi, 90)
     x, y = 7.5 + body.centre[0], 7.5 + body.centre[1]
-    for axis in axes:
+    for axis in axes[:2]:
         axis.plot(x + body.radius * np.cos(turn), y + body.radius * np.sin(turn), "k:")
         axis.plot([], [], "k:", label="true contact")
-        axis.plot(*raw, "x", color="#b05a00", label="centroid of the strain")
-        axis.plot(got["contact_column"], got["contact_row"], "k+", ms=9, label="centroid found")
-    arrow = {"angles": "xy", "scale_units": "xy", "scale": 0.15, "width": 0.008, "color": "#0a6ebd"}
-    axes[0].quiver(x, y, *body.pulls, **arrow, label="pull")
-    axes[0].legend(loc="lower left", fontsize=7)
+        axis.plot(*raw, "x", color="#e07b00", ms=9, mew=2.5, label="centroid of the strain")
+        axis.plot(
+            got["contact_column"], got["contact_row"], "k+", ms=11, mew=2, label="centroid found"
+        )
+    arrow = {"angles": "xy", "scale_units": "xy", "scale": 0.15, "width": 0.012, "color": "#1a7a1a"}
+    axes[0].quiver(x, y, *body.pulls, **arrow)
+    axes[0].plot([], [], color="#1a7a1a", marker=r"$\rightarrow$", ms=14, ls="", label="true pull")
     axes[0].set_ylabel("row, cells")
+    handles, labels = axes[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False)
     return figure
 
 
@@ -226,14 +264,18 @@ PICTURES = {
     "localize": localize_picture,
     "grasp-code": grasp_code_picture,
     "texture": texture_picture,
+    "slip-and-twist": slip_and_twist_picture,
+    "grasp-slip": grasp_slip_picture,
 }
 
 
-def main(folder: Path) -> None:
-    """Write every picture as PNG into a folder."""
-    for name, make in PICTURES.items():
-        make().savefig(folder / f"{name}.png", **MADE)
+def main(folder: Path, names: Sequence[str] = tuple(PICTURES)) -> None:
+    """Write the pictures of that name as PNG into a folder, or all of them."""
+    for name in names:
+        PICTURES[name]().savefig(folder / f"{name}.png", **MADE)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else "docs/programs"))
+    main(
+        Path(sys.argv[1] if len(sys.argv) > 1 else "docs/programs"), sys.argv[2:] or tuple(PICTURES)
+    )
