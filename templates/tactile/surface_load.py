@@ -1,11 +1,12 @@
 """The load on the surface of a cover from what taxels under it see."""
 
+import math
 from collections.abc import Mapping
 
 from cnnum.errors import ProgramError
 from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.fields import Field, maximum, minimum, sqrt
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import transient
 from cnnum.templates.tactile.load_network import LoadNetwork
@@ -26,6 +27,7 @@ def surface_load(
     drag: float = 0.3,
     reach: int = 7,
     tolerance: float = 1e-4,
+    friction: float = 1.0,
     rounds: int = 1,
 ) -> Mapping[str, Field]:
     """Tractions all over the surface, any number of contacts at once.
@@ -56,6 +58,9 @@ def surface_load(
         Taxels, along each axis, over which a load is felt.
     tolerance : float
         Of the equilibrium where the array is too large for one exact product.
+    friction : float
+        Highest coefficient of friction to expect: from a round on, nothing drags by more than that
+        of the pressure above the noise.
     rounds : int
         Fits after the first. More of them lower the bias and let more noise in; at 0 the answer is
         that of least squares, linear in the strain.
@@ -75,19 +80,21 @@ def surface_load(
     ----------
     Tikhonov & Arsenin, Solutions of Ill-Posed Problems (1977).
     """
+    if not 0 < friction < math.inf:
+        raise ProgramError(f"'friction': expected above 0, got {friction}.")
     if rounds < 0:
         raise ProgramError(f"'rounds': expected 0 or more, got {rounds}.")
     network = LoadNetwork(thickness, pitch, youngs_modulus, noise, likely, drag, reach)
     spec = RunSpec(rtol=tolerance, atol=tolerance, settle_limit=PATIENCE)
-    least = network.noise_of_pressure
+    least, holds = network.noise_of_pressure / likely, friction / drag
     strain = [frame.channel(c) * (1.0 / noise) for c in ("shear_x", "shear_y", "normal")]
     load = _fit(network, strain, spec)
     for _ in range(rounds):
-        load = _pushing(load, least / likely)
+        load = _pushing(load, least, holds)
         more = _fit(network, _left(network, strain, load), spec)
         load = [had + new for had, new in zip(load, more, strict=True)]
     if rounds:
-        load = _pushing(load, least / likely)
+        load = _pushing(load, least, holds)
     left = _left(network, strain, load)
     residual = sqrt(sum((s * s for s in left[1:]), start=left[0] * left[0]).mean() * (1.0 / 3.0))
     x, y, normal = (
@@ -107,8 +114,13 @@ def _left(network: LoadNetwork, strain: list[Field], load: list[Field]) -> list[
     return [had - explained for had, explained in zip(strain, seen, strict=True)]
 
 
-def _pushing(load: list[Field], least: float) -> list[Field]:
-    """Return a load that nowhere pulls, and drags where it presses by more than noise."""
+def _pushing(load: list[Field], least: float, holds: float) -> list[Field]:
+    """Return a load that nowhere pulls, and drags by no more than friction holds.
+
+    What holds is the pressure above the noise. A threshold instead would let rounding decide about
+    the whole of a drag.
+    """
     x, y, normal = load
-    presses = normal > least
-    return [where(presses, x, 0.0), where(presses, y, 0.0), maximum(normal, 0.0)]
+    held = maximum(normal - least, 0.0) * holds
+    share = minimum(held / maximum(sqrt(x * x + y * y), least), 1.0)
+    return [x * share, y * share, maximum(normal, 0.0)]

@@ -96,6 +96,28 @@ def test_several_contacts_come_back_at_once(opencl, rounds):
         assert not got[..., :2][pressure == 0.0].any()
 
 
+def test_no_drag_exceeds_friction(opencl):
+    load, strain = two_contacts()
+    free, _ = answer(opencl, strain, friction=10.0)
+    held, _ = answer(opencl, strain, friction=0.2)
+    for found, friction in ((free, 10.0), (held, 0.2)):
+        drag = np.hypot(found[..., 0], found[..., 1])
+        # float32: the bound is divided by the drag, which it then scales
+        assert (drag <= friction * found[..., 2] * (1 + 1e-6)).all()
+    pressed = load[..., 2] > 0
+    assert np.abs(free[pressed] - held[pressed])[:, :2].max() > 100.0
+
+
+def test_rounding_decides_about_no_load(opencl):
+    """Strains of order 1, ten thousand times the noise: the worst frames for whatever switches."""
+    frames = np.random.default_rng(0).normal(size=(256, 16, 16, 3))
+    plan = opencl.compile(surface_load.bind(), (16, 16), list(NAMES))
+    fused, stepped = plan(frames), plan.unfused()(frames)
+    for name in NAMES:
+        # the bench finds 1.1e-4 in a thousand frames: float32 times the gain of the inverse
+        assert np.abs(fused[name] - stepped[name]).max() <= 5e-4 * np.abs(stepped[name]).max()
+
+
 def test_noise_and_resolution_are_those_stated(opencl):
     rng = np.random.default_rng(4)
     got, _ = answer(opencl, rng.normal(0.0, NOISE, (400, 8, 8, 3)), **LINEAR)
@@ -191,3 +213,5 @@ def test_wrong_covers_are_refused():
         surface_load.bind(noise=0.0).trace((8, 8))
     with pytest.raises(ProgramError, match="0 or more, got -1"):
         surface_load.bind(rounds=-1).trace((8, 8))
+    with pytest.raises(ProgramError, match="above 0, got 0"):
+        surface_load.bind(friction=0.0).trace((8, 8))
