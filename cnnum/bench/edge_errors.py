@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
@@ -90,6 +91,15 @@ def off_outline(body: Indenter, places: Floats, cells: int) -> Floats:
     return np.abs(body.distance(places[:, 1] - middle, places[:, 0] - middle))
 
 
+def bare(body: Indenter, places: Floats, cells: int) -> float:
+    """Return the share of an outline that has no place within a cell."""
+    axis = np.linspace(-cells / 2, cells / 2, 10 * cells + 1)
+    x, y = np.meshgrid(axis, axis)
+    on = np.abs(body.distance(x, y)) < 0.06
+    outline = np.stack([y[on], x[on]], axis=-1) + (cells - 1) / 2
+    return float(np.mean(cKDTree(places).query(outline)[0] > 1.0))
+
+
 def errors_of(
     engine: Engine,
     kind: str,
@@ -98,8 +108,12 @@ def errors_of(
     reads: Reads,
     count: int,
     noise: float = NOISE,
-) -> tuple[Floats, int]:
-    """Return the errors of all places of many indenters, and how many of these have no edge."""
+) -> tuple[Floats, int, float]:
+    """Return the errors of all places of many indenters, and how much has no edge.
+
+    That is the number of indenters without any place, and of all others the mean share of the
+    outline that has none within a cell.
+    """
     rng = np.random.default_rng(7)
     bodies = [indenter(kind, LARGER[cells], rng) for _ in range(count)]
     got = run_edges(engine, bodies, cells, depth, reads, noise)
@@ -108,7 +122,9 @@ def errors_of(
         for right, below in zip(got["edge_to_right"], got["edge_to_below"], strict=True)
     ]
     off = [off_outline(body, where, cells) for body, where in zip(bodies, found, strict=True)]
-    return np.concatenate(off), sum(len(each) == 0 for each in off)
+    pairs = [(body, where) for body, where in zip(bodies, found, strict=True) if len(where)]
+    gaps = [bare(body, where, cells) for body, where in pairs]
+    return np.concatenate(off), len(bodies) - len(pairs), float(np.mean(gaps)) if gaps else 1.0
 
 
 def told_apart(radius: float, depth: float, reads: Reads, cells: int = 8) -> tuple[float, float]:
@@ -154,18 +170,22 @@ class Tally:
         Distance to the true outline, cells.
     missed : int
         Indenters without an edge.
+    bare : float
+        Share of the outline of all others that has no place within a cell.
     """
 
     depth: float
     errors: Floats
     missed: int
+    bare: float
 
     @property
     def row(self) -> str:
         """Return median and 95 % of the errors, how many are too large, and what has no edge."""
         low, high = np.quantile(self.errors, [0.5, 0.95])
         far = int(np.sum(self.errors >= HALF))
-        return f"{low:.2f} | {high:.2f} | {far} of {len(self.errors)} | {self.missed}"
+        places = f"{low:.2f} | {high:.2f} | {far} of {len(self.errors)}"
+        return f"{places} | {self.missed} | {self.bare:.1%}"
 
 
 def of_kind(engine: Engine, kind: str, cells: int, count: int) -> Iterator[Tally]:
@@ -186,13 +206,16 @@ def together(cells: int, kind: str, tallies: Sequence[Tally]) -> str:
     return (
         f"{cells}×{cells}, {kind}, the worst: median {low:.2f}, 95 % {high:.2f}, {least:.1%} below "
         f"half a cell; all: {np.sum(places >= HALF)} of {len(places)} places half a cell off or "
-        f"more, at most {places.max():.2f}; no edge, by depth: {missed}"
+        f"more, at most {places.max():.2f}; no edge, by depth: {missed}; "
+        f"bare of places: {max(t.bare for t in tallies):.1%} of the outline"
     )
 
 
 def outlines(engine: Engine, count: int) -> None:
     """Print the errors of indenters with an edge."""
-    print("| cells | reads | z/pitch | kind | median | 95 % | half a cell or more | no edge |")
+    print(
+        "| cells | reads | z/pitch | kind | median | 95 % | half a cell or more | no edge | bare |"
+    )
     lines = [
         together(cells, kind, list(of_kind(engine, kind, cells, count)))
         for cells in LARGER
@@ -200,7 +223,7 @@ def outlines(engine: Engine, count: int) -> None:
     ]
     print("\n".join(lines))
     for noise in (NOISE, NOISE / 100):
-        off, _ = errors_of(engine, "punch", 8, DEPTHS[0], "strain", count, noise)
+        off, *_ = errors_of(engine, "punch", 8, DEPTHS[0], "strain", count, noise)
         print(
             f"punch, 8×8, strain, {DEPTHS[0]}, noise {noise:.3%}: 95 % within "
             f"{np.quantile(off, 0.95):.2f}, {np.mean(off < HALF):.1%} below half a cell"
