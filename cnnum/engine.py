@@ -16,6 +16,7 @@ from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
 from cnnum.integrators.choice import choose
 from cnnum.integrators.fusing import fuse
+from cnnum.integrators.linear_range import as_linear, stays_linear
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.fields import Field
@@ -167,6 +168,9 @@ class Engine:
     ) -> Result:
         """Run one template's transient.
 
+        Where input, start and weights keep every cell within the linear range of the standard
+        output, the array is taken as the linear one that it is, and may be exact.
+
         Parameters
         ----------
         template : Template
@@ -209,9 +213,11 @@ class Engine:
         given = _given(template, roles)
         names, stack, shape, lead = _stack(given, np.dtype(self.precision))
         spec = RunSpec(duration, method, rtol, atol, dt, force=force)
-        key = (template.digest, shape, names, spec)
+        exact = dt is None and method in ("auto", "propagator")
+        ran = as_linear(template) if exact and stays_linear(template, given) else template
+        key = (ran.digest, shape, names, spec)
         if key not in self._plans:
-            self._plans[key] = self._transient_plan(template, shape, names, spec)
+            self._plans[key] = self._transient_plan(ran, shape, names, spec)
         plan = self._plans[key]
         outputs = plan.run_finite(stack)
         (solver,) = plan.solvers.values()
@@ -220,6 +226,9 @@ class Engine:
                 "settled": np.zeros_like(outputs["settled"]),
                 "error": np.full_like(outputs["error"], -1.0),
             }
+        if ran is not template:
+            # rounding may lie beyond 1
+            outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in _outputs(template)}
         return _result(template, outputs, lead, solver.method)
 
     def _transient_plan(
@@ -284,6 +293,10 @@ def _stack(
         at += array.shape[-3]
     axes = range(len(lead))
     return tuple(names), planes.transpose(*axes, -2, -1, -3), shape, lead
+
+
+def _outputs(template: Template) -> list[str]:
+    return [f"output {layer}" for layer in range(template.layers)]
 
 
 def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:

@@ -1,0 +1,89 @@
+"""Whether a saturating array stays where its output is linear: then it is linear, and exact.
+
+Where every cell lies within [−1, 1], one at the upper edge moves by −1 + a₀₀ + Σ aⱼ yⱼ + w at most
+(a₀₀ its own weight, aⱼ its neighbours', w its drive B∗u + z). If that is not above 0 for any cell,
+and alike at the lower edge, none ever leaves (Nagumo 1942: the flow points into the box), and the
+array is the same with the output y = x.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.template import Template
+
+
+def room(template: Template) -> Floats:
+    """Return the largest drive under which cells within [−1, 1] stay there.
+
+    Parameters
+    ----------
+    template : Template
+
+    Returns
+    -------
+    (layers,) float
+        Below 0 where no drive is small enough.
+    """
+    A, centre = template.A, template.A.shape[-1] // 2
+    own = np.diagonal(A[:, :, centre, centre])
+    others = np.abs(A).sum(axis=(1, 2, 3)) - np.abs(own)
+    return np.asarray(1.0 - own - others, dtype=np.float64)
+
+
+def stays_linear(template: Template, given: Mapping[str, Floats]) -> bool:
+    """Return whether no cell of a run ever leaves the linear range of the standard output.
+
+    Parameters
+    ----------
+    template : Template
+    given : mapping of str to (..., maps, rows, cols) float
+        Input, state and bias of the run, as far as they are given.
+    """
+    if template.output.name != "standard" or not template.plain or "mask" in given:
+        return False
+    left = room(template)
+    if (left < 0.0).any() or abs(template.boundary.constant or 0.0) > 1.0:
+        return False
+    starts = np.abs(_start(template, given)).max() <= 1.0
+    return bool(starts and (_drive(template, given) <= left).all())
+
+
+def as_linear(template: Template) -> Template:
+    """Return the same template with the output y = x."""
+    return Template(
+        template.name,
+        template.A,
+        template.B,
+        template.z.tolist(),
+        tau=template.tau.tolist(),
+        boundary=template.boundary,
+        input_boundary=template.input_boundary,
+        initial=template.initial,
+        duration=template.duration,
+        output="linear",
+    )
+
+
+def _start(template: Template, given: Mapping[str, Floats]) -> Floats:
+    if "state" in given:
+        return given["state"]
+    return given["input"] if template.initial == "input" else np.array(template.initial)
+
+
+def _drive(template: Template, given: Mapping[str, Floats]) -> Floats:
+    """Return the largest drive of any cell that such inputs and biases can make, (layers,)."""
+    drive = np.abs(template.z)
+    if "bias" in given:
+        drive = drive + _largest(given["bias"])
+    if "input" in given and template.inputs:
+        seen = np.maximum(_largest(given["input"]), abs(template.input_boundary.constant or 0.0))
+        drive = drive + np.abs(template.B).sum(axis=(2, 3)) @ seen
+    return np.asarray(drive, dtype=np.float64)
+
+
+def _largest(maps: Floats) -> Floats:
+    """Return the largest size in each map, (maps,)."""
+    axes = tuple(axis for axis in range(maps.ndim) if axis != maps.ndim - 3)
+    return np.asarray(np.abs(maps).max(axis=axes), dtype=np.float64)
