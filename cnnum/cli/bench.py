@@ -68,7 +68,7 @@ def _report(
         left_out.append("It was stopped here: whatever comes later is missing.")
     output.record({"kind": "omissions", "bench": name, "omissions": left_out})
     if rows:
-        output.show(_table(rows))
+        output.show(f"On {device}.", _table(rows), spare=SPARE)
     output.show("Left out:", *(f"  {text}" for text in left_out or ["nothing"]))
     if out is not None and rows:
         from cnnum.bench.page import write_report
@@ -111,10 +111,20 @@ def _collect(
     return True
 
 
+SPARE = (
+    "peer_version", "compared", "steps", "pictures", "spread", "launches", "channels", "maps",
+    "bytes_in", "bytes_out", "saved_us", "launch_us", "ops", "peer_method", "host_to_host_per_s",
+    "flops", "peak_flops", "precision", "ordinary_seconds", "seconds", "peer_seconds", "method",
+)  # fmt: skip
+"""Columns that go first where a terminal has no room for all."""
+
+
 def _table(rows: list[Mapping[str, object]]) -> Any:
+    """Return all rows; their device stands above the table, unless they differ in it."""
     from cnnum.bench.page import cell
 
-    kept = [key for key in rows[0] if key not in ("device", "peer_version")]
+    same = len({row.get("device") for row in rows}) == 1
+    kept = [key for key in rows[0] if key != "device" or not same]
     made = table(*(key if n == 0 else f">{key}" for n, key in enumerate(kept)))
     for row in rows:
         made.add_row(*(cell(row[key]) for key in kept))

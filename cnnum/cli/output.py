@@ -12,14 +12,20 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from cnnum.cli.fitting import fitted, needed, whole
+
 PIPED_WIDTH = 120
-"""Columns of a pipe or a file."""
+"""Columns at which a pipe or a file gets its texts wrapped; tables are as wide as they are."""
+
+
+def on_terminal() -> bool:
+    """Return whether standard output is a terminal, whose lines have an end."""
+    return sys.stdout.isatty()
 
 
 def console() -> Console:
     """Return a console on standard output, as wide as the terminal."""
-    width = None if sys.stdout.isatty() else PIPED_WIDTH
-    return Console(width=width, highlight=False)
+    return Console(width=None if on_terminal() else PIPED_WIDTH, highlight=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,16 +47,37 @@ class Output:
         elif text:
             self._line(text)
 
-    def show(self, *parts: RenderableType) -> None:
-        """Lay out tables and text; nothing with --json."""
+    def show(self, *parts: RenderableType, spare: Sequence[str] = ()) -> None:
+        """Lay out tables and text; nothing with --json.
+
+        A number of a table is never cut: a pipe gets tables as wide as they are, and a terminal
+        those columns that it has room for, and the names of the others.
+
+        Parameters
+        ----------
+        parts : renderable
+        spare : sequence of str
+            Columns of tables that go first.
+        """
         if not self.as_json:
-            target = console()
-            with target.capture() as laid_out:
-                for part in parts:
-                    target.print(part)
-            for line in laid_out.get().splitlines():
-                sys.stdout.write(line.rstrip() + "\n")  # tables pad their lines
+            for part in parts:
+                self._lay_out(part, spare)
             sys.stdout.flush()
+
+    def _lay_out(self, part: RenderableType, spare: Sequence[str]) -> None:
+        target, gone = console(), tuple[str, ...]()
+        width = target.width
+        if isinstance(part, Table) and on_terminal():
+            part, gone = fitted(part, width, spare)
+            target.width = max(width, needed(part))
+        elif isinstance(part, Table):
+            target.width = whole(part, width)
+        with target.capture() as laid_out:
+            target.print(part)
+            if gone:
+                target.print(f"No room in {width} columns: {', '.join(gone)}.", width=width)
+        for line in laid_out.get().splitlines():
+            sys.stdout.write(line.rstrip() + "\n")  # tables pad their lines
 
     def _line(self, text: str) -> None:
         # not through a console: it breaks lines, and would pass by a progress bar
