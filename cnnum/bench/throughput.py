@@ -1,7 +1,8 @@
 """Cell updates a second on a device, and what share of its own arithmetic that is."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +18,9 @@ from cnnum.plan import Plan
 from cnnum.template import Template
 
 STEP = 0.01
+
+PEAKS = 3
+"""Measurements of the peak before the first case and after the last; between cases it is one."""
 
 FULL, EVEN, EVEN_5 = full_template(), even_template(), even_template(2)
 
@@ -37,7 +41,7 @@ class Throughput:
     flops : float
         2·taps + 4 a cell update, a second.
     peak_flops : float
-        Best multiply-add kernel on the same device in the same run.
+        Best multiply-add kernel on the same device in the whole run: one number for all rows.
     share_of_peak : float
     seconds, spread : float
         One launch host to host, s.
@@ -86,8 +90,12 @@ CASES = (
 
 def measure_throughput(
     engine: Engine, *, quick: bool = False, cases: tuple[ThroughputCase, ...] = CASES
-) -> Iterator[Throughput]:
-    """Yield a row a case.
+) -> Iterator[list[Throughput] | None]:
+    """Yield None after each case, and instead of the last the rows of all.
+
+    The peak is measured before the first case, between cases and after the last. A row is a share
+    of the best of the whole run, which is known at its end: then rows come, or where Ctrl-C ends it
+    before.
 
     Parameters
     ----------
@@ -95,10 +103,26 @@ def measure_throughput(
         Of the OpenCL devices.
     quick : bool
         Fewer repeats.
+    cases : tuple of ThroughputCase
     """
-    meter = PeakMeter(engine)
-    for case in cases:
-        yield _measure(engine, case, meter, budget=1.0 if quick else 6.0)
+    meter, rows = PeakMeter(engine), list[Throughput]()
+    try:
+        meter.measure(1 if quick else PEAKS)
+        for case in cases:
+            if rows:
+                yield None
+            rows.append(_measure(engine, case, budget=1.0 if quick else 6.0))
+            meter.measure()
+        meter.measure(0 if quick else PEAKS - 1)
+    except KeyboardInterrupt:
+        yield of_peak(rows, meter.best)
+        raise
+    yield of_peak(rows, meter.best)
+
+
+def of_peak(rows: Sequence[Throughput], peak: float) -> list[Throughput]:
+    """Return rows as shares of a peak."""
+    return [replace(row, peak_flops=peak, share_of_peak=row.flops / peak) for row in rows]
 
 
 def _plan(engine: Engine, case: ThroughputCase, steps: int) -> Plan:
@@ -108,13 +132,14 @@ def _plan(engine: Engine, case: ThroughputCase, steps: int) -> Plan:
     return engine.compile(program, case.shape, channels=names)
 
 
-def _measure(engine: Engine, case: ThroughputCase, meter: PeakMeter, budget: float) -> Throughput:
-    """Time two numbers of steps in turns: their difference is that of steps alone."""
+def _measure(engine: Engine, case: ThroughputCase, budget: float) -> Throughput:
+    """Time two numbers of steps in turns: their difference is that of steps alone.
+
+    The peak is still to come.
+    """
     batch = frames(case.batch, case.shape, case.channels)
     short, long = (_plan(engine, case, n) for n in (case.steps, 3 * case.steps))
-    before = meter.flops()
     more, many = difference(lambda: short(batch), lambda: long(batch), budget=budget)
-    peak = max(before, meter.flops())
     cells = case.batch * case.channels * case.shape[0] * case.shape[1]
     rate = cells * 2 * case.steps / more
     flops = rate * (2 * np.count_nonzero(case.template.A) + 4)
@@ -127,8 +152,8 @@ def _measure(engine: Engine, case: ThroughputCase, meter: PeakMeter, budget: flo
         cell_updates_per_s=rate,
         host_to_host_per_s=cells * 3 * case.steps / many.median,
         flops=flops,
-        peak_flops=peak,
-        share_of_peak=flops / peak,
+        peak_flops=math.nan,
+        share_of_peak=math.nan,
         seconds=many.median,
         spread=many.spread,
         error=ends_error(lambda on, some: _outputs(on, case, some), engine, batch),

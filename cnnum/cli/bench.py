@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
@@ -59,7 +59,8 @@ def _report(
 ) -> int:
     """Print rows as they come, and write the report of those that came.
 
-    A string is something left out, None a step of which nothing is told. Ctrl-C and SIGTERM end
+    A string is something left out, None a step of which nothing is told, and a list are rows that
+    come at once. Ctrl-C and SIGTERM end
     the benchmark, not the report.
     """
     output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
@@ -102,9 +103,11 @@ def _collect(
                     if isinstance(item, str):
                         left_out.append(item)
                     elif item is not None:
-                        rows.append(as_row(item))
-                        output.record({"kind": name, **rows[-1]})
-                        append_row(out, name, rows)
+                        several = cast("list[object]", item) if isinstance(item, list) else [item]
+                        for row in several:
+                            rows.append(as_row(row))
+                            output.record({"kind": name, **rows[-1]})
+                            append_row(out, name, rows)
                     steps.advance()
         except KeyboardInterrupt:
             return False
