@@ -1,19 +1,23 @@
 """Errors of what benchmarks time, against the reference engine: no loose answer wins a figure."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.bench.samples import TOUCHED, touch
+from cnnum.checks.program_registry import program_forms
+from cnnum.checks.program_run import run_program_check
 from cnnum.engine import Engine
 from cnnum.plan import Plan
 from cnnum.program_library import get_program
 
 SLOW_REFERENCE = ("halfspace_equilibrium", "halfspace_layers", "surface_load")
-"""Programs of which the reference engine takes longer than ten seconds a frame."""
+"""Programs of which the reference engine takes longer than ten seconds a frame; all have a closed
+form."""
 
 REFERENCE_S = 15.0
 """s that the reference engine may take for a program's frames."""
@@ -24,7 +28,32 @@ STEPS = 20
 Answer = dict[str, Floats]
 
 
-def truths(name: str, shape: Shape, seconds: float, size: float = 1.0) -> list[Answer]:
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """An error, and what it is an error against.
+
+    Attributes
+    ----------
+    error : float
+        Largest of the outputs, each over its largest value.
+    truth : str
+        "reference engine", or the name of a closed form.
+    frames : int
+        That were compared.
+    """
+
+    error: float
+    truth: str
+    frames: int
+
+
+def truths(
+    name: str,
+    shape: Shape,
+    seconds: float,
+    size: float = 1.0,
+    needs: Sequence[str] | None = None,
+) -> list[Answer]:
     """Return what the reference engine makes of a program on the first frames of `touch`.
 
     Parameters
@@ -36,8 +65,10 @@ def truths(name: str, shape: Shape, seconds: float, size: float = 1.0) -> list[A
         After which no further frame begins; one always does.
     size : float
         What the frames are multiplied with.
+    needs : sequence of str, optional
+        Outputs; all unless given.
     """
-    stream = Engine("reference").compile(get_program(name), shape).stream()
+    stream = Engine("reference").compile(get_program(name), shape, needs).stream()
     found: list[Answer] = []
     until = time.perf_counter() + seconds
     for frame in _sized(shape, size):
@@ -69,11 +100,21 @@ def stream_error(plan: Plan, true: list[Answer], size: float = 1.0) -> float:
     return max(found)
 
 
-def program_error(plan: Plan, name: str) -> float | None:
-    """Return the error of a program's stream; None where the reference is too slow to tell."""
+def program_error(engine: Engine, plan: Plan, name: str) -> Judged:
+    """Return the error of a program's stream; where the reference is too slow, of its check."""
     if name in SLOW_REFERENCE:
-        return None
-    return stream_error(plan, truths(name, plan.schedule.shape, REFERENCE_S))
+        return form_error(engine, name, plan.schedule.shape)
+    shape, needs = plan.schedule.shape, tuple(plan.schedule.outputs)
+    true = truths(name, shape, REFERENCE_S, needs=needs)
+    return Judged(stream_error(plan, true), "reference engine", len(true))
+
+
+def form_error(engine: Engine, name: str, shape: Shape) -> Judged:
+    """Return the largest error against the closed forms of a program, as its check has it."""
+    forms = program_forms(name)
+    found = [run_program_check(form, get_program(name), engine, shape=shape) for form in forms]
+    worst = max(found, key=lambda result: result.error)
+    return Judged(worst.error, f"closed form '{worst.check}'", len(found))
 
 
 def ends_error(

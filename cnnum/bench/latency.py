@@ -1,15 +1,20 @@
-"""The way of one frame, from host array to host events, beside an empty launch with its copies."""
+"""The way of one frame, from host memory to host events, beside an empty launch with its copies."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import cycle
 from time import perf_counter
 
 import numpy as np
 
-from cnnum.bench.errors import program_error
-from cnnum.bench.samples import frames
+from cnnum.bench.errors import SLOW_REFERENCE, program_error
+from cnnum.bench.samples import touch
+from cnnum.conversion import AsRead
 from cnnum.engine import Engine
 from cnnum.engines.opencl.empty import EmptyLaunch
+from cnnum.events import EVENT_RULES, EventDetector, EventRule
+from cnnum.frame import FORCE_AXES, Frame
+from cnnum.pipeline import Way
 from cnnum.plan import Explanation, Plan
 from cnnum.program_library import get_program, program_names
 
@@ -23,6 +28,33 @@ TURN_S = 0.1
 BUDGET_S = 20.0
 """s a program, after which no further turn begins: some relax for a long time on a single frame."""
 
+OMISSIONS = (
+    "Reading a frame from its driver, and calibrating it: the time is from a frame in host memory, "
+    "of the channels that programs take, to its events. `cnnum bench scenes` has calibration.",
+    f"{', '.join(SLOW_REFERENCE)} on the reference engine: a frame takes it more than ten seconds. "
+    "Their errors are those of their checks, against closed forms.",
+    "Batches and other arrays: frames are single ones of 8×8×3.",
+)
+"""What is not measured, and why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """A program, and the events that its plan is for; with none named, all that it gives."""
+
+    name: str
+    program: str
+    events: tuple[str, ...] = ()
+
+    def plan(self, engine: Engine) -> Plan:
+        """Return the plan, as a scene that wants these events has it."""
+        needs = [name for event in self.events for r in EVENT_RULES[event] for name in r.needs]
+        return engine.compile(get_program(self.program), SHAPE, list(dict.fromkeys(needs)) or None)
+
+
+BOTH = Subject("slip and twist", "tactile", ("slip", "twist"))
+"""What a scene takes that wants both events."""
+
 
 @dataclass(frozen=True, slots=True)
 class Latency:
@@ -34,7 +66,7 @@ class Latency:
     launches : int
         Kernel launches a frame.
     p50_us, p99_us : float
-        Host to host, of single frames of a stream.
+        From a single frame of a stream, in host memory, to its events.
     empty_launch_us : float
         Median of a launch on the device that does nothing, with copies of as many bytes in and
         out.
@@ -43,10 +75,16 @@ class Latency:
     own_launch_us : float
         Median of such a launch where single frames run: in the thread that asks, if the device
         has a partner for that.
-    frames : int
-    error : float or None
-        Of a contact's frames, largest of the outputs, each over its largest value, against the
-        reference engine; None where that takes longer than ten seconds a frame.
+    own_ratio : float
+        p50 in those.
+    tail : float
+        p99 over p50.
+    frames, events : int
+        Measured, and reported of them.
+    error : float
+        Of a contact's frames, largest of the outputs, each over its largest value.
+    truth : str
+        What the error is against: the reference engine, or a closed form.
     """
 
     case: str
@@ -57,14 +95,27 @@ class Latency:
     empty_launch_us: float
     ratio: float
     own_launch_us: float
+    own_ratio: float
+    tail: float
     frames: int
-    error: float | None
+    events: int
+    error: float
+    truth: str
+
+
+def subjects() -> tuple[Subject, ...]:
+    """Return what is measured: every tactile program, and the one of slip and twist together."""
+    return (*(Subject(name, name) for name in program_names("tactile")), BOTH)
 
 
 def measure_latency(
-    engine: Engine, *, count: int = 20_000, programs: tuple[str, ...] | None = None
-) -> list[Latency]:
-    """Return a row a tactile program on single 8×8×3 frames.
+    engine: Engine,
+    *,
+    count: int = 20_000,
+    chosen: Sequence[Subject] | None = None,
+    seconds: float = BUDGET_S,
+) -> Iterator[Latency | str]:
+    """Yield a row a subject, on single 8×8×3 frames of a stream with contacts.
 
     Parameters
     ----------
@@ -72,40 +123,95 @@ def measure_latency(
         On an OpenCL device.
     count : int
         Frames.
-    programs : tuple of str, optional
-        All of the library unless given.
+    chosen : sequence of Subject, optional
+        `subjects()` unless given.
+    seconds : float
+        s a subject, after which no further turn begins.
+
+    Yields
+    ------
+    Latency or str
+        A sentence after a row that has fewer frames.
     """
-    plans = {
-        name: engine.compile(get_program(name), SHAPE)
-        for name in (program_names("tactile") if programs is None else programs)
-    }
-    return [_measure(engine, name, plan, count) for name, plan in plans.items()]
+    for subject in subjects() if chosen is None else chosen:
+        row = _measure(engine, subject, count, seconds)
+        yield row
+        if row.frames < count:
+            yield (
+                f"{row.case}: {count - row.frames} of {count} frames, as its {seconds:g} s were "
+                f"over after {row.frames}."
+            )
 
 
-def _measure(engine: Engine, name: str, plan: Plan, count: int) -> Latency:
-    cost, stream = plan.explain(), plan.stream()
-    queue = iter(np.resize(frames(256, SHAPE).astype(np.float64), (count + 200, *SHAPE, 3)))
+def rules_of(plan: Plan) -> tuple[EventRule, ...]:
+    """Return the rules of all events that a plan has the outputs for."""
+    given = set(plan.schedule.outputs)
+    return tuple(r for rules in EVENT_RULES.values() for r in rules if set(r.needs) <= given)
+
+
+class _Frames:
+    """Pushes frames of contacts, one after the other, through a plan to its events."""
+
+    def __init__(self, plan: Plan) -> None:
+        reader = AsRead(FORCE_AXES).reader(plan.schedule.channels_read)
+        self._way = Way(reader, plan.stream(), EventDetector(rules_of(plan)))
+        self._number, self.events = 0, 0
+        self._frames = cycle(
+            Frame(values, FORCE_AXES, "strain", number, 0.01 * number)
+            for number, values in enumerate(touch(shape=SHAPE).astype(np.float64))
+        )
+
+    def push(self) -> None:
+        """Run the next frame."""
+        moment = self._way.step(self._number, next(self._frames))
+        self._number += 1
+        self.events += len(moment.events)
+
+
+def _measure(engine: Engine, subject: Subject, count: int, budget: float) -> Latency:
+    plan = subject.plan(engine)
+    cost, source = plan.explain(), _Frames(plan)
     empty = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out)
     own = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out, alone=True)
-    first = min(_times(lambda: stream.push(next(queue)), WARM_UP))
-    _times(empty.run, 100)
-    _times(own.run, 100)
-    # in turns of a hundred, so that both see the same disturbances; fewer where a frame is slow
-    turn = max(1, min(100, int(TURN_S / first)))
-    until = perf_counter() + BUDGET_S
-    pushed: list[float] = []
-    launched: list[float] = []
-    alone: list[float] = []
-    while len(pushed) < count and (perf_counter() < until or not pushed):
-        pushed += _times(lambda: stream.push(next(queue)), turn)
-        launched += _times(empty.run, turn)
-        alone += _times(own.run, turn)
+    pushed, launched, alone = _turns((source.push, empty.run, own.run), count, budget)
     p50, p99 = (1e6 * float(np.percentile(pushed, p)) for p in (50, 99))
     idle, least = (1e6 * float(np.median(seconds)) for seconds in (launched, alone))
-    error = program_error(plan, name)
+    judged = program_error(engine, plan, subject.program)
     return Latency(
-        name, engine.device, cost.launches, p50, p99, idle, p50 / idle, least, len(pushed), error
+        case=subject.name,
+        device=engine.device,
+        launches=cost.launches,
+        p50_us=p50,
+        p99_us=p99,
+        empty_launch_us=idle,
+        ratio=p50 / idle,
+        own_launch_us=least,
+        own_ratio=p50 / least,
+        tail=p99 / p50,
+        frames=len(pushed),
+        events=source.events,
+        error=judged.error,
+        truth=judged.truth,
     )
+
+
+def _turns(
+    calls: Sequence[Callable[[], object]], count: int, budget: float
+) -> tuple[list[float], ...]:
+    """Return s of calls in turns of a hundred, so that all see the same disturbances.
+
+    Turns are shorter where the first call, a frame, is slow.
+    """
+    first = min(_times(calls[0], WARM_UP))
+    for call in calls[1:]:
+        _times(call, 100)
+    turn = max(1, min(100, count, int(TURN_S / first)))
+    until = perf_counter() + budget
+    taken: tuple[list[float], ...] = tuple([] for _ in calls)
+    while len(taken[0]) < count and (perf_counter() < until or not taken[0]):
+        for seconds, call in zip(taken, calls, strict=True):
+            seconds += _times(call, min(turn, count - len(seconds)))
+    return taken
 
 
 def _times(call: Callable[[], object], count: int) -> list[float]:

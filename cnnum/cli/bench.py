@@ -116,8 +116,9 @@ def _collect(
 
 SPARE = (
     "peer_version", "compared", "steps", "pictures", "spread", "launches", "channels", "maps",
-    "bytes_in", "bytes_out", "saved_us", "launch_us", "ops", "peer_method", "host_to_host_per_s",
-    "flops", "peak_flops", "precision", "ordinary_seconds", "seconds", "peer_seconds", "method",
+    "bytes_in", "bytes_out", "events", "saved_us", "launch_us", "ops", "peer_method",
+    "host_to_host_per_s", "flops", "peak_flops", "precision", "ordinary_seconds", "seconds",
+    "peer_seconds", "method",
 )  # fmt: skip
 """Columns that go first where a terminal has no room for all."""
 
@@ -165,12 +166,12 @@ def throughput(device: str | None, quick: bool, out: Path | None, as_json: bool)
 @click.option("--frames", default=20_000, type=click.IntRange(min=200), help="Frames a program.")
 @_options
 def latency(frames: int, device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
-    """One frame from host array to host events, beside an empty launch with its copies."""
-    from cnnum.bench.latency import measure_latency
+    """One frame from host memory to host events, beside an empty launch with its copies."""
+    from cnnum.bench.latency import OMISSIONS, measure_latency
 
     engine = _engine(device)
     rows = measure_latency(engine, count=2000 if quick else frames)
-    return _report("latency", rows, None, engine.device, out, as_json)
+    return _report("latency", rows, None, engine.device, out, as_json, OMISSIONS)
 
 
 @command.command("scenes")

@@ -1,0 +1,104 @@
+"""The way of one frame: to its events, in time, with an error, and with what is missing named."""
+
+import time
+
+import pytest
+
+from cnnum.bench import errors, latency
+from cnnum.bench.samples import touch
+from cnnum.cli import bench
+from cnnum.events import EVENT_RULES, EventDetector
+from cnnum.pipeline import load_scene
+from cnnum.program_library import program_names
+
+SLIP = latency.Subject("slip", "slip")
+QUICK = latency.Subject("contact", "contact")
+
+
+def row_of(opencl, subject, count=300, seconds=20.0):
+    return next(latency.measure_latency(opencl, count=count, chosen=[subject], seconds=seconds))
+
+
+def test_every_program_is_measured_and_slip_with_twist():
+    names = [subject.name for subject in latency.subjects()]
+    assert names == [*program_names("tactile"), "slip and twist"]
+
+
+def test_slip_and_twist_are_the_plan_of_a_scene_that_wants_both(opencl):
+    scene = load_scene("tactile", engine=opencl, changes={"wants": ["slip", "twist"]})
+    scene.driver.close()
+    plan = latency.BOTH.plan(opencl)
+    assert set(plan.schedule.outputs) == set(scene.plan.schedule.outputs)
+    kinds = {rule.kind for rule in latency.rules_of(plan)}
+    assert kinds == {"slip", "twist"}
+    whole = latency.Subject("tactile", "tactile").plan(opencl)
+    assert plan.explain().ops < whole.explain().ops
+
+
+def test_frames_go_as_far_as_their_events(opencl, monkeypatch):
+    """The detector runs within the time, on every frame, and reports what the stream has."""
+    seen = []
+    update = EventDetector.update
+
+    def slow(self, t, frame, outputs):
+        seen.append(frame)
+        time.sleep(2e-3)
+        return update(self, t, frame, outputs)
+
+    monkeypatch.setattr(latency.EventDetector, "update", slow)
+    row = row_of(opencl, QUICK, count=4 * len(touch()))
+    assert row.p50_us >= 2000.0
+    assert seen == list(range(row.frames + latency.WARM_UP))
+    # a contact and a release each time that the stream comes around
+    assert row.events >= 2 * 3
+
+
+def test_both_ratios_and_the_tail_are_of_the_rows_own_figures(opencl):
+    row = row_of(opencl, QUICK)
+    assert row.ratio == pytest.approx(row.p50_us / row.empty_launch_us)
+    assert row.own_ratio == pytest.approx(row.p50_us / row.own_launch_us)
+    assert row.tail == pytest.approx(row.p99_us / row.p50_us)
+    assert row.tail >= 1.0
+    assert row.frames == 300
+
+
+def test_frames_there_was_no_time_for_are_named(opencl, capsys):
+    found = latency.measure_latency(opencl, count=5000, chosen=[QUICK], seconds=1e-4)
+    assert bench._report("latency", found, None, opencl.device, None, False) == 0
+    told = capsys.readouterr().out.split("Left out:")[1]
+    frames = int(told.partition(" of 5000 frames")[0].split()[-1])
+    assert "contact:" in told
+    assert 0 < frames < 5000
+    assert "nothing" not in told
+
+
+def test_nothing_is_named_where_all_frames_ran(opencl):
+    found = list(latency.measure_latency(opencl, count=250, chosen=[QUICK]))
+    assert [type(item) for item in found] == [latency.Latency]
+
+
+@pytest.mark.parametrize("name", ["surface_load", "halfspace_layers"])
+def test_programs_that_are_slow_on_the_reference_are_held_to_their_closed_forms(opencl, name):
+    subject = latency.Subject(name, name)
+    row = row_of(opencl, subject, count=50)
+    assert row.truth.startswith("closed form")
+    # tolerances of `cnnum templates check`: a regularised inverse, and relaxation to 1e-5
+    assert 0.0 < row.error < {"surface_load": 1e-4, "halfspace_layers": 5e-5}[name]
+
+
+def test_every_slow_program_has_a_closed_form():
+    for name in errors.SLOW_REFERENCE:
+        assert errors.program_forms(name), name
+
+
+def test_errors_are_those_of_the_outputs_that_are_wanted(opencl, monkeypatch):
+    """Of a plan of some outputs, against the reference engine's same outputs."""
+    plan = latency.BOTH.plan(opencl)
+    true = errors.truths("tactile", (8, 8), 60.0, needs=tuple(plan.schedule.outputs))
+    names = {name for want in ("slip", "twist") for r in EVENT_RULES[want] for name in r.needs}
+    assert set(true[0]) == names
+    assert len(true) == len(touch())
+    # float32 through some thousand operations; strengths are ratios of small differences
+    assert 0.0 < errors.stream_error(plan, true) < 5e-3
+    wrong = [answer | {"slip_strength": 1.1 * answer["slip_strength"]} for answer in true]
+    assert errors.stream_error(plan, wrong) > 0.09
