@@ -1,4 +1,4 @@
-"""Where the eigenvalues of an array's Jacobian lie: exactly where modes are known, else a bound.
+"""Where the eigenvalues of an array's Jacobian lie: exactly where they are known, else a bound.
 
 J = S(A D − 1) with D = diag f'(x), 0 ≤ f' ≤ 1, whatever cells saturate.
 """
@@ -9,39 +9,49 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Shape
+from cnnum.integrators.enclosure import Discs, discs, field_of_values, torus_coupling
 from cnnum.integrators.spectral import diagonal_in_modes, mode_rates
 from cnnum.network import Network
 from cnnum.template import Template
 
-EIGENVALUE_LIMIT = 400
-"""States up to which the eigenvalues of a linear array without known modes are computed."""
+EIGENVALUE_LIMIT = 256
+"""States up to which the eigenvalues of an array without known modes are computed: a tenth of a
+second."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spectrum:
-    """Eigenvalues of the Jacobian, or points that stand for a bound on them.
+    """Eigenvalues of the Jacobian, or points around a region that holds them.
 
     Attributes
     ----------
     values : (n,) complex
-        1/time.
+        1/time: of the array while no cell saturates.
     exact : bool
         They are the eigenvalues themselves (of the linear array, none saturated).
     real : bool
-        All of them are known to be real.
+        All of them are known to be real, and to tell all of the array's growth.
     reason : str
         How they were found.
+    growth : float
+        Rate at which a step may let a decaying rate grow: that of the fastest growth of an array
+        that saturates, else 0.
+    discs : Discs, optional
+        A bound on the rates whatever cells saturate, or whatever eigenvalues do not tell.
     """
 
     values: NDArray[np.complex128]
     exact: bool
     real: bool
     reason: str
+    growth: float = 0.0
+    discs: Discs | None = None
 
     @property
     def fastest(self) -> float:
         """The largest |λ|, 1/time."""
-        return float(np.abs(self.values).max())
+        known = float(np.abs(self.values).max(initial=0.0))
+        return known if self.discs is None else max(known, self.discs.reach)
 
 
 def spectrum(template: Template, shape: Shape) -> Spectrum:
@@ -56,20 +66,32 @@ def spectrum(template: Template, shape: Shape) -> Spectrum:
     -----
     A symmetric A keeps the eigenvalues of A D between those of A and 0 (A D is similar to
     D^½ A D^½, whose Rayleigh quotients are A's, shrunk), so its bound is exact for saturating
-    outputs too. Otherwise Gershgorin's row sums bound |λ|.
+    outputs too. Otherwise the array has the rates that it has while no cell saturates (a box
+    around its field of values where they are not known), and Gershgorin's discs bound the rest.
     """
     network = Network(template, shape)
-    if template.plain and not template.output.limited:
-        linear = _linear(network)
-        if linear is not None and template.output.linear:
-            return linear
-        if linear is not None and _symmetric(template):
-            ends = np.array([min(float(linear.values.real.min()), _decay(template)), 0.0])
-            ends[1] = max(float(linear.values.real.max()), float(-1.0 / template.tau.max()))
-            reason = f"{linear.reason}, A being symmetric"
-            return Spectrum(ends.astype(complex), exact=False, real=True, reason=reason)
-    rate = np.array([-network.fastest_rate()], dtype=complex)
-    return Spectrum(rate, exact=False, real=False, reason="Gershgorin's row sums")
+    if not template.plain:
+        none = np.zeros(0, dtype=np.complex128)
+        return Spectrum(none, False, False, "Gershgorin's discs", discs=discs(network))
+    linear = _linear(network)
+    if template.output.linear:
+        return linear or _boxed(network)
+    if linear is not None and _symmetric(template) and not template.output.limited:
+        ends = np.array([min(float(linear.values.real.min()), _decay(template)), 0.0])
+        ends[1] = max(float(linear.values.real.max()), float(-1.0 / template.tau.max()))
+        reason = f"{linear.reason}, A being symmetric"
+        return Spectrum(ends.astype(complex), exact=False, real=True, reason=reason)
+    inner = linear or _boxed(network)
+    reason = f"{inner.reason}, and Gershgorin's discs where cells saturate"
+    growth = float(inner.values.real.max(initial=0.0)) if inner.exact else inner.growth
+    return Spectrum(inner.values, False, False, reason, growth, discs(network))
+
+
+def _boxed(network: Network) -> Spectrum:
+    box = field_of_values(network)
+    growth = 0.0 if network.template.output.linear else max(box.right, 0.0)
+    reason = "a box around its field of values"
+    return Spectrum(box.decaying(), False, False, reason, growth, discs(network))
 
 
 def _decay(template: Template) -> float:
@@ -95,10 +117,19 @@ def _linear(network: Network) -> Spectrum | None:
         return _exact(values, "the modes of its boundary")
     if template.boundary.pad_mode == "wrap":
         return _exact(_torus(template, shape), "the Fourier modes of a torus")
-    if template.output.linear and network.states <= EIGENVALUE_LIMIT and _normal(network):
-        matrix = network.linear_system().matrix
-        return _exact(np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128), "its matrix")
+    if network.states <= EIGENVALUE_LIMIT:
+        return _of_matrix(network)
     return None
+
+
+def _of_matrix(network: Network) -> Spectrum:
+    """Return the eigenvalues of the matrix, with discs where they do not tell all of its growth."""
+    matrix = network.linear_system().matrix
+    found = _exact(np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128), "its matrix")
+    if np.allclose(matrix @ matrix.T, matrix.T @ matrix, atol=1e-12):
+        return found
+    # a matrix that does not commute with its transpose: its powers may grow long before they decay
+    return Spectrum(found.values, True, False, "its matrix", discs=discs(network))
 
 
 def _exact(values: NDArray[np.float64] | NDArray[np.complex128], reason: str) -> Spectrum:
@@ -107,19 +138,7 @@ def _exact(values: NDArray[np.float64] | NDArray[np.complex128], reason: str) ->
     return Spectrum(found, exact=True, real=real, reason=reason)
 
 
-def _normal(network: Network) -> bool:
-    """Whether the matrix commutes with its transpose: then eigenvalues tell all of its growth."""
-    matrix = network.linear_system().matrix
-    return bool(np.allclose(matrix @ matrix.T, matrix.T @ matrix, atol=1e-12))
-
-
 def _torus(template: Template, shape: Shape) -> NDArray[np.complex128]:
-    kernels = template.A
-    radius = int(kernels.shape[-1]) // 2
-    offsets = np.arange(-radius, radius + 1)
-    waves = [2j * np.pi * np.outer(np.arange(n) / n, offsets) for n in shape]
-    coupling = np.einsum(
-        "ri,tfij,cj->rctf", np.exp(waves[0]), kernels, np.exp(waves[1]), optimize=True
-    )
-    rates = (coupling - np.eye(template.layers)) / template.tau[:, np.newaxis]
+    rates = torus_coupling(template, shape) - np.eye(template.layers)
+    rates = rates / template.tau[:, np.newaxis]
     return np.asarray(np.linalg.eigvals(rates), dtype=np.complex128).ravel()

@@ -25,7 +25,7 @@ Complexes = NDArray[np.complex128]
 
 @dataclass(frozen=True, slots=True)
 class StabilityBound:
-    """The longest step at which no mode that decays grows.
+    """The longest step at which no mode that decays grows faster than the array itself may.
 
     Attributes
     ----------
@@ -59,8 +59,12 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
 
     Notes
     -----
-    A mode that grows by itself (Re λ > 0) sets no bound. Rates are those of `spectrum`: exact
-    where the array is linear and its modes are known, else Gershgorin's row sums, taken as real.
+    A mode that grows by itself (Re λ > 0) sets no bound. Rates are those of `spectrum`. Of a
+    linear array no other mode grows at all: eigenvalues are held to |R| ≤ 1, and where they are
+    not known, so is a box around the field of values, which may leave Euler's and Heun's method
+    no step. An array that saturates has rates that change with the cells: steps let none of them
+    grow faster than the array itself could, e^{max(Re λ, 0) h}, be it without saturation or, by
+    Gershgorin's discs, with any. Delayed couplings are not in it.
     """
     found = spectrum(template, shape)
     if method in TABLEAUX:
@@ -77,15 +81,21 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
 def tableau_step(method: ButcherTableau, found: Spectrum) -> float:
     """Return the longest stable step of a Runge–Kutta method for a spectrum."""
     values = _decaying(found)
-    if not len(values):
-        return math.inf
-    fastest = float(np.abs(values).max())
-    if fastest == 0.0:
-        return math.inf
-    if found.real or not found.exact:
-        return method.real_stability / fastest
+    fastest = float(np.abs(values).max(initial=0.0))
+    if found.real:
+        return method.real_stability / fastest if fastest else math.inf
     # |R(z)| > 1 beyond |z| = 8 for every method of up to 7 stages here
-    return _first_growth(method.growth, values, 8.0 / fastest)
+    longest = 8.0 / fastest if fastest else math.inf
+    if found.discs is not None and found.discs.reach:
+        longest = min(longest, method.real_stability / found.discs.reach)
+    if math.isinf(longest):
+        return math.inf
+
+    def growth(step: float, rates: Complexes) -> Complexes:
+        return method.growth(step * rates)
+
+    step = _first(_Growth(growth, found), longest * np.geomspace(1e-5, 1.0, 500))
+    return min(step, longest)
 
 
 def chebyshev_step(stages: int, found: Spectrum) -> float:
@@ -105,36 +115,85 @@ def _exponential_step(method: ExponentialMethod, found: Spectrum, template: Temp
         # several decays: the couplings of the fastest layer, as if all decayed like Euler's
         return tableau_step(TABLEAUX["euler"], found)
     tau = float(template.tau[0])
-    values = _decaying(found) * tau
-    if not len(values):
-        return math.inf
 
-    def grows(step: float) -> bool:
-        return bool((np.abs(method.growth(step, values)) > 1.0 + 1e-9).any())
+    def growth(step: float, rates: Complexes) -> Complexes:
+        return method.growth(step / tau, rates * tau)
 
-    return tau * _first(grows, np.geomspace(1e-4, 60.0, 600))
+    steps = tau * np.geomspace(1e-4, 60.0, 500)
+    step = _first(_Growth(growth, found), steps)
+    if found.discs is None:
+        return step
+    slowest = np.array([-found.discs.reach], dtype=np.complex128)
+    ends = Spectrum(slowest, exact=False, real=True, reason=found.reason)
+    return min(step, _first(_Growth(growth, ends), steps))
 
 
 def _decaying(found: Spectrum) -> Complexes:
-    """Return the distinct values that decay or only turn, one of each conjugate pair."""
-    size = found.fastest
-    values = found.values[found.values.real <= 1e-9 * size]
-    folded = values.real + 1j * np.abs(values.imag)
-    # to 1/2000 of the fastest: thousands of modes of a large array become a few
-    return np.unique(np.round(folded * (2000.0 / size))) * (size / 2000.0) if size else folded
+    """Return the values that decay or only turn, one of each conjugate pair."""
+    values = found.values[found.values.real <= 1e-9 * found.fastest]
+    return np.asarray(values.real + 1j * np.abs(values.imag), dtype=np.complex128)
 
 
-def _first_growth(
-    growth: Callable[[Complexes], Complexes], values: Complexes, longest: float
-) -> float:
-    def grows(step: float) -> bool:
-        return bool((np.abs(growth(step * values)) > 1.0 + 1e-9).any())
+def _few(values: Complexes) -> Complexes:
+    """Return one value of each cell of a grid of 1/2000 of the fastest.
 
-    return _first(grows, longest * np.geomspace(1e-5, 1.0, 800))
+    Thousands of modes of a large array become a few; the others are looked at in the end.
+    """
+    size = float(np.abs(values).max(initial=0.0))
+    if not size:
+        return values[:1]
+    return values[np.unique(np.round(values * (2000.0 / size)), return_index=True)[1]]
 
 
-def _first(grows: Callable[[float], bool], steps: NDArray[np.float64]) -> float:
-    """Return the longest step before the first that grows, by bisection; infinite if none does."""
+class _Growth:
+    """Whether a step lets a rate grow by more than it may."""
+
+    __slots__ = ("_all", "_few", "_growth")
+
+    def __init__(self, growth: Callable[[float, Complexes], Complexes], found: Spectrum) -> None:
+        self._growth = growth
+        self._all = [(_decaying(found), found.growth)]
+        self._few = [(_few(self._all[0][0]), found.growth)]
+        if found.discs is not None:
+            around = (found.discs.points, found.discs.growth)
+            self._few.append((around[0][::16], around[1]))
+            self._all.append(around)
+
+    def of_few(self, step: float) -> bool:
+        """Look at one rate of each kind, and one of many points around the discs."""
+        return self._grows(step, self._few)
+
+    def of_all(self, step: float) -> bool:
+        """Look at every rate."""
+        return self._grows(step, self._all)
+
+    def _grows(self, step: float, parts: list[tuple[Complexes, float]]) -> bool:
+        return any(
+            bool((np.abs(self._growth(step, rates)) > self._limit(step, allowed)).any())
+            for rates, allowed in parts
+        )
+
+    def _limit(self, step: float, allowed: float) -> float:
+        """Return how much a rate may grow: as the array itself may, exactly or in such steps."""
+        if not allowed:
+            return 1.0 + 1e-9
+        own = float(np.abs(self._growth(step, np.array([allowed + 0j])))[0])
+        return max(own, math.exp(min(step * allowed, 700.0))) * (1.0 + 1e-9)
+
+
+def _first(growth: _Growth, steps: NDArray[np.float64]) -> float:
+    """Return the longest step before the first that lets a rate grow; infinite if none does."""
+    step = _before(growth.of_few, steps)
+    tried = float(steps[-1]) if math.isinf(step) else step
+    if not growth.of_all(tried):
+        return step
+    for share in (0.999, 0.99, 0.9):
+        if not growth.of_all(share * tried):
+            return _bisect(growth.of_all, share * tried, tried)
+    return _before(growth.of_all, tried * np.geomspace(1e-5, 1.0, 100))
+
+
+def _before(grows: Callable[[float], bool], steps: NDArray[np.float64]) -> float:
     low = 0.0
     for high in steps:
         if grows(float(high)):

@@ -119,7 +119,7 @@ class ButcherTableau:
         polynomial = self._stability_polynomial()
         z = np.linspace(0.0, -8.0, 80_001)
         outside = np.abs(np.polyval(polynomial, z)) > 1.0 + 1e-12
-        return float(-z[np.argmax(outside)])
+        return float(-z[np.argmax(outside) - 1])
 
     def growth(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return R(z), the factor of a mode a step, z = h·λ."""

@@ -1,0 +1,149 @@
+"""Regions that hold the eigenvalues of an array, where these are not known.
+
+* The field of values of M = S (A − 1): a box from the extents of its symmetric and its skew part.
+  It bounds powers too, however far M is from normal: ‖p(M)‖ ≤ (1 + √2) max |p| over it (Crouzeix &
+  Palencia, SIAM J. Matrix Anal. Appl. 38 (2017) 649-655).
+* Gershgorin's discs of S (A D − 1), whatever cells saturate: centre (−1 + d a_kk)/τ with
+  0 ≤ d ≤ 1, radius Σ |a_kj|/τ.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.integrators.estimate import error_growth
+from cnnum.network import Network
+from cnnum.template import Template
+
+Complexes = NDArray[np.complex128]
+
+POINTS = 400
+"""Points a side of a box or a quarter of a circle."""
+
+SAMPLE_LIMIT = 800
+"""States of the small array whose rows stand for those of a large one; more take seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Box:
+    """Real parts from `left` to `right`, imaginary parts from −`height` to `height`, 1/time."""
+
+    left: float
+    right: float
+    height: float
+
+    def decaying(self) -> Complexes:
+        """Return points around its part with Re ≤ 0, upper half; none where all of it grows."""
+        if self.left > 0.0:
+            return np.zeros(0, dtype=np.complex128)
+        along = np.linspace(self.left, min(self.right, 0.0), POINTS)
+        up = 1j * np.linspace(0.0, self.height, POINTS)
+        sides = (along + 0j, along + 1j * self.height, along[0] + up, along[-1] + up)
+        return np.unique(np.concatenate(sides))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discs:
+    """Gershgorin's discs of an array whatever cells saturate.
+
+    Attributes
+    ----------
+    points : (n,) complex
+        Around their union, upper half, 1/time.
+    growth : float
+        Their largest real part where it is positive, else 0.
+    reach : float
+        Their largest |λ|.
+    """
+
+    points: Complexes
+    growth: float
+    reach: float
+
+
+def discs(network: Network) -> Discs:
+    """Return the discs of an array; couplings that are not plain widen them by their slopes."""
+    template, reach = network.template, network.fastest_rate()
+    own = _own(template)
+    growth = max(error_growth(template), 0.0)
+    turn = np.exp(1j * np.linspace(0.0, np.pi, 2 * POINTS))
+    parts: list[Complexes] = []
+    for layer, tau in enumerate(template.tau):
+        radius = _others(template, layer)
+        ends = np.array([-1.0, -1.0 + own[layer]])
+        parts.extend((end + radius * turn) / tau for end in ends)
+        # the tops of the discs in between
+        parts.append((np.linspace(ends.min(), ends.max(), POINTS) + 1j * radius) / tau)
+    return Discs(np.unique(np.concatenate(parts)), growth, reach)
+
+
+def _own(template: Template) -> Floats:
+    middle = template.A.shape[-1] // 2
+    return np.array([template.A[n, n, middle, middle] for n in range(template.layers)])
+
+
+def _others(template: Template, layer: int) -> float:
+    total = float(np.abs(template.A[layer]).sum()) - abs(float(_own(template)[layer]))
+    for gain in template.gains:
+        if gain.to == layer:
+            weights = float(np.abs(template.A[gain.to, gain.source]).sum())
+            total += max(gain.table.largest - 1.0, 0.0) * weights
+    return total + sum(c.stiffness for c in template.nonlinear if c.to == layer)
+
+
+def field_of_values(network: Network) -> Box:
+    """Return a box around the field of values of an unsaturated array with plain couplings.
+
+    With D = S^½ the matrix is D⁻¹ M D = −S + D A D, which has the same eigenvalues.
+    """
+    template = network.template
+    if template.boundary.constant is not None:
+        return _torus_box(network)
+    radius = template.A.shape[-1] // 2
+    # every row of a large array, and what reaches into it from the rim, is in an array of this size
+    rows, cols = (min(n, 4 * radius + 1) for n in network.shape)
+    sample = Network(template, (rows, cols))
+    if sample.states > SAMPLE_LIMIT:
+        return _row_box(network)
+    system = sample.linear_system()
+    root = np.sqrt(system.rates)
+    matrix = system.matrix / root[:, None] * root
+    even, odd = 0.5 * (matrix + matrix.T), 0.5 * (matrix - matrix.T)
+    middle = np.diag(even)
+    radii = np.abs(even).sum(axis=1) - np.abs(middle)
+    height = float(np.abs(odd).sum(axis=1).max())
+    return Box(float((middle - radii).min()), float((middle + radii).max()), height)
+
+
+def _torus_box(network: Network) -> Box:
+    """An array with a fixed rim is part of a torus that is larger by the radius of its couplings.
+
+    The field of values of a part lies within that of the whole.
+    """
+    template = network.template
+    radius = template.A.shape[-1] // 2
+    root = np.sqrt(1.0 / template.tau)
+    coupling = torus_coupling(template, (network.shape[0] + radius, network.shape[1] + radius))
+    matrix = coupling * np.outer(root, root) - np.diag(root**2)
+    adjoint = np.conj(np.swapaxes(matrix, -1, -2))
+    real = np.linalg.eigvalsh(0.5 * (matrix + adjoint))
+    turning = np.linalg.eigvalsh(-0.5j * (matrix - adjoint))
+    return Box(float(real.min()), float(real.max()), float(np.abs(turning).max()))
+
+
+def _row_box(network: Network) -> Box:
+    around = discs(network)
+    return Box(-around.reach, error_growth(network.template), float(around.points.imag.max()))
+
+
+def torus_coupling(template: Template, shape: tuple[int, int]) -> Complexes:
+    """Return A of every Fourier mode of a torus, (rows, cols, layers, layers)."""
+    radius = int(template.A.shape[-1]) // 2
+    offsets = np.arange(-radius, radius + 1)
+    waves = [2j * np.pi * np.outer(np.arange(n) / n, offsets) for n in shape]
+    found = np.einsum(
+        "ri,tfij,cj->rctf", np.exp(waves[0]), template.A, np.exp(waves[1]), optimize=True
+    )
+    return np.asarray(found, dtype=np.complex128)

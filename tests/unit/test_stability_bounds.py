@@ -1,0 +1,149 @@
+"""Steps at the stability bound, against eigenvalues of dense matrices and runs of the arrays."""
+
+import math
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.integrators.enclosure import field_of_values
+from cnnum.integrators.exponential import EXPONENTIAL_METHODS
+from cnnum.integrators.stability import METHODS, stability_bound
+from cnnum.integrators.tableau import TABLEAUX
+from cnnum.network import Network
+from cnnum.template import Template
+
+STEPPING = [name for name in METHODS if name != "runge-kutta-chebyshev"]
+BOUNDARIES = np.array([0.0, -1.0, "zero-flux", "periodic"], dtype=object)
+ADVECTION = [[0, 0, 0], [-3.0, 0, 3.0], [0, 0, 0]]
+
+
+def factors(method, step, rates):
+    """What a step makes of modes, stage by stage: x' = λx, or x' = −x + (λ + 1)x."""
+    rates = np.asarray(rates, dtype=complex)
+    if method in EXPONENTIAL_METHODS:
+        kept, first = math.exp(-step), -math.expm1(-step)
+        once = kept + first * (rates + 1.0)
+        second = (first / step - 1.0) / -step * step  # h φ₂(−h)
+        return once if method == "exponential-euler" else once + second * (rates + 1) * (once - 1)
+    tableau, slopes = TABLEAUX[method], []
+    for row in tableau.a:
+        stage = 1.0 + sum(step * float(a) * k for a, k in zip(row, slopes, strict=True))
+        slopes.append(rates * stage)
+    return 1.0 + sum(step * float(b) * k for b, k in zip(tableau.b, slopes, strict=True))
+
+
+def sampled(rng, output):
+    radius = int(rng.choice([1, 1, 2]))
+    k = 2 * radius + 1
+    feedback = rng.normal(size=(k, k)) * (rng.random((k, k)) < rng.uniform(0.2, 1.0))
+    if rng.random() < 0.3:
+        feedback -= feedback[::-1, ::-1]  # it only turns
+    feedback *= rng.uniform(0.1, 6.0) / max(1e-9, float(np.abs(feedback).sum()))
+    return Template("sampled", feedback, boundary=rng.choice(BOUNDARIES), output=output)
+
+
+@pytest.mark.parametrize("shape", [(5, 6), (8, 8), (3, 90)], ids=str)
+def test_no_mode_of_a_linear_array_that_decays_grows(shape):
+    """(3, 90) has more states than eigenvalues are computed of: its bound is that of a region."""
+    rng = np.random.default_rng(5)
+    known = 0
+    for _ in range(30 if shape != (3, 90) else 12):
+        template = sampled(rng, "linear")
+        rates = np.linalg.eigvals(Network(template, shape).linear_system().matrix)
+        # a mode that the decomposition can not tell from one that only turns is left out
+        decaying = rates[rates.real <= -1e-6]
+        for method in STEPPING:
+            step = stability_bound(method, template, shape).step
+            if 0.0 < step < math.inf and len(decaying):
+                known += 1
+                # 1e-9 a step is allowed; of it, rounding of eigenvalues of a skew matrix is 1e-7
+                assert np.abs(factors(method, 0.999 * step, decaying)).max() <= 1.0 + 2e-7
+    assert known > 30
+
+
+def test_modes_that_saturate_grow_no_faster_than_the_array():
+    """Any pattern of slopes from 0 to 1: no mode grows faster than the array's largest norm."""
+    rng, shape = np.random.default_rng(6), (5, 6)
+    contracting = 0
+    for _ in range(40):
+        template = sampled(rng, str(rng.choice(["standard", "tanh", "full-range"])))
+        linear = Network(template, shape).linear_system().matrix + np.eye(30)
+        # the logarithmic norm, over all patterns, by its rows
+        own = np.diag(linear)
+        others = np.abs(linear).sum(axis=1) - np.abs(own)
+        growth = max(0.0, float((np.maximum(own, 0.0) + others - 1.0).max()))
+        contracting += growth == 0.0
+        slopes = [np.ones(30), *rng.integers(0, 2, (4, 30)), *rng.random((4, 30))]
+        patterns = np.array([np.linalg.eigvals(linear * d - np.eye(30)) for d in slopes])
+        for method in STEPPING:
+            step = 0.999 * stability_bound(method, template, shape).step
+            if not 0.0 < step < math.inf:
+                continue
+            grown = np.abs(factors(method, step, patterns[patterns.real < -1e-6])).max()
+            own_growth = abs(factors(method, step, growth))
+            assert grown <= max(math.exp(growth * step), own_growth) * (1.0 + 2e-7)
+    assert contracting > 5
+
+
+@pytest.mark.parametrize("method", STEPPING)
+@pytest.mark.parametrize("output", ["linear", "standard"])
+def test_advection_dies_out_in_the_steps_that_are_let_through(method, output):
+    """Its row sums alone let steps through at which Euler's method made 1e50 of it."""
+    template = Template("advect", ADVECTION, boundary="zero-flux", output=output, duration=60.0)
+    bound = stability_bound(method, template, (8, 8)).step
+    start = np.random.default_rng(0).uniform(-0.1, 0.1, (8, 8))
+    engine = cnnum.Engine("reference")
+    result = engine.run(template, state=start, method=method, dt=0.999 * bound)
+    # the array itself: 2e-11 after 60 time constants; at the bound a mode may hardly decay
+    assert np.abs(result.state).max() < 3.0 * np.abs(start).max()
+    inside = engine.run(template, state=start, method=method, dt=0.9 * bound)
+    assert np.abs(inside.state).max() < 1e-3
+
+
+def test_powers_of_a_one_sided_coupling_stay_near_the_truth():
+    """All eigenvalues of x'_n = −x_n + 5 x_{n−1} are −1, which lets Euler take steps of 2."""
+    template = Template("chain", [[0, 0, 0], [5.0, 0, 0], [0, 0, 0]], output="linear")
+    bound = stability_bound("euler", template, (1, 8)).step
+    matrix = Network(template, (1, 8)).linear_system().matrix
+    power, largest = np.eye(8), 0.0
+    for _ in range(200):
+        power = power + bound * matrix @ power
+        largest = max(largest, float(np.abs(power).max()))
+    # e^{−t} (5t)⁷/7! at t = 7, the truth's own largest growth
+    assert largest < 2.0 * math.exp(-7.0) * 35.0**7 / math.factorial(7)
+
+
+@pytest.mark.parametrize("boundary", [0.0, 0.5, "zero-flux"])
+@pytest.mark.parametrize("layers", [1, 2])
+def test_the_box_holds_the_field_of_values(boundary, layers):
+    """x* M x of random vectors, and of those where its parts are largest."""
+    rng = np.random.default_rng(7)
+    for radius in (1, 2):
+        feedback = rng.normal(size=(layers, layers, 2 * radius + 1, 2 * radius + 1))
+        tau = [0.4, 1.5][:layers]
+        template = Template("any", feedback, z=[0.0] * layers, tau=tau, boundary=boundary)
+        network = Network(template, (11, 12))
+        system = network.linear_system()
+        root = np.sqrt(system.rates)
+        matrix = system.matrix / root[:, None] * root
+        box = field_of_values(network)
+        even, odd = 0.5 * (matrix + matrix.T), 0.5 * (matrix - matrix.T)
+        real, turning = np.linalg.eigvalsh(even), np.linalg.eigvalsh(-1j * odd)
+        assert box.left <= real[0] + 1e-9
+        assert box.right >= real[-1] - 1e-9
+        assert box.height >= turning[-1] - 1e-9
+        # no needlessly large box: a fixed rim changes little at this size, rows add up to more
+        room = 1.15 if boundary != "zero-flux" else 2.5
+        assert box.right - box.left <= room * (real[-1] - real[0])
+
+
+def test_symmetric_and_one_signed_couplings_keep_their_bound():
+    """Two over the largest rate: 1 + Σ|a| where a row saturates, the modes' where A is even."""
+    hole, shadow = cnnum.get_template("HOLE"), cnnum.get_template("SHADOW")
+    for template in (hole, shadow):
+        rate = 1.0 + float(np.abs(template.A).sum())
+        assert stability_bound("euler", template, (8, 8)).step >= 0.999 * 2.0 / rate
+        for name in ("rk4", "bogacki-shampine", "dormand-prince"):
+            wanted = TABLEAUX[name].real_stability / rate
+            assert stability_bound(name, template, (8, 8)).step >= 0.99 * wanted
