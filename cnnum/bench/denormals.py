@@ -39,7 +39,13 @@ class Denormals:
     error, ordinary_error : float
         Largest difference of what both come to from the reference engine's, over the largest of
         the latter. Next to zero it is 1 where a device takes denormals as 0, and anything above
-        where steps follow an absolute tolerance.
+        where steps follow an absolute tolerance: both are of a truth that is almost nothing.
+    absolute_error : float or None
+        The same difference next to zero as it is, beside an absolute tolerance of 1e-5 where steps
+        follow their error. None of a program, whose outputs have units of their own.
+    error_of_start : float
+        That over the largest state that the run begins with; of a program, over the largest value
+        that the output has in the ordinary run.
     """
 
     case: str
@@ -51,6 +57,18 @@ class Denormals:
     spread: float
     error: float
     ordinary_error: float
+    absolute_error: float | None
+    error_of_start: float
+
+
+@dataclass(frozen=True, slots=True)
+class Errors:
+    """The errors of a row."""
+
+    near: float
+    ordinary: float
+    of_start: float
+    absolute: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,11 +159,10 @@ def measure_case(
     ordinary, least = maps(case.batch, *case.shape), smallest(engine.precision)
     near = near_zero(ordinary, least)
     runs = [partial(_states, engine, case, *near), partial(_states, engine, case, *2 * (ordinary,))]
-    found = [_ends(run()) for run in runs]
-    errors = [
-        float(np.abs(got - size * wanted).max() / np.abs(size * wanted).max())
-        for got, wanted, size in zip(found, true, (least, 1.0), strict=True)
-    ]
+    wanted = (least * true[0], true[1])
+    off = [float(np.abs(_ends(run()) - each).max()) for run, each in zip(runs, wanted, strict=True)]
+    largest = [float(np.abs(each).max()) for each in (*wanted, near[0])]
+    errors = Errors(off[0] / largest[0], off[1] / largest[1], off[0] / largest[2], off[0])
     return _row(case.name, engine, [*runs], errors, budget)
 
 
@@ -159,16 +176,17 @@ def measure_program(engine: Engine, budget: float) -> Denormals:
         for frame in size * touch(shape=FRAME_SHAPE).astype(np.float64):
             stream.push(frame)
 
-    errors = [
-        stream_error(plan, truths(PROGRAM, FRAME_SHAPE, PROGRAM_S, size), size) for size in sizes
-    ]
+    near, ordinary = (truths(PROGRAM, FRAME_SHAPE, PROGRAM_S, size) for size in sizes)
+    errors = Errors(
+        stream_error(plan, near, sizes[0]),
+        stream_error(plan, ordinary),
+        stream_error(plan, near, sizes[0], over=ordinary),
+    )
     calls: list[Call] = [partial(run, size) for size in sizes]
     return _row(f"{PROGRAM}, stream of 8×8×3", engine, calls, errors, budget)
 
 
-def _row(
-    case: str, engine: Engine, calls: list[Call], errors: list[float], budget: float
-) -> Denormals:
+def _row(case: str, engine: Engine, calls: list[Call], errors: Errors, budget: float) -> Denormals:
     for call in calls:
         call()
     near, ordinary = interleaved(calls, budget=budget, runs=41)
@@ -180,6 +198,8 @@ def _row(
         ordinary_seconds=ordinary.median,
         ratio=near.median / ordinary.median,
         spread=near.spread,
-        error=errors[0],
-        ordinary_error=errors[1],
+        error=errors.near,
+        ordinary_error=errors.ordinary,
+        absolute_error=errors.absolute,
+        error_of_start=errors.of_start,
     )

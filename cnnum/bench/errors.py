@@ -83,19 +83,33 @@ def _sized(shape: Shape, size: float) -> Floats:
     return size * touch(shape=shape).astype(np.float64)
 
 
-def stream_error(plan: Plan, true: list[Answer], size: float = 1.0) -> float:
+def stream_error(
+    plan: Plan, true: list[Answer], size: float = 1.0, over: list[Answer] | None = None
+) -> float:
     """Return the largest difference of a plan's outputs from the truth, each over its largest.
 
     It is that of the frames with a contact, if the truth has some: the direction of a pull that
     is not there is rounding.
+
+    Parameters
+    ----------
+    plan : Plan
+    true : list of dict
+        What `truths` returns.
+    size : float
+        What the frames are multiplied with.
+    over : list of dict, optional
+        Answers whose largest values are to be divided by; the truth unless given.
     """
     stream = plan.stream()
     got = [stream.push(frame) for frame in _sized(plan.schedule.shape, size)[: len(true)]]
     first = TOUCHED if len(true) > TOUCHED else 0
     found: list[float] = [0.0]
     for name in true[0]:
-        ours, theirs = (np.stack([each[name] for each in all_[first:]]) for all_ in (got, true))
-        largest = float(np.abs(theirs).max())
+        ours, theirs, whole = (
+            np.stack([each[name] for each in all_[first:]]) for all_ in (got, true, over or true)
+        )
+        largest = float(np.abs(whole).max())
         found.append(float(np.abs(ours - theirs).max()) / (largest or 1.0))
     return max(found)
 

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from cnnum.bench import compile_time, denormals, scene_costs
+from cnnum.bench import compile_time, denormals, errors, scene_costs
 from cnnum.bench.samples import maps
 from cnnum.engine import Engine
+from cnnum.program_library import get_program
 
 
 def test_cold_and_warm_starts_give_the_reference_engines_answer():
@@ -33,9 +34,36 @@ def test_runs_next_to_zero_are_held_to_the_reference_engines(precision):
     # denormals has none
     assert row.error < 1e-3 or row.error == 1.0
     near, ordinary = denormals.case_truths(case)
+    # what is wrong is below the smallest normal number, and the run begins e^10 above it
+    assert row.error_of_start < 1e-4
     row = denormals.measure_case(engine, case, (1.5 * near, 1.5 * ordinary), budget=0.01)
     assert row.ordinary_error == pytest.approx(1 / 3, abs=1e-3)
     assert row.error == 1.0 or row.error == pytest.approx(1 / 3, abs=1e-3)
+
+
+def test_errors_next_to_zero_are_told_as_they_are_and_over_what_the_run_begins_with(opencl):
+    """Adaptive steps keep an absolute tolerance alone: over a truth of nothing, all is large."""
+    (case,) = (case for case in denormals.CASES if case.dt is None)
+    # as if the truth were nothing: then all that is left of a state is an error
+    near, ordinary = denormals.case_truths(case)
+    row = denormals.measure_case(opencl, case, (1e-30 * near, ordinary), budget=0.01)
+    state, given = denormals.near_zero(maps(case.batch, *case.shape), denormals.smallest("float32"))
+    left = opencl.run(denormals.decaying(), input=given, state=state, method=case.method).state
+    largest = np.abs(left[[0, -1]]).max()
+    assert row.absolute_error == pytest.approx(largest, rel=1e-6)
+    assert row.error_of_start == pytest.approx(largest / np.abs(state).max(), rel=1e-6)
+    # a default tolerance, of which such numbers are nothing
+    assert 0.0 < row.absolute_error < 1e-5
+
+
+def test_a_programs_stream_is_judged_by_what_it_is_told_to(opencl):
+    plan = opencl.compile(get_program("contact"), (8, 8), ["contact_area", "load_normal"])
+    true = errors.truths("contact", (8, 8), 60.0, needs=("contact_area", "load_normal"))
+    ten = [{name: 10.0 * value for name, value in answer.items()} for answer in true]
+    wrong = [answer | {"load_normal": 1.5 * answer["load_normal"]} for answer in true]
+    # a third of the wrong value is missing, and a twentieth of ten times the right one
+    assert errors.stream_error(plan, wrong) == pytest.approx(1 / 3, rel=1e-3)
+    assert errors.stream_error(plan, wrong, over=ten) == pytest.approx(0.05, rel=1e-3)
 
 
 def test_the_truth_next_to_zero_is_that_of_steps_next_to_zero():
