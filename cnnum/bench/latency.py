@@ -8,7 +8,7 @@ from time import perf_counter
 import numpy as np
 
 from cnnum.bench.errors import SLOW_REFERENCE, program_error
-from cnnum.bench.samples import touch
+from cnnum.bench.samples import scene_frames
 from cnnum.conversion import AsRead
 from cnnum.engine import Engine
 from cnnum.engines.opencl.empty import EmptyLaunch
@@ -19,6 +19,9 @@ from cnnum.plan import Explanation, Plan
 from cnnum.program_library import get_program, program_names
 
 SHAPE = (8, 8)
+
+SCENE = "tactile"
+"""Its array gives the frames: it presses, slips, twists and lets go."""
 
 WARM_UP = 10
 
@@ -115,7 +118,7 @@ def measure_latency(
     chosen: Sequence[Subject] | None = None,
     seconds: float = BUDGET_S,
 ) -> Iterator[Latency | str]:
-    """Yield a row a subject, on single 8×8×3 frames of a stream with contacts.
+    """Yield a row a subject, on single 8×8×3 frames of the simulated scene, one after the other.
 
     Parameters
     ----------
@@ -133,8 +136,9 @@ def measure_latency(
     Latency or str
         A sentence after a row that has fewer frames.
     """
+    frames = scene_frames(SCENE)
     for subject in subjects() if chosen is None else chosen:
-        row = _measure(engine, subject, count, seconds)
+        row = _measure(engine, subject, frames, count, seconds)
         yield row
         if row.frames < count:
             yield (
@@ -150,27 +154,24 @@ def rules_of(plan: Plan) -> tuple[EventRule, ...]:
 
 
 class _Frames:
-    """Pushes frames of contacts, one after the other, through a plan to its events."""
+    """Pushes the frames of a scene, again and again, through a plan to its events."""
 
-    def __init__(self, plan: Plan) -> None:
+    def __init__(self, plan: Plan, frames: Sequence[Frame]) -> None:
         reader = AsRead(FORCE_AXES).reader(plan.schedule.channels_read)
         self._way = Way(reader, plan.stream(), EventDetector(rules_of(plan)))
-        self._number, self.events = 0, 0
-        self._frames = cycle(
-            Frame(values, FORCE_AXES, "strain", number, 0.01 * number)
-            for number, values in enumerate(touch(shape=SHAPE).astype(np.float64))
-        )
+        self._frames = enumerate(cycle(frames))
+        self.events = 0
 
     def push(self) -> None:
         """Run the next frame."""
-        moment = self._way.step(self._number, next(self._frames))
-        self._number += 1
-        self.events += len(moment.events)
+        self.events += len(self._way.step(*next(self._frames)).events)
 
 
-def _measure(engine: Engine, subject: Subject, count: int, budget: float) -> Latency:
+def _measure(
+    engine: Engine, subject: Subject, frames: Sequence[Frame], count: int, budget: float
+) -> Latency:
     plan = subject.plan(engine)
-    cost, source = plan.explain(), _Frames(plan)
+    cost, source = plan.explain(), _Frames(plan, frames)
     empty = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out)
     own = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out, alone=True)
     pushed, launched, alone = _turns((source.push, empty.run, own.run), count, budget)

@@ -1,14 +1,21 @@
 """What benchmarks run on: templates with all weights in use, and maps of a fixed seed."""
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
+from cnnum.conversion import conversion_for
+from cnnum.drivers.registry import open_driver
+from cnnum.frame import Frame
 from cnnum.graph.nodes import RunSpec
 from cnnum.programs import Program, program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import transient
+from cnnum.scene import read_scene
+from cnnum.tactile.taxel import Calibration
 from cnnum.template import Template
 
 SEED = 7
@@ -80,6 +87,26 @@ def touch(count: int = 28, shape: Shape = (8, 8)) -> NDArray[np.float32]:
     rest[..., 0] -= 0.02 * np.clip(pushed - 3.0, 0.0, None) * bump
     rest[..., 2] -= 0.1 * np.minimum(pushed, 4.0) * bump
     return rest.astype(np.float32)
+
+
+def scene_frames(scene: str) -> list[Frame]:
+    """Return all frames of a scene that comes with the package, its calibration applied.
+
+    Returns
+    -------
+    list of Frame
+        With the channels that programs take; good ones only.
+    """
+    spec = read_scene(scene)
+    with open_driver(spec.driver, spec.driver_options, base=spec.base) as driver:
+        known = cast(Calibration | None, getattr(driver, "calibration", None))
+        conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
+        read, channels = conversion.reader(conversion.channels), conversion.channels
+        return [
+            Frame(read(frame), channels, "strain", frame.sequence, frame.time)
+            for frame in driver.frames()
+            if not frame.quality
+        ]
 
 
 def channelwise(template: Template, spec: RunSpec) -> Program:
