@@ -236,9 +236,12 @@ class _Choice:
         if preset is None and method.adaptive and template.delayed is None:
             longest = min(bound, self.duration or bound)
             first = 0.1 * min(longest, 1.0 / found.fastest) if found.fastest else 0.1 * longest
-            safe = 0.8 * bound if self.settle and math.isfinite(bound) else self.duration
-            steps = AdaptiveSteps(method, first, self.settle, safe)
+            share = 0.8 if self.settle else 1.0
+            safe = share * bound if 0.0 < bound < math.inf else self.duration
+            steps = AdaptiveSteps(method, first, self.settle, min(safe, self.duration))
             return steps, "steps follow the error estimate", False
+        if preset is not None and self.spec.dt is None and preset > 0.5 * bound > 0.0:
+            preset, reason = None, f"{reason}, in steps of half its stability bound"
         step, forced = self._bounded(method.name, bound, found.reason, preset)
         fixed = _fixed(template, method, step, self.duration, self.settle)
         return fixed, (f"{reason}, outside its stability bound" if forced else reason), forced

@@ -130,7 +130,7 @@ def _exponential_step(method: ExponentialMethod, found: Spectrum, template: Temp
 
 def _decaying(found: Spectrum) -> Complexes:
     """Return the values that decay or only turn, one of each conjugate pair."""
-    values = found.values[found.values.real <= 1e-9 * found.fastest]
+    values = found.values[found.values.real <= 1e-10 * found.fastest]
     return np.asarray(values.real + 1j * np.abs(values.imag), dtype=np.complex128)
 
 

@@ -8,7 +8,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.errors import MethodError, name_error
+from cnnum.errors import name_error
 
 Row = tuple[Fraction, ...]
 
@@ -116,15 +116,16 @@ class ButcherTableau:
     @cached_property
     def real_stability(self) -> float:
         """Length of the interval of the negative real axis where |R(z)| ≤ 1."""
-        polynomial = self._stability_polynomial()
+        polynomial = self._stability_polynomial
         z = np.linspace(0.0, -8.0, 80_001)
         outside = np.abs(np.polyval(polynomial, z)) > 1.0 + 1e-12
         return float(-z[np.argmax(outside) - 1])
 
     def growth(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return R(z), the factor of a mode a step, z = h·λ."""
-        return np.asarray(np.polyval(self._stability_polynomial(), z), dtype=np.complex128)
+        return np.asarray(np.polyval(self._stability_polynomial, z), dtype=np.complex128)
 
+    @cached_property
     def _stability_polynomial(self) -> list[float]:
         # R(z) = 1 + Σ_s z^s bᵀ A^{s−1} 1, highest power first
         n = self.stages
@@ -186,16 +187,3 @@ def tableau(name: str) -> ButcherTableau:
         known = ("auto", "propagator", *TABLEAUX, "runge-kutta-chebyshev")
         raise name_error("method", name, (*known, "exponential-euler", "etd-rk2"))
     return TABLEAUX[name]
-
-
-def stable_step(method: ButcherTableau, fastest_rate: float) -> float:
-    """Return the longest step at which a decay of that rate does not grow, in units of time.
-
-    Raises
-    ------
-    MethodError
-        If the rate is not positive.
-    """
-    if fastest_rate <= 0:
-        raise MethodError(f"A stability bound needs a positive rate, got {fastest_rate}.")
-    return method.real_stability / fastest_rate

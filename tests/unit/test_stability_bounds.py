@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 import cnnum
+from cnnum.couplings import DelayedCoupling, NonlinearCoupling
 from cnnum.integrators.enclosure import field_of_values
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
 from cnnum.integrators.stability import METHODS, stability_bound
 from cnnum.integrators.tableau import TABLEAUX
 from cnnum.network import Network
+from cnnum.tables import Table
 from cnnum.template import Template
 
 STEPPING = [name for name in METHODS if name != "runge-kutta-chebyshev"]
@@ -147,3 +149,38 @@ def test_symmetric_and_one_signed_couplings_keep_their_bound():
         for name in ("rk4", "bogacki-shampine", "dormand-prince"):
             wanted = TABLEAUX[name].real_stability / rate
             assert stability_bound(name, template, (8, 8)).step >= 0.99 * wanted
+
+
+def test_auto_never_steps_outside_the_bound():
+    """The mean of the steps that were taken, rejected ones counted, over long finite runs."""
+    rng, engine = np.random.default_rng(3), cnnum.Engine("numba", precision="float64")
+    near = 0
+    for _ in range(8):
+        feedback = rng.normal(size=(3, 3))
+        feedback *= rng.uniform(2.0, 6.0) / np.abs(feedback).sum()
+        template = Template("sampled", feedback, boundary="zero-flux", duration=200.0)
+        result = engine.run(template, state=rng.uniform(-1, 1, (8, 8)), rtol=1e-2, atol=1e-3)
+        bound = stability_bound(result.method, template, (8, 8)).step
+        assert 200.0 / result.steps <= bound * (1.0 + 1e-9)
+        near += 200.0 / result.steps > 0.8 * bound
+    assert near > 2
+
+
+@pytest.mark.parametrize("kind", ["delayed", "jumping"])
+def test_auto_takes_shorter_steps_for_fast_rates_where_its_own_are_fixed(kind):
+    """A centre of −60 makes rates of 61, or −400 of 401: 0.05 and 0.01 are outside of the bound."""
+    one = np.full((1, 1, 1, 1), 0.3)
+    coupling = DelayedCoupling(0.5, one, np.zeros((1, 0, 1, 1)))
+    steps = Table("constant", ((-1.0, -0.2), (0.0, 0.2)))
+    jumping = NonlinearCoupling(np.ones((1, 1)), steps, "x")
+    centre = -60.0 if kind == "delayed" else -400.0
+    parts = {"delayed": coupling} if kind == "delayed" else {"nonlinear": [jumping]}
+    template = Template(
+        "fast", [[centre]], z=1.0, initial=0.01, duration=2.0, output="linear", **parts
+    )
+    result = cnnum.Engine("numba").run(template, state=np.full((2, 2), 0.01))
+    step = 2.0 / result.steps
+    assert step <= 0.5 * stability_bound(result.method, template, (2, 2)).step * (1 + 1e-9)
+    # at rest: (1 − centre) x = 1 + 0.3 x, or 1 ± 0.2
+    rest = 1.0 / (60.7 if kind == "delayed" else 401.0)
+    assert np.abs(result.state - rest).max() < (1e-6 if kind == "delayed" else 1e-3)
