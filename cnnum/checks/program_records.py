@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 
@@ -19,7 +20,7 @@ class ProgramCase:
     frames : (frames, [batch,] rows, cols, channels) float
         One stream, or several side by side.
     expected : mapping
-        What the form's `error` compares the last frame's outputs with.
+        What the form's `error` compares the outputs with.
     parameters : mapping
         Keyword parameters of the program.
     """
@@ -49,7 +50,7 @@ class ProgramForm:
     cases : callable
         (random generator, (rows, cols)) to a case.
     error : callable
-        (case, outputs of the last frame) to the largest error.
+        (case, outputs of the last frame, or of all) to the largest error.
     tolerance : float
     tolerance_reason : str
         Why it is not smaller.
@@ -57,6 +58,10 @@ class ProgramForm:
         What the answer is.
     engines : tuple of str
         Those that come to an answer within a minute.
+    left_out : str
+        Why the others are left out.
+    compares : "last" or "all"
+        The last frame's outputs, or those of all frames, with the frames as the first axis.
     """
 
     name: str
@@ -68,3 +73,5 @@ class ProgramForm:
     tolerance_reason: str
     summary: str
     engines: tuple[str, ...] = ("opencl", "numba", "reference")
+    left_out: str = ""
+    compares: Literal["last", "all"] = "last"

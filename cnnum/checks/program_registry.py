@@ -3,10 +3,22 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from cnnum.checks import tactile_codes, tactile_halfspace, tactile_outlines
+from cnnum.checks import (
+    tactile_codes,
+    tactile_grasps,
+    tactile_halfspace,
+    tactile_outlines,
+    tactile_slip,
+)
 from cnnum.checks.program_records import ProgramForm
 
-_KINDS = (tactile_outlines.FORMS, tactile_codes.FORMS, tactile_halfspace.FORMS)
+_KINDS = (
+    tactile_outlines.FORMS,
+    tactile_codes.FORMS,
+    tactile_slip.FORMS,
+    tactile_grasps.FORMS,
+    tactile_halfspace.FORMS,
+)
 _FORMS: Mapping[str, tuple[ProgramForm, ...]] = MappingProxyType(
     {
         program: tuple(f for kind in _KINDS for f in kind if f.program == program)

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from cnnum.arrays import Floats, as_shape
-from cnnum.checks.program_records import ProgramCase, ProgramForm
+from cnnum.checks.program_records import Outputs, ProgramCase, ProgramForm
 from cnnum.checks.records import CheckResult
 
 
@@ -88,9 +88,9 @@ def run_program_check(
     size = as_shape(shape)
     case = form.cases(np.random.default_rng(seed), size)
     plan = engine.compile(program.bind(**case.parameters), size, form.needs)
-    outputs, _ = _streamed(plan, case)
+    frames, _ = _streamed(plan, case)
     seconds = statistics.median(_streamed(plan, case)[1] for _ in range(max(repeats, 1)))
-    error = form.error(case, outputs)
+    error = form.error(case, frames[-1] if form.compares == "last" else _stacked(frames))
     return CheckResult(
         template=form.program,
         engine=engine.name,
@@ -104,11 +104,13 @@ def run_program_check(
     )
 
 
-def _streamed(plan: Plan, case: ProgramCase) -> tuple[Mapping[str, Floats], float]:
-    """Return the outputs of the last frame, and the time of all."""
+def _streamed(plan: Plan, case: ProgramCase) -> tuple[list[Outputs], float]:
+    """Return the outputs of every frame, and the time of all."""
     begin = time.perf_counter()
     stream = plan.stream(case.batch)
-    outputs: Mapping[str, Floats] = {}
-    for frame in case.frames:
-        outputs = stream.push(frame)
+    outputs: list[Outputs] = [stream.push(frame) for frame in case.frames]
     return outputs, time.perf_counter() - begin
+
+
+def _stacked(frames: Sequence[Outputs]) -> Outputs:
+    return {name: np.stack([frame[name] for frame in frames]) for name in frames[0]}

@@ -7,7 +7,8 @@ import pytest
 from cnnum.checks.program_registry import checked_programs, program_forms
 from cnnum.checks.program_run import run_program_check
 from cnnum.engine import Engine
-from cnnum.program_library import get_program
+from cnnum.program_library import get_program, program_names
+from cnnum.templates.tactile import laws, pull
 
 FORMS = [form for name in checked_programs() for form in program_forms(name)]
 WRONG = {
@@ -18,8 +19,25 @@ WRONG = {
     "bump-loads": {"share": 0.9},
     "all-bits": {"push": 1.0},
     "friction-and-roughness": {"ratio": 0.5},
+    "gross-onset": {"gross": 3.0},
+    "pull-direction": {"push": 1.0},
+    "turn-rate": {"depth": 0.8},
+    "turn-centre": {"push": 1.0},
+    "slip-and-turn-onset": {"push": 1.0},
+    "score": {"window": 0.25},
+    "report": {"threshold": 6.8},
 }
 """Parameters that make a program wrong for its form."""
+
+WRONG_LAWS = {
+    # less than half sticks at 3/4 of the time to slip, not at 1/2
+    "incipient-onset": (pull, "LOOSE", 0.5),
+    # Lubkin's torque, as if half the contact radius stuck at an angle a quarter larger
+    "turn-onset": (laws, "CURVE", tuple(c * 1.25**n for n, c in enumerate(laws.CURVE, 1))),
+}
+"""Constants of the laws, the beliefs that are weighed with them being sure without noise."""
+
+FORMS_HERE = [form for form in FORMS if form.name in {*WRONG, *WRONG_LAWS}]
 
 
 class Bent:
@@ -32,12 +50,25 @@ class Bent:
         return self.program.bind(**{**parameters, **self.parameters})
 
 
+def test_every_tactile_program_has_a_check():
+    assert set(checked_programs()) == set(program_names("tactile"))
+
+
+@pytest.mark.parametrize("name", ["gross-onset", "turn-onset", "slip-and-turn-onset", "report"])
+@pytest.mark.parametrize("engine", ["numba", "reference"])
+def test_streams_pass_on_other_engines(name, engine):
+    (form,) = (form for form in FORMS if form.name == name)
+    result = run_program_check(form, get_program(form.program), Engine(engine))
+    assert result.passed, (result.error, result.tolerance)
+
+
 @pytest.mark.parametrize("shape", [(8, 8), (16, 16)])
-@pytest.mark.parametrize("form", [f for f in FORMS if f.name in WRONG], ids=lambda form: form.name)
+@pytest.mark.parametrize("form", FORMS_HERE, ids=lambda form: form.name)
 def test_programs_pass(form, shape):
     result = run_program_check(form, get_program(form.program), Engine("opencl"), shape=shape)
     assert result.passed, (result.error, result.tolerance)
     assert (result.template, result.check) == (form.program, form.name)
+    assert type(result.passed) is bool
     assert result.seconds > 0
 
 
@@ -45,5 +76,13 @@ def test_programs_pass(form, shape):
 def test_wrong_programs_fail(form):
     wrong = Bent(get_program(form.program), WRONG[form.name])
     result = run_program_check(form, wrong, Engine("opencl"))
+    assert not result.passed
+    assert result.error > form.tolerance
+
+
+@pytest.mark.parametrize("form", [f for f in FORMS if f.name in WRONG_LAWS], ids=lambda f: f.name)
+def test_wrong_laws_fail(form, monkeypatch):
+    monkeypatch.setattr(*WRONG_LAWS[form.name])
+    result = run_program_check(form, get_program(form.program), Engine("opencl"))
     assert not result.passed
     assert result.error > form.tolerance
