@@ -136,19 +136,25 @@ def _table(rows: list[Mapping[str, object]]) -> Any:
 
 
 @command.command("work-precision")
-@click.option("--case", "names", multiple=True, help="A template or program; all unless given.")
+@click.option(
+    "--case",
+    "names",
+    multiple=True,
+    help="A template or program; all, or three with --quick, unless given.",
+)
 @_options
 def work_precision(
     names: tuple[str, ...], device: str | None, quick: bool, out: Path | None, as_json: bool
 ) -> int:
     """Error against run time: templates and programs × methods × precisions × engines."""
-    from cnnum.bench.work_precision import OMISSIONS, cases, count, engines_here, measure_cases
+    from cnnum.bench.work_precision import cases, count, engines_here, measure_cases, omissions
 
-    chosen, engines = names or cases(), engines_here(device, quick=quick)
+    chosen, engines = names or cases(quick=quick), engines_here(device, quick=quick)
     found = measure_cases(chosen, engines, quick=quick)
     label = engines[0].device
     total = count(chosen, engines, quick=quick)
-    return _report("work-precision", found, total, label, out, as_json, OMISSIONS)
+    left_out = omissions(chosen, quick=quick)
+    return _report("work-precision", found, total, label, out, as_json, left_out)
 
 
 @command.command("throughput")
