@@ -47,19 +47,25 @@ def fitted(made: Table, width: int, spare: Sequence[str] = ()) -> tuple[Table, t
     made : Table
     width : int
     spare : sequence of str
-        Columns that go first, in this order; then they go from right to left.
+        Columns that go first, in this order; then long texts go, numbers from right to left, and
+        short texts, such as verdicts, last.
     """
     if needed(made) <= width:
         return made, ()
     gone: list[str] = []
     names = [str(column.header) for column in made.columns]
     order = [name for name in spare if name in names[1:]]
-    order += [name for name in reversed(names[1:]) if name not in order]
+    others = sorted(made.columns[:0:-1], key=_worth)
+    order += [str(column.header) for column in others if str(column.header) not in order]
     kept = _with(made, names)
     while needed(kept) > width and order:
         gone.append(order.pop(0))
         kept = _with(made, [name for name in names if name not in gone])
     return kept, tuple(name for name in names if name in gone)
+
+
+def _worth(column: Column) -> int:
+    return 1 if column.no_wrap else 0 if _natural(column) > LEAST_TEXT else 2
 
 
 def _natural(column: Column) -> int:

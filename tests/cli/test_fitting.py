@@ -121,6 +121,18 @@ def test_columns_go_in_the_order_that_is_asked_for(capsys, terminal):
     assert "6.7891" not in out
 
 
+@pytest.mark.parametrize(
+    ("columns", "told"),
+    [(65, ""), (45, "about"), (30, "time, about"), (20, "error, time, about")],
+)
+def test_a_verdict_goes_after_texts_and_numbers(columns, told):
+    made = table("case", ">error", ">time", "result", "about")
+    made.add_row("a case", "1.2345", "6.7891 ms", "passed", "a long text on what this row is about")
+    kept, gone = fitting.fitted(made, columns)
+    assert ", ".join(gone) == told
+    assert "result" in [column.header for column in kept.columns]
+
+
 def test_headers_fold_at_their_underscores_before_a_column_goes():
     made = table("case", ">cell_updates_per_s", ">share_of_peak")
     made.add_row("a case", "1.26e+10", "0.953")
