@@ -10,9 +10,11 @@ from cnnum.tactile import halfspace
 PITCH, THICKNESS, MODULUS, NOISE, LIKELY = 1.5e-3, 1.0e-3, 0.87e6, 1e-3, 3e3
 AXES = ("xz", "yz", "zz")
 POISSON, SLABS = 0.45, 6
+
 SLABS_ABOVE = 12
 """Of the stack that is held to 1e-5: with 8, the program's own, slabs alone leave 1.5e-5, in single
 precision as in double and whatever the tolerance of its end; with 12 they leave 5e-6."""
+
 REACH = 5
 """Cells over which a load is felt, where it is to be found."""
 
@@ -114,7 +116,8 @@ FORMS = (
         "cover-transform", "halfspace_layers", STRESS, _layers_case, _share, 1e-5,
         "slabs of a twelfth of the depth leave up to 8e-6, in white noise on 4×4 to 16×16 cells",
         "stress under white noise, by cosine transform",
-        engines=("opencl",),  # others have no modes of it, and relax for minutes
+        engines=("opencl",),
+        left_out="without modes its layers relax, which takes minutes or leaves 3e-4",
     ),
     ProgramForm(
         "elastic-block", "halfspace_equilibrium",
@@ -122,6 +125,7 @@ FORMS = (
         "settled to 1e-5 a time constant, times the thousands that the slowest wave takes",
         "displacement of a block, by a direct solve of its energy",
         engines=("opencl", "numba"),
+        left_out="which takes minutes to settle such a block",
     ),
     ProgramForm(
         "least-squares", "surface_load", ("load_x", "load_y", "load_normal"), _inverse_case,

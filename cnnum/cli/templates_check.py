@@ -1,6 +1,8 @@
 """`cnnum templates check`: every template against its closed form, on every engine."""
 
-from dataclasses import asdict
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import click
@@ -9,9 +11,13 @@ from rich.table import Table
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
+from cnnum.errors import CnnumError, NotSupportedError, UnknownNameError
 
 if TYPE_CHECKING:
     from cnnum.checks import CheckResult
+    from cnnum.checks.program_records import ProgramForm
+    from cnnum.engine import Engine
+    from cnnum.template import Template
 
 CHECKS_FAILED = 1
 
@@ -58,45 +64,113 @@ def check(
     NAMES are templates of the library, or tactile programs; all that have a check unless given.
     Exits with 1 if one fails.
     """
-    from cnnum.checks import run_check
-    from cnnum.checks.program_registry import checked_programs, program_forms
-    from cnnum.checks.program_run import run_program_check
     from cnnum.engine import Engine
     from cnnum.engines.backend import backend_names
-    from cnnum.library import get_template, template_names
-    from cnnum.program_library import get_program
 
-    programs = [name for name in names or checked_programs() if name in checked_programs()]
-    forms = [form for name in programs for form in program_forms(name)]
-    templates = [get_template(n) for n in names or template_names() if n not in programs]
-    if not names:
-        templates = [template for template in templates if template.check is not None]
     used = [
         Engine(name, device=device if name == "opencl" else None, precision=precision)
         for name in (backend_names() if "all" in engines or not engines else engines)
     ]
+    jobs, left_out = _planned(names, used, shape, seed, method, repeats)
+    for name in engines:
+        if name != "all" and name not in {job.engine for job in jobs}:
+            raise _nothing(name, left_out)
     output = Output(as_json)
     results: list[CheckResult] = []
-    with progress("checks", (len(templates) + len(forms)) * len(used), as_json=as_json) as steps:
-        for template in templates:
-            for engine in used:
-                results.append(
-                    run_check(
-                        template, engine, seed=seed, shape=shape, method=method, repeats=repeats
-                    )
-                )
-                output.record(asdict(results[-1]))
-                steps.advance(template.name)
-        for form in forms:
-            for engine in (engine for engine in used if engine.name in form.engines):
-                program = get_program(form.program)
-                result = run_program_check(form, program, engine, seed=seed, shape=shape)
-                results.append(result)
-                output.record(asdict(result))
-                steps.advance(form.program)
+    with progress("checks", len(jobs), as_json=as_json) as steps:
+        for job in jobs:
+            results.append(job.run())
+            output.record(asdict(results[-1]))
+            steps.advance(job.name)
     failed = sum(not result.passed for result in results)
     output.show(_table(results), f"{len(results) - failed} of {len(results)} passed.")
+    for item in left_out:
+        click.echo(item.text, err=as_json)
     return CHECKS_FAILED if failed else 0
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """One check on one engine."""
+
+    name: str
+    engine: str
+    run: "Callable[[], CheckResult]"
+
+
+@dataclass(frozen=True, slots=True)
+class _LeftOut:
+    """A check that some of the engines asked for are too slow for."""
+
+    form: "ProgramForm"
+    engines: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """For people."""
+        on = " and ".join(self.engines)
+        return f"Left out: {self.form.program} on {on}, {self.form.left_out}."
+
+
+def _planned(
+    names: tuple[str, ...],
+    used: "Sequence[Engine]",
+    shape: tuple[int, int],
+    seed: int,
+    method: str,
+    repeats: int,
+) -> tuple[list[_Job], list[_LeftOut]]:
+    """Return what is to be run, and what is not."""
+    from cnnum.checks import run_check
+    from cnnum.checks.program_registry import checked_programs, program_forms
+    from cnnum.checks.program_run import run_program_check
+    from cnnum.library import template_names
+    from cnnum.program_library import get_program
+
+    programs = [name for name in names or checked_programs() if name in checked_programs()]
+    templates = [_template(n) for n in names or template_names() if n not in programs]
+    jobs = list[_Job]()
+    for template in templates:
+        if names or template.check is not None:
+            run = partial(
+                run_check, template, seed=seed, shape=shape, method=method, repeats=repeats
+            )
+            jobs += [_Job(template.name, each.name, partial(run, engine=each)) for each in used]
+    left_out = list[_LeftOut]()
+    for form in (form for name in programs for form in program_forms(name)):
+        run = partial(run_program_check, form, get_program(form.program), seed=seed, shape=shape)
+        runs = [each for each in used if each.name in form.engines]
+        jobs += [_Job(form.program, each.name, partial(run, engine=each)) for each in runs]
+        if slow := tuple(each.name for each in used if each.name not in form.engines):
+            left_out.append(_LeftOut(form, slow))
+    return jobs, left_out
+
+
+def _template(name: str) -> "Template":
+    """Return a template, or say that a program of that name has no check."""
+    from cnnum.library import get_template
+    from cnnum.program_library import program_names
+
+    try:
+        return get_template(name)
+    except UnknownNameError:
+        if name not in program_names():
+            raise
+        raise NotSupportedError(
+            f"The program '{name}' has no check: expected a template, or one of the programs "
+            f"{', '.join(program_names('tactile'))}."
+        ) from None
+
+
+def _nothing(engine: str, left_out: "Sequence[_LeftOut]") -> CnnumError:
+    """Return the error of an engine that was asked for and checks nothing."""
+    forms = [item.form for item in left_out if engine in item.engines]
+    programs = ", ".join(dict.fromkeys(form.program for form in forms))
+    able = ", ".join(dict.fromkeys(name for form in forms for name in form.engines))
+    return NotSupportedError(
+        f"'{engine}' checks nothing of {programs}, {forms[0].left_out}: expected one of {able}, "
+        "or other names."
+    )
 
 
 def _table(results: "list[CheckResult]") -> Table:

@@ -82,6 +82,50 @@ def test_a_failed_check_exits_with_1(call, records, monkeypatch):
     assert "FAILED" in call(*arguments).stdout
 
 
+def test_checks_that_an_engine_is_too_slow_for_are_named(call, records):
+    names = ("halfspace_layers", "EDGE")
+    result = call("templates", "check", *names, "--repeats", 1)
+    assert result.exit_code == 0, result.stderr
+    assert "3 of 3 passed." in result.stdout
+    (line,) = (line for line in result.stdout.splitlines() if line.startswith("Left out"))
+    assert line.startswith("Left out: halfspace_layers on reference, ")
+    assert "minutes" in line
+    # as JSON nothing else is on standard output
+    result = call("templates", "check", *names, "--repeats", 1, "--json")
+    assert [(r["template"], r["engine"]) for r in records(result.stdout)] == [
+        ("EDGE", "opencl"),
+        ("EDGE", "reference"),
+        ("halfspace_layers", "opencl"),
+    ]
+    assert result.stderr.strip() == line
+
+
+@pytest.mark.parametrize("engine", ["numba", "reference"])
+def test_a_named_engine_that_checks_nothing_is_an_error(call, engine):
+    result = call("templates", "check", "halfspace_layers", "--engine", engine)
+    assert result.exit_code == 2
+    assert result.stdout == ""
+    assert f"'{engine}' checks nothing of halfspace_layers" in result.stderr
+    assert "expected one of opencl" in result.stderr
+    both = call("templates", "check", "halfspace_layers", "--engine", "opencl", "--engine", engine)
+    assert both.exit_code == 2
+
+
+def test_a_program_without_a_check_says_so(call):
+    result = call("templates", "check", "skeleton")
+    assert result.exit_code == 2
+    assert "'skeleton' has no check" in result.stderr
+
+
+def test_slip_and_twist_are_checked(call, records):
+    names = ("slip", "twist", "tactile", "grasp_slip")
+    result = call("templates", "check", *names, "--engine", "opencl", "--json")
+    assert result.exit_code == 0, result.stderr
+    found = records(result.stdout)
+    assert {record["template"] for record in found} == set(names)
+    assert all(tuple(record)[: len(FIELDS)] == FIELDS for record in found)
+
+
 @pytest.mark.parametrize("columns", [80, 200])
 def test_check_fits_the_terminal(call, monkeypatch, columns):
     monkeypatch.setattr("cnnum.cli.output.PIPED_WIDTH", columns)

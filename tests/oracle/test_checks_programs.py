@@ -54,6 +54,12 @@ def test_every_tactile_program_has_a_check():
     assert set(checked_programs()) == set(program_names("tactile"))
 
 
+def test_engines_that_are_left_out_have_a_reason():
+    some = [form for form in FORMS if set(form.engines) != {"opencl", "numba", "reference"}]
+    assert {form.program for form in some} == {"halfspace_layers", "halfspace_equilibrium"}
+    assert all(form.left_out for form in some)
+
+
 @pytest.mark.parametrize("name", ["gross-onset", "turn-onset", "slip-and-turn-onset", "report"])
 @pytest.mark.parametrize("engine", ["numba", "reference"])
 def test_streams_pass_on_other_engines(name, engine):
