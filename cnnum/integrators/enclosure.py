@@ -4,7 +4,7 @@
   It bounds powers too, however far M is from normal: ‖p(M)‖ ≤ (1 + √2) max |p| over it (Crouzeix &
   Palencia, SIAM J. Matrix Anal. Appl. 38 (2017) 649-655).
 * Gershgorin's discs of S (A D − 1), whatever cells saturate: centre (−1 + d a_kk)/τ with
-  0 ≤ d ≤ 1, radius Σ |a_kj|/τ.
+  0 ≤ d ≤ 1 (d = 1 where f(x) = x), radius Σ |a_kj|/τ.
 """
 
 from dataclasses import dataclass
@@ -72,7 +72,8 @@ def discs(network: Network) -> Discs:
     parts: list[Complexes] = []
     for layer, tau in enumerate(template.tau):
         radius = _others(template, layer)
-        ends = np.array([-1.0, -1.0 + own[layer]])
+        # a cell that saturates sees nothing of itself; a linear one does not saturate
+        ends = np.array([own[layer] if template.output.linear else 0.0, own[layer]]) - 1.0
         parts.extend((end + radius * turn) / tau for end in ends)
         # the tops of the discs in between
         parts.append((np.linspace(ends.min(), ends.max(), POINTS) + 1j * radius) / tau)
