@@ -14,7 +14,7 @@ from cnnum.errors import ArrayError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
-from cnnum.integrators.choice import choose
+from cnnum.integrators.choice import check_spec, choose
 from cnnum.integrators.fusing import fuse
 from cnnum.integrators.linear_range import as_linear, stays_linear
 from cnnum.plan import Plan
@@ -205,14 +205,16 @@ class Engine:
         Raises
         ------
         ArrayError
-            If shapes do not fit, or values are not finite.
+            If shapes do not fit, or values are not real and finite, or too large for the precision.
         MethodError
-            If the method can not run this template, or does not reach the end.
+            If the duration, a tolerance or the step is not a number of its range, or the method can
+            not run this template, or does not reach the end.
         """
         roles = {"input": input, "previous": previous, "state": state, "bias": bias, "mask": mask}
         given = _given(template, roles)
         names, stack, shape, lead = _stack(given, np.dtype(self.precision))
         spec = RunSpec(duration, method, rtol, atol, dt, force=force)
+        check_spec(spec)
         exact = dt is None and method in ("auto", "propagator")
         ran = as_linear(template) if exact and stays_linear(template, given) else template
         key = (ran.digest, shape, names, spec)
@@ -254,6 +256,11 @@ def _given(template: Template, values: dict[str, ArrayLike | None]) -> dict[str,
         raise ArrayError(f"Template '{template.name}' needs an input.")
     if template.initial == "input" and values["input"] is None and values["state"] is None:
         raise ArrayError(f"Template '{template.name}' starts from its input: give input or state.")
+    for role, value in values.items():
+        if value is not None and np.iscomplexobj(value):
+            raise ArrayError(
+                f"'{role}' must hold real numbers, got complex ones: give a part of them."
+            )
     shape = _common_shape([value for value in values.values() if value is not None])
     counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
     return {
@@ -288,8 +295,8 @@ def _stack(
     # side by side in memory, where they can be copied as they are
     planes = np.empty((*lead, len(names), *shape), dtype)
     at = 0
-    for array in given.values():
-        planes[..., at : at + array.shape[-3], :, :] = array
+    for role, array in given.items():
+        _put(role, array, planes[..., at : at + array.shape[-3], :, :])
         at += array.shape[-3]
     axes = range(len(lead))
     return tuple(names), planes.transpose(*axes, -2, -1, -3), shape, lead
@@ -297,6 +304,17 @@ def _stack(
 
 def _outputs(template: Template) -> list[str]:
     return [f"output {layer}" for layer in range(template.layers)]
+
+
+def _put(role: str, array: Floats, planes: NDArray[np.floating]) -> None:
+    try:
+        with np.errstate(over="raise"):
+            planes[...] = array
+    except FloatingPointError:
+        raise ArrayError(
+            f"'{role}' reaches {np.abs(array).max():.3g}, more than {planes.dtype} holds: scale it "
+            "down, or take precision='float64'."
+        ) from None
 
 
 def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
@@ -143,7 +144,8 @@ def choose(
         If there is no such method.
     """
     network = Network(transient.template, shape)
-    spec = _checked(transient)
+    spec = transient.spec
+    check_spec(spec)
     wanted = transient.template.duration if spec.duration is None else spec.duration
     settle = wanted == "settle"
     duration = spec.settle_limit if wanted == "settle" else float(wanted)
@@ -168,15 +170,36 @@ def _name(stepping: Stepping) -> str:
     return stepping.method.name if isinstance(stepping, ExponentialSteps) else stepping.tableau.name
 
 
-def _checked(transient: Transient) -> RunSpec:
-    spec = transient.spec
-    if spec.rtol < 0 or spec.atol <= 0:
+def check_spec(spec: RunSpec) -> None:
+    """Refuse a duration, tolerances or a step that are no numbers of their range.
+
+    Raises
+    ------
+    MethodError
+        If one of them is not.
+    """
+    duration = spec.duration
+    if not (
+        duration is None
+        or _none_or_more(duration)
+        or (isinstance(duration, str) and duration == "settle")
+    ):
         raise MethodError(
-            f"Tolerances must be rtol ≥ 0 and atol > 0, got rtol={spec.rtol:g}, atol={spec.atol:g}."
+            "A duration must be a finite number of time constants from 0 up, or 'settle', got "
+            f"duration={duration!r}."
         )
-    if spec.dt is not None and not (spec.dt > 0 and math.isfinite(spec.dt)):
-        raise MethodError(f"A fixed step must be positive, got dt={spec.dt}.")
-    return spec
+    if not (_none_or_more(spec.rtol) and _none_or_more(spec.atol) and spec.atol > 0):
+        raise MethodError(
+            "Tolerances must be finite numbers, rtol ≥ 0 and atol > 0, got "
+            f"rtol={spec.rtol!r}, atol={spec.atol!r}."
+        )
+    if spec.dt is not None and not (_none_or_more(spec.dt) and spec.dt > 0):
+        raise MethodError(f"A fixed step must be positive and finite, got dt={spec.dt!r}.")
+
+
+def _none_or_more(value: object) -> bool:
+    """Return whether a value is one real, finite number from 0 up."""
+    return isinstance(value, Real) and 0.0 <= float(value) < math.inf
 
 
 def _exact(

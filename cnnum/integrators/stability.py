@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Shape
+from cnnum.arrays import Shape, as_shape
 from cnnum.errors import name_error
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
@@ -54,6 +54,8 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
 
     Raises
     ------
+    ArrayError
+        If the shape is not that of an array.
     UnknownNameError
         If there is no such method.
 
@@ -66,7 +68,7 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
     grow faster than the array itself could, e^{max(Re λ, 0) h}, be it without saturation or, by
     Gershgorin's discs, with any. Delayed couplings are not in it.
     """
-    found = spectrum(template, shape)
+    found = spectrum(template, as_shape(shape))
     if method in TABLEAUX:
         step = tableau_step(TABLEAUX[method], found)
     elif method == CHEBYSHEV:
