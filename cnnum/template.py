@@ -8,7 +8,7 @@ and, where a template has them, nonlinear couplings, delayed couplings, and gain
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -35,6 +35,8 @@ class Check:
 @dataclass(frozen=True, slots=True, eq=False, init=False)
 class Template:
     """A CNN template with its boundary, initial state and duration.
+
+    `dataclasses.replace` gives another one, of the same parts but for those it is told.
 
     Parameters
     ----------
@@ -91,7 +93,7 @@ class Template:
     description: str
     source: str
     check: Check | None
-    digest: str
+    digest: str = field(init=False)
 
     def __init__(
         self,

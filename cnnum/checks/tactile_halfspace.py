@@ -125,7 +125,7 @@ FORMS = (
         "settled to 1e-5 a time constant, times the thousands that the slowest wave takes",
         "displacement of a block, by a direct solve of its energy",
         engines=("opencl", "numba"),
-        left_out="which takes minutes to settle such a block",
+        left_out="takes minutes to settle such a block",
     ),
     ProgramForm(
         "least-squares", "surface_load", ("load_x", "load_y", "load_normal"), _inverse_case,

@@ -109,7 +109,7 @@ class _LeftOut:
     def text(self) -> str:
         """For people."""
         on = " and ".join(self.engines)
-        return f"Left out: {self.form.program} on {on}, {self.form.left_out}."
+        return f"Left out: {self.form.program} on {on} ({self.form.left_out})."
 
 
 def _planned(
@@ -168,7 +168,7 @@ def _nothing(engine: str, left_out: "Sequence[_LeftOut]") -> CnnumError:
     programs = ", ".join(dict.fromkeys(form.program for form in forms))
     able = ", ".join(dict.fromkeys(name for form in forms for name in form.engines))
     return NotSupportedError(
-        f"'{engine}' checks nothing of {programs}, {forms[0].left_out}: expected one of {able}, "
+        f"'{engine}' checks nothing of {programs} ({forms[0].left_out}): expected one of {able}, "
         "or other names."
     )
 

@@ -88,7 +88,7 @@ def test_checks_that_an_engine_is_too_slow_for_are_named(call, records):
     assert result.exit_code == 0, result.stderr
     assert "3 of 3 passed." in result.stdout
     (line,) = (line for line in result.stdout.splitlines() if line.startswith("Left out"))
-    assert line.startswith("Left out: halfspace_layers on reference, ")
+    assert line.startswith("Left out: halfspace_layers on reference (without modes ")
     assert "minutes" in line
     # as JSON nothing else is on standard output
     result = call("templates", "check", *names, "--repeats", 1, "--json")

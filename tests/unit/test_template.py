@@ -1,10 +1,12 @@
 """A template refuses to exist when its parts do not fit together."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from cnnum import get_template, template_names
 from cnnum.errors import ArrayError, CnnumError, TemplateError, UnknownNameError
 from cnnum.template import Check, Template
 
@@ -108,3 +110,25 @@ def test_errors_are_also_the_fitting_builtins() -> None:
         Template("t", A=CENTRE, tau=-1.0)
     with pytest.raises(CnnumError):
         Template("t", A=CENTRE, tau=-1.0)
+
+
+@pytest.mark.parametrize("name", template_names())
+def test_a_part_can_be_replaced(name: str) -> None:
+    template = get_template(name)
+    same = replace(template, name="other")
+    assert (same.name, same.digest) == ("other", template.digest)
+    assert same.check == template.check
+    longer = replace(template, duration=7.5, z=template.z + 0.25)
+    assert longer.duration == 7.5
+    np.testing.assert_array_equal(longer.z, template.z + 0.25)
+    np.testing.assert_array_equal(longer.B, template.B)
+    assert longer.input_boundary == template.input_boundary
+    assert longer.digest != template.digest
+
+
+def test_a_replaced_part_must_fit() -> None:
+    template = get_template("EDGE")
+    with pytest.raises(TemplateError, match="tau must be positive"):
+        replace(template, tau=-1.0)
+    with pytest.raises((TypeError, ValueError), match="digest"):
+        replace(template, digest="0" * 64)
