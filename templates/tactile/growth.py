@@ -148,9 +148,10 @@ class Growth:
         *,
         early: float,
         sudden: bool = False,
+        follow: float = FOLLOW,
     ) -> None:
         self._frame, self._reading, self._contact = frame, reading, contact
-        self._sudden = sudden
+        self._sudden, self._follow = sudden, follow
         parts = (*reading.load, *reading.beside)
         self._zero = [frame.memory(scalar=True) for _ in parts]
         self._rest = [frame.memory(scalar=True) for _ in parts]
@@ -259,7 +260,7 @@ class Growth:
         restarts = self._contact & ~self._rests & ~goes_on
         count = where(self._rests, self._count.value + 1.0, self._count.value)
         self._count.store(where(self._contact, where(restarts, 1.0, count), 0.0))
-        rate = where(self._rests, maximum(1.0 / maximum(count, 1.0), 1.0 / FOLLOW), 0.0)
+        rate = where(self._rests, maximum(1.0 / maximum(count, 1.0), 1.0 / self._follow), 0.0)
         loaded = self._holds & self._contact
         self._loaded.store(loaded)
         reading = self._reading

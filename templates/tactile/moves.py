@@ -54,6 +54,10 @@ SEEN = 1e-3
 SHORTEST = 1e-6
 """Square frames: less of a ramp is none."""
 
+TAKEN, ASKEW = 0.05, 0.05
+"""Share of the normal load by which a pull itself may change it; and pitches by which a contact
+that taxels sample coarsely seems to move, over the share by which its load changes beyond."""
+
 SINGLE = 1e-6
 """Share of a force's power to which float32 tells its changes."""
 
@@ -107,12 +111,14 @@ class Rest:
         self._known = loads.sound & loads.alive
         self.map = where(self._known, self._memory.value, 0.0)
 
-    def way(self, growth: Growth, noise: Field) -> Way:
+    def way(self, growth: Growth, normal: Field, noise: Field) -> Way:
         """Return how far the contact has moved along the force that grows.
 
         Parameters
         ----------
         growth : Growth
+        normal : Field
+            Normal load.
         noise : Field
             Variance of a reading.
         """
@@ -125,7 +131,9 @@ class Rest:
         share = (slope * self.map).sum() / power
         left = maximum(square(slope).sum() - square(share) * power, TINY)
         along = ((slope * lost).sum() - share * (self.map * lost).sum()) / left
-        return Way(along, noise / left)
+        changed = growth.steady / maximum(normal, TINY)
+        askew = ASKEW * maximum(changed - TAKEN, 0.0)
+        return Way(along, noise / left + square(askew))
 
     def learn(self, learned: Learned) -> None:
         """Store what the next frame needs."""

@@ -6,7 +6,7 @@ from cnnum.library import get_template
 from cnnum.programs.fields import Field, maximum, minimum, where
 from cnnum.programs.machine import LocalMemory
 from cnnum.programs.transients import apply
-from cnnum.templates.tactile.growth import Growth, Learned, Reading, length
+from cnnum.templates.tactile.growth import FOLLOW, Growth, Learned, Reading, length
 from cnnum.templates.tactile.laws import PULL, Law
 from cnnum.templates.tactile.loads import Loads, Patch, square
 
@@ -105,10 +105,10 @@ def place_of(loads: Loads, patch: Patch) -> Place:
 def force_on(contact: Place) -> Side:
     """Return the force on a contact, x and y, beside the torque."""
     frame = contact.loads.frame
-    return _side(contact, PULL, frame.memory(logic=True), frame.constant(1.0), torque=False)
+    return _side(contact, PULL, frame.memory(logic=True), frame.constant(1.0), FOLLOW, torque=False)
 
 
-def torque_on(contact: Place, law: Law, near: LocalMemory, weight: Field) -> Side:
+def torque_on(contact: Place, law: Law, near: LocalMemory, weight: Field, follow: float) -> Side:
     """Return the torque about the contact's centre, positive from x to y, beside the force.
 
     Parameters
@@ -120,8 +120,10 @@ def torque_on(contact: Place, law: Law, near: LocalMemory, weight: Field) -> Sid
         Logic map, for the taxels that are summed.
     weight : Field
         Map: how much the moment of a taxel counts.
+    follow : float
+        Frames over which the torque at rest is taken.
     """
-    return _side(contact, law, near, weight, torque=True)
+    return _side(contact, law, near, weight, follow, torque=True)
 
 
 def sideways_on(contact: Place) -> tuple[Field, ...]:
@@ -131,7 +133,9 @@ def sideways_on(contact: Place) -> tuple[Field, ...]:
     return tuple(part / normal for part in (*force, moment[0] / contact.spread))
 
 
-def _side(contact: Place, law: Law, memory: LocalMemory, weight: Field, *, torque: bool) -> Side:
+def _side(
+    contact: Place, law: Law, memory: LocalMemory, weight: Field, follow: float, *, torque: bool
+) -> Side:
     loads, frame = contact.loads, contact.loads.frame
     held, now = (where(near, 1.0, 0.0) for near in (memory.value, contact.near))
     away = square(contact.from_row) + square(contact.from_column)
@@ -158,6 +162,7 @@ def _side(contact: Place, law: Law, memory: LocalMemory, weight: Field, *, torqu
         law,
         early=1.0 if torque else LOOSE,
         sudden=torque,
+        follow=follow,
     )
     own, other = length(growth.acts), length(growth.beside)
     if torque:

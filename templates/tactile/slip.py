@@ -124,7 +124,8 @@ def _slides(contact: Place, force: Side, rest: Rest, gross: float) -> Field:
     """Return a flag: the force has stopped growing, and what it pulls at goes on."""
     loads, growth, found = contact.loads, force.growth, force.growth.found
     ratio = growth.size / maximum(force.normal, TINY)
-    moves = moves_on(loads, growth, rest.way(growth, loads.normal_noise), ratio)
+    way = rest.way(growth, force.normal, loads.normal_noise)
+    moves = moves_on(loads, growth, way, ratio)
     stops = where(growth.size < SUDDEN * growth.first, MORE * STOPS, STOPS) * found.stopped
     # of all that follow the law, those whose time is not over yet count as they are
     grows = gross * (found.growing - found.passed + moves.against_growth)

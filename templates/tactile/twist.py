@@ -12,6 +12,7 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.tactile.bumps_felt import bumps_felt
+from cnnum.templates.tactile.growth import FOLLOW
 from cnnum.templates.tactile.latch import latched
 from cnnum.templates.tactile.laws import CURVE
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
@@ -25,11 +26,23 @@ ENGAGED = 0.13
 """Share of the normal load, at the contact's radius of gyration, that the torque has at least: with
 a friction of 0.3 on few bumps it has 0.14 as half the contact radius slips."""
 
+POSSIBLE = 6.0
+"""The same that it has at most: taxels read a friction of 1 as up to 3.5 (tuning seeds). More is no
+torque, but a contact that appears beside a bridge that is stuck."""
+
 STEADY = 0.3
 """Largest change of the normal load, at that radius, as a share of the torque."""
 
 DEPTH = 0.5
 """Pitches from the surface to the taxels, unless told otherwise."""
+
+LEARNED = 0.85
+"""Strength from which a torque hardly grows any more: how fast the object turns is what it was."""
+
+REST = 0.1
+"""Seconds over which the torque at rest is taken, `FOLLOW` frames at least: within a few frames of
+a thousand a second a slow twist is lost in the noise. Over 0.25 s one is noticed early, by chance,
+and its rate is read 10 to 60 % too high."""
 
 Cover = Literal["flat", "bumpy", "bumps-fem"]
 
@@ -102,22 +115,28 @@ def twist_of(
     bumps = None if cover == "flat" else bumps_felt(cover, float(depth), float(bump))
     near = contact.loads.frame.memory(logic=True)
     turning = turning_of(contact, near.value, float(depth), bumps)
-    torque = torque_on(contact, turning.law, near, turning.weight)
+    torque = torque_on(contact, turning.law, near, turning.weight, max(FOLLOW, REST * rate))
     growth, found = torque.growth, torque.growth.found
     believed = found.growing + found.stopped + found.ended
     change = growth.steady < STEADY * growth.size + 5.0 * contact.spread * sqrt(torque.normal_noise)
-    engaged = (growth.size > ENGAGED * torque.normal * contact.spread) & torque.outweighs & change
+    holds = torque.normal * contact.spread
+    engaged = (growth.size > ENGAGED * holds) & (growth.size < POSSIBLE * holds)
+    engaged = engaged & torque.outweighs & change
     turned = latched(contact.loads.frame, growth.grows, engaged & (found.passed > turns * believed))
     torque.close(turned)
     turning.close(growth.grows)
     twisted = growth.grows & torque.outweighs
     sense = where(growth.acts[0] > 0.0, 1.0, -1.0)
     pace = sqrt(found.pace / found.growing)
-    speed = CURVE[0] * pace / turning.felt
+    strength = 1.0 - found.sticks / (found.growing + found.stopped)
+    known = contact.loads.frame.memory(scalar=True)
+    late = latched(contact.loads.frame, growth.grows, turned & (strength > LEARNED))
+    speed = where(late & (known.value > 0.0), known.value, CURVE[0] * pace / turning.felt)
+    known.store(where(growth.grows, speed, 0.0))
     return {
         "twist": turned,
         "twist_sense": where(twisted, sense, 0.0),
-        "twist_strength": where(twisted, 1.0 - found.sticks / (found.growing + found.stopped), 0.0),
+        "twist_strength": where(twisted, strength, 0.0),
         "twist_rate": where(twisted, sense * rate * speed, 0.0),
         "twist_row": contact.row,
         "twist_column": contact.column,

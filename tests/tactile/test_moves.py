@@ -20,7 +20,7 @@ def way(frame):
     loads = loads_of(frame, PUSH)
     force = force_on(place_of(loads, patch_of(loads)))
     rest = Rest(loads)
-    found = rest.way(force.growth, loads.normal_noise)
+    found = rest.way(force.growth, force.normal, loads.normal_noise)
     moves = moves_on(loads, force.growth, found, force.growth.size / force.normal)
     grows, weights = force.growth.grows, force.growth.found
     rest.learn(force.close(grows & ~grows))
