@@ -1,4 +1,4 @@
-"""Single small frames run in the thread that asks, where PoCL has a device for that."""
+"""Few small frames run in the thread that asks, where PoCL has a device for that."""
 
 import os
 import subprocess
@@ -36,13 +36,25 @@ def test_partners_are_not_listed():
 
 
 @needs_partner
-def test_single_frames_run_elsewhere_and_batches_do_not():
+def test_few_small_frames_run_elsewhere_and_what_fills_a_vector_does_not():
     small = cnnum.Engine().compile(half, (4, 5)).executable
-    partner = partner_of(choose_device(None).handle)
+    partner, device = partner_of(choose_device(None).handle), choose_device(None).handle
     assert small.queue_for(1).device == partner
-    assert small.queue_for(2).device == choose_device(None).handle
+    assert small.queue_for(3).device == partner
+    assert small.queue_for(small.wide_lanes).device == device
+    medium = cnnum.Engine().compile(half, (16, 16)).executable
+    assert medium.queue_for(1).device == partner
+    assert medium.queue_for(2).device == device
     large = cnnum.Engine().compile(half, (40, 40)).executable
-    assert large.queue_for(1).device == choose_device(None).handle
+    assert large.queue_for(1).device == device
+
+
+def test_few_frames_are_as_those_of_a_large_batch():
+    plan = cnnum.Engine().compile(half, (4, 5))
+    frames = np.random.default_rng(6).uniform(-1, 1, (64, 4, 5, 3))
+    whole, few = plan(frames), plan(frames[:3])
+    for name, values in few.items():
+        np.testing.assert_array_equal(values, whole[name][:3])
 
 
 def test_what_a_user_has_set_stands():

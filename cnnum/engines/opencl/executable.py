@@ -65,7 +65,7 @@ class OpenCLExecutable:
     wide_lanes : int
         Frames that lie side by side in one work item of a large batch.
     own : CommandQueue or None
-        Of a device that runs kernels in the thread that asks: single small frames go there.
+        Of a device that runs kernels in the thread that asks: few small frames go there.
     """
 
     schedule: Schedule
@@ -123,7 +123,7 @@ class OpenCLExecutable:
 
     def queue_for(self, batch: int) -> cl.CommandQueue:
         """Return where so many frames run."""
-        alone = batch == 1 and self.schedule.cells <= WIDE_CELLS
+        alone = self.lanes_for(batch) == 1 and batch * self.schedule.cells <= WIDE_CELLS
         return self.own if alone and self.own is not None else self.queue
 
     def one(self, memory: object) -> OneFrame | None:
@@ -156,7 +156,7 @@ class OpenCLExecutable:
         assert isinstance(memory, SharedArray)
         batch = frames.shape[0]
         lanes, queue = self.lanes_for(batch), self.queue_for(batch)
-        built = self._kernel(lanes, alone=batch == 1)
+        built = self._kernel(lanes, alone=queue is self.own)
         arrays = self._arrays_for(batch, built)
         if frames.size:
             # large arrays go channel by channel
@@ -209,8 +209,8 @@ class OpenCLExecutable:
         return self._texts[lanes]
 
     def _kernel(self, lanes: int, *, alone: bool) -> _Built:
-        """Return what is built for so many frames side by side, or for single frames."""
-        key = (lanes, alone and self.queue_for(1) is self.own)
+        """Return what is built for so many frames side by side, or for few small ones."""
+        key = (lanes, alone and self.own is not None)
         if key not in self._kernels:
             queue = self.own if key[1] and self.own else self.queue
             self._kernels[key] = self._build(self._text(lanes), queue)
