@@ -279,6 +279,11 @@ class _Choice:
                 return step, False
         elif self.spec.force:
             return step, True
+        if bound == 0.0:
+            raise MethodError(
+                f"No step of '{method}' is known to be stable for template '{self.template.name}' "
+                f"({reason}): take method='auto', or force=True with a step."
+            )
         raise MethodError(
             f"dt={step:g} is outside the stability bound {bound:.4g} of '{method}' for template "
             f"'{self.template.name}' ({reason}): take a shorter step, method='auto', or force=True."

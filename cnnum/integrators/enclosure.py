@@ -41,7 +41,7 @@ class Box:
         along = np.linspace(self.left, min(self.right, 0.0), POINTS)
         up = 1j * np.linspace(0.0, self.height, POINTS)
         sides = (along + 0j, along + 1j * self.height, along[0] + up, along[-1] + up)
-        return np.unique(np.concatenate(sides))
+        return np.unique(np.concatenate(sides).astype(np.complex128))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,16 +68,21 @@ def discs(network: Network) -> Discs:
     template, reach = network.template, network.fastest_rate()
     own = _own(template)
     growth = max(error_growth(template), 0.0)
-    turn = np.exp(1j * np.linspace(0.0, np.pi, 2 * POINTS))
     parts: list[Complexes] = []
-    for layer, tau in enumerate(template.tau):
-        radius = _others(template, layer)
+    for layer, tau in enumerate(template.tau.tolist()):
         # a cell that saturates sees nothing of itself; a linear one does not saturate
-        ends = np.array([own[layer] if template.output.linear else 0.0, own[layer]]) - 1.0
-        parts.extend((end + radius * turn) / tau for end in ends)
-        # the tops of the discs in between
-        parts.append((np.linspace(ends.min(), ends.max(), POINTS) + 1j * radius) / tau)
+        seen = float(own[layer])
+        least = seen if template.output.linear else 0.0
+        parts.append(_around(least - 1.0, seen - 1.0, _others(template, layer)) / tau)
     return Discs(np.unique(np.concatenate(parts)), growth, reach)
+
+
+def _around(one: float, other: float, radius: float) -> Complexes:
+    """Return points around two discs and those in between, upper half."""
+    angles = np.linspace(0.0, np.pi, 2 * POINTS)
+    turn = np.asarray(radius * np.exp(1j * angles), dtype=np.complex128)
+    tops = np.linspace(one, other, POINTS, dtype=np.complex128) + 1j * radius
+    return np.concatenate([one + turn, other + turn, tops])
 
 
 def _own(template: Template) -> Floats:

@@ -20,6 +20,9 @@ CHEBYSHEV = "runge-kutta-chebyshev"
 METHODS = (*TABLEAUX, CHEBYSHEV, *EXPONENTIAL_METHODS)
 """Names of the methods that take steps."""
 
+SHORTEST = 1e-4
+"""Part of the bound of decays alone below which a method is said to have no stable step."""
+
 Complexes = NDArray[np.complex128]
 
 
@@ -96,7 +99,7 @@ def tableau_step(method: ButcherTableau, found: Spectrum) -> float:
     def growth(step: float, rates: Complexes) -> Complexes:
         return method.growth(step * rates)
 
-    step = _first(_Growth(growth, found), longest * np.geomspace(1e-5, 1.0, 500))
+    step = _first(_Growth(growth, found), longest * np.geomspace(SHORTEST, 1.0, 500))
     return min(step, longest)
 
 
@@ -192,7 +195,7 @@ def _first(growth: _Growth, steps: NDArray[np.float64]) -> float:
     for share in (0.999, 0.99, 0.9):
         if not growth.of_all(share * tried):
             return _bisect(growth.of_all, share * tried, tried)
-    return _before(growth.of_all, tried * np.geomspace(1e-5, 1.0, 100))
+    return _before(growth.of_all, tried * np.geomspace(SHORTEST, 1.0, 100))
 
 
 def _before(grows: Callable[[float], bool], steps: NDArray[np.float64]) -> float:

@@ -4,9 +4,11 @@ import math
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import cnnum
 from cnnum.couplings import DelayedCoupling, NonlinearCoupling
+from cnnum.errors import MethodError
 from cnnum.integrators.enclosure import field_of_values
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
 from cnnum.integrators.stability import METHODS, stability_bound
@@ -188,3 +190,19 @@ def test_auto_takes_shorter_steps_for_fast_rates_where_its_own_are_fixed(kind):
     # at rest: (1 − centre) x = 1 + 0.3 x, or 1 ± 0.2
     rest = 1.0 / (60.7 if kind == "delayed" else 401.0)
     assert np.abs(result.state - rest).max() < (1e-6 if kind == "delayed" else 1e-3)
+
+
+def test_where_no_step_is_known_to_be_stable_that_is_said_and_auto_runs():
+    """More cells than eigenvalues are computed of, and a rim that may grow: Euler has no step."""
+    template = Template("advect", ADVECTION, boundary="zero-flux", output="linear", duration=3.0)
+    assert stability_bound("euler", template, (3, 400)).step == 0.0
+    engine = cnnum.Engine("numba", precision="float64")
+    start = np.random.default_rng(0).uniform(-1.0, 1.0, (3, 400))
+    for how in ({"dt": 0.001}, {"method": "heun", "dt": 0.1}):
+        with pytest.raises(MethodError, match=r"stab.*auto"):
+            engine.run(template, state=start, **how)
+    result = engine.run(template, state=start, rtol=1e-6, atol=1e-8)
+    row = Template("row", ADVECTION, boundary="zero-flux", output="linear")
+    matrix = Network(row, (1, 400)).linear_system().matrix
+    # each row on its own; the tolerance is that of 100 steps or so, each with 1e-6 of order 1
+    assert np.abs(result.state - start @ expm(3.0 * matrix).T).max() < 1e-4
