@@ -8,12 +8,13 @@ contact modulus E* is 1.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import chain
 
 import numpy as np
 from scipy.optimize import brentq
 
-from cnnum.arrays import Floats, Shape
+from cnnum.arrays import Floats, Shape, frozen
 from cnnum.tactile.contact import (
     Hertz,
     TorsionSlip,
@@ -41,6 +42,9 @@ programs learn rest from 16 frames, and a force at rest from 32."""
 
 BEGIN = REST + PRESS + HOLD
 """The first frame in which the sphere has moved."""
+
+KEPT = 16
+"""Streams that are kept: several forms, on several engines, look at the same ones."""
 
 Place = tuple[float, float]
 
@@ -96,6 +100,7 @@ class Sphere:
         return self.slip(stick).twist(MODULUS / 3.0)
 
 
+@lru_cache(KEPT)
 def pulled(
     shape: Shape, sphere: Sphere, time: float, angle: float, frames: int, share: float = 1.0
 ) -> Floats:
@@ -131,6 +136,7 @@ def pulled(
     return _seen(shape, sphere, moved())
 
 
+@lru_cache(KEPT)
 def turned(shape: Shape, sphere: Sphere, time: float, sense: int, frames: int) -> Floats:
     """Return strain under a sphere that turns about its normal at a constant rate.
 
@@ -197,7 +203,7 @@ def _seen(shape: Shape, sphere: Sphere, moved: Iterator[Floats]) -> Floats:
     fine = (FINER * shape[0], FINER * shape[1])
     cover = SurfaceToDepth(fine, 1.0 / FINER, DEPTH, youngs_modulus=MODULUS)
     middle = slice(FINER // 2, None, FINER)
-    return np.stack([cover(each)[middle, middle] for each in chain(_touch(shape, sphere), moved)])
+    return frozen([cover(each)[middle, middle] for each in chain(_touch(shape, sphere), moved)])
 
 
 def _touch(shape: Shape, sphere: Sphere) -> Iterator[Floats]:
