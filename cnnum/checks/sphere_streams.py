@@ -102,7 +102,7 @@ class Sphere:
 
 @lru_cache(KEPT)
 def pulled(
-    shape: Shape, sphere: Sphere, time: float, angle: float, frames: int, share: float = 1.0
+    shape: Shape, sphere: Sphere, time: float, angle: float, frames: int, share: float = math.inf
 ) -> Floats:
     """Return strain under a sphere that is pulled at a constant speed.
 

@@ -52,7 +52,7 @@ def _pulls(rng: np.random.Generator, shape: Shape, count: int, frames: int) -> P
     for number in range(count + 1):
         time, angle = float(rng.uniform(30, frames - 20)), float(rng.uniform(-np.pi, np.pi))
         stops = number == count
-        share = STOPS if stops else 3.0
+        share = STOPS if stops else math.inf
         streams.append(pulled(shape, _sphere(rng, shape), time, angle, frames, share))
         angles.append(angle)
         soon.append(NEVER if stops else _frame(HALF * time))
