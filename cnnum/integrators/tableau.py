@@ -123,7 +123,12 @@ class ButcherTableau:
 
     def growth(self, z: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return R(z), the factor of a mode a step, z = h·λ."""
-        return np.asarray(np.polyval(self._stability_polynomial, z), dtype=np.complex128)
+        first, *others = self._stability_polynomial
+        value = np.full(z.shape, first, np.complex128)
+        for factor in others:
+            value *= z
+            value += factor
+        return value
 
     @cached_property
     def _stability_polynomial(self) -> list[float]:
