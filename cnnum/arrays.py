@@ -27,6 +27,8 @@ def finite(name: str, value: ArrayLike) -> Floats:
     ArrayError
         If `value` is not numeric, or holds NaN or infinity.
     """
+    if np.iscomplexobj(value):
+        raise ArrayError(f"'{name}' must hold real numbers, got complex ones: give a part of them.")
     try:
         array = np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError):

@@ -256,11 +256,6 @@ def _given(template: Template, values: dict[str, ArrayLike | None]) -> dict[str,
         raise ArrayError(f"Template '{template.name}' needs an input.")
     if template.initial == "input" and values["input"] is None and values["state"] is None:
         raise ArrayError(f"Template '{template.name}' starts from its input: give input or state.")
-    for role, value in values.items():
-        if value is not None and np.iscomplexobj(value):
-            raise ArrayError(
-                f"'{role}' must hold real numbers, got complex ones: give a part of them."
-            )
     shape = _common_shape([value for value in values.values() if value is not None])
     counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
     return {

@@ -60,3 +60,12 @@ def test_numbers_too_large_for_the_precision_are_refused(name):
 def test_a_bound_needs_an_array(shape):
     with pytest.raises(ArrayError, match="two positive dimensions"):
         stability_bound("euler", cnnum.get_template("HOLE"), shape)
+
+
+def test_complex_weights_and_frames_are_refused():
+    with pytest.raises(ArrayError, match="A of template 'turns'.*real numbers, got complex"):
+        cnnum.Template("turns", np.array([[1j]]))
+    total = cnnum.program(lambda frame: {"sum": frame.normal.sum()})
+    plan = cnnum.Engine("numba").compile(total, (4, 4))
+    with pytest.raises(ArrayError, match="'frame'.*real numbers, got complex"):
+        plan(np.ones((4, 4, 3)) * 1j)
