@@ -23,9 +23,17 @@ def on_terminal() -> bool:
     return sys.stdout.isatty()
 
 
+class _Console(Console):
+    """A console that leaves a closed pipe to whoever runs the command."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise; rich would end the process with 1, as if a check had failed."""
+        raise BrokenPipeError
+
+
 def console() -> Console:
     """Return a console on standard output, as wide as the terminal."""
-    return Console(width=None if on_terminal() else PIPED_WIDTH, highlight=False)
+    return _Console(width=None if on_terminal() else PIPED_WIDTH, highlight=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -131,8 +131,10 @@ def start(*arguments: object, **streams: object) -> subprocess.Popen:
     # a suite that was started in the background hands on that Ctrl-C is ignored
     code = "import signal as s, runpy; s.signal(s.SIGINT, s.default_int_handler); "
     code += "runpy.run_module('cnnum', run_name='__main__', alter_sys=True)"
+    # as users have it: what is written waits in a buffer
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
     return subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, arguments)], text=True, **streams
+        [sys.executable, "-c", code, *map(str, arguments)], text=True, env=environment, **streams
     )
 
 
@@ -179,7 +181,7 @@ def test_a_pipe_that_closes_is_no_error(scene):
         # the next event would break the pipe; there is none, so the summary after Ctrl-C does
         process.send_signal(signal.SIGINT)
         said = process.stderr.read()
-        assert process.wait(timeout=60) == 141
+        assert process.wait(timeout=60) == 141, said
     assert said == ""
 
 
