@@ -25,6 +25,9 @@ from cnnum.programs.transients import Applied, transient
 from cnnum.template import Duration, Template
 
 
+NEVER_SATURATES = "no cell leaves the linear range"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Result:
     """What a template made of its maps.
@@ -43,6 +46,10 @@ class Result:
         safety factor; of an exact answer, its roundings. A method that does not know gives
         infinity, as NaN would hide it.
     method : str
+    reason : str
+        Why this method: what makes the array exact, or about how many evaluations of the rates it
+        takes beside others. The `reference` engine solves far below the tolerance instead, unless
+        it is exact or the steps were asked for.
     """
 
     output: Floats
@@ -52,6 +59,7 @@ class Result:
     settled: np.ndarray
     error: Floats
     method: str
+    reason: str
 
 
 class Engine:
@@ -231,7 +239,8 @@ class Engine:
         if ran is not template:
             # rounding may lie beyond 1
             outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in _outputs(template)}
-        return _result(template, outputs, lead, solver.method)
+        reason = solver.reason if ran is template else f"{NEVER_SATURATES}: {solver.reason}"
+        return _result(template, outputs, lead, solver.method, reason)
 
     def _transient_plan(
         self, template: Template, shape: Shape, names: tuple[str, ...], spec: RunSpec
@@ -329,7 +338,11 @@ def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
 
 
 def _result(
-    template: Template, outputs: dict[str, Floats], lead: tuple[int, ...], method: str
+    template: Template,
+    outputs: dict[str, Floats],
+    lead: tuple[int, ...],
+    method: str,
+    reason: str,
 ) -> Result:
     def layers(what: str) -> Floats:
         planes = [outputs[f"{what} {layer}"] for layer in range(template.layers)]
@@ -344,4 +357,5 @@ def _result(
         settled=outputs["settled"].astype(bool),
         error=np.where(error < 0, math.inf, error),
         method=method,
+        reason=reason,
     )

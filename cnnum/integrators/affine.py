@@ -13,8 +13,8 @@ from cnnum.arrays import Floats, Shape
 from cnnum.boundary import Boundary
 from cnnum.graph.elementwise import ADD, DIVIDE, MULTIPLY, NEGATE, SUBTRACT, SUM
 from cnnum.graph.nodes import Apply, Constant, ConstantMap, Node, Pick, Reduce, Transient
-from cnnum.integrators.choice import Scheme
 from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.solver import Scheme
 from cnnum.integrators.spectral import Spectral, evaluate
 from cnnum.network import taps
 from cnnum.template import Template

@@ -16,6 +16,9 @@ from cnnum.arrays import Floats
 DAMPING = 2.0 / 13.0
 """ε of the paper: how far |P| stays below 1 (by about ε/3) within the interval of stability."""
 
+STABILITY = 2.0 / 3.0 * (1.0 - 2.0 / 15.0 * DAMPING)
+"""Length of a method's interval of stability over s² − 1."""
+
 MAX_STAGES = 40
 """Beyond it rounding in single precision grows with s² and eats what longer steps win."""
 
@@ -59,7 +62,7 @@ class Chebyshev:
     @property
     def real_stability(self) -> float:
         """Length of the interval of the negative real axis where |P| ≤ 1."""
-        return 2.0 / 3.0 * (self.stages**2 - 1) * (1.0 - 2.0 / 15.0 * DAMPING)
+        return (self.stages**2 - 1) * STABILITY
 
     def growth(self, z: Floats) -> Floats:
         """Return the stability polynomial P(z), by the method's own recursion."""
@@ -106,10 +109,14 @@ def _polynomials(at: float, highest: int) -> tuple[Floats, Floats, Floats]:
     return value, slope, bend
 
 
+def stages_about(reach: Floats) -> Floats:
+    """Return how many stages steps of h·|λ| = reach take on average, where each may round up."""
+    return np.maximum(2.0, np.sqrt(1.0 + reach / STABILITY) + 0.5)
+
+
 def stages_for(reach: float) -> int:
     """Return the fewest stages that are stable at h·|λ| = reach.
 
     The answer may be above `MAX_STAGES`: then the step has to be shorter.
     """
-    factor = 2.0 / 3.0 * (1.0 - 2.0 / 15.0 * DAMPING)
-    return max(2, math.ceil(math.sqrt(1.0 + max(reach, 0.0) / factor)))
+    return max(2, math.ceil(math.sqrt(1.0 + max(reach, 0.0) / STABILITY)))

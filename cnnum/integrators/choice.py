@@ -4,14 +4,20 @@ import math
 from dataclasses import dataclass
 from numbers import Real
 
-import numpy as np
-
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec, Transient
+from cnnum.integrators.evaluations import chebyshev, evaluations, motion, pair
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
-from cnnum.integrators.propagator import DENSE_LIMIT, Decay, Propagator, decay, propagator
-from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
+from cnnum.integrators.propagator import DENSE_LIMIT, decay, propagator
+from cnnum.integrators.schemes import (
+    MAX_STEPS,
+    AdaptiveSteps,
+    ChebyshevSteps,
+    ExponentialSteps,
+    FixedSteps,
+)
 from cnnum.integrators.separate import Separate, separate
+from cnnum.integrators.solver import ALL_SCHEMES, BASIC_SCHEMES, Exact, Scheme, Solver, Stepping
 from cnnum.integrators.spectral import Spectral, spectral
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.stability import CHEBYSHEV, stability_bound, tableau_step
@@ -26,11 +32,21 @@ from cnnum.integrators.tableau import (
 from cnnum.network import Network
 from cnnum.template import Template
 
+__all__ = (
+    "ALL_SCHEMES",
+    "BASIC_SCHEMES",
+    "MAX_STEPS",
+    "AdaptiveSteps",
+    "ChebyshevSteps",
+    "FixedSteps",
+    "Scheme",
+    "Solver",
+    "check_spec",
+    "choose",
+)
+
 SHORTEST = 1e-30
 """Durations below it, in time constants, are none: devices flush such numbers."""
-
-MAX_STEPS = 100_000
-"""Steps after which an adaptive run gives up and says so."""
 
 DELAY_STEP = 0.05
 """Longest step of a template with a delay, in time constants: Heun's error a step is then about
@@ -39,96 +55,6 @@ DELAY_STEP = 0.05
 JUMP_STEP = 0.01
 """Step of a template whose rates jump. Its state may slide along a jump and then chatters by a
 step's change; MatCNN's own advice for such a template (MEDIAN) is at most 0.02."""
-
-
-@dataclass(frozen=True, slots=True)
-class FixedSteps:
-    """`count` steps of `step` with an explicit method.
-
-    With `settle` the count is a limit, and the run stops where nothing changes any more.
-    """
-
-    tableau: ButcherTableau
-    step: float
-    count: int
-    settle: bool
-    last: float
-    """Length of the last step, so that the run ends on time."""
-    error: float = math.inf
-    """What is known of the error beforehand; infinite where nothing is."""
-
-
-@dataclass(frozen=True, slots=True)
-class AdaptiveSteps:
-    """Steps that keep the method's own error estimate within the tolerances."""
-
-    tableau: ButcherTableau
-    first_step: float
-    settle: bool
-    longest: float
-    """No step is longer: at the stability bound a decay bounces instead of settling, by less than
-    the error estimate sees."""
-
-
-Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps | ExponentialSteps
-Exact = Decay | Propagator | Spectral | Separate
-Scheme = Exact | Stepping
-
-BASIC_SCHEMES: frozenset[type] = frozenset({Decay, Propagator, FixedSteps, AdaptiveSteps})
-ALL_SCHEMES: frozenset[type] = BASIC_SCHEMES | {
-    Spectral,
-    Separate,
-    ChebyshevSteps,
-    ExponentialSteps,
-}
-
-STIFF = 30.0
-"""Rates times run time above which Chebyshev's steps are chosen where the rates are real. An
-explicit method of three stages then takes more evaluations for stability (1.2 · rate · time) than
-25 steps of Chebyshev's √(1.5 · rate · time / 25) stages, which is about what 1e-4 takes."""
-
-TIGHT = 1e-6
-"""Tolerance from which on a pair of fifth order is cheaper than one of third: its steps grow with
-rtol^(1/5), not rtol^(1/3), but are shorter a stage (0.55 to 0.84) where stability sets them. Ten
-library and random templates took 1.0 to 3.1 times as long with the third order at 1e-6, and 0.7 to
-2.8 times at 1e-4."""
-
-SLOW_TIMES = 10.0
-"""Run time of a transient to equilibrium for that estimate, in times of its slowest decay."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Solver:
-    """How one transient runs.
-
-    Attributes
-    ----------
-    method : str
-        Name of the method, as results report it.
-    reason : str
-        Why this one.
-    scheme : Scheme
-    duration : float
-        Time at which it ends (the limit where it runs to equilibrium).
-    settle : bool
-        Whether it runs to equilibrium.
-    rtol, atol : float
-    asked : bool
-        Whether the method or the step was asked for, not chosen.
-    forced : bool
-        Whether its step is outside the stability bound, as was insisted on: nothing is known of
-        its error then.
-    """
-
-    method: str
-    reason: str
-    scheme: Scheme
-    duration: float
-    settle: bool
-    rtol: float
-    atol: float
-    asked: bool = False
-    forced: bool = False
 
 
 def choose(
@@ -238,6 +164,10 @@ def _exact(
     return exact, "the array is linear: one dense product is exact"
 
 
+PAIRS = (BOGACKI_SHAMPINE, DORMAND_PRINCE)
+"""Pairs among which the number of evaluations decides."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Choice:
     """Chooses how a transient without an exact answer steps."""
@@ -257,19 +187,16 @@ class _Choice:
             whole = FixedSteps(EULER, 1.0, count, self.settle, 1.0, error=0.0)
             return whole, "it runs in discrete time", False
         found = spectrum(template, self.shape)
-        if self.spec.method == CHEBYSHEV or self._stiff(found):
+        if self.spec.method == CHEBYSHEV:
             return self._chebyshev(found)
         if self.spec.method in EXPONENTIAL_METHODS:
             return self._exponential(EXPONENTIAL_METHODS[self.spec.method])
         method, preset, reason = _preset(template, self.spec)
+        if method is None:
+            return self._cheapest(found)
         bound = tableau_step(method, found)
         if preset is None and method.adaptive and template.delayed is None:
-            longest = min(bound, self.duration or bound)
-            first = 0.1 * min(longest, 1.0 / found.fastest) if found.fastest else 0.1 * longest
-            share = 0.8 if self.settle else 1.0
-            safe = share * bound if 0.0 < bound < math.inf else self.duration
-            steps = AdaptiveSteps(method, first, self.settle, min(safe, self.duration))
-            return steps, _order(self.spec), False
+            return self._adaptive(method, bound, found), "steps follow the error estimate", False
         if preset is not None and self.spec.dt is None and preset > 0.5 * bound > 0.0:
             preset, reason = None, f"{reason}, in steps of half its stability bound"
         step, forced = self._bounded(method.name, bound, found.reason, preset)
@@ -296,16 +223,36 @@ class _Choice:
             f"'{self.template.name}' ({reason}): take a shorter step, method='auto', or force=True."
         )
 
-    def _stiff(self, found: Spectrum) -> bool:
-        """Return whether Chebyshev's steps are the cheapest that are stable."""
-        if self.spec.method != "auto" or self.spec.dt is not None or not self._has_stages(found):
-            return False
-        slowest = float(np.abs(found.values.real).min())
-        time = self.duration
-        if self.settle and slowest > 0.0:
-            time = min(time, SLOW_TIMES / slowest)
-        steps = (1e-4 / max(self.spec.rtol, 1e-8)) ** (1.0 / 3.0)
-        return bool(found.fastest * time > STIFF * steps)
+    def _cheapest(self, found: Spectrum) -> tuple[Stepping, str, bool]:
+        """Return the method that takes the fewest evaluations of the rates, as far as is known."""
+        bounds = {method: tableau_step(method, found) for method in PAIRS}
+        steps = {method.name: self._adaptive(method, bounds[method], found) for method in PAIRS}
+        # a pair without a stable step is taken where no other has one either
+        stable = [m for m in PAIRS if bounds[m] > 0.0] or [*PAIRS]
+        methods = [pair(method, steps[method.name].longest) for method in stable]
+        if self._has_stages(found):
+            methods.append(chebyshev(CHEBYSHEV, found.fastest))
+        counts = dict.fromkeys((method.name for method in methods), 1.0)
+        if self.duration > 0.0:
+            tolerances = (self.spec.rtol, self.spec.atol)
+            known = motion(
+                self.template, self.shape, found, self.duration, tolerances, settle=self.settle
+            )
+            counts = {method.name: evaluations(method, known) for method in methods}
+        best = min(counts, key=lambda name: counts[name])
+        reason = f"steps follow the error estimate, {_beside(counts)}"
+        if best == CHEBYSHEV:
+            stages, about, _ = self._chebyshev(found)
+            return stages, f"{about}, {_beside(counts)}", False
+        return steps[best], reason, False
+
+    def _adaptive(self, method: ButcherTableau, bound: float, found: Spectrum) -> AdaptiveSteps:
+        """Return steps of a pair within its stability bound."""
+        longest = min(bound, self.duration or bound)
+        first = 0.1 * min(longest, 1.0 / found.fastest) if found.fastest else 0.1 * longest
+        share = 0.8 if self.settle else 1.0
+        safe = share * bound if 0.0 < bound < math.inf else self.duration
+        return AdaptiveSteps(method, first, self.settle, min(safe, self.duration))
 
     def _has_stages(self, found: Spectrum) -> bool:
         steady = self.template.plain and not self.template.output.limited
@@ -342,18 +289,16 @@ class _Choice:
         return ExponentialSteps(method, even, count, self.settle), reason, forced
 
 
-def _order(spec: RunSpec) -> str:
-    """Return why an embedded pair was taken."""
-    follows = "steps follow the error estimate"
-    if spec.method != "auto":
-        return follows
-    if spec.rtol <= TIGHT:
-        return f"{follows}, and at rtol {spec.rtol:g} six stages of fifth order are fewest"
-    return f"{follows}; three stages of third order allow the longest steps a stage"
+def _beside(counts: dict[str, float]) -> str:
+    """Return how many evaluations the fewest are, and those of the others, to two digits."""
+    fewest, *others = sorted(counts.items(), key=lambda item: item[1])
+    text = f"about {float(f'{fewest[1]:.2g}'):.0f} evaluations of the rates"
+    beside = [f"{float(f'{count:.2g}'):.0f} of {name}" for name, count in others]
+    return f"{text}, beside {' and '.join(beside)}" if beside else text
 
 
-def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau, float | None, str]:
-    """Return the method, the fixed step where there must be one, and the reason for it."""
+def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, float | None, str]:
+    """Return the method where it is given, the fixed step where it must be, and the reason."""
     asked = None if spec.method == "auto" else tableau(spec.method)
     if spec.dt is not None:
         return asked or (HEUN if template.delayed else EULER), spec.dt, "a fixed step was asked for"
@@ -361,8 +306,7 @@ def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau, float | 
         return asked or HEUN, DELAY_STEP, "its delay needs outputs of earlier steps"
     if any(coupling.jumps for coupling in template.nonlinear):
         return asked or EULER, JUMP_STEP, "its rates jump, which no error estimate follows"
-    chosen = DORMAND_PRINCE if spec.rtol <= TIGHT else BOGACKI_SHAMPINE
-    return asked or chosen, None, "half of the stability bound"
+    return asked, None, "half of the stability bound"
 
 
 def _fixed(

@@ -5,8 +5,9 @@ import numpy as np
 from cnnum.arrays import Shape
 from cnnum.graph.cost import node_flops
 from cnnum.graph.nodes import Node, Transient
-from cnnum.integrators.choice import FixedSteps, Solver
 from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.schemes import FixedSteps
+from cnnum.integrators.solver import Solver
 from cnnum.integrators.spectral import Spectral
 from cnnum.template import Template
 

@@ -15,6 +15,7 @@ error, from its stages: `ButcherTableau.truncation`.
 
 import numpy as np
 
+from cnnum.arrays import Floats
 from cnnum.template import Template
 
 SAFETY = 2.0
@@ -39,12 +40,23 @@ def error_growth(template: Template) -> float:
     largest of (−1 + a_ii d_i + Σ |a_ij| d_j) / τ over the rows, 0 ≤ d = f' ≤ 1, with d = 1 where
     f(x) = x.
     """
-    own = np.einsum("llkk->lk", template.A)[:, template.A.shape[-1] // 2]
-    others = np.abs(template.A).sum(axis=(1, 2, 3)) - np.abs(own)
-    own = own if template.output.linear else np.maximum(own, 0.0)
+    own, others = _own_and_others(template)
     for gain in template.gains:
         weights = float(np.abs(template.A[gain.to, gain.source]).sum())
         others[gain.to] += max(gain.table.largest - 1.0, 0.0) * weights
     for coupling in template.nonlinear:
         others[coupling.to] += coupling.stiffness
     return float(((own + others - 1.0) / template.tau).max())
+
+
+def linear_growth(template: Template) -> float:
+    """Return the same bound for the linear couplings A alone."""
+    own, others = _own_and_others(template)
+    return float(((own + others - 1.0) / template.tau).max())
+
+
+def _own_and_others(template: Template) -> tuple[Floats, Floats]:
+    """Return what a cell of each layer sees of itself, and of others, at most."""
+    own = np.einsum("llkk->lk", template.A)[:, template.A.shape[-1] // 2]
+    others = np.abs(template.A).sum(axis=(1, 2, 3)) - np.abs(own)
+    return own if template.output.linear else np.maximum(own, 0.0), others

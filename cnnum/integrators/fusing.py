@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 from cnnum.graph.nodes import ConstantMap, Memory, Node, Operation, Pick, Product, Transient
 from cnnum.graph.schedule import LeftOut, Schedule
 from cnnum.integrators.affine import Affine, is_affine, is_linear, local, states
-from cnnum.integrators.choice import Solver
 from cnnum.integrators.cost import operation_flops
+from cnnum.integrators.solver import Solver
 
 FUSED_CELLS = 256
 """Largest array whose chains are fused. The matrices of 16×16 cells take 256 kB each, and 1 MB

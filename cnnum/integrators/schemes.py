@@ -1,8 +1,42 @@
-"""Ways to step that need more than a tableau: Chebyshev's stages and exponential steps."""
+"""Ways to step: by a tableau, by Chebyshev's stages, or exponentially."""
 
+import math
 from dataclasses import dataclass
 
 from cnnum.integrators.exponential import ExponentialMethod
+from cnnum.integrators.tableau import ButcherTableau
+
+MAX_STEPS = 100_000
+"""Steps after which an adaptive run gives up and says so."""
+
+
+@dataclass(frozen=True, slots=True)
+class FixedSteps:
+    """`count` steps of `step` with an explicit method.
+
+    With `settle` the count is a limit, and the run stops where nothing changes any more.
+    """
+
+    tableau: ButcherTableau
+    step: float
+    count: int
+    settle: bool
+    last: float
+    """Length of the last step, so that the run ends on time."""
+    error: float = math.inf
+    """What is known of the error beforehand; infinite where nothing is."""
+
+
+@dataclass(frozen=True, slots=True)
+class AdaptiveSteps:
+    """Steps that keep the method's own error estimate within the tolerances."""
+
+    tableau: ButcherTableau
+    first_step: float
+    settle: bool
+    longest: float
+    """No step is longer: at the stability bound a decay bounces instead of settling, by less than
+    the error estimate sees."""
 
 
 @dataclass(frozen=True, slots=True)

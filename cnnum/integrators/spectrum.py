@@ -77,10 +77,9 @@ def spectrum(template: Template, shape: Shape) -> Spectrum:
     if template.output.linear:
         return linear or _boxed(network)
     if linear is not None and _symmetric(template) and not template.output.limited:
-        ends = np.array([min(float(linear.values.real.min()), _decay(template)), 0.0])
-        ends[1] = max(float(linear.values.real.max()), float(-1.0 / template.tau.max()))
+        values = np.concatenate([linear.values.real, -1.0 / template.tau]).astype(complex)
         reason = f"{linear.reason}, A being symmetric"
-        return Spectrum(ends.astype(complex), exact=False, real=True, reason=reason)
+        return Spectrum(values, exact=False, real=True, reason=reason)
     inner = linear or _boxed(network)
     reason = f"{inner.reason}, and Gershgorin's discs where cells saturate"
     growth = float(inner.values.real.max(initial=0.0)) if inner.exact else inner.growth
@@ -92,10 +91,6 @@ def _boxed(network: Network) -> Spectrum:
     growth = 0.0 if network.template.output.linear else max(box.right, 0.0)
     reason = "a box around its field of values"
     return Spectrum(box.decaying(), False, False, reason, growth, discs(network))
-
-
-def _decay(template: Template) -> float:
-    return float(-1.0 / template.tau.min())
 
 
 def _symmetric(template: Template) -> bool:

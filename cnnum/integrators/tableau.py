@@ -1,5 +1,6 @@
 """Explicit Runge–Kutta methods as data: a new method is one record here."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -8,6 +9,7 @@ from math import factorial
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.arrays import Floats
 from cnnum.errors import name_error
 
 Row = tuple[Fraction, ...]
@@ -112,6 +114,29 @@ class ButcherTableau:
             above = sum((row[i] * growth[i][q] for i in range(q + 1, self.stages)), Fraction(0))
             row[q] = (wanted - above) / growth[q][q]
         return tuple(row)
+
+    @cached_property
+    def estimate_smooth(self) -> float:
+        """Error estimate of a small step of x' = λx, over |hλ|^order · |x|."""
+        growth, power = self._stage_polynomials(), self.order - 1
+        return abs(float(sum(e * k[power] for e, k in zip(self.error, growth, strict=True))))
+
+    @cached_property
+    def estimate_bent(self) -> float:
+        """Error estimate of a step in which the rate bends by one a time, over h², on average."""
+        return self._mean_estimate(lambda since: np.maximum(since, 0.0))
+
+    @cached_property
+    def estimate_jumped(self) -> float:
+        """Error estimate of a step in which the rate jumps by one, over h, on average."""
+        return self._mean_estimate(lambda since: since > 0.0)
+
+    def _mean_estimate(self, rate: Callable[[Floats], Floats | NDArray[np.bool_]]) -> float:
+        """Average over the places in a step where what changes the rate may happen."""
+        times = np.array([float(sum(row)) for row in self.a])
+        since = times - np.linspace(0.0, 1.0, 1001)[:, np.newaxis]
+        weights = np.array([float(e) for e in self.error])
+        return float(np.abs(rate(since) @ weights).mean())
 
     @cached_property
     def real_stability(self) -> float:

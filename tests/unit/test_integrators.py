@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from cnnum.engine import Engine
 from cnnum.errors import MethodError, UnknownNameError
 from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.chebyshev import chebyshev_method, stages_for
@@ -221,21 +220,3 @@ def test_truncation_sees_corners(method, least):
         error = abs(weights @ bent - (1 - theta) ** 2 / 2)
         parts = sum(abs(np.array(row, dtype=float) @ bent) for row in method.truncation)
         assert parts >= least * error
-
-
-def test_auto_takes_the_higher_order_at_tight_tolerances():
-    """By counting evaluations of the rates, which are what a step costs."""
-    A = np.array([[0.2, -0.6, 0.1], [0.5, 1.4, -0.5], [0.1, 0.6, 0.2]])
-    template = Template("waves", A, output="tanh")  # a clipped output's kinks take orders away
-    state = np.random.default_rng(3).uniform(-0.5, 0.5, (6, 6))
-    engine = Engine("numba")
-
-    def evaluations(rtol, method):
-        got = engine.run(template, state=state, duration=8.0, rtol=rtol, atol=rtol, method=method)
-        stages = {"bogacki-shampine": 3, "dormand-prince": 6}[got.method]
-        return got.method, int(got.steps) * stages
-
-    for rtol in (1e-4, 1e-7):
-        chosen, _ = evaluations(rtol, "auto")
-        assert chosen == ("dormand-prince" if rtol < 1e-6 else "bogacki-shampine")
-    assert evaluations(1e-7, "auto")[1] < 0.5 * evaluations(1e-7, "bogacki-shampine")[1]

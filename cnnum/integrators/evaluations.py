@@ -1,0 +1,240 @@
+"""How many evaluations of the rates a method will take for a transient, about.
+
+A step is as long as stability and the tolerance allow, and both change along the way:
+
+* Stability allows a pair its bound, all the time; Chebyshev's stages grow with the root of a step.
+* A mode e^{−λt} of size 1 lets a method of order p with the error estimate c |hλ|^p take steps
+  h = (tol/c)^{1/p} e^{λt/p} / λ: fast modes set the steps at first and then die, so that a mode
+  takes p (c/tol)^{1/p} steps in all, however fast it is. Of many modes the one that asks most
+  counts.
+* Where an array grows until its cells saturate, cells switch one after the other, at the rate of
+  its growth, until a front may have crossed the array. Each cell bends the rates where it leaves
+  the linear range: a step across a bend has an error of h², across a jump (of a state that is
+  limited) of h, whatever the order. A method steps down to it and up again by factors of 5, or,
+  where bends lie closer, keeps to the steps that they allow.
+
+What a frame does is not known beforehand: the numbers of the last paragraph are those of pictures
+that are not at rest. Counted were 22 templates of the library at 1e-3 to 1e-9 and 600 random
+networks, on three methods each (docs/methods.md).
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats, Shape
+from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_about
+from cnnum.integrators.estimate import linear_growth
+from cnnum.integrators.spectrum import Spectrum
+from cnnum.integrators.tableau import ButcherTableau
+from cnnum.template import Template
+
+MODES = 64
+"""Rates that stand for those of an array."""
+
+TIMES = 40
+"""Instants at which a step's length is looked at."""
+
+SIZE = 0.5
+"""Size of a state, taken where the tolerance is relative to it."""
+
+SWITCHES = 8
+"""Bends of the rates for each cell along a front's way, in arrays that grow."""
+
+WAITING = 1.4
+"""Time to rest of an array that grows, over that of its decay alone: cells switch before."""
+
+STILL = 1e-6
+"""Part of the fastest rate below which a mode is taken for one that does not move."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Motion:
+    """What of a transient decides how many steps it takes.
+
+    Attributes
+    ----------
+    rates : (n,) complex
+        Of its modes, 1/time; those that grow count by their size.
+    growth : float
+        Rate at which its cells run into saturation; 0 where none does.
+    duration : float
+        Until it ends, or rests.
+    busy : float
+        Time during which cells saturate.
+    tolerance : float
+    bends : float
+        How often the rates bend, or jump.
+    jumps : bool
+        Whether they jump.
+    """
+
+    rates: NDArray[np.complex128]
+    growth: float
+    duration: float
+    busy: float
+    tolerance: float
+    bends: float
+    jumps: bool
+
+    def times(self) -> Floats:
+        """Return instants from the start to the end, closer at the start."""
+        first = min(self.duration, 1.0 / float(np.abs(self.rates).max()))
+        later = np.geomspace(1e-3 * first, self.duration, TIMES)
+        return np.unique(np.concatenate([[0.0], later, [self.busy]]))
+
+    def wanted(self, times: Floats, order: int) -> Floats:
+        """Return the rate that sets the steps of a method of that order at each instant."""
+        decays = np.minimum(self.rates.real, 0.0) / order
+        left = np.exp(np.maximum(decays * times[:, np.newaxis], -700.0))
+        modes = np.asarray((np.abs(self.rates) * left).max(axis=1), dtype=np.float64)
+        return np.maximum(modes, np.where(times <= self.busy, self.growth, 0.0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Stepper:
+    """What of a method decides how many evaluations it takes.
+
+    Attributes
+    ----------
+    name : str
+    order : int
+        Of its error estimate.
+    smooth, bent, jumped : float
+        Its error estimate over |hλ|^order, over h² where the rate bends, over h where it jumps.
+    safety : float
+        Part of the step that the estimate allows.
+    longest : float
+        Longest step.
+    stages : function of (n,) float
+        Evaluations of steps of these lengths.
+    """
+
+    name: str
+    order: int
+    smooth: float
+    bent: float
+    jumped: float
+    safety: float
+    longest: float
+    stages: Callable[[Floats], Floats]
+
+
+def pair(method: ButcherTableau, longest: float) -> Stepper:
+    """Return an embedded pair whose steps are at most so long."""
+
+    def stages(steps: Floats) -> Floats:
+        return np.full_like(steps, method.stages - 1)  # the last is the first of the next step
+
+    errors = (method.estimate_smooth, method.estimate_bent, method.estimate_jumped)
+    return Stepper(method.name, method.order, *errors, 0.9, longest, stages)
+
+
+def chebyshev(name: str, fastest: float) -> Stepper:
+    """Return Chebyshev's method for rates that are real.
+
+    Its estimate is 0.8 (x − x⁺) + 0.4 h (k₀ + k₁). With P(z) = 1 + z + z²/2 + c z³ it is
+    (0.2 − 0.8 c) |z|³, c = 0 for two stages and 1/10 for many; where the rate bends at θ it is
+    0.4 θ (1 − θ) h², where it jumps |0.8 θ − 0.4| h.
+    """
+    longest = chebyshev_method(MAX_STAGES).real_stability / fastest
+
+    def stages(steps: Floats) -> Floats:
+        return stages_about(steps * fastest)
+
+    return Stepper(name, 3, 0.2, 0.4 / 6.0, 0.2, 0.8, longest, stages)
+
+
+def motion(
+    template: Template,
+    shape: Shape,
+    found: Spectrum,
+    duration: float,
+    tolerances: tuple[float, float],
+    *,
+    settle: bool,
+) -> Motion:
+    """Return what is known of a transient before it runs.
+
+    Parameters
+    ----------
+    template : Template
+    shape : (rows, cols)
+    found : Spectrum
+    duration : float
+        Above 0; the limit where it runs to equilibrium.
+    tolerances : (rtol, atol)
+    settle : bool
+    """
+    tolerance = SIZE * tolerances[0] + tolerances[1]
+    growth = _growth(template, found)
+    rates = _rates(template, found)
+    if settle:
+        decays = -rates.real[rates.real < -STILL * np.abs(rates).max()]
+        slowest = 1.0 / float(template.tau.max()) if growth else float(decays.min())
+        rest = max(math.log(1.0 / tolerance), 1.0) / slowest
+        duration = min(duration, rest * (WAITING if growth else 1.0))
+    length = max(shape)
+    busy = min(duration, length / growth) if growth else 0.0
+    smooth = template.output.name == "tanh"
+    bends = SWITCHES * length * template.layers if growth and not smooth else 0.0
+    return Motion(rates, growth, duration, busy, tolerance, bends, template.output.limited)
+
+
+def evaluations(method: Stepper, known: Motion) -> float:
+    """Return about how many evaluations of the rates a method takes for a transient."""
+    times = known.times()
+    each = (method.smooth / known.tolerance) ** (1.0 / method.order) / method.safety
+    steps = np.minimum(1.0 / (each * known.wanted(times, method.order)), method.longest)
+    smooth = float(np.trapezoid(method.stages(steps) / steps, times))
+    ends = 1.0 + _around_bends(method, known, each)
+    return 1.0 + smooth + ends * float(method.stages(np.zeros(1))[0])
+
+
+def _around_bends(method: Stepper, known: Motion, each: float) -> float:
+    """Return how many steps more a method takes where the rates bend or jump."""
+    if not known.bends:
+        return 0.0
+    usual = min(1.0 / (each * known.growth), method.longest)
+    if known.jumps:
+        short = known.tolerance / method.jumped / known.growth
+    else:
+        short = math.sqrt(known.tolerance / method.bent) / known.growth
+    if short >= usual:
+        return 0.0
+    apart = known.bends * 2.0 * math.log(usual / short, 5.0)
+    close = known.busy / short
+    return 1.0 / (1.0 / apart + 1.0 / close)
+
+
+def _growth(template: Template, found: Spectrum) -> float:
+    """Return the rate at which cells run into saturation, of couplings that are not plain apart."""
+    if template.output.linear:
+        return 0.0
+    if not len(found.values):
+        return max(linear_growth(template), 0.0)
+    fastest = float(found.values.real.max())
+    return fastest if fastest > STILL * found.fastest else 0.0
+
+
+def _rates(template: Template, found: Spectrum) -> NDArray[np.complex128]:
+    """Return rates that stand for all of them, and those of cells that saturate.
+
+    Relative to itself, what grows without end never gets slower: it counts as if it turned.
+    """
+    rates = found.values
+    if len(rates) > MODES:
+        ends = [int(np.abs(rates).argmax()), int(rates.real.argmax()), int(rates.real.argmin())]
+        rates = np.concatenate([rates[:: -(-len(rates) // MODES)], rates[ends]])
+    growing = rates.real > STILL * found.fastest
+    others = rates[~growing]
+    if template.output.linear:
+        others = np.concatenate([others, 1j * np.abs(rates[growing])])
+    if not len(found.values):
+        others = np.array([-found.fastest], dtype=np.complex128)
+    if not template.output.linear or not len(others):
+        others = np.concatenate([others, -1.0 / template.tau])
+    return np.asarray(others, dtype=np.complex128)

@@ -1,0 +1,54 @@
+"""How one transient runs: the exact answers, the ways to step, and the choice among them."""
+
+from dataclasses import dataclass
+
+from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
+from cnnum.integrators.separate import Separate
+from cnnum.integrators.spectral import Spectral
+
+Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps | ExponentialSteps
+Exact = Decay | Propagator | Spectral | Separate
+Scheme = Exact | Stepping
+
+BASIC_SCHEMES: frozenset[type] = frozenset({Decay, Propagator, FixedSteps, AdaptiveSteps})
+ALL_SCHEMES: frozenset[type] = BASIC_SCHEMES | {
+    Spectral,
+    Separate,
+    ChebyshevSteps,
+    ExponentialSteps,
+}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Solver:
+    """How one transient runs.
+
+    Attributes
+    ----------
+    method : str
+        Name of the method, as results report it.
+    reason : str
+        Why this one.
+    scheme : Scheme
+    duration : float
+        Time at which it ends (the limit where it runs to equilibrium).
+    settle : bool
+        Whether it runs to equilibrium.
+    rtol, atol : float
+    asked : bool
+        Whether the method or the step was asked for, not chosen.
+    forced : bool
+        Whether its step is outside the stability bound, as was insisted on: nothing is known of
+        its error then.
+    """
+
+    method: str
+    reason: str
+    scheme: Scheme
+    duration: float
+    settle: bool
+    rtol: float
+    atol: float
+    asked: bool = False
+    forced: bool = False
