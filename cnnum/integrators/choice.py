@@ -6,7 +6,7 @@ from numbers import Real
 
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec, Transient
-from cnnum.integrators.evaluations import chebyshev, evaluations, motion, pair
+from cnnum.integrators.evaluations import Effort, chebyshev, effort, motion, pair
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
 from cnnum.integrators.propagator import DENSE_LIMIT, decay, propagator
 from cnnum.integrators.schemes import (
@@ -232,19 +232,19 @@ class _Choice:
         methods = [pair(method, steps[method.name].longest) for method in stable]
         if self._has_stages(found):
             methods.append(chebyshev(CHEBYSHEV, found.fastest))
-        counts = dict.fromkeys((method.name for method in methods), 1.0)
-        if self.duration > 0.0:
-            tolerances = (self.spec.rtol, self.spec.atol)
-            known = motion(
-                self.template, self.shape, found, self.duration, tolerances, settle=self.settle
-            )
-            counts = {method.name: evaluations(method, known) for method in methods}
-        best = min(counts, key=lambda name: counts[name])
-        reason = f"steps follow the error estimate, {_beside(counts)}"
-        if best == CHEBYSHEV:
+        if not self.duration:
+            return steps[methods[0].name], "it takes no time", False
+        tolerances = (self.spec.rtol, self.spec.atol)
+        known = motion(
+            self.template, self.shape, found, self.duration, tolerances, settle=self.settle
+        )
+        efforts = [effort(method, known) for method in methods]
+        best = min(efforts, key=lambda one: one.evaluations)
+        reason = _beside(best, efforts)
+        if best.name == CHEBYSHEV:
             stages, about, _ = self._chebyshev(found)
-            return stages, f"{about}, {_beside(counts)}", False
-        return steps[best], reason, False
+            return stages, f"{reason}; {about}", False
+        return steps[best.name], reason, False
 
     def _adaptive(self, method: ButcherTableau, bound: float, found: Spectrum) -> AdaptiveSteps:
         """Return steps of a pair within its stability bound."""
@@ -270,8 +270,8 @@ class _Choice:
             raise MethodError(f"'{CHEBYSHEV}' chooses its own steps: leave dt out.")
         first = min(0.5 / found.fastest, self.duration or 1.0)
         reason = (
-            f"rates up to {found.fastest:.3g} ({found.reason}) are real and fast for the time: "
-            "stages grow with the root of a step's length"
+            f"rates up to {found.fastest:.3g} ({found.reason}) are real, so that stages grow with "
+            "the root of a step's length"
         )
         return ChebyshevSteps(found.fastest, first, self.settle), reason, False
 
@@ -289,12 +289,17 @@ class _Choice:
         return ExponentialSteps(method, even, count, self.settle), reason, forced
 
 
-def _beside(counts: dict[str, float]) -> str:
-    """Return how many evaluations the fewest are, and those of the others, to two digits."""
-    fewest, *others = sorted(counts.items(), key=lambda item: item[1])
-    text = f"about {float(f'{fewest[1]:.2g}'):.0f} evaluations of the rates"
-    beside = [f"{float(f'{count:.2g}'):.0f} of {name}" for name, count in others]
+def _beside(best: Effort, efforts: list[Effort]) -> str:
+    """Return what sets the steps, and the evaluations of this and the other methods."""
+    limit = "stability" if best.stable else "the error estimate"
+    text = f"{limit} sets most steps: about {_rounded(best)} evaluations of the rates"
+    others = sorted(efforts, key=lambda one: one.evaluations)
+    beside = [f"{_rounded(one)} of {one.name}" for one in others if one is not best]
     return f"{text}, beside {' and '.join(beside)}" if beside else text
+
+
+def _rounded(one: Effort) -> int:
+    return int(float(f"{one.evaluations:.2g}"))
 
 
 def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, float | None, str]:

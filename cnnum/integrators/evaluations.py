@@ -89,7 +89,7 @@ class Motion:
     def wanted(self, times: Floats, order: int) -> Floats:
         """Return the rate that sets the steps of a method of that order at each instant."""
         decays = np.minimum(self.rates.real, 0.0) / order
-        left = np.exp(np.maximum(decays * times[:, np.newaxis], -700.0))
+        left = np.exp(np.maximum(decays * times[:, np.newaxis], -200.0))
         modes = np.asarray((np.abs(self.rates) * left).max(axis=1), dtype=np.float64)
         return np.maximum(modes, np.where(times <= self.busy, self.growth, 0.0))
 
@@ -121,6 +121,25 @@ class Stepper:
     safety: float
     longest: float
     stages: Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """What a method takes for a transient.
+
+    Attributes
+    ----------
+    name : str
+        Of the method.
+    evaluations : float
+        Of the rates, about.
+    stable : bool
+        Whether stability sets more than half of its steps, not the tolerance.
+    """
+
+    name: str
+    evaluations: float
+    stable: bool
 
 
 def pair(method: ButcherTableau, longest: float) -> Stepper:
@@ -173,10 +192,9 @@ def motion(
     growth = _growth(template, found)
     rates = _rates(template, found)
     if settle:
-        decays = -rates.real[rates.real < -STILL * np.abs(rates).max()]
-        slowest = 1.0 / float(template.tau.max()) if growth else float(decays.min())
-        rest = max(math.log(1.0 / tolerance), 1.0) / slowest
-        duration = min(duration, rest * (WAITING if growth else 1.0))
+        duration = min(
+            duration, max(math.log(1.0 / tolerance), 1.0) * _rest(template, rates, growth)
+        )
     length = max(shape)
     busy = min(duration, length / growth) if growth else 0.0
     smooth = template.output.name == "tanh"
@@ -184,14 +202,19 @@ def motion(
     return Motion(rates, growth, duration, busy, tolerance, bends, template.output.limited)
 
 
-def evaluations(method: Stepper, known: Motion) -> float:
+def effort(method: Stepper, known: Motion) -> Effort:
     """Return about how many evaluations of the rates a method takes for a transient."""
     times = known.times()
     each = (method.smooth / known.tolerance) ** (1.0 / method.order) / method.safety
-    steps = np.minimum(1.0 / (each * known.wanted(times, method.order)), method.longest)
-    smooth = float(np.trapezoid(method.stages(steps) / steps, times))
-    ends = 1.0 + _around_bends(method, known, each)
-    return 1.0 + smooth + ends * float(method.stages(np.zeros(1))[0])
+    wanted = 1.0 / (each * known.wanted(times, method.order))
+    steps = np.minimum(wanted, method.longest)
+    smooth = float(np.trapezoid(1.0 / steps, times))
+    held = float(np.trapezoid((wanted >= method.longest) / steps, times))
+    bends = _around_bends(method, known, each)
+    # the first and the last step are shorter than they could be; the first rates come before it
+    short = 1.0 + (1.0 + bends) * float(method.stages(np.zeros(1))[0])
+    count = float(np.trapezoid(method.stages(steps) / steps, times)) + short
+    return Effort(method.name, count, stable=held > 0.5 * (smooth + bends))
 
 
 def _around_bends(method: Stepper, known: Motion, each: float) -> float:
@@ -208,6 +231,14 @@ def _around_bends(method: Stepper, known: Motion, each: float) -> float:
     apart = known.bends * 2.0 * math.log(usual / short, 5.0)
     close = known.busy / short
     return 1.0 / (1.0 / apart + 1.0 / close)
+
+
+def _rest(template: Template, rates: NDArray[np.complex128], growth: float) -> float:
+    """Return the time in which an array comes nearer to rest by a factor of e."""
+    if growth:
+        return WAITING * float(template.tau.max())
+    decays = -rates.real[rates.real < -STILL * np.abs(rates).max()]
+    return 1.0 / float(decays.min()) if len(decays) else math.inf
 
 
 def _growth(template: Template, found: Spectrum) -> float:
@@ -235,6 +266,6 @@ def _rates(template: Template, found: Spectrum) -> NDArray[np.complex128]:
         others = np.concatenate([others, 1j * np.abs(rates[growing])])
     if not len(found.values):
         others = np.array([-found.fastest], dtype=np.complex128)
-    if not template.output.linear or not len(others):
+    if not template.output.linear or not np.any(others):
         others = np.concatenate([others, -1.0 / template.tau])
     return np.asarray(others, dtype=np.complex128)

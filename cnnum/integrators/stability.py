@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Shape, as_shape
+from cnnum.arrays import Floats, Shape, as_shape
 from cnnum.errors import name_error
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
@@ -22,6 +22,9 @@ METHODS = (*TABLEAUX, CHEBYSHEV, *EXPONENTIAL_METHODS)
 
 SHORTEST = 1e-4
 """Part of the bound of decays alone below which a method is said to have no stable step."""
+
+TOGETHER = 5000
+"""Products of steps and rates that are looked at in one go, as they stay in the cache."""
 
 Complexes = NDArray[np.complex128]
 
@@ -96,8 +99,8 @@ def tableau_step(method: ButcherTableau, found: Spectrum) -> float:
     if math.isinf(longest):
         return math.inf
 
-    def growth(step: float, rates: Complexes) -> Complexes:
-        return method.growth(step * rates)
+    def growth(steps: Floats, rates: Complexes) -> Complexes:
+        return method.growth(steps[:, np.newaxis] * rates)
 
     step = _first(_Growth(growth, found), longest * np.geomspace(SHORTEST, 1.0, 500))
     return min(step, longest)
@@ -121,8 +124,8 @@ def _exponential_step(method: ExponentialMethod, found: Spectrum, template: Temp
         return tableau_step(TABLEAUX["euler"], found)
     tau = float(template.tau[0])
 
-    def growth(step: float, rates: Complexes) -> Complexes:
-        return method.growth(step / tau, rates * tau)
+    def growth(steps: Floats, rates: Complexes) -> Complexes:
+        return np.stack([method.growth(step / tau, rates * tau) for step in steps.tolist()])
 
     steps = tau * np.geomspace(1e-4, 60.0, 500)
     step = _first(_Growth(growth, found), steps)
@@ -151,11 +154,11 @@ def _few(values: Complexes) -> Complexes:
 
 
 class _Growth:
-    """Whether a step lets a rate grow by more than it may."""
+    """Which steps let a rate grow by more than it may."""
 
     __slots__ = ("_all", "_few", "_growth")
 
-    def __init__(self, growth: Callable[[float, Complexes], Complexes], found: Spectrum) -> None:
+    def __init__(self, growth: Callable[[Floats, Complexes], Complexes], found: Spectrum) -> None:
         self._growth = growth
         self._all = [(_decaying(found), found.growth)]
         self._few = [(_few(self._all[0][0]), found.growth)]
@@ -164,51 +167,71 @@ class _Growth:
             self._few.append((around[0][::16], around[1]))
             self._all.append(around)
 
-    def of_few(self, step: float) -> bool:
+    @property
+    def few(self) -> int:
+        """How many rates are looked at first."""
+        return sum(len(rates) for rates, _ in self._few)
+
+    @property
+    def all(self) -> int:
+        """How many rates there are."""
+        return sum(len(rates) for rates, _ in self._all)
+
+    def of_few(self, steps: Floats) -> NDArray[np.bool_]:
         """Look at one rate of each kind, and one of many points around the discs."""
-        return self._grows(step, self._few)
+        return self._grows(steps, self._few)
 
-    def of_all(self, step: float) -> bool:
+    def of_all(self, steps: Floats) -> NDArray[np.bool_]:
         """Look at every rate."""
-        return self._grows(step, self._all)
+        return self._grows(steps, self._all)
 
-    def _grows(self, step: float, parts: list[tuple[Complexes, float]]) -> bool:
-        return any(
-            bool((np.abs(self._growth(step, rates)) > self._limit(step, allowed)).any())
-            for rates, allowed in parts
-        )
+    def _grows(self, steps: Floats, parts: list[tuple[Complexes, float]]) -> NDArray[np.bool_]:
+        found = np.zeros(len(steps), dtype=bool)
+        for rates, allowed in parts:
+            sizes = np.abs(self._growth(steps, rates))
+            found |= (sizes > self._limits(steps, allowed)[:, np.newaxis]).any(axis=1)
+        return found
 
-    def _limit(self, step: float, allowed: float) -> float:
+    def _limits(self, steps: Floats, allowed: float) -> Floats:
         """Return how much a rate may grow: as the array itself may, exactly or in such steps."""
         if not allowed:
-            return 1.0 + 1e-9
-        own = float(np.abs(self._growth(step, np.array([allowed + 0j])))[0])
-        return max(own, math.exp(min(step * allowed, 700.0))) * (1.0 + 1e-9)
+            return np.full(len(steps), 1.0 + 1e-9)
+        own = np.abs(self._growth(steps, np.array([allowed + 0j])))[:, 0]
+        return np.maximum(own, np.exp(np.minimum(steps * allowed, 700.0))) * (1.0 + 1e-9)
 
 
-def _first(growth: _Growth, steps: NDArray[np.float64]) -> float:
+Grows = Callable[[Floats], NDArray[np.bool_]]
+
+
+def _first(growth: _Growth, steps: Floats) -> float:
     """Return the longest step before the first that lets a rate grow; infinite if none does."""
-    step = _before(growth.of_few, steps)
+    step = _before(growth.of_few, steps, growth.few)
     tried = float(steps[-1]) if math.isinf(step) else step
-    if not growth.of_all(tried):
+    if not _at(growth.of_all, tried):
         return step
     for share in (0.999, 0.99, 0.9):
-        if not growth.of_all(share * tried):
+        if not _at(growth.of_all, share * tried):
             return _bisect(growth.of_all, share * tried, tried)
-    return _before(growth.of_all, tried * np.geomspace(SHORTEST, 1.0, 100))
+    return _before(growth.of_all, tried * np.geomspace(SHORTEST, 1.0, 100), growth.all)
 
 
-def _before(grows: Callable[[float], bool], steps: NDArray[np.float64]) -> float:
-    low = 0.0
-    for high in steps:
-        if grows(float(high)):
-            return _bisect(grows, low, float(high)) if low else 0.0
-        low = float(high)
+def _at(grows: Grows, step: float) -> bool:
+    return bool(grows(np.array([step]))[0])
+
+
+def _before(grows: Grows, steps: Floats, rates: int) -> float:
+    """Return the longest step before the first that lets one of so many rates grow."""
+    count = max(1, TOGETHER // max(rates, 1))
+    for start in range(0, len(steps), count):
+        found = grows(steps[start : start + count])
+        if found.any():
+            at = start + int(found.argmax())
+            return _bisect(grows, float(steps[at - 1]), float(steps[at])) if at else 0.0
     return math.inf
 
 
-def _bisect(grows: Callable[[float], bool], low: float, high: float) -> float:
+def _bisect(grows: Grows, low: float, high: float) -> float:
     for _ in range(40):
         middle = 0.5 * (low + high)
-        low, high = (low, middle) if grows(middle) else (middle, high)
+        low, high = (low, middle) if _at(grows, middle) else (middle, high)
     return low

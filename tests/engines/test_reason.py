@@ -1,0 +1,69 @@
+"""Every result says why its method was taken, on every engine."""
+
+import numpy as np
+import pytest
+
+from cnnum.engine import Engine
+from cnnum.library import get_template
+from cnnum.template import Template
+
+SPREAD = [[0.0, 0.2, 0.0], [0.2, 0.1, 0.2], [0.0, 0.2, 0.0]]
+GROWING = [[0.0, 0.3, 0.0], [0.1, 2.0, -0.1], [0.0, 0.3, 0.0]]
+CASES = {
+    "decay": (
+        Template("d", [[0.0]], [[2.0]], initial=0.5, duration=2.0),
+        {},
+        "propagator",
+        "every cell decays on its own",
+    ),
+    "linear": (Template("l", SPREAD, initial="input", output="linear"), {}, "propagator", "linear"),
+    "near": (
+        Template("n", SPREAD, initial="input", duration=2.0),
+        {},
+        "propagator",
+        "no cell leaves the linear range: the array is linear",
+    ),
+    "grows": (
+        Template("g", GROWING, initial="input", duration=2.0),
+        {},
+        "dormand-prince",
+        "evaluations of the rates, beside",
+    ),
+    "asked": (
+        Template("a", GROWING, initial="input", duration=2.0),
+        {"method": "bogacki-shampine"},
+        "bogacki-shampine",
+        "steps follow the error estimate",
+    ),
+    "fixed": (
+        Template("f", GROWING, initial="input", duration=2.0),
+        {"dt": 0.1},
+        "euler",
+        "a fixed step was asked for",
+    ),
+    "forced": (
+        Template("f", GROWING, initial="input", duration=4.0),
+        {"dt": 2.0, "force": True},
+        "euler",
+        "outside its stability bound",
+    ),
+    "jumps": (get_template("MEDIAN"), {}, "euler", "its rates jump"),
+}
+
+
+@pytest.mark.parametrize("name", ["opencl", "numba", "reference"])
+@pytest.mark.parametrize("case", CASES)
+def test_a_result_says_why(name, case):
+    template, how, method, words = CASES[case]
+    picture = np.random.default_rng(2).uniform(-1.0, 1.0, (5, 6))
+    result = Engine(name).run(template, input=picture, **how)
+    assert result.method == method
+    assert words in result.reason
+
+
+def test_a_plan_explains_what_its_result_says():
+    template, how, _, _ = CASES["grows"]
+    engine = Engine("numba")
+    result = engine.run(template, input=np.zeros((5, 6)), **how)
+    (plan,) = engine._plans.values()
+    assert result.reason in plan.explain().transients[0]
