@@ -118,6 +118,8 @@ class CheckResult:
     seconds : float
         Median wall time of one run of the whole case, s.
     passed : bool
+    reason : str
+        Why this method.
     """
 
     template: str
@@ -129,3 +131,4 @@ class CheckResult:
     tolerance: float
     seconds: float
     passed: bool
+    reason: str

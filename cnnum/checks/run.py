@@ -32,6 +32,11 @@ class Result(Protocol):
         """Integration method used."""
         ...
 
+    @property
+    def reason(self) -> str:
+        """Why this method."""
+        ...
+
 
 class Engine(Protocol):
     """What a check asks of an engine."""
@@ -116,6 +121,7 @@ def run_check(
         tolerance=form.tolerance,
         seconds=seconds,
         passed=error <= form.tolerance,
+        reason=result.reason,
     )
 
 

@@ -24,6 +24,7 @@ FIELDS = (
     "tolerance",
     "seconds",
     "passed",
+    "reason",
 )
 
 

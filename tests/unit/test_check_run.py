@@ -27,6 +27,7 @@ class Answer:
     output: Any
     state: Any = None
     method: str = "by hand"
+    reason: str = "nothing else is at hand"
 
 
 class Shifter:
@@ -57,6 +58,7 @@ def test_result_has_the_fields_that_users_read() -> None:
         "tolerance",
         "seconds",
         "passed",
+        "reason",
     ]
 
 
@@ -66,6 +68,7 @@ def test_exact_answer_passes_and_is_timed_after_a_first_run() -> None:
     assert (result.template, result.engine, result.precision) == ("copy", "shifter", "float64")
     assert (result.method, result.check, result.error) == ("by hand", "shift", 0.0)
     assert result.passed
+    assert result.reason == "nothing else is at hand"
     assert result.seconds > 0.0
     assert engine.runs == 4
 

@@ -127,9 +127,9 @@ def data(record: SceneRecord) -> ReportData:
 
 
 def check(template: str, error: float, tolerance: float, seconds: float) -> CheckResult:
-    return CheckResult(
-        template, "opencl", "float32", "heun", "form", error, tolerance, seconds, error <= tolerance
-    )
+    passed = error <= tolerance
+    how = ("opencl", "float32", "heun", "form")
+    return CheckResult(template, *how, error, tolerance, seconds, passed, "its rates turn")
 
 
 @pytest.fixture
