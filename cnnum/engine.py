@@ -24,7 +24,6 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import Applied, transient
 from cnnum.template import Duration, Template
 
-
 NEVER_SATURATES = "no cell leaves the linear range"
 
 
@@ -239,7 +238,7 @@ class Engine:
         if ran is not template:
             # rounding may lie beyond 1
             outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in _outputs(template)}
-        reason = solver.reason if ran is template else f"{NEVER_SATURATES}: {solver.reason}"
+        reason = solver.reason if ran is template else f"{NEVER_SATURATES}; {solver.reason}"
         return _result(template, outputs, lead, solver.method, reason)
 
     def _transient_plan(

@@ -13,9 +13,9 @@ A step is as long as stability and the tolerance allow, and both change along th
   limited) of h, whatever the order. A method steps down to it and up again by factors of 5, or,
   where bends lie closer, keeps to the steps that they allow.
 
-What a frame does is not known beforehand: the numbers of the last paragraph are those of pictures
-that are not at rest. Counted were 22 templates of the library at 1e-3 to 1e-9 and 600 random
-networks, on three methods each (docs/methods.md).
+What a frame does is not known beforehand: the constants of the last paragraph are those of pictures
+that are not at rest. Of 784 runs, whose evaluations were counted with every method, 96 % took the
+method of the fewest evaluations or one of at most 1.3 times as many (docs/methods.md).
 """
 
 import math

@@ -21,7 +21,7 @@ CASES = {
         Template("n", SPREAD, initial="input", duration=2.0),
         {},
         "propagator",
-        "no cell leaves the linear range: the array is linear",
+        "no cell leaves the linear range; the array is linear",
     ),
     "grows": (
         Template("g", GROWING, initial="input", duration=2.0),
