@@ -33,6 +33,7 @@ class Run:
     time: float
     settled: bool
     method: str = "small steps"
+    reason: str = "its steps are small beside every rate"
 
 
 @dataclass(frozen=True, slots=True)
