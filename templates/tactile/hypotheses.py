@@ -1,4 +1,4 @@
-"""How long a load that grows has to go: 256 answers weighed at once, each in a cell of its own.
+"""How long a load that grows has to go: all answers weighed at once, each in a cell of its own.
 
 Every cell holds one hypothesis T of the time that a law of growth is named after, and fits the law
 with that T to all that the load has been (least squares with a forgotten past, one amplitude a
@@ -16,14 +16,7 @@ import numpy as np
 
 from cnnum.programs.fields import Field, exp, maximum, minimum, where
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.laws import Law
-
-COUNT = 256
-SHORTEST, LONGEST = 2.0, 1500.0
-"""Frames: from what two frames can tell to 1.5 s at 1000 frames a second."""
-
-RATIO = (LONGEST / SHORTEST) ** (1.0 / (COUNT - 1))
-"""One hypothesis over the one before: 2.6 %, between which the weights interpolate."""
+from cnnum.templates.tactile.laws import Law, Times
 
 STOP = 0.35
 """Where on its law a load stands that stopped: of the force 48 %, of the torque 53 %. Their growth
@@ -60,8 +53,10 @@ class Weighed:
         Both kinds' c/a, weighed.
     pace : Field
         Amplitude over time of those that follow the law, weighed: the first slope of the load.
+    tried : tuple of Hypotheses
+        As many maps as it takes.
     weights : tuple of Field
-        Of each that follows the law, as many maps as `hypotheses` gives.
+        Of each of those that follows the law.
     """
 
     growing: Field
@@ -71,7 +66,28 @@ class Weighed:
     soon: Field
     sticks: Field
     pace: Field
+    tried: tuple["Hypotheses", ...]
     weights: tuple[Field, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Hypotheses:
+    """A map of them.
+
+    Attributes
+    ----------
+    times : Field
+        Frames.
+    apart : Field
+        How far each is from the next, as a share of it.
+    """
+
+    times: Field
+    apart: Field
+
+    def over(self, age: Field) -> Field:
+        """Return whether a time is over: 0 to 1 over the distance to the next hypothesis."""
+        return minimum(maximum((age / self.times - 1.0) / self.apart + 0.5, 0.0), 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,15 +96,14 @@ class Fit:
 
     Attributes
     ----------
-    times : Field
-        Hypotheses, frames.
+    tried : Hypotheses
     likelihood : Field
         Its logarithm, up to a constant that all fits share.
     amplitude : Field
         The law's last load, square.
     """
 
-    times: Field
+    tried: Hypotheses
     likelihood: Field
     amplitude: Field
 
@@ -136,23 +151,26 @@ def weighed(
     free = count + variance / maximum(offset * offset, TINY)
     fits: list[Fit] = []
     rivals: list[Fit] = []
-    for times in hypotheses(frame):
-        share = age / times
+    for tried in hypotheses(frame, law.times):
+        share = age / tried.times
         for found, shape in (
             (fits, law.load(share)),
             (rivals, law.load(STOP * minimum(share, 1.0))),
         ):
-            found.append(_fit(frame, times, shape, load, sums, runs, keep, free, variance))
+            found.append(_fit(frame, tried, shape, load, sums, runs, keep, free, variance))
     return _weights(law, age, fits, rivals, early)
 
 
-def hypotheses(frame: FrameFields) -> list[Field]:
+def hypotheses(frame: FrameFields, times: Times) -> list[Hypotheses]:
     """Return the times in frames, as many maps as it takes to hold them all."""
     rows, columns = frame.shape
-    cells = rows * columns
-    groups = -(-COUNT // cells)
-    times = SHORTEST * RATIO ** np.arange(groups * cells)
-    return [frame.constant(part.reshape(frame.shape)) for part in np.split(times, groups)]
+    groups = -(-times.count // (rows * columns))
+    frames = times.frames(groups * rows * columns)
+    parts = (np.split(part, groups) for part in (frames, times.shares(frames)))
+    return [
+        Hypotheses(*(frame.constant(part.reshape(frame.shape)) for part in both))
+        for both in zip(*parts, strict=True)
+    ]
 
 
 def _keep(age: Field) -> Field:
@@ -180,7 +198,7 @@ def _largest(frame: FrameFields, runs: Field, size: Field) -> Field:
 
 def _fit(
     frame: FrameFields,
-    times: Field,
+    tried: Hypotheses,
     shape: Field,
     load: Sequence[Field],
     sums: Sequence[Field],
@@ -196,40 +214,43 @@ def _fit(
         for part, total in zip(load, sums, strict=True)
     ]
     power = reduce(add, [part * part for part in along]) / own
-    return Fit(times, power / (2.0 * variance), power / own)
+    return Fit(tried, power / (2.0 * variance), power / own)
 
 
 def _weights(
     law: Law, age: Field, fits: Sequence[Fit], rivals: Sequence[Fit], early: float
 ) -> Weighed:
     best = reduce(maximum, [fit.likelihood.max() for fit in (*fits, *rivals)])
-    weights = [exp(fit.likelihood - best) for fit in fits]
-    against = [exp(fit.likelihood - best) for fit in rivals]
-    times = [fit.times for fit in fits]
+    tried = [fit.tried for fit in fits]
+    weights, against = (
+        [exp(fit.likelihood - best) * (fit.tried.apart / law.times.share) for fit in each]
+        for each in (fits, rivals)
+    )
     next_age = (age + 1.0) / early
     stuck = [
-        weight * law.sticks(age / time) + rival * law.sticks(STOP * minimum(age / time, 1.0))
-        for weight, rival, time in zip(weights, against, times, strict=True)
+        weight * law.sticks(age / one.times)
+        + rival * law.sticks(STOP * minimum(age / one.times, 1.0))
+        for weight, rival, one in zip(weights, against, tried, strict=True)
     ]
     pace = [
-        weight * fit.amplitude / (fit.times * fit.times)
-        for weight, fit in zip(weights, fits, strict=True)
+        weight * fit.amplitude / (one.times * one.times)
+        for weight, fit, one in zip(weights, fits, tried, strict=True)
     ]
     return Weighed(
         growing=_total(weights),
         stopped=_total(against),
-        passed=_total([w * over(age, t) for w, t in zip(weights, times, strict=True)]),
-        ended=_total([w * over(age, t) for w, t in zip(against, times, strict=True)]),
-        soon=_total([w * over(next_age, t) for w, t in zip(weights, times, strict=True)]),
+        passed=_over(weights, tried, age),
+        ended=_over(against, tried, age),
+        soon=_over(weights, tried, next_age),
         sticks=_total(stuck),
         pace=_total(pace),
+        tried=tuple(tried),
         weights=tuple(weights),
     )
 
 
-def over(age: Field, times: Field) -> Field:
-    """Return whether a time is over: 0 to 1 over the distance to the next hypothesis."""
-    return minimum(maximum((age / times - 1.0) / (RATIO - 1.0) + 0.5, 0.0), 1.0)
+def _over(weights: Sequence[Field], tried: Sequence[Hypotheses], age: Field) -> Field:
+    return _total([w * one.over(age) for w, one in zip(weights, tried, strict=True)])
 
 
 def _total(maps: Sequence[Field]) -> Field:

@@ -17,7 +17,7 @@ from cnnum.arrays import Floats
 from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.growth import Growth, Learned
-from cnnum.templates.tactile.hypotheses import hypotheses, over, summed
+from cnnum.templates.tactile.hypotheses import summed
 from cnnum.templates.tactile.loads import Loads, square
 from cnnum.templates.tactile.unblur import filter_template
 
@@ -156,15 +156,15 @@ def moves_on(loads: Loads, growth: Growth, way: Way, ratio: Field) -> Moves:
     """
     fit = _Fit(loads, growth, way)
     slips, strays = list[Field](), list[Field]()
-    for times, weight in zip(hypotheses(loads.frame), growth.found.weights, strict=True):
-        late = growth.age - times
+    for tried, weight in zip(growth.found.tried, growth.found.weights, strict=True):
+        late = growth.age - tried.times
         height, exact = fit.ramp(minimum(maximum(late, 0.0), LONGEST))
-        least = SLOWEST * ratio * exact / times
+        least = SLOWEST * ratio * exact / tried.times
         near = minimum(maximum(height - CHANCE, 0.0), FARTHEST)
         near = where(late > LATE, 0.0, near)
         far = minimum(maximum(height - STRANGE, 0.0), FARTHEST)
         lack = minimum(maximum((0.5 * least - height) * least, 0.0), AGAINST)
-        weight = weight * over(growth.age, times)
+        weight = weight * tried.over(growth.age)
         slips.append(weight * _fourth(_likelier(near) / (1.0 + 0.25 * lack)))
         strays.append(weight * _fourth(_likelier(far)))
     return Moves(*(reduce(add, each).sum() for each in (slips, strays)))

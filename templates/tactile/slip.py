@@ -18,7 +18,7 @@ from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
 from cnnum.templates.tactile.moves import Rest, moves_on
 from cnnum.templates.tactile.pull import RADIUS, Place, Side, force_on, place_of
 
-STOPS = 5.0
+STOPS = 3.0
 """How much likelier a slip must be than a stop at the same time, by how the force bends and by how
 the contact moves on: a pull that is over has mostly stopped."""
 
@@ -26,7 +26,7 @@ SUDDEN, MORE = 1.4, 4.0
 """A force of which so little came after its first frame has no bend; a stop is so much likelier
 still. What a held object weighs comes like that, and what comes then may be rolling."""
 
-GROSS = 0.165
+GROSS = 0.45
 """Belief, against a pull that goes on growing, at which gross slip is reported."""
 
 INCIPIENT = 0.28

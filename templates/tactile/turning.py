@@ -177,4 +177,4 @@ def _law(locked: Field, powers: Sequence[Field]) -> Law:
             whole = (power + whole) * share
         return share + whole * share
 
-    return Law(load, TWIST.sticks)
+    return Law(load, TWIST.sticks, TWIST.times)

@@ -13,7 +13,8 @@ from cnnum.tactile.contact import (
     tangential_displacement,
     torsion_slip,
 )
-from cnnum.templates.tactile import hypotheses
+from cnnum.templates.tactile import laws
+from cnnum.templates.tactile.hypotheses import hypotheses
 from cnnum.templates.tactile.laws import PULL, TWIST
 
 LOAD, FRICTION, MODULUS = 1.3, 0.7, 0.9e6
@@ -38,8 +39,9 @@ def contact():
     return hertz(LOAD, 0.02, contact_modulus(MODULUS, 0.5))
 
 
-def test_a_pull_is_mindlins():
-    """Exactly: displacement is x of that of gross slip, force and stick radius follow."""
+def test_a_pull_is_mindlins(monkeypatch):
+    """Exactly, but for what taxels read of it: displacement is x of that of gross slip."""
+    monkeypatch.setattr(laws, "NEARER", 0.0)
     compliance = shear_compliance(MODULUS, 0.5)
     share = np.linspace(0.0, 1.0, 100)
     moved = tangential_displacement(contact(), LOAD, share * FRICTION * LOAD, FRICTION, compliance)
@@ -64,14 +66,23 @@ def test_a_twist_is_lubkins():
 
 
 @pytest.mark.parametrize("shape", [(4, 4), (8, 8), (16, 16), (3, 5)])
-def test_hypotheses_cover_their_range(shape):
+@pytest.mark.parametrize("law", [PULL, TWIST], ids=["pull", "twist"])
+def test_hypotheses_cover_their_range(shape, law):
     @program
     def told(frame):
-        maps = hypotheses.hypotheses(frame)
-        return {str(number): one + 0.0 * frame.channel("normal") for number, one in enumerate(maps)}
+        nothing = 0.0 * frame.channel("normal")
+        maps = hypotheses(frame, law.times)
+        times = {f"t{number}": one.times + nothing for number, one in enumerate(maps)}
+        return times | {f"a{number}": one.apart + nothing for number, one in enumerate(maps)}
 
     out = Engine("reference").compile(told, shape)(np.zeros((*shape, 3)))
-    times = np.concatenate([np.ravel(out[str(n)]) for n in range(len(out))])
+    times, apart = (
+        np.concatenate([np.ravel(out[f"{name}{n}"]) for n in range(len(out) // 2)]) for name in "ta"
+    )
     assert times[0] == 2.0
-    assert len(times) >= hypotheses.COUNT
-    np.testing.assert_allclose(times[1:] / times[:-1], 750.0 ** (1 / 255), rtol=1e-6)
+    assert law.times.count <= len(times) < law.times.count + shape[0] * shape[1]
+    assert times[law.times.count - 1] > 1400.0
+    # each is as far from the next as it says, no further than a share, or a step
+    np.testing.assert_allclose(np.diff(times), (times * apart)[:-1], rtol=1e-9)
+    assert np.all(apart <= law.times.share)
+    assert np.all(times * apart <= law.times.step * (1.0 + 1e-12))
