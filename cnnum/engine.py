@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, Shape, as_shape, maps
 from cnnum.engines.backend import open_backend
-from cnnum.engines.support import FUSING, schemes_of
+from cnnum.engines.support import FUSING
 from cnnum.errors import ArrayError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
@@ -143,7 +143,7 @@ class Engine:
     ) -> Plan:
         thinned = schedule(graph, channels, needs)
         chosen = {
-            operation: choose(operation, graph.shape, schemes_of(self.name))
+            operation: choose(operation, graph.shape)
             for operation in {node.operation for node in thinned.transients}
             if isinstance(operation, Transient)
         }

@@ -63,8 +63,8 @@ OMISSIONS = (
     f"The truth is that of closed forms for checks of {', '.join(EXACT)}.",
     "A rung that an engine refuses is left out: a step beyond the stability bound, a propagator "
     "of an array that is not linear, Chebyshev steps of an array whose rates are not real, "
-    "exponential and Chebyshev steps on the Numba engine, which has neither, and of an array with "
-    "a delay all steps but Euler's and Heun's, as it keeps no outputs between steps.",
+    "and of an array with a delay all steps but Euler's and Heun's, as it keeps no outputs between "
+    "steps.",
     "method='auto' has no row of its own: it is one of the methods shown.",
     f"Tolerances below {SINGLE:g} are not asked of float32, whose rounding is above them.",
     "Tactile programs run with the method that is chosen for each of their templates; their rows "

@@ -7,8 +7,7 @@ from cnnum.engines.backend import Solvers
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.choice import AdaptiveSteps, FixedSteps, Solver
-from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.choice import Solver
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,22 +28,12 @@ class Limit:
     applies: Callable[[Transient, Solver], bool]
 
 
-def _other_scheme(transient: Transient, solver: Solver) -> bool:
-    return not isinstance(solver.scheme, Decay | Propagator | FixedSteps | AdaptiveSteps)
-
-
 def _other_output(transient: Transient, solver: Solver) -> bool:
     known = {"standard", "full-range", "linear", "tanh", "sign"}
     return transient.template.output.name not in known
 
 
 LIMITS = (
-    Limit(
-        "numba",
-        "this integration method",
-        "its compiled functions know exact dense products and Runge–Kutta steps only",
-        _other_scheme,
-    ),
     Limit(
         "numba",
         "this output function",
@@ -69,5 +58,5 @@ def refuse_beyond(engine: str, schedule: Schedule, solvers: Solvers) -> None:
             if limit.engine == engine and limit.applies(node.operation, solver):
                 raise NotSupportedError(
                     f"The {engine} engine does not do {limit.what} ('{solver.method}' for "
-                    f"'{node.operation}'): {limit.why}; name another method or use another engine."
+                    f"'{node.operation}'): {limit.why}; use another engine."
                 )

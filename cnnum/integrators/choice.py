@@ -16,9 +16,9 @@ from cnnum.integrators.schemes import (
     ExponentialSteps,
     FixedSteps,
 )
-from cnnum.integrators.separate import Separate, separate
-from cnnum.integrators.solver import ALL_SCHEMES, BASIC_SCHEMES, Exact, Scheme, Solver, Stepping
-from cnnum.integrators.spectral import Spectral, spectral
+from cnnum.integrators.separate import separate
+from cnnum.integrators.solver import Exact, Scheme, Solver, Stepping
+from cnnum.integrators.spectral import spectral
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.stability import CHEBYSHEV, stability_bound, tableau_step
 from cnnum.integrators.tableau import (
@@ -33,8 +33,6 @@ from cnnum.network import Network
 from cnnum.template import Template
 
 __all__ = (
-    "ALL_SCHEMES",
-    "BASIC_SCHEMES",
     "MAX_STEPS",
     "AdaptiveSteps",
     "ChebyshevSteps",
@@ -57,17 +55,13 @@ JUMP_STEP = 0.01
 step's change; MatCNN's own advice for such a template (MEDIAN) is at most 0.02."""
 
 
-def choose(
-    transient: Transient, shape: tuple[int, int], schemes: frozenset[type] = ALL_SCHEMES
-) -> Solver:
+def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
     """Return how a transient runs on an array of that shape.
 
     Parameters
     ----------
     transient : Transient
     shape : (rows, cols)
-    schemes : frozenset of type
-        The kinds of scheme that the engine runs.
 
     Raises
     ------
@@ -85,13 +79,13 @@ def choose(
     if duration < SHORTEST:
         duration = 0.0
     if spec.method in ("auto", "propagator") and spec.dt is None:
-        exact, reason = _exact(transient, network, math.inf if settle else duration, schemes)
+        exact, reason = _exact(transient, network, math.inf if settle else duration)
         if exact is not None:
             return Solver("propagator", reason, exact, duration, settle, spec.rtol, spec.atol)
         if spec.method == "propagator":
             raise MethodError(f"Template '{transient.template.name}' has no propagator: {reason}.")
     asked = spec.method != "auto" or spec.dt is not None
-    choice = _Choice(transient.template, shape, spec, duration, settle, schemes)
+    choice = _Choice(transient.template, shape, spec, duration, settle)
     stepping, reason, forced = choice.stepping()
     name = _name(stepping)
     return Solver(name, reason, stepping, duration, settle, spec.rtol, spec.atol, asked, forced)
@@ -135,9 +129,7 @@ def _none_or_more(value: object) -> bool:
     return isinstance(value, Real) and 0.0 <= float(value) < math.inf
 
 
-def _exact(
-    transient: Transient, network: Network, duration: float, schemes: frozenset[type]
-) -> tuple[Exact | None, str]:
+def _exact(transient: Transient, network: Network, duration: float) -> tuple[Exact | None, str]:
     template = transient.template
     if template.output.limited or template.output.discrete:
         return None, "its state is limited, or runs in discrete time"
@@ -145,17 +137,16 @@ def _exact(
         return None, "it has nonlinear, delayed or time-varying couplings"
     if template.uncoupled:
         return decay(template, duration), "A = 0: every cell decays on its own, exactly"
-    pieces = separate(template, duration) if Separate in schemes else None
+    pieces = separate(template, duration)
     if pieces is not None:
         return pieces, "no cell sees another: its linear pieces are exact, one after the other"
     if not template.output.linear:
         return None, "its output saturates, so the array is not linear"
     if transient.has_mask:
         return None, "its fixed-state mask is only known at run time"
-    if Spectral in schemes:
-        modal = spectral(network, duration)
-        if modal is not None:
-            return modal, "the array is linear, and exact in the modes of its boundary"
+    modal = spectral(network, duration)
+    if modal is not None:
+        return modal, "the array is linear, and exact in the modes of its boundary"
     if network.states > DENSE_LIMIT:
         return None, f"{network.states} states are more than the {DENSE_LIMIT} of a dense product"
     exact = propagator(network, duration)
@@ -177,7 +168,6 @@ class _Choice:
     spec: RunSpec
     duration: float
     settle: bool
-    schemes: frozenset[type]
 
     def stepping(self) -> tuple[Stepping, str, bool]:
         """Return the steps, why they are taken, and whether they were forced."""
@@ -257,14 +247,13 @@ class _Choice:
     def _has_stages(self, found: Spectrum) -> bool:
         steady = self.template.plain and not self.template.output.limited
         moving = found.real and found.fastest > 0.0
-        return steady and moving and ChebyshevSteps in self.schemes
+        return steady and moving
 
     def _chebyshev(self, found: Spectrum) -> tuple[ChebyshevSteps, str, bool]:
         if not self._has_stages(found):
             raise MethodError(
-                f"'{CHEBYSHEV}' needs rates that are known to be real ({found.reason}), linear "
-                f"couplings, and an engine that has it: template '{self.template.name}' runs with "
-                "method='auto'."
+                f"'{CHEBYSHEV}' needs rates that are known to be real ({found.reason}) and linear "
+                f"couplings: template '{self.template.name}' runs with method='auto'."
             )
         if self.spec.dt is not None:
             raise MethodError(f"'{CHEBYSHEV}' chooses its own steps: leave dt out.")
@@ -276,10 +265,10 @@ class _Choice:
         return ChebyshevSteps(found.fastest, first, self.settle), reason, False
 
     def _exponential(self, method: ExponentialMethod) -> tuple[ExponentialSteps, str, bool]:
-        if not self.template.plain or ExponentialSteps not in self.schemes:
+        if not self.template.plain:
             raise MethodError(
-                f"'{method.name}' runs linear couplings only, on engines that have it: template "
-                f"'{self.template.name}' runs with method='auto'."
+                f"'{method.name}' runs linear couplings only: template '{self.template.name}' runs "
+                "with method='auto'."
             )
         bound = stability_bound(method.name, self.template, self.shape)
         step, forced = self._bounded(method.name, bound.step, bound.reason, self.spec.dt)

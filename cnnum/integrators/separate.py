@@ -21,6 +21,13 @@ LONGEST = 60.0
 """Time constants up to which what is left of a decay, e^{−60} = 9e-27, is far from what a device
 takes for 0; longer runs that are not to equilibrium take steps."""
 
+STEEPEST = 1e30
+"""Largest growth that is written out: a cell that would grow more has left the middle piece,
+unless it began nearer to its rest than any number but 0 is."""
+
+ROUNDED = 8
+"""Rounded operations from one end of a cell's way to the other, at the most."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Separate:
@@ -56,3 +63,42 @@ def separate(template: Template, duration: float) -> Separate | None:
         return None
     with np.errstate(under="ignore"):
         return Separate(own, np.exp(-duration / template.tau))
+
+
+def evaluate(scheme: Separate, start: Floats, drive: Floats) -> Floats:
+    """Return x(t) of (..., layers, rows, cols) initial states and drives."""
+    end = np.empty_like(start)
+    with np.errstate(all="ignore"):  # of what is computed for all cells, some have no use
+        for layer, (own, left) in enumerate(zip(scheme.own, scheme.left, strict=True)):
+            x, w = start[..., layer, :, :], drive[..., layer, :, :]
+            end[..., layer, :, :] = _end(float(own), float(left), x, w)
+    return end
+
+
+def _end(own: float, left: float, start: Floats, drive: Floats) -> Floats:
+    side = np.sign(start) * (np.abs(start) > 1.0)
+    target = drive + own * side
+    # d when it comes to its edge; 0 where it never does, or is within it
+    edge = np.where(side * target < side * side, (side - target) / (start - target), 0.0)
+    inner = np.where(edge > left, left / edge, left)
+    away = (side != 0.0) & (edge <= left)
+    inside = _from_inside(own, inner, np.clip(start, -1.0, 1.0), drive, rests=left == 0.0)
+    return np.where(away, target + left * (start - target), inside)
+
+
+def _from_inside(own: float, left: Floats, now: Floats, drive: Floats, *, rests: bool) -> Floats:
+    """Return the end of cells that are in the middle piece while `left` is 1."""
+    slope = own - 1.0
+    rate = slope * now + drive
+    to = np.where(rate < 0.0, -1.0, 1.0)
+    rate_there = slope * to + drive
+    leaves = to * rate_there > 0.0
+    if rests:
+        return np.where(leaves, to + rate_there, np.where(rate == 0.0, now, -drive / slope))
+    if slope == 0.0:
+        ends, moved = np.exp((now - to) / rate), -rate * np.log(left)
+    else:
+        ends = (rate / rate_there) ** (1.0 / slope)
+        moved = rate * (np.minimum(left**-slope, STEEPEST) - 1.0) / slope
+    over = to + rate_there * (1.0 - left / ends)
+    return np.where(leaves & (left < ends), over, now + moved)

@@ -11,14 +11,6 @@ Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps | ExponentialSteps
 Exact = Decay | Propagator | Spectral | Separate
 Scheme = Exact | Stepping
 
-BASIC_SCHEMES: frozenset[type] = frozenset({Decay, Propagator, FixedSteps, AdaptiveSteps})
-ALL_SCHEMES: frozenset[type] = BASIC_SCHEMES | {
-    Spectral,
-    Separate,
-    ChebyshevSteps,
-    ExponentialSteps,
-}
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solver:

@@ -29,10 +29,11 @@ def network(rng):
     )
 
 
+@pytest.mark.parametrize("name", ["opencl", "numba"])
 @pytest.mark.parametrize("precision", ["float32", "float64"])
-def test_error_covers_the_truth(precision):
+def test_error_covers_the_truth(name, precision):
     """At least 99 % of all runs."""
-    engine, reference = Engine(precision=precision), Engine("reference")
+    engine, reference = Engine(name, precision=precision), Engine("reference")
     rng = np.random.default_rng(11 if precision == "float32" else 12)
     covered: list[np.ndarray] = []
     loose: list[np.ndarray] = []
@@ -86,7 +87,7 @@ def test_every_adaptive_method_covers_the_truth(name):
     rng = np.random.default_rng(13)
     covered: list[np.ndarray] = []
     for number in range(24):
-        template, method = layers(rng), METHODS[number % (3 if name == "opencl" else 2)]
+        template, method = layers(rng), METHODS[number % 3]
         shape = (template.layers,) * (template.layers > 1) + (5, 6)
         start = rng.uniform(-0.9, 0.9, (6, *shape))
         frames = rng.uniform(-1, 1, (6, 5, 6))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.engines.support import schemes_of
 from cnnum.integrators.separate import LONGEST, Separate, separate
 
 STEPS = 4000
@@ -44,15 +43,22 @@ def start_and_input():
     return start, given
 
 
+@pytest.mark.parametrize("engine", ["opencl", "numba"])
 @pytest.mark.parametrize("precision", ["float64", "float32"])
 @pytest.mark.parametrize("a", [-3.0, -0.5, 0.5, 1.0, 1.3, 2.0])
 @pytest.mark.parametrize("time", [0.2, 3.0])
-def test_state_is_that_of_small_steps(precision, a, time, start_and_input):
+def test_state_is_that_of_small_steps(engine, precision, a, time, start_and_input):
     start, given = start_and_input
-    got = cnnum.Engine(precision=precision).run(template(a, time), input=given, state=start)
+    engine = cnnum.Engine(engine, precision=precision)
+    got = engine.run(template(a, time), input=given, state=start)
     assert (got.method, np.max(got.steps)) == ("propagator", 0)
     want = stepped(a, given + 0.1, start, time)
     np.testing.assert_allclose(got.state, want, atol=TOLERANCE[precision])
+    # what rounding leaves is stated, and no more than it can be: 8 roundings of numbers below 10
+    # that grow by e^3
+    rounding = np.finfo(precision).eps
+    assert np.all(got.error > rounding)
+    assert np.all(got.error < 8 * 10 * 20 * rounding)
 
 
 def test_one_frame_is_as_a_batch(start_and_input):
@@ -65,10 +71,12 @@ def test_one_frame_is_as_a_batch(start_and_input):
     np.testing.assert_allclose(one.state, all_of_them.state[4], atol=2e-5)
 
 
+@pytest.mark.parametrize("engine", ["opencl", "numba"])
 @pytest.mark.parametrize("a", [-0.5, 0.5, 2.0])
-def test_rest_is_where_nothing_changes(a, start_and_input):
+def test_rest_is_where_nothing_changes(engine, a, start_and_input):
     start, given = start_and_input
-    got = cnnum.Engine(precision="float64").run(template(a, "settle"), input=given, state=start)
+    engine = cnnum.Engine(engine, precision="float64")
+    got = engine.run(template(a, "settle"), input=given, state=start)
     assert np.all(got.settled)
     rate = -got.state + a * np.clip(got.state, -1.0, 1.0) + given + 0.1
     assert np.abs(rate).max() < 1e-12  # rounding of numbers below 6
@@ -84,13 +92,13 @@ def test_time_is_in_time_constants(start_and_input):
     np.testing.assert_allclose(slow.state, quick.state, atol=1e-12)
 
 
-def test_fixed_cells_stay(start_and_input):
+@pytest.mark.parametrize("engine", ["opencl", "numba"])
+def test_fixed_cells_stay(engine, start_and_input):
     start, given = start_and_input
     mask = np.zeros((5, 6))
     mask[2, 3] = 1.0
-    got = cnnum.Engine(precision="float64").run(
-        template(2.0, 3.0), input=given, state=start, mask=mask
-    )
+    engine = cnnum.Engine(engine, precision="float64")
+    got = engine.run(template(2.0, 3.0), input=given, state=start, mask=mask)
     np.testing.assert_array_equal(got.state[:, 2, 3], start[:, 2, 3])
     assert np.abs(got.state[:, 2, 2] - start[:, 2, 2]).max() > 0.1
 
@@ -105,6 +113,17 @@ def test_what_has_no_such_answer_takes_steps():
     assert isinstance(separate(template(2.0, 1.0), 1.0), Separate)
 
 
-def test_engines_that_can_not_are_not_asked():
-    assert Separate in schemes_of("opencl")
-    assert Separate not in schemes_of("numba")
+def test_layers_have_weights_and_times_of_their_own(engines, start_and_input):
+    """Every layer is what it is alone, on every engine."""
+    start, given = start_and_input
+    A, B = np.zeros((2, 2, 3, 3)), np.zeros((2, 2, 3, 3))
+    A[0, 0, 1, 1], A[1, 1, 1, 1] = 1.0, 2.0
+    B[0, 0, 1, 1] = B[1, 1, 1, 1] = 1.0
+    both = cnnum.Template("both", A, B, [0.1, 0.1], tau=[1.0, 0.5], duration=1.5)
+    pairs = np.stack([start, -start], axis=1), np.stack([given, -given], axis=1)
+    want = stepped(1.0, given + 0.1, start, 1.5), stepped(2.0, -given + 0.1, -start, 3.0)
+    for label, engine in engines.items():
+        got = engine.run(both, state=pairs[0], input=pairs[1])
+        assert got.method == "propagator"
+        tolerance = TOLERANCE[label.partition("-")[2]]
+        np.testing.assert_allclose(got.state, np.stack(want, axis=1), atol=tolerance)

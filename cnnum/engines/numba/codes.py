@@ -1,6 +1,8 @@
 """Numbers that stand for words inside compiled functions."""
 
-DECAY, PROPAGATE, FIXED, ADAPTIVE = range(4)
+import numpy as np
+
+KNOWN, FIXED, ADAPTIVE, CHEBYSHEV = range(4)
 """How a transient is brought to its end."""
 
 CLAMP, IDENTITY, TANH, SIGN = range(4)
@@ -17,15 +19,19 @@ on one dx/dt a stage, then the outputs of the last steps."""
 NOTHING = -1
 """Centre of a nonlinear coupling that reads only the neighbour."""
 
+EARLIER = PAST
+"""Of Chebyshev's stages, which know no delay: the state two stages ago."""
+
 MOVE, SLOPE, JUDGE, CHANGE, ACCEPT, STEP = range(6)
 """Phases of a step."""
 
-WEIGHTS, TIMES, ERRORS, STAGES = range(4)
-"""Rows of a tableau: b, c, b − b̂, and from STAGES on the rows of a; then the
-truncation error's."""
+WEIGHTS, TIMES, ERRORS, CARRIED, STAGES = range(5)
+"""Rows of a tableau: b, c, b − b̂, what part of the last stage's move is carried to the end, and
+from STAGES on the rows of a; then the truncation error's."""
 
-AT_REST = -1
-"""Number of no step: outputs a delay ago are those of now."""
+NONE, AT_REST = np.int64(0), np.int64(-1)
+"""No stage or step in particular, and the number of no step: outputs a delay ago are those of now.
+Not literals, as functions are compiled for each of those."""
 
 LARGEST_EXPONENT, SMALLEST_RATE, LOST = 80.0, 1e-30, 1e30
-"""Limits within which the growth of an error is a number of single precision."""
+"""Limits within which a growth is a number of single precision."""

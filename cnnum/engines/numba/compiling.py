@@ -1,6 +1,14 @@
-"""How the functions of this room are compiled: once a number type, and kept on disk."""
+"""How the functions of this room are compiled, and which of them are kept on disk.
 
+Numba keeps what it compiled for as long as the file of that function is the same, and does not
+look at the files of what it calls. So only functions that Python calls are kept, each with all
+that it calls in it. Their last parameter is `ROOM`, a number of the contents of this room, which
+is part of what Numba finds them by.
+"""
+
+import zlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
@@ -8,38 +16,41 @@ import numba
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
 
+_FILES = sorted(Path(__file__).parent.glob("*.py"))
 
-def _compile(
-    function: Callable[..., Any], *, parallel: bool = False, inline: bool = False
-) -> Callable[..., Any]:
+ROOM = zlib.crc32(b"".join(file.read_bytes() for file in _FILES))
+"""Another number for other contents of the files of this room."""
+
+
+def _compile(function: Callable[..., Any], **options: Any) -> Callable[..., Any]:
     # the error model of NumPy: no test for a zero divisor in the loops, so that they vectorise
-    options: dict[str, Any] = {
-        "nogil": True,
-        "error_model": "numpy",
-        "parallel": parallel,
-        "forceinline": inline,
-    }
-    try:
-        # kept beside the source, or in the user's cache where the package is read-only
-        return cast(Callable[..., Any], numba.njit(cache=True, **options)(function))
-    except RuntimeError:
-        # neither folder can be written: compiled anew in every process
-        return cast(Callable[..., Any], numba.njit(**options)(function))
+    common: dict[str, Any] = {"nogil": True, "error_model": "numpy"}
+    return cast(Callable[..., Any], numba.njit(**common, **options)(function))
 
 
 def inlined(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile a function into each of its callers, which pays where it works on few cells."""
-    return cast(Callable[_P, _R], _compile(function, inline=True))
+    return cast(Callable[_P, _R], _compile(function, forceinline=True))
 
 
 def compiled(function: Callable[_P, _R]) -> Callable[_P, _R]:
-    """Compile a function when it is first called."""
+    """Compile a function when one that calls it is."""
     return cast(Callable[_P, _R], _compile(function))
 
 
 def compiled_parallel(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile a function whose `numba.prange` loops run on all cores."""
     return cast(Callable[_P, _R], _compile(function, parallel=True))
+
+
+def kept(function: Callable[_P, _R]) -> Callable[_P, _R]:
+    """Compile a function when it is first called, and keep it: its last parameter is `ROOM`."""
+    try:
+        # beside the source, or in the user's cache where the package is read-only
+        return cast(Callable[_P, _R], _compile(function, cache=True))
+    except RuntimeError:
+        # neither folder can be written: compiled anew in every process
+        return cast(Callable[_P, _R], _compile(function))
 
 
 def cores() -> int:

@@ -66,12 +66,6 @@ class Layout:
         places = np.arange(self.size)
         return np.array([places, sources])[:, sources != places]
 
-    def inside(self, layers: int) -> Ints:
-        """Return the places of the cells of all layers that are no rim."""
-        r, (rows, cols) = self.radius, self.shape
-        places = np.arange(layers * self.size).reshape(layers, *self.padded)
-        return np.ascontiguousarray(places[:, r : r + rows, r : r + cols]).ravel()
-
     def bands(self, layers: int) -> Ints:
         """Return pieces of the layers, without the rows of the rim before and after them.
 

@@ -1,17 +1,22 @@
-"""From a solver to the numbers that the compiled functions take."""
+"""From a solver to the settings of the compiled functions."""
 
 import math
 from typing import Any
 
 import numpy as np
 
-from cnnum.arrays import Floats
-from cnnum.engines.numba.codes import ADAPTIVE, DECAY, FIXED, PROPAGATE
-from cnnum.engines.numba.records import Real, Reals
-from cnnum.integrators.choice import MAX_STEPS, AdaptiveSteps, FixedSteps, Solver
+from cnnum.engines.numba import codes
+from cnnum.engines.numba.records import Real
+from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.estimate import ROUNDINGS, SAFETY, error_growth
-from cnnum.integrators.propagator import Decay, Propagator
-from cnnum.integrators.tableau import ButcherTableau, Row
+from cnnum.integrators.schemes import (
+    MAX_STEPS,
+    AdaptiveSteps,
+    ChebyshevSteps,
+    ExponentialSteps,
+    FixedSteps,
+)
+from cnnum.integrators.solver import Solver
 from cnnum.template import Template
 
 
@@ -27,24 +32,21 @@ def method_settings(template: Template, solver: Solver, dtype: Real) -> dict[str
         "safety": SAFETY,
         "rounding": ROUNDINGS * float(np.finfo(dtype).eps),
     }
-    return settings | _steps(template, solver)
-
-
-def _steps(template: Template, solver: Solver) -> dict[str, Any]:
     scheme = solver.scheme
-    if isinstance(scheme, Decay | Propagator):
-        code = DECAY if isinstance(scheme, Decay) else PROPAGATE
-        # there are no steps, but one stage says whether all is at rest
-        return {"scheme": code, "stages": 1, "step": 1.0}
-    assert isinstance(scheme, FixedSteps | AdaptiveSteps)
-    settings = {"stages": scheme.tableau.stages, "exponent": -1.0 / scheme.tableau.order}
-    if isinstance(scheme, AdaptiveSteps):
-        # the estimate of the error belongs to the state at the last stage
-        assert scheme.tableau.first_same_as_last
-        steps = {"step": scheme.first_step, "longest": scheme.longest, "count": MAX_STEPS}
-        return settings | steps | {"scheme": ADAPTIVE}
-    return settings | {
-        "scheme": FIXED,
+    if isinstance(scheme, FixedSteps):
+        return settings | _fixed(template, scheme)
+    if isinstance(scheme, ExponentialSteps):
+        return settings | _exponential(scheme)
+    if isinstance(scheme, AdaptiveSteps | ChebyshevSteps):
+        return settings | _adaptive(scheme)
+    # there are no steps, but one stage says whether all is at rest
+    return settings | {"scheme": codes.KNOWN, "stages": 1, "step": 1.0}
+
+
+def _fixed(template: Template, scheme: FixedSteps) -> dict[str, Any]:
+    return {
+        "scheme": codes.FIXED,
+        "stages": scheme.tableau.stages,
         "count": scheme.count,
         "step": scheme.step,
         "last": scheme.last,
@@ -53,31 +55,38 @@ def _steps(template: Template, solver: Solver) -> dict[str, Any]:
     }
 
 
-def exact(solver: Solver, dtype: Real) -> Reals:
-    """Return the numbers of a scheme that needs no steps."""
-    scheme = solver.scheme
-    if isinstance(scheme, Decay):
-        return scheme.kept[np.newaxis].astype(dtype)
-    if isinstance(scheme, Propagator):
-        # transposed, so that the products of a column lie side by side
-        parts = (scheme.state.T, scheme.drive.T, scheme.constant[np.newaxis])
-        return np.ascontiguousarray(np.concatenate(parts), dtype=dtype)
-    return np.zeros((0, 0), dtype)
+def _exponential(scheme: ExponentialSteps) -> dict[str, Any]:
+    return {
+        "scheme": codes.FIXED,
+        "stages": scheme.method.stages,
+        "count": scheme.count,
+        "step": scheme.step,
+        "last": scheme.step,
+        "error": -1.0,
+    }
 
 
-def tableau_rows(solver: Solver) -> Floats:
-    """Return b, c, b − b̂, the rows of a, and those of the truncation error's parts."""
-    scheme = solver.scheme
-    if isinstance(scheme, FixedSteps | AdaptiveSteps):
-        return _rows(scheme.tableau)
-    return np.zeros((4, 1))
-
-
-def _rows(tableau: ButcherTableau) -> Floats:
-    def padded(row: Row) -> list[float]:
-        return [float(x) for x in row] + [0.0] * (tableau.stages - len(row))
-
-    times = [float(sum(row)) for row in tableau.a]
-    rows = [padded(tableau.b), times, padded(tableau.error), *map(padded, tableau.a)]
-    rows += map(padded, tableau.truncation) if tableau.adaptive else ()
-    return np.array(rows)
+def _adaptive(scheme: AdaptiveSteps | ChebyshevSteps) -> dict[str, Any]:
+    steps = {"step": scheme.first_step, "count": MAX_STEPS}
+    if isinstance(scheme, AdaptiveSteps):
+        # the estimate of the error belongs to the state at the last stage
+        assert scheme.tableau.first_same_as_last
+        return steps | {
+            "scheme": codes.ADAPTIVE,
+            "stages": scheme.tableau.stages,
+            "longest": scheme.longest,
+            "exponent": -1.0 / scheme.tableau.order,
+            "caution": 0.9,
+            "least": 0.2,
+        }
+    stable = chebyshev_method(MAX_STAGES).real_stability
+    return steps | {
+        "scheme": codes.CHEBYSHEV,
+        "stages": 2,
+        "longest": stable / scheme.fastest,
+        "exponent": -1.0 / 3.0,
+        "caution": 0.8,
+        "least": 0.1,
+        "most": MAX_STAGES,
+        "reach": scheme.fastest * (MAX_STAGES**2 - 1) / stable,
+    }

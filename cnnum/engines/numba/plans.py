@@ -1,11 +1,12 @@
 """From a template, its array and its solver to what the compiled functions take."""
 
 from cnnum.engines.numba import codes
+from cnnum.engines.numba.coefficients import chebyshev_rows, tableaux
 from cnnum.engines.numba.layout import Layout
-from cnnum.engines.numba.methods import exact, method_settings, tableau_rows
+from cnnum.engines.numba.methods import method_settings
 from cnnum.engines.numba.records import SETTINGS, Plan, Real
 from cnnum.engines.numba.taps import couplings_of, gains_of, packed
-from cnnum.integrators.choice import Solver
+from cnnum.integrators.solver import Solver
 from cnnum.template import Template
 
 RESPONSES = {
@@ -33,14 +34,13 @@ def plan_of(template: Template, layout: Layout, solver: Solver, dtype: Real) -> 
     }
     return Plan(
         settings=packed(SETTINGS, [cells | method_settings(template, solver, dtype)]),
-        tableau=tableau_rows(solver),
+        tableau=tableaux(template, solver),
         taps=taps,
         first=first,
         tables=tables,
         points=points,
         gains=gains,
         rim=layout.rim(template.boundary),
-        inside=layout.inside(template.layers),
         bands=layout.bands(template.layers),
-        exact=exact(solver, dtype),
+        chebyshev=chebyshev_rows(solver, dtype),
     )

@@ -33,6 +33,12 @@ SETTINGS = np.dtype(
         ("step", "f8"),
         ("longest", "f8"),
         ("last", "f8"),
+        # of steps that follow their error: part of the longest that it allows, the smallest change;
+        # the square of Chebyshev's stages less 1 a unit of time, and their largest number
+        ("caution", "f8"),
+        ("least", "f8"),
+        ("reach", "f8"),
+        ("most", "i8"),
         ("duration", "f8"),
         # steps that are taken at most, the delay in steps, what is known of the error (−1: nothing)
         ("count", "i8"),
@@ -82,8 +88,8 @@ class Plan(NamedTuple):
     Attributes
     ----------
     settings : (1,) SETTINGS
-    tableau : (3 + stages + parts, stages) float64
-        b, c, b − b̂, the rows of a, and those of the truncation error's parts.
+    tableau : (layers or 1, 4 + stages + parts, stages) float64
+        b, c, b − b̂, what is carried, the rows of a, and those of the truncation error's parts.
     taps : (taps,) TAP
     first : (6, layers + 1) int
         Where the taps of every kind into each layer begin.
@@ -93,12 +99,10 @@ class Plan(NamedTuple):
     gains : (gains,) GAIN
     rim : (2, rim cells) int
         Where a rim's cells lie in a map, and which cell each copies; none of a constant rim.
-    inside : (layers·rows·cols,) int
-        Places of the cells that are no rim.
     bands : (bands, 3) int
         Pieces of the layers that are worked on at a time: layer, first place, place after the last.
-    exact : (n, m) float
-        Of DECAY (1, layers) kept parts; of PROPAGATE the columns of E and D, then the constant.
+    chebyshev : (rows, 4) float
+        In row s · most + j back1, back2, rate and start of stage j of s.
     """
 
     settings: Any
@@ -109,9 +113,8 @@ class Plan(NamedTuple):
     points: Reals
     gains: Any
     rim: Ints
-    inside: Ints
     bands: Ints
-    exact: Reals
+    chebyshev: Reals
 
 
 class Batch(NamedTuple):

@@ -3,12 +3,12 @@
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.engines.numba.compiling import compiled
+from cnnum.engines.numba.compiling import ROOM, kept
 from cnnum.engines.numba.records import Reals
 
 
-@compiled
-def sums(values: Reals) -> Floats:
+@kept
+def sums(values: Reals, room: int = ROOM) -> Floats:
     """Return the sum of every row of (batch, cells), cell by cell in float64."""
     totals = np.zeros(len(values))
     for row in range(len(values)):
@@ -17,8 +17,8 @@ def sums(values: Reals) -> Floats:
     return totals
 
 
-@compiled
-def products(columns: Floats, values: Reals, totals: Floats) -> None:
+@kept
+def products(columns: Floats, values: Reals, totals: Floats, room: int = ROOM) -> None:
     """Add matrix · values to every row of totals, column by column in float64.
 
     Parameters

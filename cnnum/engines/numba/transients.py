@@ -1,9 +1,10 @@
 """A transient of a batch: NumPy in, compiled functions, NumPy out."""
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -11,12 +12,13 @@ import numpy as np
 from cnnum.arrays import Shape
 from cnnum.boundary import Boundary
 from cnnum.engines.numba.compiling import cores
-from cnnum.engines.numba.kernels import run_frames
+from cnnum.engines.numba.exact_ends import ExactEnd
+from cnnum.engines.numba.frames import drive_frames, run_frames
 from cnnum.engines.numba.layout import Layout
 from cnnum.engines.numba.plans import plan_of
 from cnnum.engines.numba.records import Batch, Plan, Real, Reals
 from cnnum.graph.nodes import FIGURES, Transient
-from cnnum.integrators.choice import Solver
+from cnnum.integrators.solver import Exact, Solver
 
 SPREAD_CELLS = 128 * 128
 """Smallest array of which one frame lies on all cores; below it, the cores wait for each other
@@ -36,6 +38,7 @@ class TransientRunner:
     operation: Transient
     layout: Layout
     plan: Plan
+    end: ExactEnd | None
     dtype: Real
 
     @classmethod
@@ -44,7 +47,11 @@ class TransientRunner:
     ) -> "TransientRunner":
         """Return the runner of a transient."""
         layout = Layout(shape, operation.template.radius)
-        return cls(operation, layout, plan_of(operation.template, layout, solver, dtype), dtype)
+        plan = plan_of(operation.template, layout, solver, dtype)
+        scheme, end = solver.scheme, None
+        if isinstance(scheme, Exact):
+            end = ExactEnd.of(operation.template, shape, scheme, dtype)
+        return cls(operation, layout, plan, end, dtype)
 
     def run(self, arguments: Sequence[Reals], batch: int) -> dict[str, Reals]:
         """Return states and outputs (batch, layers, rows, cols), and figures (batch,), by name.
@@ -55,26 +62,37 @@ class TransientRunner:
         batch : int
         """
         frames = self._frames(self.operation.by_role(arguments), batch)
-        self._launch(frames, batch)
+        if self.end is not None:
+            self._launch(partial(self._reach, self.end, frames), batch)
+        self._launch(partial(run_frames, self.plan, frames), batch)
         figures = dict(zip((*FIGURES, "unfinished"), frames.figures.T, strict=True))
         state, output = self.layout.inner(frames.state), self.layout.inner(frames.output)
         return {"state": state, "output": output, **figures}
 
-    def _launch(self, frames: Batch, batch: int) -> None:
+    def _reach(self, end: ExactEnd, frames: Batch, start: int, stop: int, spread: bool) -> None:
+        """Set states to their known end, of which it is left to say whether all is at rest."""
+        drive_frames(self.plan, frames, start, stop)
+        own = slice(start, stop)
+        pace = frames.pace[own] if len(frames.pace) > 1 else frames.pace
+        state, drive, pace = map(self.layout.inner, (frames.state[own], frames.drive[own], pace))
+        duration, figures = self.plan.settings[0]["duration"], frames.figures[own]
+        figures[:] = [duration, 0.0, 1.0, 0.0, 0.0]
+        # what overflows is infinite, as it is on every engine
+        with np.errstate(all="ignore"):
+            figures[:, 3] = end.reach(state, drive, pace == 0.0)
+
+    def _launch(self, run: Callable[[int, int, bool], None], batch: int) -> None:
         if self.layout.shape[0] * self.layout.shape[1] >= SPREAD_CELLS:
             with _CORES:
-                run_frames(self.plan, frames, 0, batch, True)
+                run(0, batch, True)
             return
         threads = min(cores(), -(-batch // FRAMES_A_THREAD))
         if threads == 1:
-            run_frames(self.plan, frames, 0, batch, False)
+            run(0, batch, False)
             return
         ends = [batch * part // threads for part in range(threads + 1)]
         with ThreadPoolExecutor(threads) as pool:
-            for done in [
-                pool.submit(run_frames, self.plan, frames, start, end, False)
-                for start, end in pairwise(ends)
-            ]:
+            for done in [pool.submit(run, start, end, False) for start, end in pairwise(ends)]:
                 done.result()
 
     def _frames(self, given: dict[str, tuple[Reals, ...]], batch: int) -> Batch:

@@ -8,14 +8,7 @@ import numpy as np
 from cnnum.engines.opencl.drive import drive_of
 from cnnum.engines.opencl.start import start_of
 from cnnum.engines.opencl.transients import TransientText
-from cnnum.integrators.separate import Separate
-
-STEEPEST = 1e30
-"""Largest growth that is written out: a cell that would grow more has left the middle piece,
-unless it began nearer to its rest than any number but 0 is."""
-
-TERMS = 8
-"""Rounded operations from one end of a cell's way to the other, at the most."""
+from cnnum.integrators.separate import ROUNDED, STEEPEST, Separate
 
 
 def separate(text: TransientText, scheme: Separate) -> dict[str, str]:
@@ -25,7 +18,7 @@ def separate(text: TransientText, scheme: Separate) -> dict[str, str]:
     text.array("x", text.layers * text.cells)
     for layer in range(text.layers):
         text.over_cells(_cell(text, scheme, layer))
-    rounding = text.number(float(np.finfo(text.tables.dtype).eps) * TERMS)
+    rounding = text.number(float(np.finfo(text.tables.dtype).eps) * ROUNDED)
     figures = {
         "time": text.number(text.solver.duration),
         "steps": "ZERO",

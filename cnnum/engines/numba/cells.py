@@ -1,0 +1,91 @@
+"""What a cell does with its neighbours: outputs, weighted sums, function tables."""
+
+import math
+from typing import Any
+
+from cnnum.engines.numba import codes
+from cnnum.engines.numba.compiling import compiled, inlined
+from cnnum.engines.numba.records import Plan, Reals
+
+
+@inlined
+def copy(source: Reals, target: Reals) -> None:
+    """Set as many values as both have."""
+    for i in range(min(source.size, target.size)):
+        target[i] = source[i]
+
+
+@compiled
+def respond(response: Any, state: Reals, output: Reals) -> None:
+    """Set y = f(x)."""
+    one = state.dtype.type(1)
+    if response == codes.IDENTITY:
+        copy(state, output)
+    elif response == codes.CLAMP:
+        for i in range(state.size):
+            output[i] = min(max(state[i], -one), one)
+    elif response == codes.TANH:
+        for i in range(state.size):
+            output[i] = math.tanh(state[i])
+    else:
+        for i in range(state.size):
+            output[i] = one if state[i] >= 0 else -one
+
+
+@inlined
+def largest(found: Reals, column: Any) -> Any:
+    """Return the largest number of a column of what bands found."""
+    return found[:, column].max()
+
+
+@inlined
+def add(factor: Any, source: Reals, total: Reals) -> None:
+    """Add values, weighted by one number."""
+    weight = total.dtype.type(factor)
+    for i in range(total.size):
+        total[i] += weight * source[i]
+
+
+@inlined
+def look_up(plan: Plan, table: Any, v: Any) -> Any:
+    """Return a function table's value: f_k for v_{k−1} < v ≤ v_k, or between the points."""
+    k, last = plan.tables[table].first, plan.tables[table].last
+    places, values = plan.points[0], plan.points[1]
+    between = v > places[k] and v <= places[last]
+    while k < last and v > places[k]:
+        k += 1
+    if not (plan.tables[table].linear and between):
+        return values[k]
+    part = (v - places[k - 1]) / (places[k] - places[k - 1])
+    return values[k - 1] + (values[k] - values[k - 1]) * part
+
+
+@inlined
+def couple(
+    plan: Plan,
+    kind: Any,
+    gains: Reals,
+    layer: Any,
+    source: Reals,
+    start: Any,
+    total: Reals,
+) -> None:
+    """Add the weighted neighbours to `total`, whose first cell is `start` of its layer."""
+    for t in range(plan.first[kind, layer], plan.first[kind, layer + 1]):
+        at = start + plan.taps[t].offset
+        add(plan.taps[t].weight * gains[plan.taps[t].gain], source[at : at + total.size], total)
+
+
+@inlined
+def bend(plan: Plan, kind: Any, work: Reals, layer: Any, start: Any, total: Reals) -> None:
+    """Add nonlinear couplings to `total`, whose first cell is `start` of its layer."""
+    for t in range(plan.first[kind, layer], plan.first[kind, layer + 1]):
+        tap = plan.taps[t]
+        weight, sign = total.dtype.type(tap.weight), total.dtype.type(tap.sign)
+        neighbours = work[tap.neighbour, start + tap.offset :]
+        alone = tap.centre == codes.NOTHING
+        centres = work[0 if alone else tap.centre, start + tap.centre_offset :]
+        for i in range(total.size):
+            v = neighbours[i] if alone else sign * (centres[i] - neighbours[i])
+            value = weight * look_up(plan, tap.table, v)
+            total[i] += value * v if tap.times else value
