@@ -96,7 +96,7 @@ def test_auto_takes_the_fewest_evaluations_or_few_more():
         chosen = choose(transient(template, **spec), (8, 8)).method
         losses.append(counts[chosen] / min(counts.values()))
     assert len(losses) == 90
-    # here 100 % and 1.24; the better pair throughout has 91 % and 2.8, the tolerance alone 63 % and 2.6
+    # here 100 % and 1.24; dormand-prince throughout has 91 % and 2.8, tolerance alone 63 % and 2.6
     assert np.mean(np.array(losses) <= 1.3) >= 0.95
     assert max(losses) <= 1.45
 
