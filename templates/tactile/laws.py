@@ -108,8 +108,8 @@ def _cubic(factors: tuple[float, float, float], x: Field) -> Field:
     return x * (first + x * (second + x * third))
 
 
-PULL = Law(_pulled, _disc, Times(count=384, share=0.05, step=4.5))
-"""Force under a pull at constant speed; its time is that of gross slip, up to 1.5 s at 1000 frames
+PULL = Law(_pulled, _disc, Times(count=448, share=0.05, step=4.5))
+"""Force under a pull at constant speed; its time is that of gross slip, up to 1.7 s at 1000 frames
 a second. They are 4.5 frames apart at most, for slip is to be told within five."""
 
 TWIST = Law(_turned, _core, Times(count=256, share=0.0263))
