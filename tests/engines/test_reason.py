@@ -67,3 +67,15 @@ def test_a_plan_explains_what_its_result_says():
     result = engine.run(template, input=np.zeros((5, 6)), **how)
     (plan,) = engine._plans.values()
     assert result.reason in plan.explain().transients[0]
+
+
+@pytest.mark.parametrize("name", ["opencl", "numba", "reference"])
+def test_a_forced_step_is_marked(name):
+    """Heat cools down, and a step of eight bounds blows it up instead: nothing of it is known."""
+    heat, start = get_template("tactile_diffusion"), np.eye(8)
+    step = {"method": "euler", "dt": 2.0, "duration": 8.0}
+    forced = Engine(name).run(heat, input=start, force=True, **step)
+    assert np.isinf(forced.error)
+    assert not forced.settled
+    assert "outside its stability bound" in forced.reason
+    assert np.abs(forced.state).max() > 10.0 * np.abs(start).max()

@@ -34,19 +34,6 @@ class Device:
         return f"{self.name} ({self.platform}, driver {self.driver})"
 
     @property
-    def safe_lanes(self) -> int:
-        """How many frames may lie side by side in one work item.
-
-        One on a GPU, whose work items are the lanes. PoCL 3.0 (LLVM 14) aborts the process with
-        "Cannot emit physreg copy instruction" on comparisons of sixteen lanes; with eight it runs.
-        """
-        if self.kind == "GPU":
-            return 1
-        old = "PoCL" in self.version and self.driver.startswith("3.0")
-        limit = 8 if old else 16
-        return max(1, min(self.lanes, limit))
-
-    @property
     def promise(self) -> float:
         """Arithmetic a second that its figures promise: units · clock · lanes.
 
