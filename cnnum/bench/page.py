@@ -21,7 +21,12 @@ img{max-width:100%;background:#fff}
 
 
 def write_report(
-    folder: Path, name: str, rows: Sequence[Row], device: str, omissions: Sequence[str]
+    folder: Path,
+    name: str,
+    rows: Sequence[Row],
+    device: str,
+    omissions: Sequence[str],
+    command: str | None = None,
 ) -> tuple[Path, ...]:
     """Write picture, data and page of one benchmark into a folder.
 
@@ -34,6 +39,8 @@ def write_report(
     rows : sequence of mapping
     device : str
     omissions : sequence of str
+    command : str, optional
+        That measured them; the benchmark's without options unless given.
 
     Returns
     -------
@@ -43,7 +50,7 @@ def write_report(
     folder.mkdir(parents=True, exist_ok=True)
     picture, data, page = (folder / f"{name}.{kind}" for kind in ("png", "json", "html"))
     save(CHARTS[name](rows), picture)
-    write_data(data, f"cnnum bench {name}", rows, device, omissions)
+    write_data(data, command or f"cnnum bench {name}", rows, device, omissions)
     text = _html(name, rows, picture, data, device, omissions)
     write_whole(page, text.encode("utf-8"))
     return picture, data, page

@@ -1,5 +1,6 @@
 """`cnnum bench`: error against run time, throughput, latency, scenes, compile time, the peers."""
 
+import shlex
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
@@ -74,10 +75,23 @@ def _report(
     if out is not None and rows:
         from cnnum.bench.page import write_report
 
-        paths = write_report(out, name, rows, device, left_out)
+        paths = write_report(out, name, rows, device, left_out, _asked(name))
         (out / f"{name}.jsonl").unlink(missing_ok=True)
         output.show(f"Wrote {', '.join(str(path) for path in paths)}.")
     return STOPPED if stopped else 0
+
+
+def _asked(name: str) -> str:
+    """Return the command as it was typed, but for what does not change what is measured."""
+    words, context = ["cnnum", "bench", name], click.get_current_context(silent=True)
+    for option in [] if context is None else context.command.params:
+        value = cast(click.Context, context).params.get(str(option.name))
+        unsaid = value in (None, False, ()) or value == option.default
+        if unsaid or option.name in ("out", "as_json"):
+            continue
+        for one in cast("tuple[object, ...]", value) if option.multiple else (value,):
+            words += [option.opts[0]] if one is True else [option.opts[0], str(one)]
+    return shlex.join(words)
 
 
 def _collect(

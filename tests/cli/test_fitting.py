@@ -1,6 +1,7 @@
 """Tables of commands: a number is whole or not there, and what is not there is named."""
 
 import json
+import shlex
 from dataclasses import dataclass
 
 import pytest
@@ -153,3 +154,23 @@ def test_json_has_all_of_it(capsys):
     bench._report("scenes", [scene(LONG)], None, "a device", None, True)
     record = json.loads(capsys.readouterr().out.splitlines()[0])
     assert (record["case"], record["ops"]) == (LONG, 1365)
+
+
+@pytest.mark.parametrize(
+    ("typed", "kept"),
+    [
+        ("", "work-precision"),
+        ("--quick --device 'AMD EPYC'", "work-precision --device 'AMD EPYC' --quick"),
+        ("--case DIFFUS --case EDGE --json", "work-precision --case DIFFUS --case EDGE"),
+        ("--frames 8000", "latency --frames 8000"),
+        ("--frames 20000", "latency"),
+    ],
+)
+def test_data_names_the_command_that_made_it(typed, kept, tmp_path):
+    name = kept.split()[0]
+    words = [*shlex.split(typed), "--out", str(tmp_path)]
+    with bench.command.commands[name].make_context(name, words):
+        bench._report("scenes", [scene("slip")], None, "a device", tmp_path, False)
+        assert bench._asked(name) == f"cnnum bench {kept}"
+        told = json.loads((tmp_path / "scenes.json").read_text())["command"]
+        assert told == f"cnnum bench {kept}".replace(name, "scenes")
