@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from cnnum.events import Event
     from cnnum.frame import Frame, Quality
     from cnnum.graph.nodes import RunSpec
+    from cnnum.integrators.stability import stability_bound
     from cnnum.library import get_template, template_names
     from cnnum.pipeline import load_scene
     from cnnum.plan import Plan
@@ -35,6 +36,7 @@ _HOME = {
     "Frame": "cnnum.frame",
     "Quality": "cnnum.frame",
     "RunSpec": "cnnum.graph.nodes",
+    "stability_bound": "cnnum.integrators.stability",
     "get_template": "cnnum.library",
     "template_names": "cnnum.library",
     "load_scene": "cnnum.pipeline",
@@ -91,6 +93,7 @@ __all__ = [
     "save_template",
     "shift",
     "sqrt",
+    "stability_bound",
     "tactile",
     "template_names",
     "transient",
