@@ -82,6 +82,8 @@ class Latency:
         p50 in those.
     tail : float
         p99 over p50.
+    empty_tail, own_tail : float
+        The same of the two launches that do nothing, in the same turns: what the machine adds.
     frames, events : int
         Measured, and reported of them.
     error : float
@@ -100,6 +102,8 @@ class Latency:
     own_launch_us: float
     own_ratio: float
     tail: float
+    empty_tail: float
+    own_tail: float
     frames: int
     events: int
     error: float
@@ -189,11 +193,18 @@ def _measure(
         own_launch_us=least,
         own_ratio=p50 / least,
         tail=p99 / p50,
+        empty_tail=_tail(launched),
+        own_tail=_tail(alone),
         frames=len(pushed),
         events=source.events,
         error=judged.error,
         truth=judged.truth,
     )
+
+
+def _tail(seconds: Sequence[float]) -> float:
+    """Return p99 over p50."""
+    return float(np.percentile(seconds, 99) / np.median(seconds))
 
 
 def _turns(

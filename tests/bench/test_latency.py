@@ -120,3 +120,12 @@ def test_errors_are_those_of_the_outputs_that_are_wanted(opencl, monkeypatch):
     assert 0.0 < errors.stream_error(plan, true) < 5e-3
     wrong = [answer | {"slip_strength": 1.1 * answer["slip_strength"]} for answer in true]
     assert errors.stream_error(plan, wrong) > 0.09
+
+
+def test_tails_of_launches_are_those_of_the_same_turns(opencl, monkeypatch):
+    """Every fiftieth empty launch of 1 ms takes 9: p99 is nine medians, whatever frames take."""
+    taken = ([1e-3] * 100, [1e-3] * 100, ([1e-3] * 49 + [9e-3]) * 2)
+    monkeypatch.setattr(latency, "_turns", lambda *_: taken)
+    row = row_of(opencl, QUICK)
+    assert (row.tail, row.empty_tail) == (1.0, 1.0)
+    assert row.own_tail == pytest.approx(9.0)
