@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,9 @@ class Scaling:
         Of the steps alone.
     ns_per_update : float
         The same as time.
+    growth : float or None
+        The same over that of the `BASE` array in the same run; None where it is not the array
+        that grows.
     seconds : float
         Median of the longer run, host to host, s.
     spread : float
@@ -58,6 +61,7 @@ class Scaling:
     layers: int
     cell_updates_per_s: float
     ns_per_update: float
+    growth: float | None
     seconds: float
     spread: float
     error: float
@@ -72,6 +76,11 @@ class Point:
     batch: int = 1
     radius: int = 1
     layers: int = 1
+
+
+BASE = Point("array", (64, 64))
+"""What other arrays are compared with: from here to 2048² a cell shall take the same time within
+1.5 times."""
 
 
 def points(*, quick: bool = False) -> tuple[Point, ...]:
@@ -91,9 +100,27 @@ def points(*, quick: bool = False) -> tuple[Point, ...]:
 
 
 def measure_scaling(engine: Engine, *, quick: bool = False) -> Iterator[Scaling]:
-    """Yield a row a place, as soon as it is measured."""
+    """Yield a row a place, in their order and as soon as it is measured.
+
+    `BASE` is measured before all others, so that each row comes with its growth.
+    """
     places = points(quick=quick)
-    until = time.perf_counter() + (0.2 if quick else 1.0) * TIME_S
+    others = tuple(point for point in places if point != BASE)
+    found = _in_time(engine, (BASE, *others), (0.2 if quick else 1.0) * TIME_S)
+    base = next(found)
+    for point in places:
+        yield grown(base if point == BASE else next(found), base)
+
+
+def grown(row: Scaling, base: Scaling) -> Scaling:
+    """Return a row with its growth over the base's."""
+    if row.case != BASE.case:
+        return row
+    return replace(row, growth=row.ns_per_update / base.ns_per_update)
+
+
+def _in_time(engine: Engine, places: tuple[Point, ...], seconds: float) -> Iterator[Scaling]:
+    until = time.perf_counter() + seconds
     for number, point in enumerate(places):
         share = (until - time.perf_counter()) / (len(places) - number)
         # about half of a place's time goes into its builds
@@ -123,6 +150,7 @@ def _measure(engine: Engine, point: Point, budget: float) -> Scaling:
         layers=point.layers,
         cell_updates_per_s=rate,
         ns_per_update=1e9 / rate,
+        growth=None,
         seconds=long.median,
         spread=long.spread,
         error=ends_error(states, engine, u),

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from cnnum.bench import budget, work_precision
+from cnnum.bench import budget, scaling, work_precision
 from cnnum.bench.charts import CHARTS
 from cnnum.bench.page import write_report
 from cnnum.bench.peers import PEERS, Work
@@ -104,24 +104,47 @@ def test_every_benchmark_has_a_picture():
     assert set(command.commands) == set(CHARTS)
 
 
+def _place(point, ns_per_update):
+    """A row of `cnnum bench scaling` that nobody has measured."""
+    about = (point.case, "a device", point.shape, point.batch, point.radius, point.layers)
+    return scaling.Scaling(*about, 1e9 / ns_per_update, ns_per_update, None, 1.0, 0.0, 0.0)
+
+
 def test_growth_ends_in_its_time_on_a_slow_machine(monkeypatch):
     """Builds and slow places use up what later places may take, and never make the run longer."""
-    from cnnum.bench import scaling
-
     now, budgets = [0.0], []
 
     def slow(engine, point, budget):
         budgets.append(budget)
         now[0] += 4.0 + budget  # a build of 4 s, and then what it may take
-        return point
+        return _place(point, 1.0)
 
     monkeypatch.setattr(scaling, "_measure", slow)
     monkeypatch.setattr(scaling.time, "perf_counter", lambda: now[0])
     found = list(scaling.measure_scaling(Engine("reference")))
-    assert found == list(scaling.points())
+    names = ("case", "shape", "batch", "radius", "layers")
+    places = [scaling.Point(*(getattr(row, name) for name in names)) for row in found]
+    assert places == list(scaling.points())
+    assert len(budgets) == len(places)  # the base too is measured once
     # builds alone take 4 s a place, and the bench has promised to end in 3 minutes
     assert now[0] < 180.0
     assert budgets[0] > budgets[-1] >= 0.0
+
+
+@pytest.mark.parametrize("quick", [True, False])
+def test_growth_is_the_time_of_a_cell_over_that_of_64_squared(monkeypatch, quick):
+    """A cell takes as many ns as the array has rows, more in other curves: rows over 64."""
+    monkeypatch.setattr(
+        scaling, "_measure", lambda engine, point, budget: _place(point, 1.0 * point.shape[0])
+    )
+    found = list(scaling.measure_scaling(Engine("reference"), quick=quick))
+    arrays = {row.shape: row.growth for row in found if row.case == "array"}
+    assert arrays.keys() >= {(8, 8), (64, 64), (2048, 2048)}
+    # divisions by a power of two are exact
+    assert arrays == {shape: shape[0] / 64 for shape in arrays}
+    others = [row for row in found if row.case != "array"]
+    assert others
+    assert all(row.growth is None for row in others)
 
 
 class _Clock:
