@@ -48,16 +48,17 @@ def exponential_steps(template, method, given, step, count):
     return x
 
 
-@pytest.mark.parametrize("label", ["opencl-float64", "numba-float64"])
+@pytest.mark.parametrize("label", ["opencl-float64", "numba-float64", "reference"])
 @pytest.mark.parametrize("name", EXPONENTIAL_METHODS)
 @pytest.mark.parametrize("output", ["standard", "linear", "tanh", "full-range"])
-def test_exponential_steps_are_those_of_the_formulas(engines, label, name, output):
+def test_exponential_steps_are_those_of_the_formulas(engines, reference, label, name, output):
     rng = np.random.default_rng(3)
     template, method = layered(rng, output), EXPONENTIAL_METHODS[name]
     inputs, start = rng.uniform(-1, 1, (1, *SHAPE)), rng.uniform(-0.9, 0.9, (2, *SHAPE))
     held = rng.random(SHAPE) < 0.2
     maps = {"input": inputs[0], "state": start, "mask": held}
-    got = engines[label].run(template, method=name, dt=0.1, **maps)
+    engine = (engines | {"reference": reference})[label]
+    got = engine.run(template, method=name, dt=0.1, **maps)
     wanted = exponential_steps(template, method, Given(inputs, None, start, None, held), 0.1, 20)
     assert (got.method, got.steps, got.error) == (name, 20, math.inf)
     # 20 steps of values of order 1 in float64
@@ -66,20 +67,41 @@ def test_exponential_steps_are_those_of_the_formulas(engines, label, name, outpu
 
 
 @pytest.mark.parametrize("name", EXPONENTIAL_METHODS)
-def test_exponential_steps_that_settle_stop_alike(engines, name):
+def test_exponential_steps_that_settle_stop_alike(engines, reference, name):
     rng = np.random.default_rng(4)
     template = layered(rng, "standard")
     inputs = rng.uniform(-1, 1, (5, *SHAPE)) * np.array([0.1, 1, 2, 3, 9])[:, None, None]
-    opencl, numba = (
-        engines[label].run(template, input=inputs, method=name, dt=0.2, duration="settle")
-        for label in ("opencl-float64", "numba-float64")
+    plain, *others = (
+        engine.run(template, input=inputs, method=name, dt=0.2, duration="settle")
+        for engine in (reference, engines["opencl-float64"], engines["numba-float64"])
     )
-    assert opencl.settled.all()
-    np.testing.assert_array_equal(numba.settled, opencl.settled)
-    np.testing.assert_array_equal(numba.steps, opencl.steps)
-    assert len(set(numba.steps.tolist())) > 1
-    # some 50 steps, of which contracting couplings keep a few roundings
-    assert np.abs(numba.state - opencl.state).max() <= 1e-12
+    assert plain.settled.all()
+    assert len(set(plain.steps.tolist())) > 1
+    for other in others:
+        np.testing.assert_array_equal(other.settled, plain.settled)
+        np.testing.assert_array_equal(other.steps, plain.steps)
+        # some 50 steps, of which contracting couplings keep a few roundings
+        assert np.abs(other.state - plain.state).max() <= 1e-12
+
+
+@pytest.mark.parametrize("boundary", BOUNDARIES)
+@pytest.mark.parametrize("name", EXPONENTIAL_METHODS)
+def test_exponential_steps_without_a_length_are_alike(engines, reference, name, boundary):
+    """Half of the stability bound, on every engine; and not the answer at 1e-10."""
+    rng = np.random.default_rng(10)
+    template = layered(rng, "standard", boundary)
+    inputs = rng.uniform(-1, 1, (3, *SHAPE))
+    plain = reference.run(template, input=inputs, method=name)
+    assert np.isinf(plain.error).all()
+    for label in ("opencl-float64", "numba-float64"):
+        other = engines[label].run(template, input=inputs, method=name)
+        np.testing.assert_array_equal(other.steps, plain.steps)
+        np.testing.assert_allclose(other.time, plain.time, rtol=1e-14)
+        # a few steps of values of order 1 in float64
+        assert np.abs(other.state - plain.state).max() <= 1e-13
+    known = reference.run(template, input=inputs)
+    # steps of this length are off by their own error, which is far above 1e-10
+    assert np.abs(plain.state - known.state).max() > 1e-4
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,8 @@ from cnnum.graph.nodes import (
     Transient,
 )
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.choice import FixedSteps, Solver
+from cnnum.integrators.schemes import ExponentialSteps, FixedSteps
+from cnnum.integrators.solver import Scheme, Solver
 
 
 @dataclass(slots=True, eq=False)
@@ -211,7 +212,7 @@ def _read_by_a_pick(node: Node, what: str, nodes: tuple[Node, ...]) -> bool:
 
 def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
     found = solve(equation.template, equation.shape, solver, equation.given)
-    known = solver.scheme.error if isinstance(solver.scheme, FixedSteps) else PRECISION
+    known = _known_error(solver.scheme)
     return {
         "output": equation.outputs(found.state),
         "state": found.state,
@@ -220,6 +221,13 @@ def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
         "settled": np.asarray(float(change(equation, found, solver) <= 1.0)),
         "error": np.asarray(-1.0 if math.isinf(known) else known),
     }
+
+
+def _known_error(scheme: Scheme) -> float:
+    """Return what is known of the error: nothing where steps are taken as they were asked for."""
+    if isinstance(scheme, FixedSteps):
+        return scheme.error
+    return math.inf if isinstance(scheme, ExponentialSteps) else PRECISION
 
 
 def _picked(operation: Pick, source: dict[str, Floats]) -> Floats:

@@ -24,10 +24,10 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
         for row in scheme.tableau.a:
             c = float(sum(row))
             past = _seen(history, number - lag, c * step / scheme.step) if delayed else None
-            moved = _limited(equation, x + step * _combined(row, stages, x))
+            moved = limited(equation, x + step * _combined(row, stages, x))
             stages.append(equation.rate(drive, moved, past, time + c * step))
         change = np.abs(slowest * stages[0]) / (solver.atol + solver.rtol * np.abs(x))
-        x = _limited(equation, x + step * _combined(scheme.tableau.b, stages, x))
+        x = limited(equation, x + step * _combined(scheme.tableau.b, stages, x))
         history.append(equation.outputs(x))
         time += step
         if solver.settle and float(change.max()) <= 1.0:
@@ -48,5 +48,6 @@ def _combined(weights: Row, stages: list[Floats], like: Floats) -> Floats:
     return total
 
 
-def _limited(equation: StateEquation, x: Floats) -> Floats:
+def limited(equation: StateEquation, x: Floats) -> Floats:
+    """Return states of the range that an output function leaves them, where it limits them."""
     return np.clip(x, -1.0, 1.0) if equation.template.output.limited else x

@@ -13,10 +13,12 @@ from scipy.integrate import OdeSolution, solve_ivp
 
 from cnnum.arrays import Floats
 from cnnum.engines.reference.equation import Given, StateEquation
+from cnnum.engines.reference.exponential import march_exponential
 from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
-from cnnum.integrators.choice import FixedSteps, Solver
 from cnnum.integrators.propagator import Decay
+from cnnum.integrators.schemes import ExponentialSteps, FixedSteps
+from cnnum.integrators.solver import Solver
 from cnnum.template import Template
 
 PRECISION = 1e-10
@@ -51,6 +53,8 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
         return _decayed(equation, solver)
     if isinstance(scheme, FixedSteps) and (solver.asked or template.output.discrete):
         return Answer(*march(equation, solver, scheme))
+    if isinstance(scheme, ExponentialSteps):
+        return Answer(*march_exponential(equation, solver, scheme))
     if any(coupling.jumps for coupling in template.nonlinear) and isinstance(scheme, FixedSteps):
         finer = replace(
             scheme, step=scheme.step / FINER, count=scheme.count * FINER, last=scheme.last / FINER
