@@ -1,4 +1,4 @@
-"""`cnnum bench`: error against run time, throughput, latency, scenes, compile time, the peers."""
+"""`cnnum bench`: error against run time, throughput, latency, scenes, the peers… one or all."""
 
 import shlex
 from collections.abc import Callable, Iterable, Mapping
@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
+from rich.text import Text
 
+from cnnum.cli.bench_all import run_all
 from cnnum.cli.following import STOPPED
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, table
@@ -71,7 +73,8 @@ def _report(
     output.record({"kind": "omissions", "bench": name, "omissions": left_out})
     if rows:
         output.show(f"On {device}.", _table(rows), spare=SPARE)
-    output.show("Left out:", *(f"  {text}" for text in left_out or ["nothing"]))
+    # as Text: rich would take the extra's name in 'cnnum[peers]' for markup
+    output.show("Left out:", *(Text(f"  {text}") for text in left_out or ["nothing"]))
     if out is not None and rows:
         from cnnum.bench.page import write_report
 
@@ -259,3 +262,21 @@ def peers(device: str | None, quick: bool, out: Path | None, as_json: bool) -> i
     engine = _engine(device)
     found = measure_peers(engine, quick=quick)
     return _report("peers", found, None, engine.device, out, as_json)
+
+
+@command.command("all")
+@_options
+@click.pass_context
+def every(
+    ctx: click.Context, device: str | None, quick: bool, out: Path | None, as_json: bool
+) -> int:
+    """Every benchmark, one after the other, with the same options.
+
+    One that wants an extra that is not installed is named and left out. Exits with 2 if one
+    fails otherwise; those after it still run. Ctrl-C and SIGTERM end the one that runs, whose
+    report is written, and none begins after it.
+    """
+    _engine(device)  # a wrong name shall not fail once a benchmark
+    benchmarks = {name: one for name, one in command.commands.items() if one is not ctx.command}
+    given = {"device": device, "quick": quick, "out": out, "as_json": as_json}
+    return run_all(ctx, benchmarks, given, Output(as_json))

@@ -101,7 +101,7 @@ def test_pages_hold_their_data(tmp_path):
 def test_every_benchmark_has_a_picture():
     from cnnum.cli.bench import command
 
-    assert set(command.commands) == set(CHARTS)
+    assert set(command.commands) - {"all"} == set(CHARTS)
 
 
 def _place(point, ns_per_update):
