@@ -113,7 +113,7 @@ def test_exponential_steps_without_a_length_are_alike(engines, reference, name, 
         (0.4, "standard", "settle"),
     ],
 )
-def test_chebyshev_steps_are_the_same_on_both(engines, reference, boundary, output, duration):
+def test_chebyshev_steps_are_the_same_on_all(engines, reference, boundary, output, duration):
     """The same stages in the same steps; and what they come to is within their own estimate."""
     rng = np.random.default_rng(5)
     template = Template(
@@ -123,19 +123,47 @@ def test_chebyshev_steps_are_the_same_on_both(engines, reference, boundary, outp
     maps = {"input": rng.uniform(-3, 3, SHAPE), "state": rng.uniform(-1, 1, SHAPE)}
     maps["mask"] = rng.random(SHAPE) < 0.2
     known = reference.run(template, **maps)
-    opencl, numba = (
-        engines[label].run(template, method="runge-kutta-chebyshev", **maps)
-        for label in ("opencl-float64", "numba-float64")
+    plain, opencl, numba = (
+        engine.run(template, method="runge-kutta-chebyshev", **maps)
+        for engine in (reference, engines["opencl-float64"], engines["numba-float64"])
     )
     assert numba.method == "runge-kutta-chebyshev"
-    assert (numba.steps, numba.settled) == (opencl.steps, opencl.settled)
-    # roundings in the error estimates move the ends of steps by parts of 1e-12
-    assert np.abs(numba.state - opencl.state).max() <= 1e-9
-    assert numba.error == pytest.approx(opencl.error, rel=1e-4)
+    for one in (opencl, numba):
+        assert (one.steps, one.settled) == (plain.steps, plain.settled)
+        # roundings in the error estimates move the ends of steps by parts of 1e-12
+        assert np.abs(one.state - plain.state).max() <= 1e-9
+        assert one.error == pytest.approx(plain.error, rel=1e-4)
     assert np.abs(numba.state - known.state).max() <= numba.error + 20 * known.error
     np.testing.assert_array_equal(numba.state[maps["mask"]], maps["state"][maps["mask"]])
     single = engines["numba-float32"].run(template, method="runge-kutta-chebyshev", **maps)
     assert np.abs(single.state - known.state).max() <= single.error
+
+
+@pytest.mark.parametrize("name", ["bogacki-shampine", "dormand-prince"])
+@pytest.mark.parametrize("output", ["standard", "tanh", "full-range"])
+@pytest.mark.parametrize("duration", [2.0, "settle"])
+def test_pairs_that_are_asked_for_take_the_same_steps_on_all(
+    engines, reference, name, output, duration
+):
+    rng = np.random.default_rng(11)
+    template = layered(rng, output)
+    maps = {
+        "input": rng.uniform(-1, 1, (4, *SHAPE)),
+        "state": rng.uniform(-0.9, 0.9, (4, 2, *SHAPE)),
+    }
+    maps["mask"] = rng.random((4, *SHAPE)) < 0.2
+    plain = reference.run(template, method=name, duration=duration, **maps)
+    known = reference.run(template, duration=duration, rtol=1e-7, atol=1e-7, **maps)
+    assert plain.settled.all() == (duration == "settle")
+    for label in ("opencl-float64", "numba-float64"):
+        other = engines[label].run(template, method=name, duration=duration, **maps)
+        np.testing.assert_array_equal(other.steps, plain.steps)
+        np.testing.assert_array_equal(other.settled, plain.settled)
+        # roundings in the error estimates move the ends of steps by parts of 1e-12
+        assert np.abs(other.state - plain.state).max() <= 1e-9
+        np.testing.assert_allclose(other.error, plain.error, rtol=1e-4)
+    # its own steps at 1e-4, and not the answer at 1e-10
+    assert np.abs(plain.state - known.state).max() > 1e-8
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)

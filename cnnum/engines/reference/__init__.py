@@ -10,7 +10,7 @@ from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.reference.equation import Given, StateEquation
-from cnnum.engines.reference.solve import PRECISION, change, solve
+from cnnum.engines.reference.solve import change, solve
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.nodes import (
     CAPTURED,
@@ -28,8 +28,7 @@ from cnnum.graph.nodes import (
     Transient,
 )
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.schemes import ExponentialSteps, FixedSteps
-from cnnum.integrators.solver import Scheme, Solver
+from cnnum.integrators.solver import Solver
 
 
 @dataclass(slots=True, eq=False)
@@ -212,22 +211,14 @@ def _read_by_a_pick(node: Node, what: str, nodes: tuple[Node, ...]) -> bool:
 
 def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
     found = solve(equation.template, equation.shape, solver, equation.given)
-    known = _known_error(solver.scheme)
     return {
         "output": equation.outputs(found.state),
         "state": found.state,
         "time": np.asarray(found.time),
         "steps": np.asarray(float(found.steps)),
         "settled": np.asarray(float(change(equation, found, solver) <= 1.0)),
-        "error": np.asarray(-1.0 if math.isinf(known) else known),
+        "error": np.asarray(-1.0 if math.isinf(found.error) else found.error),
     }
-
-
-def _known_error(scheme: Scheme) -> float:
-    """Return what is known of the error: nothing where steps are taken as they were asked for."""
-    if isinstance(scheme, FixedSteps):
-        return scheme.error
-    return math.inf if isinstance(scheme, ExponentialSteps) else PRECISION
 
 
 def _picked(operation: Pick, source: dict[str, Floats]) -> Floats:

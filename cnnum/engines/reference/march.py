@@ -24,10 +24,10 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
         for row in scheme.tableau.a:
             c = float(sum(row))
             past = _seen(history, number - lag, c * step / scheme.step) if delayed else None
-            moved = limited(equation, x + step * _combined(row, stages, x))
+            moved = limited(equation, x + step * combined(row, stages, x))
             stages.append(equation.rate(drive, moved, past, time + c * step))
         change = np.abs(slowest * stages[0]) / (solver.atol + solver.rtol * np.abs(x))
-        x = limited(equation, x + step * _combined(scheme.tableau.b, stages, x))
+        x = limited(equation, x + step * combined(scheme.tableau.b, stages, x))
         history.append(equation.outputs(x))
         time += step
         if solver.settle and float(change.max()) <= 1.0:
@@ -41,7 +41,8 @@ def _seen(history: list[Floats], step: int, part: float) -> Floats:
     return before + part * (after - before)
 
 
-def _combined(weights: Row, stages: list[Floats], like: Floats) -> Floats:
+def combined(weights: Row, stages: list[Floats], like: Floats) -> Floats:
+    """Return the sum of the slopes of a step, weighted by a row of a tableau."""
     total = np.zeros_like(like)
     for weight, stage in zip(weights, stages, strict=True):
         total += float(weight) * stage

@@ -12,12 +12,13 @@ import numpy as np
 from scipy.integrate import OdeSolution, solve_ivp
 
 from cnnum.arrays import Floats
+from cnnum.engines.reference.adaptive import march_adaptive
 from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.engines.reference.exponential import march_exponential
 from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
 from cnnum.integrators.propagator import Decay
-from cnnum.integrators.schemes import ExponentialSteps, FixedSteps
+from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.template import Template
 
@@ -32,11 +33,12 @@ Past = Callable[[float], Floats]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """The end of a transient."""
+    """The end of a transient, and what is known of its error."""
 
     state: Floats
     time: float
     steps: int
+    error: float = PRECISION
 
 
 def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Given) -> Answer:
@@ -52,16 +54,19 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
     if isinstance(scheme, Decay):
         return _decayed(equation, solver)
     if isinstance(scheme, FixedSteps) and (solver.asked or template.output.discrete):
-        return Answer(*march(equation, solver, scheme))
+        return Answer(*march(equation, solver, scheme), scheme.error)
     if isinstance(scheme, ExponentialSteps):
-        return Answer(*march_exponential(equation, solver, scheme))
+        return Answer(*march_exponential(equation, solver, scheme), math.inf)
+    if isinstance(scheme, AdaptiveSteps | ChebyshevSteps) and solver.asked:
+        return Answer(*march_adaptive(equation, solver, scheme))
     if any(coupling.jumps for coupling in template.nonlinear) and isinstance(scheme, FixedSteps):
         finer = replace(
             scheme, step=scheme.step / FINER, count=scheme.count * FINER, last=scheme.last / FINER
         )
-        return Answer(*march(equation, solver, finer))
+        return Answer(*march(equation, solver, finer), scheme.error)
     if template.delayed is not None:
-        return _by_stretches(equation, solver, template.delayed.delay)
+        found = _by_stretches(equation, solver, template.delayed.delay)
+        return replace(found, error=scheme.error) if isinstance(scheme, FixedSteps) else found
     return _integrate(equation, solver)
 
 

@@ -1,0 +1,142 @@
+"""Steps that follow their own error estimate, in NumPy: pairs, and Chebyshev's stages.
+
+The control is that of the other engines, so that the steps are too: each as long as the estimate
+of the one before allows (Hairer, Nørsett & Wanner, Solving ODEs I, section II.4; Sommeijer,
+Shampine & Verwer, J. Comput. Appl. Math. 88 (1998) 315-326, section 2.2).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.engines.failures import refuse_unfinished
+from cnnum.engines.reference.equation import StateEquation
+from cnnum.engines.reference.march import combined, limited
+from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_for
+from cnnum.integrators.estimate import LOST, ROUNDINGS, SAFETY, SMALLEST_RATE, error_growth
+from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
+from cnnum.integrators.solver import Solver
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """A step that may be taken: its end, the rate there, and by how much it is off.
+
+    Attributes
+    ----------
+    state, rate : (layers, rows, cols) float
+    off : (layers, rows, cols) float
+        What the method itself estimates, which sets the length of steps.
+    added : (layers, rows, cols) float
+        What it adds to the error of the run.
+    """
+
+    state: Floats
+    rate: Floats
+    off: Floats
+    added: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pair:
+    """Steps of an embedded pair whose last stage is the first of the next step."""
+
+    equation: StateEquation
+    drive: Floats
+    scheme: AdaptiveSteps
+    caution = 0.9
+    least = 0.2
+
+    @property
+    def exponent(self) -> float:
+        return -1.0 / self.scheme.tableau.order
+
+    @property
+    def longest(self) -> float:
+        return self.scheme.longest
+
+    def trial(self, x: Floats, rate: Floats, time: float, h: float) -> Trial:
+        tableau, stages, moved = self.scheme.tableau, [rate], x
+        for row in tableau.a[1:]:
+            moved = limited(self.equation, x + h * combined(row, stages, x))
+            at = time + float(sum(row)) * h
+            stages.append(self.equation.rate(self.drive, moved, None, at))
+        parts = [np.abs(h * combined(row, stages, x)) for row in tableau.truncation]
+        off = np.abs(h * combined(tableau.error, stages, x))
+        return Trial(moved, stages[-1], off, np.sum(parts, axis=0))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Chebyshev:
+    """Steps of as many of Chebyshev's stages as their length needs."""
+
+    equation: StateEquation
+    drive: Floats
+    scheme: ChebyshevSteps
+    caution = 0.8
+    least = 0.1
+    exponent = -1.0 / 3.0
+
+    @property
+    def longest(self) -> float:
+        return chebyshev_method(MAX_STAGES).real_stability / self.scheme.fastest
+
+    def trial(self, x: Floats, rate: Floats, time: float, h: float) -> Trial:
+        method = chebyshev_method(min(stages_for(h * self.scheme.fastest), MAX_STAGES))
+        before, now = x, x + method.first * h * rate
+        for back1, back2, weight, start in method.rows:
+            ahead = weight * self.equation.rate(self.drive, now, None, time) + start * rate
+            before, now = now, x + back1 * (now - x) + back2 * (before - x) + h * ahead
+        last = self.equation.rate(self.drive, now, None, time + h)
+        off = np.abs(0.8 * (x - now) + 0.4 * h * (rate + last))
+        return Trial(now, last, off, off)
+
+
+def _steps(equation: StateEquation, scheme: AdaptiveSteps | ChebyshevSteps) -> _Pair | _Chebyshev:
+    drive = equation.drive()
+    if isinstance(scheme, AdaptiveSteps):
+        return _Pair(equation, drive, scheme)
+    return _Chebyshev(equation, drive, scheme)
+
+
+def march_adaptive(
+    equation: StateEquation, solver: Solver, scheme: AdaptiveSteps | ChebyshevSteps
+) -> tuple[Floats, float, int, float]:
+    """Return the state, the time, the number of steps tried and the estimated error at the end.
+
+    Raises
+    ------
+    MethodError
+        If the end is not reached within `MAX_STEPS`.
+    """
+    steps = _steps(equation, scheme)
+    slowest, growth = float(equation.template.tau.max()), error_growth(equation.template)
+    x, time, error, h, end = equation.start(), 0.0, 0.0, scheme.first_step, solver.duration
+    rate, taken = equation.rate(steps.drive, x, None, time), 0
+    while time < end * (1.0 - 1e-6):
+        refuse_unfinished(np.array([taken == MAX_STEPS]))
+        h, taken = min(h, steps.longest, end - time), taken + 1
+        trial = steps.trial(x, rate, time, h)
+        size = np.maximum(np.abs(x), np.abs(trial.state))
+        worst = float((trial.off / (solver.atol + solver.rtol * size)).max())
+        if worst <= 1.0:
+            error = _grown(error, growth * h, rate, trial)
+            x, rate, time = trial.state, trial.rate, time + h
+            change = np.abs(slowest * rate) / (solver.atol + solver.rtol * np.abs(x))
+            if scheme.settle and float(change.max()) <= 1.0:
+                break
+        longer = steps.caution * max(worst, 1e-10) ** steps.exponent
+        h *= min(max(longer, steps.least), 5.0)
+    return x, time, taken, SAFETY * error
+
+
+def _grown(error: float, exponent: float, before: Floats, trial: Trial) -> float:
+    """Return the error of a run after a step, as `cnnum.integrators.estimate` has it."""
+    faster = float(np.abs(trial.rate).max()) / max(float(np.abs(before).max()), SMALLEST_RATE)
+    rounding = ROUNDINGS * float(np.finfo(np.float64).eps)
+    added = float((trial.added + rounding * np.abs(trial.state)).max())
+    # e^80 is more than `LOST`
+    grown = min(max(faster, 1.0), math.exp(min(exponent, 80.0)))
+    return min(error * grown + added, LOST)
