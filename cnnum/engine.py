@@ -143,7 +143,7 @@ class Engine:
     ) -> Plan:
         thinned = schedule(graph, channels, needs)
         chosen = {
-            operation: choose(operation, graph.shape)
+            operation: self._backend.told(operation.template, choose(operation, graph.shape))
             for operation in {node.operation for node in thinned.transients}
             if isinstance(operation, Transient)
         }

@@ -11,6 +11,7 @@ from cnnum.arrays import Floats
 from cnnum.errors import name_error
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.choice import Solver
+from cnnum.template import Template
 
 Solvers = Mapping[int, Solver]
 """How each transient runs, by the index of its node."""
@@ -124,6 +125,10 @@ class Backend(Protocol):
     @property
     def precision(self) -> str:
         """Either "float32" or "float64"."""
+        ...
+
+    def told(self, template: Template, solver: Solver) -> Solver:
+        """Return the solver with a reason that also tells what this engine does instead of it."""
         ...
 
     def build(self, schedule: Schedule, solvers: Solvers) -> Executable:

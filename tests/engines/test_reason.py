@@ -61,6 +61,31 @@ def test_a_result_says_why(name, case):
     assert words in result.reason
 
 
+@pytest.mark.parametrize(
+    ("case", "words"),
+    [
+        ("linear", "solved to 1e-10"),
+        ("near", "solved to 1e-10"),
+        ("grows", "solved to 1e-10"),
+        ("jumps", "in steps 1/4 as long"),
+        ("decay", None),
+        ("asked", None),
+        ("fixed", None),
+    ],
+)
+def test_the_reference_says_what_it_does_instead(case, words):
+    """The method is what other engines take; only what is asked for is done just so here too."""
+    template, how, method, _ = CASES[case]
+    picture = np.random.default_rng(2).uniform(-1.0, 1.0, (5, 6))
+    engine = Engine("reference")
+    result = engine.run(template, input=picture, **how)
+    (plan,) = engine._plans.values()
+    assert result.method == method
+    assert plan.explain().transients[0].removesuffix(")").endswith(result.reason[-40:])
+    assert (f"; here {words}" in result.reason) if words else ("here" not in result.reason)
+    assert "here" not in Engine("numba").run(template, input=picture, **how).reason
+
+
 def test_a_plan_explains_what_its_result_says():
     template, how, _, _ = CASES["grows"]
     engine = Engine("numba")

@@ -14,6 +14,8 @@ from cnnum.engines.numba.executable import NumbaExecutable
 from cnnum.engines.numba.records import Real
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.schedule import Schedule
+from cnnum.integrators.solver import Solver
+from cnnum.template import Template
 
 _TYPES: dict[str, Real] = {
     "float32": np.dtype(np.float32),
@@ -37,6 +39,10 @@ class NumbaBackend:
     def device(self) -> str:
         """The device in words."""
         return f"{cores()} core(s) of the host"
+
+    def told(self, template: Template, solver: Solver) -> Solver:
+        """Return the solver as it is: its scheme is what runs."""
+        return solver
 
     def build(self, schedule: Schedule, solvers: Solvers) -> NumbaExecutable:
         """Return the schedule ready to run."""

@@ -9,6 +9,8 @@ from cnnum.engines.opencl.executable import OpenCLExecutable
 from cnnum.engines.opencl.inline import partner_of
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.schedule import Schedule
+from cnnum.integrators.solver import Solver
+from cnnum.template import Template
 
 _TYPES: dict[str, np.dtype[np.floating]] = {
     "float32": np.dtype(np.float32),
@@ -39,6 +41,10 @@ class OpenCLBackend:
     def device(self) -> str:
         """The device in words."""
         return self._device.label
+
+    def told(self, template: Template, solver: Solver) -> Solver:
+        """Return the solver as it is: its scheme is what runs."""
+        return solver
 
     def build(self, schedule: Schedule, solvers: Solvers) -> OpenCLExecutable:
         """Return the schedule ready to run on this device."""

@@ -1,7 +1,7 @@
 """The reference engine: float64 NumPy and SciPy, operation by operation; slow, plain, trusted."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.reference.equation import Given, StateEquation
-from cnnum.engines.reference.solve import change, solve
+from cnnum.engines.reference.solve import change, instead, solve
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.nodes import (
     CAPTURED,
@@ -29,6 +29,7 @@ from cnnum.graph.nodes import (
 )
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
+from cnnum.template import Template
 
 
 @dataclass(slots=True, eq=False)
@@ -254,6 +255,11 @@ class ReferenceBackend:
             raise DeviceError(f"The reference engine runs on the host, got device='{device}'.")
         if precision not in (None, "float64"):
             raise name_error("precision", str(precision), ("float64",))
+
+    def told(self, template: Template, solver: Solver) -> Solver:
+        """Return the solver, whose reason tells where it is solved finely instead."""
+        words = instead(template, solver)
+        return replace(solver, reason=f"{solver.reason}; here {words}") if words else solver
 
     def build(self, schedule: Schedule, solvers: Solvers) -> ReferenceExecutable:
         """Return the schedule ready to run."""

@@ -1,7 +1,8 @@
 """One transient in float64: SciPy's Dormand–Prince 8(5,3) far below the tolerance asked for.
 
 A delay is solved by the method of steps: each stretch of one delay sees the dense output of the
-stretch before. Where rates jump, or steps were asked for, fixed steps are taken.
+stretch before. Where rates jump fixed steps are taken, and a method or a step that was asked for
+is taken as it is.
 """
 
 import math
@@ -19,7 +20,7 @@ from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
 from cnnum.integrators.propagator import Decay
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
-from cnnum.integrators.solver import Solver
+from cnnum.integrators.solver import Solver, Stepping
 from cnnum.template import Template
 
 PRECISION = 1e-10
@@ -47,19 +48,15 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
     Raises
     ------
     MethodError
-        If SciPy's solver gives up.
+        If SciPy's solver gives up, or adaptive steps that were asked for do not reach the end.
     """
     equation = StateEquation(template, shape, given)
     scheme = solver.scheme
     if isinstance(scheme, Decay):
         return _decayed(equation, solver)
-    if isinstance(scheme, FixedSteps) and (solver.asked or template.output.discrete):
-        return Answer(*march(equation, solver, scheme), scheme.error)
-    if isinstance(scheme, ExponentialSteps):
-        return Answer(*march_exponential(equation, solver, scheme), math.inf)
-    if isinstance(scheme, AdaptiveSteps | ChebyshevSteps) and solver.asked:
-        return Answer(*march_adaptive(equation, solver, scheme))
-    if any(coupling.jumps for coupling in template.nonlinear) and isinstance(scheme, FixedSteps):
+    if _stepped(template, solver):
+        return _marched(equation, solver)
+    if _jumps(template) and isinstance(scheme, FixedSteps):
         finer = replace(
             scheme, step=scheme.step / FINER, count=scheme.count * FINER, last=scheme.last / FINER
         )
@@ -68,6 +65,35 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
         found = _by_stretches(equation, solver, template.delayed.delay)
         return replace(found, error=scheme.error) if isinstance(scheme, FixedSteps) else found
     return _integrate(equation, solver)
+
+
+def instead(template: Template, solver: Solver) -> str:
+    """Return in words what is done instead of the solver's scheme; nothing where it is taken."""
+    if isinstance(solver.scheme, Decay) or _stepped(template, solver):
+        return ""
+    if _jumps(template) and isinstance(solver.scheme, FixedSteps):
+        return f"in steps 1/{FINER} as long"
+    return f"solved to {PRECISION:g} by adaptive steps of Dormand-Prince 8(5,3)"
+
+
+def _stepped(template: Template, solver: Solver) -> bool:
+    """Return whether the solver's own steps are taken: they were asked for, or time is discrete."""
+    return isinstance(solver.scheme, Stepping) and (solver.asked or template.output.discrete)
+
+
+def _jumps(template: Template) -> bool:
+    return any(coupling.jumps for coupling in template.nonlinear)
+
+
+def _marched(equation: StateEquation, solver: Solver) -> Answer:
+    """Take the solver's own steps."""
+    scheme = solver.scheme
+    if isinstance(scheme, FixedSteps):
+        return Answer(*march(equation, solver, scheme), scheme.error)
+    if isinstance(scheme, ExponentialSteps):
+        return Answer(*march_exponential(equation, solver, scheme), math.inf)
+    assert isinstance(scheme, AdaptiveSteps | ChebyshevSteps)
+    return Answer(*march_adaptive(equation, solver, scheme))
 
 
 def _decayed(equation: StateEquation, solver: Solver) -> Answer:
