@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cnnum.engines.reference.equation import Given, StateEquation
+from cnnum.errors import MethodError
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
 from cnnum.integrators.spectral import MODE_LIMIT
 from cnnum.template import Template
@@ -164,6 +165,17 @@ def test_pairs_that_are_asked_for_take_the_same_steps_on_all(
         np.testing.assert_allclose(other.error, plain.error, rtol=1e-4)
     # its own steps at 1e-4, and not the answer at 1e-10
     assert np.abs(plain.state - known.state).max() > 1e-8
+
+
+def test_the_reference_refuses_steps_that_do_not_reach_the_end(reference, monkeypatch):
+    template, maps = layered(np.random.default_rng(12), "tanh"), {"input": np.ones(SHAPE)}
+    how = {"method": "dormand-prince", "rtol": 1e-8, "atol": 1e-8}
+    steps = int(reference.run(template, **how, **maps).steps)
+    monkeypatch.setattr("cnnum.engines.reference.adaptive.MAX_STEPS", steps)
+    assert reference.run(template, **how, **maps).steps == steps > 2
+    monkeypatch.setattr("cnnum.engines.reference.adaptive.MAX_STEPS", steps - 1)
+    with pytest.raises(MethodError, match="did not reach its end"):
+        reference.run(template, **how, **maps)
 
 
 @pytest.mark.parametrize("boundary", BOUNDARIES)
