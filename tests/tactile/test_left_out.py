@@ -76,7 +76,7 @@ def test_counts_of_memories_and_nodes():
     assert maps["contact"] == 4  # rest, the frame before, its noise, and which taxels broke
     # 448 / 64 groups of 2 laws and a ramp with 4 sums; the taxels near and broken; rest and frame
     # before of 3, noise of 2; the normal load when the force was at rest
-    assert maps["slip"] == 7 * 3 * 4 + 2 + 3 + 3 + 2 + 1
+    assert maps["slip"] == 7 * (2 * 4 + 5) + 2 + 3 + 3 + 2 + 1
     assert len(contact.nodes) < 130 < 400 < len(slip.nodes)
 
 

@@ -54,7 +54,7 @@ def test_way_is_that_of_the_contact(opencl, run, simulate, options):
     true = (truth["x"] * direction[0] + truth["y"] * direction[1]) / PITCH
     ratio = np.polyfit(true[slips], got["along"][slips], 1)[0]
     assert 0.87 <= ratio <= 1.58
-    # a stop is three times as likely at first: within these frames that must be more than made up for
+    # a stop is three times as likely at first: within these frames that must be made up for
     gain = got["against_stops"][slips[:6]] / got["over"][slips[:6]]
     assert gain.max() > 5.0
 
