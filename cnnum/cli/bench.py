@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
-from rich.text import Text
 
 from cnnum.cli.bench_all import run_all
 from cnnum.cli.following import STOPPED
@@ -73,8 +72,7 @@ def _report(
     output.record({"kind": "omissions", "bench": name, "omissions": left_out})
     if rows:
         output.show(f"On {device}.", _table(rows), spare=SPARE)
-    # as Text: rich would take the extra's name in 'cnnum[peers]' for markup
-    output.show("Left out:", *(Text(f"  {text}") for text in left_out or ["nothing"]))
+    output.show("Left out:", *(f"  {text}" for text in left_out or ["nothing"]))
     if out is not None and rows:
         from cnnum.bench.page import write_report
 

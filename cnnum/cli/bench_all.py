@@ -66,6 +66,6 @@ def _invoke(ctx: click.Context, benchmark: click.Command, options: Mapping[str, 
 def _summarise(output: Output, names: Sequence[str], unfinished: Mapping[str, str]) -> None:
     done = [name for name in names if name not in unfinished]
     output.record({"kind": "benchmarks", "run": done, "unfinished": unfinished})
-    output.show(Text(f"\nRun to the end: {', '.join(done) or 'nothing'}.\nNot run to the end:"))
+    output.show(f"\nRun to the end: {', '.join(done) or 'nothing'}.\nNot run to the end:")
     lines = [f"  {name}: {reason}" for name, reason in unfinished.items()]
-    output.show(*map(Text, lines or ["  nothing"]))
+    output.show(*(lines or ["  nothing"]))

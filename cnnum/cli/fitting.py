@@ -11,7 +11,7 @@ LEAST_TEXT = 20
 NAME = 48
 """Longest text of a first column that counts as a name, which a pipe gets on one line."""
 
-_ANY = Console(width=100_000)
+_ANY = Console(width=100_000, markup=False)
 """Lays nothing out, but knows how wide a text is."""
 
 

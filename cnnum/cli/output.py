@@ -32,8 +32,12 @@ class _Console(Console):
 
 
 def console() -> Console:
-    """Return a console on standard output, as wide as the terminal."""
-    return _Console(width=None if on_terminal() else PIPED_WIDTH, highlight=False)
+    """Return a console on standard output, as wide as the terminal.
+
+    Text is shown as it is: names of files and extras have brackets, which are no markup.
+    """
+    width = None if on_terminal() else PIPED_WIDTH
+    return _Console(width=width, highlight=False, markup=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -174,3 +174,13 @@ def test_data_names_the_command_that_made_it(typed, kept, tmp_path):
         assert bench._asked(name) == f"cnnum bench {kept}"
         told = json.loads((tmp_path / "scenes.json").read_text())["command"]
         assert told == f"cnnum bench {kept}".replace(name, "scenes")
+
+
+def test_brackets_are_text_and_no_markup(capsys):
+    shown = Output(as_json=False)
+    cells = table("Name", "Install")
+    cells.add_row("covers[1].npz", "pip install 'cnnum[fem]'")
+    shown.show("Written: covers[1].npz; pip install 'cnnum[fem]'", cells)
+    first, *rest = capsys.readouterr().out.splitlines()
+    assert first == "Written: covers[1].npz; pip install 'cnnum[fem]'"
+    assert any("covers[1].npz" in line and "'cnnum[fem]'" in line for line in rest)
