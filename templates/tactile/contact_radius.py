@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
-from cnnum.tactile.bumps_felt import BumpsFelt
+from cnnum.tactile.bumps_felt import REACH, BumpsFelt
 from cnnum.templates.tactile.bump_loads import pressed_on_bumps
 from cnnum.templates.tactile.growth import length
 from cnnum.templates.tactile.loads import square
@@ -129,6 +129,8 @@ def _steps(
     shape, scale = inside * flat.signal, frame.constant(1.0)
     power = maximum(square(shape).sum(), TINY)
     if bumps is not None:
+        # farther taxels read bumps that the kernels do not hold
+        inside = where(maximum(abs(rows), abs(columns)) < REACH - 0.5, inside, 0.0)
         # the slopes of the flat cover's map are near enough to lead to the bumps' least squares
         shape = inside * pressed_on_bumps(rows, columns, radius, bumps)
         plain, power = power, maximum(square(shape).sum(), TINY)

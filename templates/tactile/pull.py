@@ -16,6 +16,10 @@ RADIUS = 2.5**0.5
 LOOSE = 0.75
 """Share of its time at which half the contact radius sticks in a pull: c/a = √(1 − x)."""
 
+HALF_NEAR = 0.1
+"""Share of the largest load at which a taxel is half near: as more come in, what is felt sideways
+must not jump."""
+
 SMALLEST = 0.5
 """Cells: least radius of gyration, for a contact that one taxel feels."""
 
@@ -31,6 +35,8 @@ class Place:
         Flag: a contact with a place.
     near : Field
         Logic map: taxels in contact and their neighbours, which carry the shear.
+    nearness : Field
+        Map: 0 where they begin, near 1 within.
     from_row, from_column : Field
         Cells from the contact's centre, maps.
     spread : Field
@@ -44,6 +50,7 @@ class Place:
     loads: Loads
     there: Field
     near: Field
+    nearness: Field
     from_row: Field
     from_column: Field
     spread: Field
@@ -87,12 +94,14 @@ def place_of(loads: Loads, patch: Patch) -> Place:
     """Return where the contact is."""
     frame = loads.frame
     there = loads.contact & (patch.load > 0.0)
-    near = (apply(get_template("smooth"), input=patch.weight) > 0.0) & loads.healthy
+    around = apply(get_template("smooth"), input=patch.weight)
+    near = (around > 0.0) & loads.healthy
     row, column = (where(there, place, 0.0) for place in (patch.row, patch.column))
     return Place(
         loads=loads,
         there=there,
         near=near,
+        nearness=where(near, around / (around + HALF_NEAR * around.max()), 0.0),
         from_row=frame.row - row,
         from_column=frame.column - column,
         spread=where(there, maximum(patch.spread, SMALLEST), SMALLEST),
@@ -129,7 +138,7 @@ def torque_on(contact: Place, law: Law, near: LocalMemory, weight: Field, follow
 def sideways_on(contact: Place) -> tuple[Field, ...]:
     """Return force and torque on the taxels near the contact, over the normal load on them."""
     all_alike = contact.loads.frame.constant(1.0)
-    force, moment, normal = _sums(contact, where(contact.near, 1.0, 0.0), all_alike)
+    force, moment, normal = _sums(contact, contact.nearness, all_alike)
     return tuple(part / normal for part in (*force, moment[0] / contact.spread))
 
 
