@@ -74,9 +74,10 @@ def maps_for(net, rng):
     return maps
 
 
-OTHER_ORDER = ("Euler, until it settles", "sign", "full-range")
-"""Cases in which one kernel adds the weights in another order (`cnnum.engines.opencl.fused`), or
-equal ones in other groups (`cnnum.engines.opencl.rows`)."""
+OTHER_ORDER = ("Euler, until it settles", "sign", "full-range", "rk4", "exponential")
+"""Cases in which one kernel adds the weights in another order (`cnnum.engines.opencl.fused`), equal
+ones in other groups (`cnnum.engines.opencl.rows`), or a step's stages in another order
+(`cnnum.engines.opencl.strip_stages`)."""
 
 
 @pytest.mark.parametrize("name", CASES)

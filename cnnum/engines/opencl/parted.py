@@ -122,7 +122,7 @@ class _Run:
         return self.arrays.registers.host[place * self.batch : (place + 1) * self.batch]
 
     def _steps(self, steps: Steps) -> None:
-        """Set out, take the steps strip by strip, and bring the states back."""
+        """Set out, take the levels strip by strip, and bring the states back."""
         strips = steps.strips
         pieces = strips.pieces(self.batch, self.plan.queue.device.max_compute_units)
         whole = pieces == 1 and strips.alone

@@ -6,18 +6,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Strips:
-    """How a large array's steps are launched.
+    """How a large array's fixed steps are launched.
 
     Attributes
     ----------
     kernel, text : str
         The kernel's name, and its text.
     count : int
-        Steps.
+        Levels: all stages of all steps.
     levels : int
-        Steps a launch, where there is more than one strip.
+        Of them a launch takes, where there is more than one strip.
     most : int
-        Strips of an array that are high enough for so many steps.
+        Strips of an array that are high enough for so many levels.
     alone : bool
         Whether a single strip needs nothing from beyond its end, so that one launch takes all.
     """
@@ -52,7 +52,7 @@ class Launch:
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """Euler's steps, strip by strip, of the frames whose register `guard` is not 0 (None: all)."""
+    """Fixed steps, strip by strip, of the frames whose register `guard` is not 0 (None: all)."""
 
     strips: Strips
     guard: int | None

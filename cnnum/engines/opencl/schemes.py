@@ -9,7 +9,7 @@ from cnnum.engines.opencl.rates import Instant, declare_outputs, outputs, rates,
 from cnnum.engines.opencl.separate import separate
 from cnnum.engines.opencl.start import start
 from cnnum.engines.opencl.stepping import adaptive, fixed
-from cnnum.engines.opencl.strips import euler_strips, strips_fit
+from cnnum.engines.opencl.strips import strip_steps, strips_fit
 from cnnum.engines.opencl.text import rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
@@ -41,8 +41,8 @@ def _run(text: TransientText) -> Figures:
     if isinstance(scheme, Separate):
         return separate(text, scheme)
     start(text)
-    if isinstance(scheme, FixedSteps) and strips_fit(text, scheme):
-        euler_strips(text, scheme)
+    if isinstance(scheme, FixedSteps | ExponentialSteps) and strips_fit(text, scheme):
+        strip_steps(text, scheme)
         declare_outputs(text)
         time = text.number(text.solver.duration)
         return {"time": time, "steps": text.number(scheme.count), "error": "-ONE"}

@@ -34,8 +34,8 @@ class RowLayout:
     boundary : Boundary
     constant : str or None
         Literal of the virtual cells' output where the boundary is fixed.
-    steps : int
-        Steps that are taken in this layout.
+    levels : int
+        Stages of steps that are taken in this layout.
     """
 
     cols: int
@@ -43,7 +43,7 @@ class RowLayout:
     width: int
     boundary: Boundary
     constant: str | None
-    steps: int
+    levels: int
 
     @property
     def vectors(self) -> int:
@@ -53,7 +53,7 @@ class RowLayout:
     @property
     def in_lanes(self) -> bool:
         """Whether lanes take pieces of a row."""
-        return self.vectors >= max(LANES_FROM, self.radius) and self.steps >= LANES_STEPS
+        return self.vectors >= max(LANES_FROM, self.radius) and self.levels >= LANES_STEPS
 
     @property
     def pieces(self) -> int:

@@ -1,11 +1,19 @@
-// Strips of rows, several steps at a time: a step follows the one before at a distance of a few
-// rows, so that what it reads is still in the cache. Strips narrow by a rim from step to step;
-// then what is missing between them is made up for. Of the two arrays of outputs, a step reads
-// one and writes the other.
+// Strips of rows, several levels at a time: a level, which is a stage of a step, follows the one
+// before at a distance of a few rows, so that what it reads is still in the cache. Strips narrow by
+// a rim from level to level; then what is missing between them is made up for. Of the two arrays of
+// outputs, a level reads one and writes the other.
 typedef scalar vec __attribute__((ext_vector_type($width), aligned($bytes)));
 #define ROW(row) (((row) + $radius) * $pitch + $head)
 
 static inline vec shown(vec x, const vec one) { return $shown; }
+
+// What a state may move that stops at -1 and 1. What is NaN stays NaN.
+static inline vec inwards(const vec d, const vec x, const vec one)
+{
+    const vec none = one - one;
+    const vec falls = x < one ? d : (none < d ? none : d);
+    return -one < x ? falls : (falls < none ? none : falls);
+}
 
 // A 1 that compilers do not see: with constants they compare and blend, which takes a fifth longer
 // in all than the processor's own minimum and maximum.
@@ -47,20 +55,22 @@ $lower
 }
 
 static void one_row(__global scalar *const x, __global const scalar *const w,
-                    __global const scalar *const from, __global scalar *const to, const int start)
+                    __global const scalar *const from, __global scalar *const to, const int start,
+                    const int stage)
 {
     const vec one = hidden_one();
-    for (int p = start; p < start + $span; p += $width) {
+    switch (stage) {
 $one_row
     }
     sides(to, start);
 }
 
 static void more_rows(__global scalar *const x, __global const scalar *const w,
-                      __global const scalar *const from, __global scalar *const to, const int start)
+                      __global const scalar *const from, __global scalar *const to,
+                      const int start, const int stage)
 {
     const vec one = hidden_one();
-    for (int p = start; p < start + $span; p += $width) {
+    switch (stage) {
 $more_rows
     }
     for (int r = 0; r < $block; ++r) {
@@ -68,24 +78,24 @@ $more_rows
     }
 }
 
-// One step of a block of rows of a strip.
-static void step(__global scalar *const x, __global const scalar *const w,
-                 __global const scalar *const from, __global scalar *const to,
-                 const int row, const int end)
+// One level of a block of rows of a strip.
+static void level(__global scalar *const x, __global const scalar *const w,
+                  __global const scalar *const from, __global scalar *const to,
+                  const int row, const int end, const int stage)
 {
     if (row + $block <= end) {
-        more_rows(x, w, from, to, ROW(row));
+        more_rows(x, w, from, to, ROW(row), stage);
     } else {
         for (int r = row; r < end; ++r) {
-            one_row(x, w, from, to, ROW(r));
+            one_row(x, w, from, to, ROW(r), stage);
         }
     }
 }
 
-// Phases: 0 sets out from the states, 1 takes steps, 2 makes up for what is missing between
+// Phases: 0 sets out from the states, 1 takes levels, 2 makes up for what is missing between
 // strips, 3 brings the states back.
 static void strip(__global scalar *const mine, const int pieces, const int piece, const int phase,
-                  const int done, const int steps)
+                  const int done, const int count)
 {
     __global scalar *const x = mine + $x, *const w = mine + $w;
     __global scalar *const outputs[2] = {mine + $even, mine + $odd};
@@ -116,8 +126,8 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
         }
     } else if (phase == 1) {
         const int top = begin == 0 && !$periodic, bottom = end == $rows && !$periodic;
-        for (int taken = 0; taken < steps; taken += $levels) {
-            const int levels = min($levels, steps - taken);
+        for (int taken = 0; taken < count; taken += $levels) {
+            const int levels = min($levels, count - taken);
             const int blocks = (end - begin + $block - 1) / $block;
             for (int wave = 0; wave < blocks + (levels - 1) * $lag; ++wave) {
                 for (int n = 1; n <= levels && wave >= (n - 1) * $lag; ++n) {
@@ -125,8 +135,9 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
                     const int high = bottom ? $rows : end - n * $radius;
                     const int row = low + (wave - (n - 1) * $lag) * $block;
                     if (row < high) {
-                        __global scalar *const to = outputs[(done + taken + n) & 1];
-                        step(x, w, outputs[(done + taken + n - 1) & 1], to, row, high);
+                        const int before = done + taken + n - 1;
+                        __global scalar *const to = outputs[(before + 1) & 1];
+                        level(x, w, outputs[before & 1], to, row, high, before % $stages);
                         if (row == 0 && top) {
                             upper(to);
                         }
@@ -138,11 +149,11 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
             }
         }
     } else if (phase == 2 && ($periodic || end < $rows)) {
-        for (int n = 1; n <= steps; ++n) {
+        for (int n = 1; n <= count; ++n) {
             __global const scalar *const from = outputs[(done + n - 1) & 1];
             __global scalar *const to = outputs[(done + n) & 1];
             for (int r = end - n * $radius; r < end + n * $radius; ++r) {
-                one_row(x, w, from, to, ROW(r < $rows ? r : r - $rows));
+                one_row(x, w, from, to, ROW(r < $rows ? r : r - $rows), (done + n - 1) % $stages);
             }
             if (end == $rows) {
                 upper(to);
@@ -161,7 +172,7 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
     }
 }
 
-// All steps of a frame, by one work item.
+// All levels of a frame, by one work item.
 static void ${kernel}_alone(__global scalar *const mine)
 {
     strip(mine, 1, 0, 0, 0, 0);
@@ -176,11 +187,11 @@ static void ${kernel}_alone(__global scalar *const mine)
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
 void $kernel(__global scalar *scratch, __global const scalar *registers, const int guard,
              const int frames, const int pieces, const int phase, const int done,
-             const int steps)
+             const int count)
 {
     const int frame = get_global_id(0) / pieces;
     if (guard < 0 || registers[guard * frames + frame] != 0) {
         __global scalar *const mine = scratch + (size_t)frame * FRAME_SIZE;
-        strip(mine, pieces, get_global_id(0) % pieces, phase, done, steps);
+        strip(mine, pieces, get_global_id(0) % pieces, phase, done, count);
     }
 }
