@@ -22,6 +22,10 @@ from cnnum.templates.tactile.turning import turning_of
 TURNS = 0.5
 """Belief that half the contact radius slips, at which a twist is reported."""
 
+STOPS = 3.0
+"""How much likelier a twist must be than a turn that has stopped, as for a pull in `slip`: seen
+through noise a torque stops bending like a law that is nearly over."""
+
 ENGAGED = 0.13
 """Share of the normal load, at the contact's radius of gyration, that the torque has at least: with
 a friction of 0.3 on few bumps it has 0.14 as half the contact radius slips."""
@@ -117,7 +121,7 @@ def twist_of(
     turning = turning_of(contact, near.value, float(depth), bumps)
     torque = torque_on(contact, turning.law, near, turning.weight, max(FOLLOW, REST * rate))
     growth, found = torque.growth, torque.growth.found
-    believed = found.growing + found.stopped + found.ended
+    believed = found.growing + STOPS * (found.stopped + found.ended)
     change = growth.steady < STEADY * growth.size + 5.0 * contact.spread * sqrt(torque.normal_noise)
     holds = torque.normal * contact.spread
     engaged = (growth.size > ENGAGED * holds) & (growth.size < POSSIBLE * holds)

@@ -9,6 +9,7 @@ from cnnum.programs import program
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.moves import Rest, moves_on
 from cnnum.templates.tactile.pull import force_on, place_of
+from cnnum.templates.tactile.slip import slip
 
 HELD = (Phase("hold", 0.3), Phase("press", 0.3, load=0.8), Phase("hold", 0.3))
 PITCH = 1.5e-3
@@ -72,6 +73,27 @@ def test_what_has_stopped_stays(opencl, run, simulate):
     # of as many frames five standard deviations are once in a million
     assert abs(got["along"][still] - got["along"][still].mean()).max() < 5.0 * sd
     assert got["against_stops"][still[4:]].max() < 2.0 * got["over"][still[4:]].max()
+
+
+def test_a_pull_that_slides_within_a_frame(opencl, run, simulate):
+    """It has no bend: that the contact moves on at once, and stays at it, is all there is.
+
+    A weight under which an object begins to roll looks like that, too, so that one in ten is left.
+    """
+    script = (
+        Phase("hold", 0.5),
+        Phase("press", 0.3, load=0.28),
+        Phase("hold", 0.3),
+        Phase("pull", 0.25, speed=2.8e-3, direction=0.7),
+        Phase("relax", 0.1),
+    )
+    options = {"rate": 60.0, "thickness": 2e-3, "radius": 24e-3, "friction": 0.35}
+    found = 0
+    for seed in range(80, 92):
+        strain, truth = simulate(script=script, seed=seed, start=(0.1e-3, -0.2e-3), **options)
+        gone = np.flatnonzero(run(opencl, slip, strain, ["gross_slip"])["gross_slip"] > 0)
+        found += bool(gone.size) and abs(int(gone[0]) - int(np.argmax(truth["slip"]))) <= 5
+    assert found >= 11
 
 
 def test_engines_agree(opencl, run, simulate):
