@@ -68,12 +68,13 @@ def lower(
     size = sum(_numbers(node, schedule) for node in schedule.outputs.values()) + 1
     body = [*slots, *lowering.body, *writes]
     parts = None
-    own = "\n".join([tables.text, *(strips.text for strips in tables.strips.values())])
+    texts = dict.fromkeys(strips.text for strips in tables.strips.values())
+    own = "\n".join([tables.text, *texts])
     if schedule.cells > WHOLE_CELLS:
         parts = take_apart("\n".join(body), schedule.shape[0], tables.strips)
         kernels = f"{own}\n{parts.text}"
     else:
-        alone = {f"{name};": f"{name}_alone(mine);" for name in tables.strips}
+        alone = {f"{name};": strips.within for name, strips in tables.strips.items()}
         body = [alone.get(line.strip(), line) for line in body]
         if not arena.private:
             body.insert(0, "__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;")

@@ -127,13 +127,15 @@ class _Run:
         pieces = strips.pieces(self.batch, self.plan.queue.device.max_compute_units)
         whole = pieces == 1 and strips.alone
         at_once = strips.count if whole else strips.levels
-        self._phase(steps, pieces, 0, 0, 0)
-        for done in range(0, strips.count, at_once):
+        if strips.begins:
+            self._phase(steps, pieces, 0, 0, 0)
+        for done in range(0, strips.count, max(1, at_once)):
             count = min(at_once, strips.count - done)
             self._phase(steps, pieces, 1, done, count)
             if not whole:
                 self._phase(steps, pieces, 2, done, count)
-        self._phase(steps, pieces, 3, 0, 0)
+        if strips.ends:
+            self._phase(steps, pieces, 3, 0, 0)
 
     def _phase(self, steps: Steps, pieces: int, phase: int, done: int, count: int) -> None:
         kernel = self.plan.kernel(steps.strips.kernel)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Strips:
-    """How a large array's fixed steps are launched.
+    """How a large array's steps are launched.
 
     Attributes
     ----------
@@ -20,6 +20,8 @@ class Strips:
         Strips of an array that are high enough for so many levels.
     alone : bool
         Whether a single strip needs nothing from beyond its end, so that one launch takes all.
+    begins, ends : bool
+        Whether the states are brought into the strips before, and out of them after.
     """
 
     kernel: str
@@ -28,6 +30,13 @@ class Strips:
     levels: int
     most: int
     alone: bool
+    begins: bool = True
+    ends: bool = True
+
+    @property
+    def within(self) -> str:
+        """The statement that does all of it within another kernel, for one frame."""
+        return f"{self.kernel}_alone(mine, {self.begins:d}, {self.count}, {self.ends:d});"
 
     def pieces(self, batch: int, units: int) -> int:
         """Return into how many strips each array of a batch is parted on so many cores."""
@@ -37,9 +46,10 @@ class Strips:
 
     def launches(self, pieces: int) -> int:
         """Return the launches for an array in so many strips."""
+        moves = self.begins + self.ends
         if pieces == 1 and self.alone:
-            return 3
-        return 2 + 2 * math.ceil(self.count / self.levels)
+            return moves + (self.count > 0)
+        return moves + 2 * math.ceil(self.count / self.levels)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +62,7 @@ class Launch:
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """Fixed steps, strip by strip, of the frames whose register `guard` is not 0 (None: all)."""
+    """Steps, strip by strip, of the frames whose register `guard` is not 0 (None: all)."""
 
     strips: Strips
     guard: int | None

@@ -8,8 +8,8 @@ from cnnum.engines.opencl.fused import fused_euler, fuses
 from cnnum.engines.opencl.rates import Instant, declare_outputs, outputs, rates, watch_change
 from cnnum.engines.opencl.separate import separate
 from cnnum.engines.opencl.start import start
-from cnnum.engines.opencl.stepping import adaptive, fixed
-from cnnum.engines.opencl.strips import strip_steps, strips_fit
+from cnnum.engines.opencl.stepping import adaptive, fixed, sweeps
+from cnnum.engines.opencl.strips import strip_attempts, strip_steps, strips_fit
 from cnnum.engines.opencl.text import rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
@@ -53,7 +53,7 @@ def _run(text: TransientText) -> Figures:
         return exponential(text, scheme)
     if isinstance(scheme, FixedSteps):
         return fused_euler(text, scheme) if fuses(text, scheme) else fixed(text, scheme)
-    return adaptive(text, scheme)
+    return adaptive(text, scheme, strip_attempts if strips_fit(text, scheme) else sweeps)
 
 
 def settled_now(text: TransientText) -> None:

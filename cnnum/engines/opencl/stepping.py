@@ -1,6 +1,8 @@
 """The kernel text of time steps: explicit Runge–Kutta methods, fixed and adaptive."""
 
 import math
+from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -171,12 +173,37 @@ def _several_stages(text: TransientText, scheme: FixedSteps) -> None:
     text.over_cells(body)
 
 
-def adaptive(text: TransientText, scheme: AdaptiveSteps) -> dict[str, str]:
-    """Append steps that follow the error estimate and return the figures of the run."""
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """Statements of a step that may be refused.
+
+    Attributes
+    ----------
+    begin : list of str
+        Before all steps, once `k0` holds the rates at the start `x`.
+    stages : list of str
+        The stages, h long.
+    judge : list of str
+        What finds `worst`, `added`, `speed` and `change` (see `adaptive_steps.cl`).
+    advance : list of str
+        What takes the step over where `accept` is not 0.
+    end : list of str
+        After all steps: what brings the state back to `x`.
+    """
+
+    begin: list[str]
+    stages: list[str]
+    judge: list[str]
+    advance: list[str]
+    end: list[str]
+
+
+def sweeps(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
+    """Return a step's statements as sweeps over all cells, a stage after the other."""
     tableau, last = scheme.tableau, scheme.tableau.stages - 1
-    _declare_stages(text, tableau.stages)
-    with text.aside() as first_rates:
-        _stage(text, tableau, 0, Instant("time"))
+    for stage in range(1, tableau.stages):
+        text.array(f"k{stage}", text.layers * text.cells)
+    text.array("xs", text.layers * text.cells)
     with text.aside() as stages:
         for stage in range(1, tableau.stages):
             c = text.number(float(sum(tableau.a[stage])))
@@ -191,24 +218,38 @@ def adaptive(text: TransientText, scheme: AdaptiveSteps) -> dict[str, str]:
         f"    k0[i] = PICK(accept != ZERO, k{last}[i], k0[i]);",
         "}",
     ]
+    return Attempt([], stages, judge, advance, [])
+
+
+def adaptive(
+    text: TransientText,
+    scheme: AdaptiveSteps,
+    attempts: Callable[[TransientText, AdaptiveSteps], Attempt] = sweeps,
+) -> dict[str, str]:
+    """Append steps that follow the error estimate and return the figures of the run."""
+    tableau = scheme.tableau
+    text.array("k0", text.layers * text.cells)
+    attempt = attempts(text, scheme)
+    with text.aside() as first_rates:
+        _stage(text, tableau, 0, Instant("time"))
     filled = fill(
         "adaptive_steps",
         method=tableau.name,
         first_step=text.number(scheme.first_step),
         longest=text.number(scheme.longest),
         duration=text.number(text.solver.duration),
-        first_rates=indented(["{", *first_rates, "}"], 2),
+        first_rates=indented(["{", *first_rates, "}", *attempt.begin], 2),
         states=text.layers * text.cells,
         limit=MAX_STEPS,
-        stages=indented(stages, 3),
-        judge=indented(judge, 3),
-        advance=indented(advance, 3),
+        stages=indented(attempt.stages, 3),
+        judge=indented(attempt.judge, 3),
+        advance=indented(attempt.advance, 3),
         settle=text.number(float(scheme.settle)),
         almost_one=text.number(1.0 - 1e-6),
         exponent=text.number(-1.0 / tableau.order),
         **growth_texts(text),
     )
-    text.lines += filled.splitlines()
+    text.lines += [*filled.splitlines(), *attempt.end]
     figures = {"time": "time", "steps": "steps", "error": f"{text.number(SAFETY)} * error"}
     return figures | ({"settled": "settled"} if scheme.settle else {})
 

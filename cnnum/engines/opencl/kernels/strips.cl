@@ -23,6 +23,11 @@ static inline vec hidden_one(void)
     return (vec)(one);
 }
 
+static inline vec magnitude(const vec a) { return a < -a ? -a : a; }
+
+// What is NaN in either stays NaN.
+static inline vec greatest(const vec a, const vec b) { return (a < b) | (b != b) ? b : a; }
+
 // Virtual cells on both sides of a row that begins at p.
 static inline void sides(__global scalar *const y, const int p)
 {
@@ -56,7 +61,7 @@ $lower
 
 static void one_row(__global scalar *const x, __global const scalar *const w,
                     __global const scalar *const from, __global scalar *const to, const int start,
-                    const int stage)
+                    const int stage, const int piece)
 {
     const vec one = hidden_one();
     switch (stage) {
@@ -67,7 +72,7 @@ $one_row
 
 static void more_rows(__global scalar *const x, __global const scalar *const w,
                       __global const scalar *const from, __global scalar *const to,
-                      const int start, const int stage)
+                      const int start, const int stage, const int piece)
 {
     const vec one = hidden_one();
     switch (stage) {
@@ -81,13 +86,13 @@ $more_rows
 // One level of a block of rows of a strip.
 static void level(__global scalar *const x, __global const scalar *const w,
                   __global const scalar *const from, __global scalar *const to,
-                  const int row, const int end, const int stage)
+                  const int row, const int end, const int stage, const int piece)
 {
     if (row + $block <= end) {
-        more_rows(x, w, from, to, ROW(row), stage);
+        more_rows(x, w, from, to, ROW(row), stage, piece);
     } else {
         for (int r = row; r < end; ++r) {
-            one_row(x, w, from, to, ROW(r), stage);
+            one_row(x, w, from, to, ROW(r), stage, piece);
         }
     }
 }
@@ -102,6 +107,7 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
     const int begin = (int)((long)$rows * piece / pieces);
     const int end = (int)((long)$rows * (piece + 1) / pieces);
     if (phase == 0) {
+$clear
         const int above = $periodic && begin == 0 ? $radius : 0;
         const int below = $periodic && end == $rows ? $radius : 0;
         for (int r = begin - above; r < end + below; ++r) {
@@ -113,7 +119,7 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
                     const scalar value = mine[$state + cell];
                     x[p] = value;
                     w[p] = $drive;
-                    outputs[0][p] = $first;
+                    $rest
                 }
             }
             sides(outputs[0], ROW(r));
@@ -125,6 +131,7 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
             lower(outputs[0]);
         }
     } else if (phase == 1) {
+$begin
         const int top = begin == 0 && !$periodic, bottom = end == $rows && !$periodic;
         for (int taken = 0; taken < count; taken += $levels) {
             const int levels = min($levels, count - taken);
@@ -137,7 +144,8 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
                     if (row < high) {
                         const int before = done + taken + n - 1;
                         __global scalar *const to = outputs[(before + 1) & 1];
-                        level(x, w, outputs[before & 1], to, row, high, before % $stages);
+                        const int stage = before % $stages;
+                        level(x, w, outputs[before & 1], to, row, high, stage, piece);
                         if (row == 0 && top) {
                             upper(to);
                         }
@@ -153,7 +161,8 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
             __global const scalar *const from = outputs[(done + n - 1) & 1];
             __global scalar *const to = outputs[(done + n) & 1];
             for (int r = end - n * $radius; r < end + n * $radius; ++r) {
-                one_row(x, w, from, to, ROW(r < $rows ? r : r - $rows), (done + n - 1) % $stages);
+                const int row = r < $rows ? r : r - $rows;
+                one_row(x, w, from, to, ROW(row), (done + n - 1) % $stages, piece);
             }
             if (end == $rows) {
                 upper(to);
@@ -161,26 +170,32 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
             }
         }
     } else if (phase == 3) {
+        __global const scalar *const end_state = x + $end;
         for (int r = begin; r < end; ++r) {
             for (int lane = 0; lane < $pieces; ++lane) {
                 const int start = lane * $length, length = min($length, $cols - start);
                 for (int n = 0; n < length; ++n) {
-                    mine[$state + r * $cols + start + n] = x[ROW(r) + n * $step + lane];
+                    mine[$state + r * $cols + start + n] = end_state[ROW(r) + n * $step + lane];
                 }
             }
         }
     }
 }
 
-// All levels of a frame, by one work item.
-static void ${kernel}_alone(__global scalar *const mine)
+// What one work item does for a frame: sets out, takes levels, brings the states back.
+static void ${kernel}_alone(__global scalar *const mine, const int begins, const int count,
+                            const int ends)
 {
-    strip(mine, 1, 0, 0, 0, 0);
-    for (int done = 0; done < $count; done += $levels) {
-        strip(mine, 1, 0, 1, done, min($levels, $count - done));
-        strip(mine, 1, 0, 2, done, min($levels, $count - done));
+    if (begins) {
+        strip(mine, 1, 0, 0, 0, 0);
     }
-    strip(mine, 1, 0, 3, 0, 0);
+    for (int done = 0; done < count; done += $levels) {
+        strip(mine, 1, 0, 1, done, min($levels, count - done));
+        strip(mine, 1, 0, 2, done, min($levels, count - done));
+    }
+    if (ends) {
+        strip(mine, 1, 0, 3, 0, 0);
+    }
 }
 
 // A phase of the frames whose register `guard` is not 0 (negative: of all).

@@ -1,0 +1,175 @@
+"""The kernel that takes a large array's steps: strips of rows, several stages a launch."""
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.parts import Strips
+from cnnum.engines.opencl.strip_layout import RowLayout
+from cnnum.engines.opencl.text import fill, indented
+from cnnum.engines.opencl.transients import TransientText
+
+CACHE_BYTES = 4 * 1024 * 1024
+"""Of the rows between the first and the last of the levels that follow each other. 1024×1024 cells
+take with 32 stages of RK4 six sevenths of the time that they take with the 10 of 1 MiB."""
+
+LEVELS = 32
+"""Stages of steps a launch, at most: what is missing between strips grows with them. Euler's steps
+of 512×512 cells take four fifths of the time that they take with 8."""
+
+LEAST_LEVELS = 20
+"""Stages a launch even if their rows do not fit the cache: Euler's steps of 3000×5000 cells take
+nine tenths of the time that they take with 14."""
+
+SHARES = 8
+"""Strips that an array can be parted into, at least."""
+
+BLOCK_ROWS = 4
+
+_OWN = re.compile(
+    r"\b(vec|ROW|shown|hidden_one|sides|copy_row|fill_row|upper|lower|inwards|magnitude|greatest|one_row|more_rows|level|strip)\b"
+)
+"""Names that the kernel has to itself: a plan may have several."""
+
+
+@dataclass(frozen=True, slots=True)
+class StripText:
+    """What is a scheme's own in the kernel.
+
+    Attributes
+    ----------
+    scale : float
+        What the drive comes with.
+    stages : int
+        Of a step.
+    cases : callable
+        The text of all stages of so many rows.
+    clear : list of str
+        What the first strip sets before all else.
+    rest : list of str
+        What is set in a cell with its state.
+    begin : list of str
+        What a strip does before it takes levels.
+    end : str
+        Where the states are in the end, from where they were.
+    """
+
+    scale: float
+    stages: int
+    cases: Callable[[int], list[str]]
+    clear: list[str]
+    rest: list[str]
+    begin: list[str]
+    end: str = "0"
+
+
+def row_layout(text: TransientText, levels: int) -> RowLayout:
+    """Return how rows lie for so many stages of steps."""
+    boundary, width = text.template.boundary, text.tables.width
+    return RowLayout(text.shape[1], text.radius, width, boundary, _constant(text), levels)
+
+
+def declare(text: TransientText, layout: RowLayout, names: tuple[str, ...]) -> dict[str, int]:
+    """Append arrays that hold all rows, and return how far each is from the first."""
+    size = (text.shape[0] + 2 * text.radius) * layout.pitch
+    for name in (*names, "strip_w", "strip_even", "strip_odd"):
+        text.array(name, size)
+    return {name: text.arena.places[name] - text.arena.places[names[0]] for name in names}
+
+
+def levels_of(text: TransientText, layout: RowLayout, arrays: int) -> tuple[int, int]:
+    """Return the stages a launch, and the strips that are then high enough, of so many arrays."""
+    rows, radius = text.shape[0], text.radius
+    # strips must not vanish before the last of the levels
+    high = rows // (2 * radius * SHARES) - 1
+    row = (arrays + 3) * layout.pitch * text.tables.dtype.itemsize
+    levels = max(1, min(LEVELS, max(LEAST_LEVELS, CACHE_BYTES // (BLOCK_ROWS * row)), high))
+    return levels, max(1, rows // (2 * (levels + 1) * radius))
+
+
+def strip_kernel(
+    text: TransientText,
+    own: StripText,
+    layout: RowLayout,
+    first: str,
+    size: tuple[int, int],
+    count: int,
+) -> Strips:
+    """Return the kernel that takes `count` levels of states in the array `first`."""
+    (rows, cols), radius, places = text.shape, text.radius, text.arena.places
+    periodic = text.template.boundary.pad_mode == "wrap"
+    name = f"advance_{len(text.tables.strips)}"
+    names: dict[str, object] = {
+        "kernel": name,
+        "width": layout.width,
+        "bytes": text.tables.dtype.itemsize,
+        "rows": rows,
+        "cols": cols,
+        "radius": radius,
+        "pitch": layout.pitch,
+        "head": layout.head,
+        "pieces": layout.pieces,
+        "length": layout.length,
+        "step": layout.step,
+        "block": BLOCK_ROWS,
+        "levels": size[0],
+        "stages": own.stages,
+        "lag": -(-2 * radius // BLOCK_ROWS),
+        "periodic": int(periodic),
+        "x": places[first],
+        "w": places["strip_w"],
+        "even": places["strip_even"],
+        "odd": places["strip_odd"],
+        "state": places["x"],
+        "shown": _shown(text),
+        "drive": _drive(text, own.scale),
+        "clear": indented(own.clear, 2),
+        "rest": indented(own.rest, 5).lstrip(),
+        "begin": indented(own.begin, 2),
+        "end": own.end,
+        "sides": indented(layout.sides(), 1),
+        "upper": indented(_rows_beyond(text, -1), 1),
+        "lower": indented(_rows_beyond(text, 1), 1),
+        "one_row": indented(own.cases(1), 1),
+        "more_rows": indented(own.cases(BLOCK_ROWS), 1),
+    }
+    source = _OWN.sub(rf"\1_{name}", fill("strips", **names))
+    return Strips(name, source, count, size[0], size[1], not periodic)
+
+
+def _drive(text: TransientText, scale: float) -> str:
+    constant = constant_drive(text)
+    if constant is not None:
+        return text.number(scale * constant[0])
+    return f"{text.number(scale)} * mine[{text.arena.places['w']} + cell]"
+
+
+def _shown(text: TransientText) -> str:
+    """Return f of a vector of states."""
+    if text.template.output.name == "linear":
+        return "x"
+    return "(x = -one > x ? -one : x, one < x ? one : x)"
+
+
+def _rows_beyond(text: TransientText, side: int) -> list[str]:
+    """Return the text that sets the virtual rows above (-1) or below (1) the array."""
+    rows, mode = text.shape[0], text.template.boundary.pad_mode
+    constant, lines = _constant(text), list[str]()
+    for n in range(text.radius):
+        to, near, far = (-1 - n, n, rows - 1 - n) if side < 0 else (rows + n, rows - 1 - n, n)
+        if constant is None:
+            lines.append(f"copy_row(y, {to}, {far if mode == 'wrap' else near});")
+        else:
+            lines.append(f"fill_row(y, {to}, {constant});")
+    return lines
+
+
+def _constant(text: TransientText) -> str | None:
+    """Return the output of virtual cells of a fixed boundary."""
+    constant = text.template.boundary.constant
+    if constant is None:
+        return None
+    return text.number(float(text.template.output.numpy(np.asarray(constant))))

@@ -1,0 +1,125 @@
+"""The kernel text of one step of a pair that estimates its own error: its stages, and the estimate.
+
+The first stage takes over the step before, if it was accepted, and makes the first state; the last
+one finds the worst of the error in a strip, and leaves the step to be judged.
+"""
+
+import numpy as np
+
+from cnnum.engines.opencl.strip_rows import Rows
+from cnnum.integrators.estimate import ROUNDINGS
+from cnnum.integrators.tableau import ButcherTableau, Row
+
+FIGURES = ("worst", "added", "speed", "change")
+"""What is found of a step: the largest of each in all cells."""
+
+
+def pair_cases(rows: Rows, tableau: ButcherTableau, most: int, block: int) -> list[str]:
+    """Return the text of all stages of so many rows; `most` strips keep what they find."""
+    last, lines = tableau.stages - 1, list[str]()
+    head = [
+        f"const vec h = (vec)(x[{rows.apart['strip_control']}]);",
+        f"const int moved = x[{rows.apart['strip_control']} + 1] != 0;",
+    ]
+    first = [line for row in range(block) for line in _first(rows, tableau, row)]
+    lines += rows.case(0, [*head, *first])
+    for stage in range(1, last):
+        each = rows.coupled(block, -rows.scale, "strip_xs")
+        each += [line for row in range(block) for line in _next(rows, tableau, stage, row)]
+        lines += rows.case(stage, [head[0], *each])
+    each = rows.coupled(block, -rows.scale, "strip_xs")
+    each += [line for row in range(block) for line in _judge(rows, tableau, row)]
+    size = rows.layout.width
+    places = [
+        f"*(__global vec *)(x + {rows.apart['strip_maxima'] + n * most * size} + piece * {size})"
+        for n in range(len(FIGURES))
+    ]
+    loaded = [f"vec {name} = {at};" for name, at in zip(FIGURES, places, strict=True)]
+    kept = [f"{at} = {name};" for name, at in zip(FIGURES, places, strict=True)]
+    return lines + rows.case(last, [head[0], *loaded, *each, *kept])
+
+
+def _first(rows: Rows, tableau: ButcherTableau, row: int) -> list[str]:
+    last = tableau.stages - 1
+    lines = [
+        f"const vec a = moved ? {rows.array('strip_xs', row)} : {rows.array('strip_x', row)};",
+        f"const vec k0 = moved ? {rows.array(f'strip_k{last}', row)} : "
+        f"{rows.array('strip_k0', row)};",
+        rows.store("strip_x", row, "a"),
+        rows.store("strip_k0", row, "k0"),
+        *_moved(rows, tableau, 1, row),
+    ]
+    return _block(lines)
+
+
+def _next(rows: Rows, tableau: ButcherTableau, stage: int, row: int) -> list[str]:
+    lines = _rate(rows, stage, row)
+    lines += _loaded(rows, [tableau.a[stage + 1]], stage, row)
+    lines.append(f"const vec a = {rows.array('strip_x', row)};")
+    return _block([*lines, *_moved(rows, tableau, stage + 1, row)])
+
+
+def _moved(rows: Rows, tableau: ButcherTableau, stage: int, row: int) -> list[str]:
+    """Return the text that makes the state of a stage, and its outputs."""
+    return [
+        f"vec b = a + h * ({_combination(rows, tableau.a[stage])});",
+        *rows.show(row, "b"),
+        rows.store("strip_xs", row, "b"),
+    ]
+
+
+def _rate(rows: Rows, stage: int, row: int) -> list[str]:
+    rate = f"s{row}"
+    if rows.text.template.output.limited:
+        rate = f"inwards(s{row}, {rows.array('strip_xs', row)}, one)"
+    return [f"const vec k{stage} = {rate};", rows.store(f"strip_k{stage}", row, f"k{stage}")]
+
+
+def _loaded(rows: Rows, weights: list[Row], stage: int, row: int) -> list[str]:
+    """Return the text that loads what is weighted, but for the stage's own rate."""
+    wanted = [n for n in range(stage) if any(n < len(row) and row[n] for row in weights)]
+    return [f"const vec k{n} = {rows.array(f'strip_k{n}', row)};" for n in wanted]
+
+
+def _combination(rows: Rows, weights: Row) -> str:
+    terms = [f"{rows.vector(float(w))} * k{n}" for n, w in enumerate(weights) if w]
+    return " + ".join(terms)
+
+
+def _judge(rows: Rows, tableau: ButcherTableau, row: int) -> list[str]:
+    """Return the text that takes a row into the worst error of a step, and what its end is."""
+    text, last = rows.text, tableau.stages - 1
+    tau = rows.vector(float(text.template.tau.max()))
+    rounding = rows.vector(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
+    atol, rtol = rows.vector(text.solver.atol), rows.vector(text.solver.rtol)
+    parts = [
+        f"magnitude(h * ({_combination(rows, d)}))" for d in (*tableau.truncation, tableau.error)
+    ]
+    error = parts.pop()
+    lines = [
+        *_rate(rows, last, row),
+        *_loaded(rows, [tableau.error, *tableau.truncation], last, row),
+        f"const vec a = magnitude({rows.array('strip_x', row)});",
+        f"const vec b = magnitude({rows.array('strip_xs', row)});",
+        f"vec found = {error} / ({atol} + {rtol} * (a < b ? b : a));",
+        _most(rows, "worst", "found"),
+        f"found = {' + '.join(parts)} + {rounding} * b;",
+        _most(rows, "added", "found"),
+        f"found = magnitude(k{last});",
+        _most(rows, "speed", "found"),
+        f"found = {tau} * found / ({atol} + {rtol} * b);",
+        _most(rows, "change", "found"),
+    ]
+    return _block(lines)
+
+
+def _most(rows: Rows, name: str, found: str) -> str:
+    """Return the statement that keeps the larger number; what is no cell has none."""
+    if "strip_cells" not in rows.apart:
+        return f"{name} = greatest({name}, {found});"
+    cells = f"*(__global const vec *)(x + {rows.apart['strip_cells']} + p - start)"
+    return f"{name} = greatest({name}, {cells} < one ? one - one : {found});"
+
+
+def _block(lines: list[str]) -> list[str]:
+    return ["{", *(f"    {line}" for line in lines), "}"]
