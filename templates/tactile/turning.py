@@ -9,17 +9,18 @@ polynomial of L between them.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import polynomial
 from numpy.polynomial.legendre import leggauss
 
 from cnnum.programs.fields import Field, maximum, where
-from cnnum.programs.machine import LocalMemory
+from cnnum.programs.machine import FrameFields, LocalMemory
 from cnnum.tactile.bumps_felt import BumpsFelt
 from cnnum.templates.tactile.bump_loads import levers_on_bumps, turned_on_bumps
 from cnnum.templates.tactile.contact_radius import TINY, Round, round_under
+from cnnum.templates.tactile.growth import length
 from cnnum.templates.tactile.laws import CURVE, SHRINK, TWIST, Law
 from cnnum.templates.tactile.loads import square
 from cnnum.templates.tactile.pull import Place, sideways_on
@@ -41,6 +42,10 @@ torque; after a pull of half that way it takes half as much."""
 FELT = 0.8
 """Share of the contact's radius that sticks while most of a torque grows."""
 
+ASTRAY = 0.2
+"""Pitches from the loads' centroid at which a fitted centre is none: that of a single taxel, as
+where a bridge is stuck, wanders. Centroids are up to 0.1 off (tuning seeds)."""
+
 LEAST = 0.05
 """Least κ: moment, a radian, that the taxels near a contact feel at least."""
 
@@ -57,26 +62,43 @@ class Turning:
         Map: how much the moment of a taxel counts in the sum.
     felt : Field
         Moment that they feel for a turn of 1 rad without slip.
-    held : sequence of LocalMemory
-        What is kept while the torque grows.
-    now : sequence of Field
-        What it is in this frame.
-    grew : LocalMemory
-        Flag: it grew in the frame before.
+    contact : Place
+        The contact about whose centre moments are taken.
+    kept : Kept
+        All of this, from the frame on in which the torque begins to grow.
     """
 
     law: Law
     weight: Field
     felt: Field
-    held: Sequence[LocalMemory]
-    now: Sequence[Field]
-    grew: LocalMemory
+    contact: Place
+    kept: "Kept"
+
+
+class Kept:
+    """Numbers that stay what they were when the torque began to grow.
+
+    Parameters
+    ----------
+    frame : FrameFields
+    """
+
+    def __init__(self, frame: FrameFields) -> None:
+        self._frame, self._grew = frame, frame.memory(scalar=True, logic=True)
+        self._held = list[tuple[LocalMemory, Field]]()
+
+    def __call__(self, value: Field) -> Field:
+        """Return the number as it is or was."""
+        memory = self._frame.memory(scalar=True)
+        now = where(self._grew.value, memory.value, value)
+        self._held.append((memory, now))
+        return now
 
     def close(self, grows: Field) -> None:
         """Store what the next frame needs; `grows` tells whether the torque does."""
-        self.grew.store(grows)
-        for memory, value in zip(self.held, self.now, strict=True):
-            memory.store(value)
+        self._grew.store(grows)
+        for memory, now in self._held:
+            memory.store(now)
 
 
 def turning_of(contact: Place, near: Field, depth: float, bumps: BumpsFelt | None) -> Turning:
@@ -92,23 +114,30 @@ def turning_of(contact: Place, near: Field, depth: float, bumps: BumpsFelt | Non
     bumps : BumpsFelt, optional
         Of a cover with bumps; a flat one unless given.
     """
-    frame = contact.loads.frame
+    kept = Kept(contact.loads.frame)
     place = round_under(contact, sideways_on(contact), depth, bumps)
-    weight = _weight(contact, place, depth)
+    centred = _about(contact, kept(place.row), kept(place.column))
+    weight = _weight(centred, place, depth)
     summed = where(near & contact.loads.alive, weight, 0.0)
     discs, mixes = _rule()
     if bumps is None:
-        felt = _on_flat(contact, place, summed, discs, depth)
+        felt = _on_flat(centred, place, summed, discs, depth)
     else:
-        felt = _on_bumps(contact, place, summed, discs, bumps)
+        felt = _on_bumps(centred, place, summed, discs, bumps)
     steep = [maximum(one / disc**3, LEAST) for one, disc in zip(felt, discs, strict=True)]
     first, *more = (_mixed(mix, steep) for mix in mixes)
     first = maximum(first, LEAST)
-    locked = where(place.sheared, 1.0, 0.0)
-    fresh = [first, locked, *(part / first for part in more)]
-    held, grew = [frame.memory(scalar=True) for _ in fresh], frame.memory(scalar=True, logic=True)
-    now = [where(grew.value, was.value, known) for was, known in zip(held, fresh, strict=True)]
-    return Turning(_law(now[1], now[2:]), weight, now[0], held, now, grew)
+    locked = kept(where(place.sheared, 1.0, 0.0))
+    law = _law(locked, [kept(part / first) for part in more])
+    return Turning(law, weight, kept(first), centred, kept)
+
+
+def _about(contact: Place, row: Field, column: Field) -> Place:
+    """Return the contact with another centre, if near: a force beside it would be a torque."""
+    near = length([row - contact.row, column - contact.column]) < ASTRAY
+    row, column = where(near, row, contact.row), where(near, column, contact.column)
+    rows, columns = contact.loads.frame.row - row, contact.loads.frame.column - column
+    return replace(contact, row=row, column=column, from_row=rows, from_column=columns)
 
 
 def _weight(contact: Place, place: Round, depth: float) -> Field:

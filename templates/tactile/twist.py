@@ -119,7 +119,7 @@ def twist_of(
     bumps = None if cover == "flat" else bumps_felt(cover, float(depth), float(bump))
     near = contact.loads.frame.memory(logic=True)
     turning = turning_of(contact, near.value, float(depth), bumps)
-    torque = torque_on(contact, turning.law, near, turning.weight, max(FOLLOW, REST * rate))
+    torque = torque_on(turning.contact, turning.law, near, turning.weight, max(FOLLOW, REST * rate))
     growth, found = torque.growth, torque.growth.found
     believed = found.growing + STOPS * (found.stopped + found.ended)
     change = growth.steady < STEADY * growth.size + 5.0 * contact.spread * sqrt(torque.normal_noise)
@@ -128,7 +128,7 @@ def twist_of(
     engaged = engaged & torque.outweighs & change
     turned = latched(contact.loads.frame, growth.grows, engaged & (found.passed > turns * believed))
     torque.close(turned)
-    turning.close(growth.grows)
+    turning.kept.close(growth.grows)
     twisted = growth.grows & torque.outweighs
     sense = where(growth.acts[0] > 0.0, 1.0, -1.0)
     pace = sqrt(found.pace / found.growing)

@@ -37,9 +37,9 @@ def feeling(depth, cover):
         near = frame.memory(logic=True)
         turns = turning_of(contact, near.value, depth, bumps)
         near.store(contact.near)
-        turns.close(contact.there & ~contact.there)
+        turns.kept.close(contact.there & ~contact.there)
         law = turns.law.load(frame.constant(TIMES.reshape(GRID, GRID)))
-        place = {"row": contact.row, "column": contact.column}
+        place = {"row": turns.contact.row, "column": turns.contact.column}
         return {"law": law, "felt": turns.felt, "weight": turns.weight, "near": near.value, **place}
 
     return seen
