@@ -151,6 +151,11 @@ class Template:
                 f"Template '{name}': initial = 'input' needs one input a layer, got "
                 f"{self.inputs} inputs for {layers} layers."
             )
+        if self.output.limited and self.initial != "input" and abs(self.initial) > 1.0:
+            raise TemplateError(
+                f"Template '{name}': its state is limited to -1 to 1, got initial = "
+                f"{self.initial:g}."
+            )
         object.__setattr__(self, "digest", digest(*self._physics()))
 
     def _check_couplings(self) -> None:

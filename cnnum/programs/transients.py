@@ -7,7 +7,7 @@ import numpy as np
 
 from cnnum.errors import ProgramError
 from cnnum.graph.nodes import Graph, Node, Pick, RunSpec, Transient
-from cnnum.programs.fields import Field, as_field, graph_of
+from cnnum.programs.fields import Field, as_field, graph_of, maximum, minimum
 from cnnum.template import Duration, Template
 
 
@@ -44,7 +44,8 @@ def transient(
     previous : Field or sequence of Field, optional
         The inputs before the start, which a template with delays sees; the inputs unless given.
     state : Field or sequence of Field, optional
-        Initial state, one map a layer; the template's own where it is left out.
+        Initial state, one map a layer; the template's own where it is left out. Where the output
+        function limits the state, what is beyond ±1 begins there.
     bias : Field or sequence of Field, optional
         Space-variant bias added to z, one map a layer.
     mask : logic Field, optional
@@ -59,6 +60,8 @@ def transient(
     """
     if template.inputs == 0 and template.initial == "input" and state is None:
         state, input = input, None
+    if template.output.limited:
+        state = _within_limits(template, input, state)
     given = [
         *_several(template, "input", input, template.inputs),
         *_several(template, "previous", previous, template.inputs),
@@ -85,6 +88,20 @@ def transient(
     )
     node = graph.add(operation, *(as_field(graph, item).node for item in given))
     return _applied(graph, node, template.layers)
+
+
+def _within_limits(
+    template: Template, input: Field | Sequence[Field] | None, state: Field | Sequence[Field] | None
+) -> list[Field] | None:
+    """Return the maps that a limited state starts from; None where no map is."""
+    if state is None and template.initial == "input":
+        state = input
+    if state is None:
+        return None
+    return [
+        minimum(maximum(field, -1.0), 1.0)
+        for field in _several(template, "state", state, template.layers)
+    ]
 
 
 def _applied(graph: Graph, node: Node, layers: int) -> Applied:

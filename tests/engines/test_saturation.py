@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from cnnum.engine import Engine
-from cnnum.errors import MethodError
+from cnnum.errors import MethodError, TemplateError
 from cnnum.template import Template
 
 ENGINES = [Engine(), Engine(precision="float64"), Engine("numba"), Engine("reference")]
@@ -72,3 +72,22 @@ def test_uncoupled_cells_are_exact_beyond_their_range(engine):
     # float32: values of order 3
     assert np.abs(got.state - wanted).max() <= 3e-6
     assert np.abs(got.output - np.clip(wanted, -1, 1)).max() <= 3e-6
+
+
+@pytest.mark.parametrize("method", ["euler", "rk4", "dormand-prince", "etd-rk2"])
+@pytest.mark.parametrize("engine", ENGINES, ids=IDS)
+def test_a_limited_state_starts_within_its_limits(engine, method):
+    """What is given beyond them is the limit itself, on every engine and to the bit."""
+    options = {"method": method} | ({} if method == "dormand-prince" else {"dt": 0.1})
+    given = np.random.default_rng(4).uniform(-2.0, 2.0, SHAPE)
+    limited = template("full-range")
+    still = np.zeros(SHAPE)
+    beyond, within = (
+        engine.run(limited, input=still, state=x, **options) for x in (given, given.clip(-1, 1))
+    )
+    np.testing.assert_array_equal(beyond.state, within.state)
+
+
+def test_a_limited_template_does_not_begin_beyond():
+    with pytest.raises(TemplateError, match=r"limited to -1 to 1, got initial = 1\.5"):
+        Template("beyond", SPREADS, np.zeros((3, 3)), output="full-range", initial=1.5)
