@@ -146,17 +146,21 @@ class Template:
         for key, value in parts.items():
             object.__setattr__(self, key, value)
         self._check_couplings()
-        if self.initial == "input" and self.inputs not in (0, layers):
+        self._check_initial()
+        object.__setattr__(self, "digest", digest(*self._physics()))
+
+    def _check_initial(self) -> None:
+        if self.initial == "input":
+            if self.inputs not in (0, self.layers):
+                raise TemplateError(
+                    f"Template '{self.name}': initial = 'input' needs one input a layer, got "
+                    f"{self.inputs} inputs for {self.layers} layers."
+                )
+        elif self.output.limited and abs(self.initial) > 1.0:
             raise TemplateError(
-                f"Template '{name}': initial = 'input' needs one input a layer, got "
-                f"{self.inputs} inputs for {layers} layers."
-            )
-        if self.output.limited and self.initial != "input" and abs(self.initial) > 1.0:
-            raise TemplateError(
-                f"Template '{name}': its state is limited to -1 to 1, got initial = "
+                f"Template '{self.name}': its state is limited to -1 to 1, got initial = "
                 f"{self.initial:g}."
             )
-        object.__setattr__(self, "digest", digest(*self._physics()))
 
     def _check_couplings(self) -> None:
         sizes = {"x": self.layers, "y": self.layers, "u": self.inputs, None: 1}

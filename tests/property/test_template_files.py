@@ -73,6 +73,8 @@ def templates(draw: Any) -> Template:
     k, m = draw(sizes), draw(sizes)
     per_layer = arrays(np.float64, layers, elements=NUMBERS)
     layer = st.integers(0, layers - 1)
+    output = draw(st.sampled_from(sorted(OUTPUT_FUNCTIONS)))
+    starts = st.floats(-1.0, 1.0) if OUTPUT_FUNCTIONS[output].limited else NUMBERS
     return Template(
         draw(TEXTS),
         A=draw(arrays(np.float64, (layers, layers, k, k), elements=NUMBERS)),
@@ -81,9 +83,9 @@ def templates(draw: Any) -> Template:
         tau=draw(arrays(np.float64, layers, elements=st.floats(1e-9, 1e9))),
         boundary=draw(BOUNDARIES),
         input_boundary=draw(st.one_of(st.none(), BOUNDARIES)),
-        initial=draw(st.one_of(NUMBERS, st.just("input")) if inputs in (0, layers) else NUMBERS),
+        initial=draw(st.one_of(starts, st.just("input")) if inputs in (0, layers) else starts),
         duration=draw(st.one_of(st.floats(0, 1e6), st.just("settle"))),
-        output=draw(st.sampled_from(sorted(OUTPUT_FUNCTIONS))),
+        output=output,
         nonlinear=draw(st.lists(couplings(layers, inputs), max_size=2)),
         delayed=draw(st.one_of(st.none(), delays(layers, inputs))),
         gains=draw(st.lists(st.builds(Gain, layer, layer, tables()), max_size=2)),
