@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cache, partial
+from math import inf
 
 import numpy as np
 
@@ -52,9 +53,9 @@ QUICK_PLACES = (("opencl", "float32"), ("numba", "float64"))
 """Engine and precision of a quick round: the first that is there. Building kernels is what takes
 its time, and Numba's first build takes half a minute."""
 
-TIME_S, QUICK_TIME_S = 900.0, 45.0
-"""s for all cases, the builds of their kernels among them. A task that has begun is finished: a
-run ends within 20 minutes, and a quick one within 60 s with empty caches."""
+QUICK_TIME_S = 45.0
+"""s for all cases of a quick round, the builds of their kernels among them. A task that has begun
+is finished: a round ends within 60 s with empty caches. Others have no limit."""
 
 PROGRAM_SHAPE, PROGRAM_FRAMES = (8, 8), 64
 
@@ -156,14 +157,14 @@ def measure_cases(
     quick : bool
         Fewer rungs, frames and repeats.
     seconds : float, optional
-        For everything; `TIME_S` unless given (`QUICK_TIME_S` of a quick round).
+        For everything; no limit unless given (`QUICK_TIME_S` of a quick round).
 
     Yields
     ------
     WorkPrecision, str or None
         None for what an engine refuses; a sentence for what there was no time for.
     """
-    limit = (QUICK_TIME_S if quick else TIME_S) if seconds is None else seconds
+    limit = (QUICK_TIME_S if quick else inf) if seconds is None else seconds
     return shared_out(names, partial(_tasks, engines=engines, quick=quick), limit)
 
 
