@@ -143,15 +143,15 @@ PULLED = (
 
 
 def test_rate_after_a_pull(opencl, run, simulate, monkeypatch):
-    """Within 2 % at a tenth of the usual noise; without what is locked in it is 2.5 % less."""
+    """Within 2 % at a tenth of the usual noise; without what is locked in it begins 2.3 % lower."""
     strain, truth = simulate(script=PULLED, seed=2, noise=2.5e-4, start=(-0.4e-3, -0.3e-3))
     rates = []
     for locked in (turning.LOCKED, (0.0, 0.0)):
         monkeypatch.setattr(turning, "LOCKED", locked)
         got = run(opencl, twist.bind(depth=1.0 / 1.5), strain, ["twist", "twist_rate"])
-        rates.append(float(np.median(got["twist_rate"][got["twist"] > 0])))
+        rates.append(got["twist_rate"][got["twist"] > 0])
     assert rates[0] == pytest.approx(truth["twist_rate"][-1], rel=0.02)
-    assert rates[1] < 0.985 * rates[0]
+    assert rates[1][0] < 0.985 * rates[0][0]
 
 
 BESIDE = (
