@@ -7,9 +7,8 @@ import pytest
 from scipy.linalg import expm
 
 from cnnum.errors import MethodError, UnknownNameError
-from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.chebyshev import chebyshev_method, stages_for
-from cnnum.integrators.choice import FixedSteps, choose
+from cnnum.integrators.choice import FixedSteps
 from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER, phi
 from cnnum.integrators.propagator import propagator
 from cnnum.integrators.schemes import ChebyshevSteps
@@ -22,18 +21,6 @@ from cnnum.network import Network
 from cnnum.template import Template
 
 EVEN = np.array([[0.02, 0.3, 0.02], [0.1, -1.7, 0.1], [0.02, 0.3, 0.02]])
-
-
-def transient(template, **spec):
-    return Transient(
-        template,
-        template.digest,
-        RunSpec(**spec),
-        has_previous=False,
-        has_state=True,
-        has_bias=False,
-        has_mask=False,
-    )
 
 
 @pytest.mark.parametrize("stages", [2, 3, 7, 20, 40])
@@ -150,35 +137,35 @@ def test_saturating_symmetric_arrays_stay_within_their_linear_bound():
         assert np.abs(values.imag).max() < 1e-9
 
 
-def test_unstable_steps_are_refused_unless_forced():
+def test_unstable_steps_are_refused_unless_forced(solver_for):
     heat = get_template("tactile_diffusion")
     with pytest.raises(MethodError, match="stability bound"):
-        choose(transient(heat, dt=0.3), (8, 8))
-    solver = choose(transient(heat, dt=0.3, force=True), (8, 8))
+        solver_for(heat, (8, 8), dt=0.3)
+    solver = solver_for(heat, (8, 8), dt=0.3, force=True)
     assert solver.forced
     assert isinstance(solver.scheme, FixedSteps)
     assert "outside" in solver.reason
 
 
-def test_auto_is_stable_and_says_why():
+def test_auto_is_stable_and_says_why(solver_for):
     heat = get_template("tactile_diffusion")
-    long = choose(transient(heat, duration=30.0), (600, 600))
+    long = solver_for(heat, (600, 600), duration=30.0)
     assert isinstance(long.scheme, ChebyshevSteps)
     assert "real" in long.reason
-    small = choose(transient(heat), (8, 8))
+    small = solver_for(heat, (8, 8))
     assert isinstance(small.scheme, Spectral)
     assert "modes" in small.reason
 
 
-def test_chebyshev_is_refused_where_rates_turn():
+def test_chebyshev_is_refused_where_rates_turn(solver_for):
     skew = Template("skew", [[0, 0, 0], [1.0, 0, -1.0], [0, 0, 0]], initial="input")
     with pytest.raises(MethodError, match="real"):
-        choose(transient(skew, duration=1.0, method="runge-kutta-chebyshev"), (6, 6))
+        solver_for(skew, (6, 6), duration=1.0, method="runge-kutta-chebyshev")
 
 
-def test_unknown_methods_are_named():
+def test_unknown_methods_are_named(solver_for):
     with pytest.raises(UnknownNameError, match="etd-rk2"):
-        choose(transient(get_template("EDGE"), method="leapfrog"), (4, 4))
+        solver_for(get_template("EDGE"), (4, 4), method="leapfrog")
     with pytest.raises(UnknownNameError):
         stability_bound("leapfrog", get_template("EDGE"), (4, 4))
 

@@ -7,9 +7,7 @@ import pytest
 
 from cnnum.engine import Engine
 from cnnum.engines.reference.equation import Given, StateEquation
-from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_for
-from cnnum.integrators.choice import choose
 from cnnum.integrators.evaluations import effort, motion, pair
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.spectrum import spectrum
@@ -24,18 +22,6 @@ STEPPING = (
     "AVERAGE", "CCD_DIAG", "CONNECTI", "CONTOUR", "DIFFUS", "GLOBMAX", "GRADIENT", "HOLE",
     "INTERP", "LAPLACE", "MAXLOC", "OSCILLATOR", "PROP1", "RECALL", "SHADOW",
 )  # fmt: skip
-
-
-def transient(template, **spec):
-    return Transient(
-        template,
-        template.digest,
-        RunSpec(**spec),
-        has_previous=False,
-        has_state=True,
-        has_bias=False,
-        has_mask=False,
-    )
 
 
 def network(rng):
@@ -57,7 +43,7 @@ def network(rng):
     )
 
 
-def counted(engine, template, spec, maps):
+def counted(engine, solver_for, template, spec, maps):
     """Return how many evaluations of the rates each method takes that can."""
     counts = {}
     for method in PAIRS:
@@ -65,7 +51,7 @@ def counted(engine, template, spec, maps):
         counts[method] = 1 + steps * (TABLEAUX[method].stages - 1)
     shape = maps["state"].shape[-2:]
     if template.plain and spectrum(template, shape).real:
-        solver = choose(transient(template, method=STAGES, **spec), shape)
+        solver = solver_for(template, shape, method=STAGES, **spec)
         counts[STAGES] = chebyshev_evaluations(template, shape, maps, solver)
     return counts
 
@@ -87,13 +73,13 @@ def cases():
         yield network(rng), float(10.0 ** -rng.integers(3, 8)), rng
 
 
-def test_auto_takes_the_fewest_evaluations_or_few_more():
+def test_auto_takes_the_fewest_evaluations_or_few_more(solver_for):
     """Its method against the others, all counted."""
     engine, losses = Engine("numba", precision="float64"), []
     for template, rtol, rng in cases():
         maps, spec = maps_of(template, rng), {"rtol": rtol, "atol": 0.1 * rtol}
-        counts = counted(engine, template, spec, maps)
-        chosen = choose(transient(template, **spec), (8, 8)).method
+        counts = counted(engine, solver_for, template, spec, maps)
+        chosen = solver_for(template, (8, 8), **spec).method
         losses.append(counts[chosen] / min(counts.values()))
     assert len(losses) == 90
     # here 100 % and 1.24; dormand-prince throughout has 91 % and 2.8, tolerance alone 63 % and 2.6
@@ -135,22 +121,23 @@ def chebyshev_evaluations(template, shape, maps, solver):
 @pytest.mark.parametrize(
     ("strength", "rtol"), [(30.0, 1e-3), (30.0, 1e-5), (0.5, 1e-4), (3.0, 1e-8)]
 )
-def test_stages_are_taken_where_they_pay(strength, rtol):
+def test_stages_are_taken_where_they_pay(solver_for, strength, rtol):
     """A diffusion that saturates: fast, then hardly fast at all."""
     spread = np.array([[0, 1, 0], [1, -4.0, 1], [0, 1, 0]])
     template = Template("spread", strength * spread, boundary="zero-flux", duration=10.0)
     spec = {"rtol": rtol, "atol": 0.1 * rtol}
     state = np.random.default_rng(1).uniform(-1.0, 1.0, (10, 10))
-    counts = counted(Engine("numba", precision="float64"), template, spec, {"state": state})
-    chosen = choose(transient(template, **spec), (10, 10))
+    engine = Engine("numba", precision="float64")
+    counts = counted(engine, solver_for, template, spec, {"state": state})
+    chosen = solver_for(template, (10, 10), **spec)
     assert (chosen.method == STAGES) == (strength == 30.0)
     assert counts[chosen.method] <= 1.3 * min(counts.values())
 
 
 @pytest.mark.parametrize("rtol", [1e-3, 1e-6])
-def test_the_reason_states_the_numbers(rtol):
+def test_the_reason_states_the_numbers(solver_for, rtol):
     template = get_template("LAPLACE")
-    solver = choose(transient(template, rtol=rtol, atol=rtol), (12, 12))
+    solver = solver_for(template, (12, 12), rtol=rtol, atol=rtol)
     words = solver.reason.split()
     numbers = [int(word) for word in words if word.isdigit()]
     assert numbers == sorted(numbers)
@@ -159,11 +146,11 @@ def test_the_reason_states_the_numbers(rtol):
     assert {word.strip(";,") for word in words} & named == named - {solver.method}
 
 
-def test_the_reason_names_what_sets_the_steps():
+def test_the_reason_names_what_sets_the_steps(solver_for):
     fast = Template("fast", [[0, 30.0, 0], [30.0, -120.0, 30.0], [0, 30.0, 1e-9]], duration=50.0)
     slow = Template("slow", [[0, 0.1, 0], [0.1, 0.2, -0.1], [0, 0.1, 0]], duration=1.0)
-    assert "stability sets most" in choose(transient(fast), (6, 6)).reason
-    assert "the error estimate sets most" in choose(transient(slow, rtol=1e-8), (6, 6)).reason
+    assert "stability sets most" in solver_for(fast, (6, 6)).reason
+    assert "the error estimate sets most" in solver_for(slow, (6, 6), rtol=1e-8).reason
 
 
 @pytest.mark.parametrize("method", [BOGACKI_SHAMPINE, DORMAND_PRINCE], ids=lambda m: m.name)
@@ -190,13 +177,13 @@ def counted_near(template, method, tolerance):
 
 
 @pytest.mark.parametrize("settle", [False, True])
-def test_auto_never_steps_outside_the_stability_bound(settle):
+def test_auto_never_steps_outside_the_stability_bound(solver_for, settle):
     rng = np.random.default_rng(7)
     taken = set()
     for _ in range(60):
         template, rtol = network(rng), float(10.0 ** -rng.integers(1, 10))
         spec = {"rtol": rtol, "duration": "settle" if settle else 50.0}
-        solver = choose(transient(template, **spec), (5, 6))
+        solver = solver_for(template, (5, 6), **spec)
         bound = stability_bound(solver.method, template, (5, 6)).step
         taken.add(solver.method)
         if isinstance(solver.scheme, AdaptiveSteps):
@@ -209,23 +196,14 @@ def test_auto_never_steps_outside_the_stability_bound(settle):
 
 @pytest.mark.parametrize("output", ["standard", "linear", "full-range", "tanh"])
 @pytest.mark.parametrize("duration", [0.0, 1e-20, 3.0, "settle"])
-def test_any_array_has_a_choice(output, duration):
+def test_any_array_has_a_choice(solver_for, output, duration):
     """Cells that only grow, integrate or rest have no slowest decay, or no rate at all."""
     for centre in (-40.0, 0.0, 1.0, 9.0):
         for other in (0.0, 0.3):
             template = Template(
                 "any", [[0, 0, 0], [other, centre, -other], [0, 0, 0]], output=output
             )
-            masked = Transient(
-                template,
-                template.digest,
-                RunSpec(duration=duration),
-                has_previous=False,
-                has_state=True,
-                has_bias=False,
-                has_mask=True,
-            )
-            solver = choose(masked, (4, 4))
+            solver = solver_for(template, (4, 4), duration=duration, has_mask=True)
             assert solver.reason
             if isinstance(solver.scheme, AdaptiveSteps):
                 assert math.isfinite(solver.scheme.longest)
