@@ -4,10 +4,11 @@ Shares no neighbourhood code with the other engines (`scipy.ndimage.correlate` a
 here), so that agreement means something.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import correlate
 
@@ -15,6 +16,9 @@ from cnnum.arrays import Floats
 from cnnum.boundary import Boundary
 from cnnum.couplings import NonlinearCoupling
 from cnnum.template import Template
+
+_Places = NDArray[np.int64]
+"""Of every neighbour that a coupling sees and every cell: (neighbours, rows, cols)."""
 
 _Mode = Literal["constant", "reflect", "grid-wrap"]
 _NDIMAGE_MODES: dict[str, _Mode] = {
@@ -49,6 +53,11 @@ class StateEquation:
     template: Template
     shape: tuple[int, int]
     given: Given
+    _neighbours: tuple[_Places, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        places = (_shifted(self.template, c, self.shape) for c in self.template.nonlinear)
+        object.__setattr__(self, "_neighbours", tuple(places))
 
     def start(self) -> Floats:
         """Return the initial state."""
@@ -66,9 +75,9 @@ class StateEquation:
         total = np.zeros((template.layers, *self.shape)) + template.z[:, np.newaxis, np.newaxis]
         if given.inputs is not None:
             total += self._inputs_through(template.B, given.inputs)
-            for coupling in template.nonlinear:
+            for coupling, shifted in zip(template.nonlinear, self._neighbours, strict=True):
                 if coupling.static:
-                    total[coupling.to] += self._nonlinear(coupling, total, total)
+                    total[coupling.to] += self._nonlinear(coupling, shifted, total, total)
         return total if given.bias is None else total + given.bias
 
     def delayed_drive(self, *, before: bool) -> Floats | float:
@@ -93,9 +102,9 @@ class StateEquation:
             alone[gain.to, gain.source] = template.A[gain.to, gain.source]
             factor = float(gain.table(np.asarray(time))) - 1.0
             rate = rate + factor * self._outputs_through(alone, y)
-        for coupling in template.nonlinear:
+        for coupling, shifted in zip(template.nonlinear, self._neighbours, strict=True):
             if not coupling.static:
-                rate[coupling.to] += self._nonlinear(coupling, x, y)
+                rate[coupling.to] += self._nonlinear(coupling, shifted, x, y)
         if template.delayed is not None and past is not None:
             rate = rate + self._outputs_through(template.delayed.A, past)
         rate = rate / template.tau[:, np.newaxis, np.newaxis]
@@ -120,28 +129,30 @@ class StateEquation:
             return state
         return float(self.template.output.numpy(np.asarray(state)))
 
-    def _nonlinear(self, coupling: NonlinearCoupling, x: Floats, y: Floats) -> Floats:
+    def _nonlinear(
+        self, coupling: NonlinearCoupling, shifted: _Places, x: Floats, y: Floats
+    ) -> Floats:
         maps = {"x": x, "y": y, "u": self.given.inputs}
         neighbours, centres = maps[coupling.neighbour], maps[coupling.centre or coupling.neighbour]
         assert neighbours is not None
         assert centres is not None
-        seen = coupling.neighbour
-        boundary = self.template.input_boundary if seen == "u" else self.template.boundary
-        radius = coupling.weights.shape[0] // 2
-        padded = _padded(neighbours[coupling.source], boundary, radius, self._edge(seen))
+        cells = np.append(neighbours[coupling.source], self._edge(coupling.neighbour) or 0.0)
         centre = centres[coupling.centre_source if coupling.centre else coupling.source]
-        rows, cols = self.shape
-        total = np.zeros(self.shape)
-        for r, c in np.argwhere(coupling.weights):
-            neighbour = padded[r : r + rows, c : c + cols]
-            total += coupling.weights[r, c] * coupling.value(centre, neighbour)
+        weights = coupling.weights[coupling.weights.nonzero()][:, np.newaxis, np.newaxis]
+        total: Floats = (weights * coupling.value(centre, cells[shifted])).sum(axis=0)
         return total
 
 
-def _padded(values: Floats, boundary: Boundary, radius: int, edge: float | None) -> Floats:
+def _shifted(template: Template, coupling: NonlinearCoupling, shape: tuple[int, int]) -> _Places:
+    """Return which cell each neighbour is, row by row; virtual ones are the one after the last."""
+    seen, radius = coupling.neighbour, coupling.weights.shape[0] // 2
+    boundary = template.input_boundary if seen == "u" else template.boundary
+    cells = np.arange(shape[0] * shape[1]).reshape(shape)
     if boundary.pad_mode == "constant":
-        return np.pad(values, radius, mode="constant", constant_values=edge or 0.0)
-    return np.pad(values, radius, mode=boundary.pad_mode)
+        padded = np.pad(cells, radius, mode="constant", constant_values=cells.size)
+    else:
+        padded = np.pad(cells, radius, mode=boundary.pad_mode)
+    return sliding_window_view(padded, shape)[coupling.weights.nonzero()]
 
 
 def _correlated(kernels: Floats, maps: Floats, boundary: Boundary, edge: float | None) -> Floats:
@@ -150,7 +161,8 @@ def _correlated(kernels: Floats, maps: Floats, boundary: Boundary, edge: float |
     for to in range(kernels.shape[0]):
         for source in range(kernels.shape[1]):
             if kernels[to, source].any():
+                # SciPy spells the type out by its name unless it is told
                 total[to] += correlate(
-                    maps[source], kernels[to, source], mode=mode, cval=edge or 0.0
+                    maps[source], kernels[to, source], np.float64, mode=mode, cval=edge or 0.0
                 )
     return total
