@@ -63,8 +63,8 @@ class Layout:
             return np.zeros((2, 0), np.int64)
         rows, cols = (_sources(boundary, n, self.radius) + self.radius for n in self.shape)
         sources = (rows[:, np.newaxis] * self.pitch + cols).ravel()
-        places = np.arange(self.size)
-        return np.array([places, sources])[:, sources != places]
+        (places,) = np.nonzero(sources != np.arange(self.size))
+        return np.array([places, sources[places]])
 
     def bands(self, layers: int) -> Ints:
         """Return pieces of the layers, without the rows of the rim before and after them.

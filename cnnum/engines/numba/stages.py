@@ -4,7 +4,7 @@ from typing import Any
 
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.cells import copy, largest, look_up
-from cnnum.engines.numba.compiling import compiled, inlined
+from cnnum.engines.numba.compiling import compiled, inlined, merged
 from cnnum.engines.numba.phases import all_bands
 from cnnum.engines.numba.records import Frame, Plan, Reals
 
@@ -46,7 +46,7 @@ def _recall(plan: Plan, work: Reals, stage: Any, step: Any, number: Any) -> None
         past[i] = before[i] + part * (after[i] - before[i])
 
 
-@inlined
+@compiled
 def evaluate(
     plan: Plan, now: Frame, stage: Any, step: Any, time: Any, number: Any, spread: bool
 ) -> None:
@@ -62,7 +62,7 @@ def evaluate(
     all_bands(codes.SLOPE, plan, now, slopes, step, spread)
 
 
-@compiled
+@merged
 def evaluate_once(plan: Plan, now: Frame, time: Any, spread: bool) -> None:
     """Find the slopes of the state as it is."""
     evaluate(plan, now, codes.NONE, 0.0, time, codes.AT_REST, spread)

@@ -7,13 +7,13 @@ import numpy as np
 
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.cells import add, largest
-from cnnum.engines.numba.compiling import compiled, inlined
+from cnnum.engines.numba.compiling import inlined, merged
 from cnnum.engines.numba.phases import all_bands
 from cnnum.engines.numba.records import Frame, Plan, Reals
 from cnnum.engines.numba.stages import evaluate, evaluate_once, rests
 
 
-@compiled
+@merged
 def fixed(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
     """Take steps of one length; where it settles, until nothing changes any more."""
     taken, time, settled, settings = codes.NONE, 0.0, 0.0, plan.settings[0]
@@ -45,7 +45,7 @@ def _stages(plan: Plan, step: Any) -> tuple[Any, Any]:
     return stages * settings.most + 1, stages
 
 
-@compiled
+@merged
 def adaptive(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
     """Take steps that keep the error estimate within the tolerance."""
     taken, time, error, settled, settings = codes.NONE, 0.0, 0.0, 0.0, plan.settings[0]
