@@ -11,8 +11,10 @@ export PIP_CONSTRAINT := requirements.lock
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html
 
+# the workers fill the cores: threads of OpenBLAS on top wait for each other, in SciPy's `expm` of
+# small matrices hundreds of times as long as they work
 test: $(VENV)/dev.stamp
-	$(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
 
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
