@@ -154,7 +154,8 @@ def test_pairs_that_are_asked_for_take_the_same_steps_on_all(
     }
     maps["mask"] = rng.random((4, *SHAPE)) < 0.2
     plain = reference.run(template, method=name, duration=duration, **maps)
-    known = reference.run(template, duration=duration, rtol=1e-7, atol=1e-7, **maps)
+    first = {role: values[0] for role, values in maps.items()}
+    known = reference.run(template, duration=duration, rtol=1e-7, atol=1e-7, **first)
     assert plain.settled.all() == (duration == "settle")
     for label in ("opencl-float64", "numba-float64"):
         other = engines[label].run(template, method=name, duration=duration, **maps)
@@ -164,7 +165,7 @@ def test_pairs_that_are_asked_for_take_the_same_steps_on_all(
         assert np.abs(other.state - plain.state).max() <= 1e-9
         np.testing.assert_allclose(other.error, plain.error, rtol=1e-4)
     # its own steps at 1e-4, and not the answer at 1e-10
-    assert np.abs(plain.state - known.state).max() > 1e-8
+    assert np.abs(plain.state[0] - known.state).max() > 1e-8
 
 
 def test_the_reference_refuses_steps_that_do_not_reach_the_end(reference, monkeypatch):
