@@ -10,13 +10,17 @@ pull that has stopped, the contact tells: it moves on (`moves`).
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
+from cnnum.tactile.indenters import Reads
+from cnnum.templates.tactile.friction import Skin, friction_needed
 from cnnum.templates.tactile.growth import length
 from cnnum.templates.tactile.latch import latched
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
 from cnnum.templates.tactile.moves import Rest, moves_on
 from cnnum.templates.tactile.pull import RADIUS, Place, Side, force_on, place_of
+from cnnum.templates.tactile.twist import BUMP, Cover
+from cnnum.templates.tactile.unblur import DEPTH, READS
 
 STOPS = 3.0
 """How much likelier a slip must be than a stop at the same time, by how the force bends and by how
@@ -27,6 +31,11 @@ SUDDEN, MORE = 1.4, 16.0
 still. What a held object weighs comes like that, and what comes then may be rolling: with 8 one of
 570 held objects was taken to slip, with 16 one of two pulls that slid within a frame is missed
 (tuning seeds)."""
+
+SELDOM, FALLS, LEAST = 0.25, 0.02, 4.0
+"""Friction below which slip is less likely: rubber has seldom less than 0.3. By every 0.02 below a
+stop is likelier by e, for friction is known to 16 % (nine of ten slips on 8×8, tuning seeds), up to
+e⁴: no more, since a cover may be another one than the program is told."""
 
 GROSS = 0.45
 """Belief, against a pull that goes on growing, at which gross slip is reported."""
@@ -52,7 +61,15 @@ TINY = 1e-30
 
 @program
 def slip(
-    frame: FrameFields, *, push: float = PUSH, incipient: float = INCIPIENT, gross: float = GROSS
+    frame: FrameFields,
+    *,
+    push: float = PUSH,
+    incipient: float = INCIPIENT,
+    gross: float = GROSS,
+    depth: float = DEPTH,
+    reads: Reads = READS,
+    cover: Cover = "flat",
+    bump: float = BUMP,
 ) -> Mapping[str, Field]:
     """Slip between the skin and what touches it, from how the shear force grows.
 
@@ -67,6 +84,14 @@ def slip(
         rise under a push.
     incipient, gross : float
         Beliefs, 0 to 1, from which either is reported.
+    depth : float
+        Of the taxels under the surface, pitches; for the friction that a force would need.
+    reads : "strain" or "stress"
+        What they read under a flat cover.
+    cover : "flat", "bumpy" or "bumps-fem"
+        As the driver `simulated` has them.
+    bump : float
+        Radius of a bump, pitches.
 
     Returns
     -------
@@ -75,14 +100,22 @@ def slip(
         `slip_y` (unit vector, along columns and rows, of the object's motion or the tendency to
         it; 0 without a pull), `slip_strength` (1 − c/a: 0 sticks, 1 slides), `stick_map` (logic:
         the loaded taxels within the stick radius c of the contact's centre).
+
+    Raises
+    ------
+    PhysicsError
+        If depth or bumps are out of range.
+    UnknownNameError
+        If the cover or the reading is unknown.
     """
     loads = loads_of(frame, push)
     contact = place_of(loads, patch_of(loads))
-    return slip_of(contact, incipient=incipient, gross=gross)
+    skin = Skin(float(depth), reads, cover, float(bump))
+    return slip_of(contact, skin, incipient=incipient, gross=gross)
 
 
 def slip_of(
-    contact: Place, *, incipient: float = INCIPIENT, gross: float = GROSS
+    contact: Place, skin: Skin, *, incipient: float = INCIPIENT, gross: float = GROSS
 ) -> Mapping[str, Field]:
     """Return the outputs of `slip` from what other programs share with it."""
     loads, force = contact.loads, force_on(contact)
@@ -91,7 +124,7 @@ def slip_of(
     change = force.growth.steady < STEADY * force.growth.size + 5.0 * sqrt(force.normal_noise)
     stays = force.growth.size > ROLLS * force.normal * _moved(contact, force)
     engaged = force.outweighs & (force.growth.size > ENGAGED * force.normal) & change & stays
-    gone = latched(frame, grows, engaged & _slides(contact, force, rest, gross))
+    gone = latched(frame, grows, engaged & _slides(contact, force, rest, skin, gross))
     warns = found.soon - found.passed > incipient * (found.growing + found.stopped)
     begun = latched(frame, grows, engaged & warns)
     rest.learn(force.close(gone))
@@ -122,13 +155,15 @@ def _moved(contact: Place, force: Side) -> Field:
     return length(way)
 
 
-def _slides(contact: Place, force: Side, rest: Rest, gross: float) -> Field:
+def _slides(contact: Place, force: Side, rest: Rest, skin: Skin, gross: float) -> Field:
     """Return a flag: the force has stopped growing, and what it pulls at goes on."""
     loads, growth, found = contact.loads, force.growth, force.growth.found
     ratio = growth.size / maximum(force.normal, TINY)
     way = rest.way(growth, force.normal, loads.normal_noise)
     moves = moves_on(loads, growth, way, ratio)
+    lacks = maximum(SELDOM - friction_needed(contact, force, skin), 0.0)
     stops = where(growth.size < SUDDEN * growth.first, MORE * STOPS, STOPS) * found.ended
+    stops = stops * exp(minimum(lacks / FALLS, LEAST))
     # those whose time is not over yet count as they are, be it that of slip or of a stop
     on = found.growing - found.passed + found.stopped - found.ended
     grows = gross * (on + moves.against_growth)

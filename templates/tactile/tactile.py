@@ -8,6 +8,7 @@ from cnnum.programs.machine import FrameFields
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.contact import contact_of
 from cnnum.templates.tactile.edges import edges_of
+from cnnum.templates.tactile.friction import Skin
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.localize import localize_of
 from cnnum.templates.tactile.pull import place_of
@@ -40,13 +41,13 @@ def tactile(
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
     depth, reads
-        See `edges` and `contact`; the depth is for `twist_rate`, too.
+        See `edges` and `contact`; they are for `slip`, and the depth for `twist_rate`, too.
     unit : float
         See `contact`: what a unit of its loads is.
     rate : float, Hz
     cover : "flat", "bumpy" or "bumps-fem"
     bump : float
-        See `twist`; only `twist_rate` asks for the cover.
+        See `slip` and `twist`.
 
     Returns
     -------
@@ -57,7 +58,7 @@ def tactile(
     place = place_of(loads, patch_of(loads))
     return {
         **contact_of(loads, depth=depth, reads=reads, unit=unit),
-        **slip_of(place),
+        **slip_of(place, Skin(float(depth), reads, cover, float(bump))),
         **twist_of(place, rate=rate, depth=depth, cover=cover, bump=bump),
         **edges_of(loads, depth=depth, reads=reads),
         **localize_of(loads),

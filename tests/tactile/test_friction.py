@@ -1,0 +1,73 @@
+"""The friction that a force would need, against the simulation's, and what it is for."""
+
+import pytest
+
+from cnnum.drivers.simulated.script import Phase
+from cnnum.errors import UnknownNameError
+from cnnum.programs import program
+from cnnum.templates.tactile.friction import Skin, friction_needed, gains
+from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
+from cnnum.templates.tactile.pull import force_on, place_of
+from cnnum.templates.tactile.slip import slip
+
+HELD = (Phase("hold", 0.3), Phase("press", 0.3, load=0.6), Phase("hold", 0.3))
+PITCH = 1.5e-3
+
+
+@program
+def needed(frame, *, depth: float = 0.5, cover: str = "flat"):
+    """What `slip` asks of a force."""
+    contact = place_of(loads := loads_of(frame, PUSH), patch_of(loads))
+    force = force_on(contact)
+    force.close(force.growth.grows)
+    return {
+        "friction": friction_needed(contact, force, Skin(depth, "strain", cover, 0.4)),
+        "grows": force.growth.grows,
+    }
+
+
+@pytest.mark.parametrize("cover", ["flat", "bumpy", "bumps-fem"])
+@pytest.mark.parametrize("thickness", [0.7e-3, 2.0e-3])
+def test_what_slides_needs_its_friction(opencl, run, simulate, cover, thickness):
+    """Of it taxels read 3.4 to 4.5 times as much under 0.7 mm of a flat cover, 1.3 to 1.8 on bumps,
+    and 1.1 to 1.5 under 2 mm. Where the contact stands between taxels makes up to 20 %.
+    """
+    script = (*HELD, Phase("pull", 0.6, speed=1.2e-3, direction=0.7))
+    options = {"cover": cover, "thickness": thickness, "friction": 0.45, "seed": 61}
+    strain, truth = simulate(script=script, rate=100.0, start=(-0.3e-3, 0.1e-3), **options)
+    got = run(opencl, needed.bind(depth=thickness / PITCH, cover=cover), strain)
+    slides = (truth["slip"] > 0) & (got["grows"] > 0)
+    assert slides.sum() >= 5
+    assert got["friction"][slides][:5] == pytest.approx(0.45, rel=0.2)
+
+
+@pytest.mark.parametrize("shape", [(4, 4), (8, 8), (5, 12)])
+def test_taxels_at_the_surface_read_the_traction_itself(shape):
+    """Stress there is traction, and what slides with a friction of 1 pulls as it presses."""
+    for _, gain in gains(shape, Skin(0.01, "stress", "flat", 0.4)):
+        # 0.01 pitches down a cell of 0.25 has lost 2 % to its sides, shear and pressure alike
+        assert gain == pytest.approx(1.0, abs=0.02)
+
+
+def test_an_object_that_rolls_along_its_weight_does_not_slip(opencl, run, simulate):
+    """Its contact moves on along the force, as fast as in slip; but rubber has more friction.
+
+    The weight is 0.17 of the normal load, and comes within two frames: it has hardly a bend.
+    """
+    script = (
+        *HELD,
+        Phase("pull", 2 / 60, speed=1.08e-3, direction=0.7),
+        Phase("roll", 0.4, speed=1.57e-3, direction=0.7),
+    )
+    options = {"thickness": 1e-3, "radius": 22.6e-3, "friction": 1.0, "rate": 60.0}
+    for seed in range(62, 68):
+        strain, truth = simulate(script=script, seed=seed, start=(-0.2e-3, 0.1e-3), **options)
+        assert not truth["slip"].any()
+        got = run(opencl, slip.bind(depth=1e-3 / PITCH), strain, ["gross_slip"])
+        assert not got["gross_slip"].any()
+
+
+@pytest.mark.parametrize(("cover", "reads"), [("wavy", "strain"), ("flat", "force")])
+def test_unknown_skins_are_refused(cover, reads):
+    with pytest.raises(UnknownNameError, match=r"wavy|force"):
+        Skin(0.5, reads, cover, 0.4)
