@@ -18,8 +18,8 @@ from cnnum.errors import name_error
 from cnnum.programs.fields import Field, maximum, minimum
 from cnnum.tactile.bumps_felt import REACH, bumps_felt
 from cnnum.tactile.halfspace import rectangle_strain, rectangle_stress
-from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.loads import RIM
+from cnnum.templates.tactile.pressure import Carries
 from cnnum.templates.tactile.pull import Place, Side
 from cnnum.templates.tactile.twist import Cover
 
@@ -46,8 +46,9 @@ class Skin:
     ----------
     depth : float
         Of the taxels, pitches.
-    reads : "strain" or "stress"
-        What they read under a flat cover; under bumps strain.
+    reads : "strain", "stress" or "force"
+        What they read: "force" where each carries its own share of the load, whatever the cover;
+        under bumps otherwise strain.
     cover : "flat", "bumpy" or "bumps-fem"
         As the driver `simulated` has them.
     bump : float
@@ -60,12 +61,12 @@ class Skin:
     """
 
     depth: float
-    reads: Reads
+    reads: Carries
     cover: Cover
     bump: float
 
     def __post_init__(self) -> None:
-        for kind, name, known in (("cover", self.cover, Cover), ("reading", self.reads, Reads)):
+        for kind, name, known in (("cover", self.cover, Cover), ("reading", self.reads, Carries)):
             if name not in get_args(known):
                 raise name_error(kind, name, get_args(known))
 
@@ -125,6 +126,9 @@ def _cells(size: int) -> Floats:
 
 def _read(rows: Floats, cols: Floats, y: Floats, x: Floats, skin: Skin) -> tuple[Floats, Floats]:
     """Return normal readings of a push, and shear readings of a pull along x, (taxels, cells)."""
+    if skin.reads == "force":
+        own = np.where(np.maximum(abs(rows - y), abs(cols - x)) < 0.5, 1.0, 0.0)
+        return own, own
     if skin.cover == "flat":
         (along, down), (across, right) = (
             np.unique(away, return_inverse=True) for away in (rows - y, cols - x)

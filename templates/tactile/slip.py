@@ -12,15 +12,15 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.friction import Skin, friction_needed
 from cnnum.templates.tactile.growth import length
 from cnnum.templates.tactile.latch import latched
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
 from cnnum.templates.tactile.moves import Rest, moves_on
+from cnnum.templates.tactile.pressure import Carries
 from cnnum.templates.tactile.pull import RADIUS, Place, Side, force_on, place_of
 from cnnum.templates.tactile.twist import BUMP, Cover
-from cnnum.templates.tactile.unblur import DEPTH, READS
+from cnnum.templates.tactile.unblur import DEPTH
 
 STOPS = 3.0
 """How much likelier a slip must be than a stop at the same time, by how the force bends and by how
@@ -66,8 +66,8 @@ def slip(
     push: float = PUSH,
     incipient: float = INCIPIENT,
     gross: float = GROSS,
+    reads: Carries = "force",
     depth: float = DEPTH,
-    reads: Reads = READS,
     cover: Cover = "flat",
     bump: float = BUMP,
 ) -> Mapping[str, Field]:
@@ -84,10 +84,11 @@ def slip(
         rise under a push.
     incipient, gross : float
         Beliefs, 0 to 1, from which either is reported.
+    reads : "strain", "stress" or "force"
+        What the taxels read, for the friction that a force would need; "force" where each carries
+        its own share of the load, or where nobody knows.
     depth : float
-        Of the taxels under the surface, pitches; for the friction that a force would need.
-    reads : "strain" or "stress"
-        What they read under a flat cover.
+        Of the taxels under the surface, pitches, if not "force".
     cover : "flat", "bumpy" or "bumps-fem"
         As the driver `simulated` has them.
     bump : float
