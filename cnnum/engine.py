@@ -42,8 +42,8 @@ class Result:
         Whether |dx/dt|·τ is below the tolerance in every cell.
     error : (...) float
         Estimated error of the state: the sum of the steps' local errors and roundings, times a
-        safety factor; of an exact answer, its roundings. A method that does not know gives
-        infinity, as NaN would hide it.
+        safety factor; of an exact answer, its roundings. Fixed steps whose error is not followed
+        (`estimate=True`) give infinity, as NaN would hide it.
     method : str
     reason : str
         Why this method: what makes the array exact, or about how many evaluations of the rates it
@@ -172,6 +172,7 @@ class Engine:
         atol: float = 1e-5,
         dt: float | None = None,
         force: bool = False,
+        estimate: bool = False,
     ) -> Result:
         """Run one template's transient.
 
@@ -203,6 +204,9 @@ class Engine:
         force : bool
             Take a fixed step outside the stability bound all the same. The result is marked: not
             settled, error infinite.
+        estimate : bool
+            Follow the error of fixed steps as that of others is: a step takes at least one more
+            evaluation of the rates, and there are at most 100,000.
 
         Returns
         -------
@@ -220,7 +224,7 @@ class Engine:
         roles = {"input": input, "previous": previous, "state": state, "bias": bias, "mask": mask}
         given = _given(template, roles)
         names, stack, shape, lead = _stack(given, np.dtype(self.precision))
-        spec = RunSpec(duration, method, rtol, atol, dt, force=force)
+        spec = RunSpec(duration, method, rtol, atol, dt, force=force, estimate=estimate)
         check_spec(spec)
         exact = dt is None and method in ("auto", "propagator")
         ran = as_linear(template) if exact and stays_linear(template, given) else template

@@ -105,6 +105,8 @@ class RunSpec:
         Time constants after which a run to equilibrium gives up and says so.
     force : bool
         Take a fixed step outside the stability bound; the result is marked.
+    estimate : bool
+        Follow the error of fixed steps too, which takes more evaluations of the rates a step.
     """
 
     duration: Duration | None = None
@@ -114,6 +116,7 @@ class RunSpec:
     dt: float | None = None
     settle_limit: float = 1000.0
     force: bool = False
+    estimate: bool = False
 
 
 @dataclass(frozen=True, slots=True)

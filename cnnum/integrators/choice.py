@@ -25,6 +25,7 @@ from cnnum.integrators.tableau import (
     BOGACKI_SHAMPINE,
     DORMAND_PRINCE,
     EULER,
+    FOLLOWED,
     HEUN,
     ButcherTableau,
     tableau,
@@ -191,7 +192,28 @@ class _Choice:
             preset, reason = None, f"{reason}, in steps of half its stability bound"
         step, forced = self._bounded(method.name, bound, found.reason, preset)
         fixed = _fixed(template, method, step, self.duration, self.settle)
-        return fixed, (f"{reason}, outside its stability bound" if forced else reason), forced
+        if forced:
+            return fixed, f"{reason}, outside its stability bound", True
+        return (self._followed(fixed) if self.spec.estimate else fixed), reason, False
+
+    def _followed(self, fixed: FixedSteps) -> Stepping:
+        """Return the same steps with an estimate of their error, where nothing is known of it."""
+        if math.isfinite(fixed.error):
+            return fixed
+        if self.template.delayed is not None:
+            raise MethodError(
+                f"The error of steps with a delay is not followed: run template "
+                f"'{self.template.name}' without estimate=True."
+            )
+        self._refuse_many(fixed.count)
+        return AdaptiveSteps((FOLLOWED[fixed.tableau.name],), fixed.step, self.settle, fixed.step)
+
+    def _refuse_many(self, count: int) -> None:
+        if count > MAX_STEPS and not self.settle:
+            raise MethodError(
+                f"The error of at most {MAX_STEPS} steps is followed, and these are {count}: take "
+                "longer steps, or leave estimate=True out."
+            )
 
     def _bounded(
         self, method: str, bound: float, reason: str, preset: float | None
@@ -242,7 +264,7 @@ class _Choice:
         first = 0.1 * min(longest, 1.0 / found.fastest) if found.fastest else 0.1 * longest
         share = 0.8 if self.settle else 1.0
         safe = share * bound if 0.0 < bound < math.inf else self.duration
-        return AdaptiveSteps(method, first, self.settle, min(safe, self.duration))
+        return AdaptiveSteps((method,), first, self.settle, min(safe, self.duration))
 
     def _has_stages(self, found: Spectrum) -> bool:
         steady = self.template.plain and not self.template.output.limited
@@ -264,7 +286,7 @@ class _Choice:
         )
         return ChebyshevSteps(found.fastest, first, self.settle), reason, False
 
-    def _exponential(self, method: ExponentialMethod) -> tuple[ExponentialSteps, str, bool]:
+    def _exponential(self, method: ExponentialMethod) -> tuple[Stepping, str, bool]:
         if not self.template.plain:
             raise MethodError(
                 f"'{method.name}' runs linear couplings only: template '{self.template.name}' runs "
@@ -275,7 +297,17 @@ class _Choice:
         count = max(1, math.ceil(self.duration / step - 1e-9)) if self.duration > 0 else 0
         even = self.duration / count if count else step
         reason = "a fixed step was asked for" if self.spec.dt else "half of the stability bound"
-        return ExponentialSteps(method, even, count, self.settle), reason, forced
+        if not self.spec.estimate or forced:
+            return ExponentialSteps(method, even, count, self.settle), reason, forced
+        self._refuse_many(count)
+        if method.order > 1 and self.template.output.limited:
+            raise MethodError(
+                f"The error of '{method.name}' is not followed where the state is limited: run "
+                f"template '{self.template.name}' without estimate=True."
+            )
+        taus = self.template.tau.tolist()
+        rows = tuple(method.followed(even, tau) for tau in taus)
+        return AdaptiveSteps(rows, even, self.settle, even), reason, forced
 
 
 def _beside(best: Effort, efforts: list[Effort]) -> str:

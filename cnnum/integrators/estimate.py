@@ -10,7 +10,7 @@ from above:
 
 (Hairer, Nørsett & Wanner, Solving ODEs I, section I.10: the bound alone is rigorous, and for an
 array that decides it is astronomic.) What a step adds is the leading part of its own truncation
-error, from its stages: `ButcherTableau.truncation`.
+error, from its stages: `ButcherTableau.truncation`, and `ExponentialMethod.followed`.
 """
 
 import numpy as np

@@ -8,24 +8,27 @@ x' = −x/τ + N(x), N = (A ∗ f(x) + w)/τ. With z = −h/τ and φ₁(z) = (e
 """
 
 from dataclasses import dataclass
+from fractions import Fraction
+from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.integrators.tableau import Row
 
 
 def phi(order: int, z: Floats) -> Floats:
-    """Return φ₁ or φ₂ without the cancellation of its quotient at small z.
+    """Return φ₁, φ₂ or φ₃ without the cancellation of its quotient at small z.
 
     φ_k(z) = Σ_n zⁿ/(n + k)!
     """
     small = np.abs(z) < 0.5
     safe = np.where(small, 1.0, z)
     direct = np.expm1(safe) / safe
-    if order == 2:
-        direct = (direct - 1.0) / safe
-    term = np.full_like(z, 1.0 if order == 1 else 0.5)
+    for k in range(1, order):
+        direct = (direct - 1.0 / factorial(k)) / safe
+    term = np.full_like(z, 1.0 / factorial(order))
     series = term.copy()
     # 0.5ⁿ/n! is below the rounding of float64 after 14 terms
     for n in range(1, 15):
@@ -73,12 +76,77 @@ class ExponentialMethod:
         z = -step / tau
         return np.exp(z), -z * phi(1, z), -z * phi(2, z)
 
+    def followed(self, step: float, tau: float) -> "FollowedStep":
+        """Return a step of a layer with stages that tell its error.
+
+        The first method is off by what the second one's correction would be, the second by what
+        one of third order would add, whose stage amid the step is that of Shu & Osher (1988)
+        where h/τ is small.
+        """
+        decay = step / tau
+        whole, half = np.array([-decay]), np.array([-0.5 * decay])
+        one, two, three = (float(phi(k, whole)[0]) for k in (1, 2, 3))
+        n = 2 * self.order
+        start = np.eye(n)[0]
+
+        def change(stage: int, move: Floats) -> Floats:
+            """Return N − N₀ of a stage, as parts of the rates: k − k₀ + what it moved over τ."""
+            return np.asarray(np.eye(n)[stage] - start + decay * move, dtype=np.float64)
+
+        first = one * start
+        if self.order == 1:
+            return FollowedStep.of(self, [0.0 * start, first], two * change(1, first))
+        beyond = change(1, first)
+        amid = 0.5 * (float(phi(1, half)[0]) * start + float(phi(2, half)[0]) * beyond)
+        bend = beyond - 2.0 * change(2, amid)
+        rows = [0.0 * start, first, amid, first + two * beyond]
+        return FollowedStep.of(self, rows, (4.0 * three - 2.0 * two) * bend)
+
     def growth(self, step: float, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """Return the factor of a mode a step, where 1/τ = 1 and the mode of J is `values`."""
         kept, first, second = (float(w[0]) for w in self.weights(step, np.ones(1)))
         coupling = values + 1.0
         once = kept + first * coupling
         return once if self.order == 1 else once + second * coupling * (once - 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedStep:
+    """An exponential step of one length, as sums of rates whose last stage is at its end.
+
+    Attributes
+    ----------
+    name : str
+    order : int
+    a : tuple of rows
+    truncation : tuple of rows
+        The part of its error that it tells.
+    """
+
+    name: str
+    order: int
+    a: tuple[Row, ...]
+    truncation: tuple[Row, ...]
+
+    @classmethod
+    def of(cls, method: ExponentialMethod, a: list[Floats], part: Floats) -> "FollowedStep":
+        """Return the step whose stages have these rows, the last one that of its end."""
+        rows = tuple(_row(row[:stage]) for stage, row in enumerate(a))
+        return cls(method.name, method.order, rows, (_row(part),))
+
+    @property
+    def stages(self) -> int:
+        """Evaluations of the rates, of which the last is the first of the next step."""
+        return len(self.a)
+
+    @property
+    def error(self) -> Row:
+        """It has one length."""
+        return (Fraction(0),) * self.stages
+
+
+def _row(values: Floats) -> Row:
+    return tuple(Fraction(value) for value in values.tolist())
 
 
 EXPONENTIAL_EULER = ExponentialMethod("exponential-euler", 1)

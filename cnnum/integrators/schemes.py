@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from cnnum.integrators.exponential import ExponentialMethod
-from cnnum.integrators.tableau import ButcherTableau
+from cnnum.integrators.tableau import ButcherTableau, Pair
 
 MAX_STEPS = 100_000
 """Steps after which an adaptive run gives up and says so."""
@@ -29,14 +29,27 @@ class FixedSteps:
 
 @dataclass(frozen=True, slots=True)
 class AdaptiveSteps:
-    """Steps that keep the method's own error estimate within the tolerances."""
+    """Steps that keep the method's own error estimate within the tolerances.
 
-    tableau: ButcherTableau
+    Where the estimate is 0, all are as long as the first, and only their error is followed.
+    """
+
+    tableaux: tuple[Pair, ...]
+    """One for all layers, or one a layer."""
     first_step: float
     settle: bool
     longest: float
     """No step is longer: at the stability bound a decay bounces instead of settling, by less than
     the error estimate sees."""
+
+    @property
+    def tableau(self) -> Pair:
+        """That of the first layer, which has the name, order and stages of all."""
+        return self.tableaux[0]
+
+    def of(self, layer: int) -> Pair:
+        """Return the tableau of a layer."""
+        return self.tableaux[layer % len(self.tableaux)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,10 +1,11 @@
 """Explicit Runge–Kutta methods as data: a new method is one record here."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from math import factorial
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,43 @@ from cnnum.arrays import Floats
 from cnnum.errors import name_error
 
 Row = tuple[Fraction, ...]
+
+
+class Pair(Protocol):
+    """Stages of a step the last of which is at its end, and what tells its error.
+
+    The numbers are those of a `ButcherTableau`; others may have them from elsewhere.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the method."""
+        ...
+
+    @property
+    def a(self) -> tuple[Row, ...]:
+        """Rows of the stages' states; the last is the step's end."""
+        ...
+
+    @property
+    def order(self) -> int:
+        """Power of a step's length with which its estimated error grows."""
+        ...
+
+    @property
+    def error(self) -> Row:
+        """What the length of steps follows; of zeros it refuses none."""
+        ...
+
+    @property
+    def truncation(self) -> tuple[Row, ...]:
+        """Parts of the error that a step adds."""
+        ...
+
+    @property
+    def stages(self) -> int:
+        """Evaluations of dx/dt, of which the last is the first of the next step."""
+        ...
 
 
 def _row(text: str) -> Row:
@@ -33,7 +71,8 @@ class ButcherTableau:
     b : row
     order : int
     error : row, optional
-        b − b̂ of the embedded method; without it steps are fixed.
+        b − b̂ of the embedded method, whose last stage is the first of the next step; without it
+        steps are fixed, and of zeros it refuses none.
 
     Raises
     ------
@@ -62,6 +101,10 @@ class ButcherTableau:
         wrong = [at for at, got, wanted in conditions if at <= self.order and got != wanted]
         if wrong or (self.error and sum(self.error) != 0):
             raise ValueError(f"'{self.name}' misses the conditions of order {wrong or 'error'}.")
+        if self.error and (a[-1] != b[:-1] or b[-1] != 0):
+            raise ValueError(
+                f"The last stage of '{self.name}', whose error is told, is not its end."
+            )
 
     @property
     def stages(self) -> int:
@@ -74,11 +117,6 @@ class ButcherTableau:
         return bool(self.error)
 
     @property
-    def first_same_as_last(self) -> bool:
-        """Whether the last stage is the first of the next step."""
-        return self.a[-1] == self.b[:-1] and self.b[-1] == 0
-
-    @cached_property
     def truncation(self) -> tuple[Row, ...]:
         """Rows d of which h Σ_i d_i k_i is a part of the step's own truncation error, in order.
 
@@ -86,14 +124,16 @@ class ButcherTableau:
         off by e^z − R(z). Its leading parts up to z^s are combinations of the stages: a row each.
         Between corners of f an array is linear, so that they tell its error; at a corner, their
         sum of absolute values is seldom below the error (Bogacki–Shampine: never below 0.37 of it,
-        Dormand–Prince: 0.19), where that of the embedded method may vanish.
+        Dormand–Prince: 0.19), where that of the embedded method may vanish. A stage that reaches
+        no higher power than the one before tells no part of its own.
         """
         growth = self._stage_polynomials()
         gaps = [
             Fraction(1, factorial(q + 1)) - sum(b * growth[i][q] for i, b in enumerate(self.b))
             for q in range(self.stages)
         ]
-        return tuple(self._row_of(q, gap, growth) for q, gap in enumerate(gaps) if gap)
+        told = [growth[q][q] != 0 for q in range(self.stages)]
+        return tuple(self._row_of(q, gap, growth) for q, gap in enumerate(gaps) if gap and told[q])
 
     def _stage_polynomials(self) -> list[list[Fraction]]:
         """Return the coefficients of K_i(z) = 1 + z Σ_j a_ij K_j(z), lowest power first."""
@@ -112,7 +152,7 @@ class ButcherTableau:
         for q in reversed(range(self.stages)):
             wanted = value if q == power else Fraction(0)
             above = sum((row[i] * growth[i][q] for i in range(q + 1, self.stages)), Fraction(0))
-            row[q] = (wanted - above) / growth[q][q]
+            row[q] = (wanted - above) / growth[q][q] if growth[q][q] else Fraction(0)
         return tuple(row)
 
     @cached_property
@@ -203,6 +243,28 @@ DORMAND_PRINCE = ButcherTableau(
 )
 
 TABLEAUX = {t.name: t for t in (EULER, HEUN, RK4, BOGACKI_SHAMPINE, DORMAND_PRINCE)}
+
+# The same steps, with the stages that tell their error: one at the end, and for Heun's method one
+# amid the step (Shu & Osher 1988), as its own do not see a rate that bends between them. Their
+# error estimate is 0, as it refuses no step.
+_FOLLOWED_EULER = ButcherTableau("euler", (_row(""), _row("1")), _row("1 0"), 1, _row("0 0"))
+_FOLLOWED_HEUN = ButcherTableau(
+    "heun",
+    (_row(""), _row("1"), _row("1/4 1/4"), _row("1/2 1/2 0")),
+    _row("1/2 1/2 0 0"),
+    2,
+    error=_row("0 0 0 0"),
+)
+_FOLLOWED_RK4 = ButcherTableau(
+    "rk4",
+    (*RK4.a, _row("1/6 1/3 1/3 1/6")),
+    _row("1/6 1/3 1/3 1/6 0"),
+    4,
+    error=_row("0 0 0 0 0"),
+)
+FOLLOWED = {t.name: t for t in (_FOLLOWED_EULER, _FOLLOWED_HEUN, _FOLLOWED_RK4)} | {
+    t.name: replace(t, error=_row("0 " * t.stages)) for t in (BOGACKI_SHAMPINE, DORMAND_PRINCE)
+}
 
 
 def tableau(name: str) -> ButcherTableau:

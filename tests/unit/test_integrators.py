@@ -1,6 +1,7 @@
 """Methods as data: their order, their stability, and the bounds that follow for templates."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -15,7 +16,13 @@ from cnnum.integrators.schemes import ChebyshevSteps
 from cnnum.integrators.spectral import Spectral, evaluate, spectral
 from cnnum.integrators.spectrum import spectrum
 from cnnum.integrators.stability import METHODS, stability_bound
-from cnnum.integrators.tableau import BOGACKI_SHAMPINE, DORMAND_PRINCE
+from cnnum.integrators.tableau import (
+    BOGACKI_SHAMPINE,
+    DORMAND_PRINCE,
+    FOLLOWED,
+    TABLEAUX,
+    ButcherTableau,
+)
 from cnnum.library import get_template
 from cnnum.network import Network
 from cnnum.template import Template
@@ -179,7 +186,13 @@ def test_spectral_solves_the_heat_equation():
     assert np.abs(got.ravel() - wanted).max() < 1e-13
 
 
-@pytest.mark.parametrize("method", [BOGACKI_SHAMPINE, DORMAND_PRINCE], ids=lambda m: m.name)
+TOLD = {"pair": [BOGACKI_SHAMPINE, DORMAND_PRINCE], "followed": [*FOLLOWED.values()]}
+
+
+@pytest.mark.parametrize(
+    "method",
+    [pytest.param(m, id=f"{kind}-{m.name}") for kind, found in TOLD.items() for m in found],
+)
 def test_truncation_is_the_error_of_a_linear_step(method):
     """A step of x' = λx, taken stage by stage: its parts add up to e^z − R(z)."""
     for z in (-0.02, 0.01 + 0.03j):
@@ -190,13 +203,22 @@ def test_truncation_is_the_error_of_a_linear_step(method):
         parts = [
             sum(float(d) * k for d, k in zip(row, slopes, strict=True)) for row in method.truncation
         ]
-        # what is left is of the order after the last stage; of the difference, 1e-15 is rounding
-        assert abs(np.exp(z) - step - sum(parts)) <= abs(z) ** (method.stages + 1) / 60 + 1e-15
+        # what is left is of the next order; of the difference, 1e-15 is rounding
+        left = 1.1 * abs(z) ** (method.order + 2) / math.factorial(method.order + 2)
+        assert abs(np.exp(z) - step - sum(parts)) <= left + 1e-15
         assert abs(sum(parts)) > 0
 
 
 @pytest.mark.parametrize(
-    ("method", "least"), [(BOGACKI_SHAMPINE, 0.37), (DORMAND_PRINCE, 0.19)], ids=("bs", "dp")
+    ("method", "least"),
+    [
+        (BOGACKI_SHAMPINE, 0.37),
+        (DORMAND_PRINCE, 0.19),
+        (FOLLOWED["euler"], 1.0),
+        (FOLLOWED["heun"], 0.66),
+        (FOLLOWED["rk4"], 0.4),
+    ],
+    ids=lambda it: getattr(it, "name", ""),
 )
 def test_truncation_sees_corners(method, least):
     """The rate bends at θ: the parts are no less than so much of the quadrature's error."""
@@ -207,3 +229,41 @@ def test_truncation_sees_corners(method, least):
         error = abs(weights @ bent - (1 - theta) ** 2 / 2)
         parts = sum(abs(np.array(row, dtype=float) @ bent) for row in method.truncation)
         assert parts >= least * error
+
+
+@pytest.mark.parametrize("name", TABLEAUX)
+def test_followed_steps_are_the_methods_own(name):
+    """The same R(z), and no estimate that could refuse a step."""
+    followed, z = FOLLOWED[name], np.array([-0.7 + 0.4j, 0.3j, -2.0])
+    np.testing.assert_allclose(followed.growth(z), TABLEAUX[name].growth(z), rtol=1e-14)
+    assert followed.order == TABLEAUX[name].order
+    assert not any(followed.error)
+
+
+def test_an_error_of_another_state_than_the_last_stage_is_refused():
+    half, one = Fraction(1, 2), Fraction(1)
+    with pytest.raises(ValueError, match="is not its end"):
+        ButcherTableau("heun", ((), (one,)), (half, half), 2, error=(half, -half))
+
+
+@pytest.mark.parametrize("method", [EXPONENTIAL_EULER, ETD_RK2], ids=lambda m: m.name)
+@pytest.mark.parametrize("decay", [0.01, 0.1, 1.0, 3.0])
+def test_exponential_steps_tell_their_error(method, decay):
+    """A mode λ = (μ − 1)/τ, stage by stage: the step is the method's, its part e^z − R(z).
+
+    Of short steps to a hundredth; of long ones, while the mode does not grow, to a factor of 3.
+    """
+    tau = 0.7
+    followed = method.followed(decay * tau, tau)
+    for mode in (-1.3, 0.3j, 0.6, -1.0 + 1.0j):
+        z, slopes = decay * (mode - 1.0), []
+        for row in followed.a:
+            slopes.append(z * (1 + sum(float(a) * k for a, k in zip(row, slopes, strict=True))))
+        step = 1 + sum(float(a) * k for a, k in zip(followed.a[-1], slopes, strict=False))
+        growth = method.growth(decay, np.array([mode - 1.0 + 0j]))[0]
+        assert abs(step - growth) <= 1e-13
+        (part,) = followed.truncation
+        told = abs(sum(float(d) * k for d, k in zip(part, slopes, strict=True)))
+        wanted = abs(np.exp(z) - growth)
+        assert told == pytest.approx(wanted, rel=0.02 if decay == 0.01 else 2.0)
+        assert told >= wanted / 3.0

@@ -1,5 +1,7 @@
 """From a solver to the numbers of its method: a tableau a layer, or Chebyshev's stages."""
 
+from fractions import Fraction
+
 import numpy as np
 
 from cnnum.arrays import Floats
@@ -8,30 +10,34 @@ from cnnum.engines.numba.records import Real, Reals
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
 from cnnum.integrators.solver import Solver
-from cnnum.integrators.tableau import ButcherTableau, Row
+from cnnum.integrators.tableau import Row
 from cnnum.template import Template
 
 
 def tableaux(template: Template, solver: Solver) -> Floats:
     """Return (layers or 1, rows, stages) numbers, whose rows `codes` names."""
     scheme = solver.scheme
-    if isinstance(scheme, FixedSteps | AdaptiveSteps):
-        return _tableau(scheme.tableau)[np.newaxis]
+    if isinstance(scheme, FixedSteps):
+        tableau = scheme.tableau
+        return _rows(tableau.a, weights=tableau.b)[np.newaxis]
+    if isinstance(scheme, AdaptiveSteps):
+        found = [_rows(one.a, errors=one.error, parts=one.truncation) for one in scheme.tableaux]
+        return np.array(found)
     if isinstance(scheme, ExponentialSteps):
         return _exponential(scheme, template.tau)
     # one stage of no step says what the slopes are
     return np.zeros((1, codes.STAGES + 1, 2))
 
 
-def _tableau(tableau: ButcherTableau) -> Floats:
-    def padded(row: Row) -> list[float]:
-        return [float(x) for x in row] + [0.0] * (tableau.stages - len(row))
-
-    times = [float(sum(row)) for row in tableau.a]
-    rows = [padded(tableau.b), times, padded(tableau.error), padded(())]
-    rows += map(padded, tableau.a)
-    rows += map(padded, tableau.truncation) if tableau.adaptive else ()
-    return np.array(rows)
+def _rows(
+    a: tuple[Row, ...], weights: Row = (), errors: Row = (), parts: tuple[Row, ...] = ()
+) -> Floats:
+    """Return the rows that `codes` names; nothing is carried."""
+    times = tuple(sum(row, Fraction(0)) for row in a)
+    rows = np.zeros((codes.STAGES + len(a) + len(parts), len(a)))
+    for at, row in enumerate((weights, times, errors, (), *a, *parts)):
+        rows[at, : len(row)] = [float(x) for x in row]
+    return rows
 
 
 def _exponential(scheme: ExponentialSteps, tau: Floats) -> Floats:

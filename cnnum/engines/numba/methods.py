@@ -69,8 +69,6 @@ def _exponential(scheme: ExponentialSteps) -> dict[str, Any]:
 def _adaptive(scheme: AdaptiveSteps | ChebyshevSteps) -> dict[str, Any]:
     steps = {"step": scheme.first_step, "count": MAX_STEPS}
     if isinstance(scheme, AdaptiveSteps):
-        # the estimate of the error belongs to the state at the last stage
-        assert scheme.tableau.first_same_as_last
         return steps | {
             "scheme": codes.ADAPTIVE,
             "stages": scheme.tableau.stages,

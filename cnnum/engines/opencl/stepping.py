@@ -12,7 +12,7 @@ from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import MAX_STEPS, AdaptiveSteps, FixedSteps
 from cnnum.integrators.estimate import LOST, ROUNDINGS, SAFETY, SMALLEST_RATE, error_growth
-from cnnum.integrators.tableau import ButcherTableau, Row
+from cnnum.integrators.tableau import Pair, Row
 
 LARGEST_EXPONENT = 80.0
 """e to this is a number of single precision."""
@@ -31,7 +31,7 @@ def _states(text: TransientText, array: str) -> list[str]:
     return [f"{array}[{text.at(layer)}]" for layer in range(text.layers)]
 
 
-def _stage(text: TransientText, tableau: ButcherTableau, stage: int, instant: Instant) -> None:
+def _stage(text: TransientText, tableaux: tuple[Pair, ...], stage: int, instant: Instant) -> None:
     """Append one stage of step `h`: outputs at its state, then its rates in k."""
     if stage == 0:
         outputs(text, _states(text, "x"))
@@ -39,8 +39,8 @@ def _stage(text: TransientText, tableau: ButcherTableau, stage: int, instant: In
         rates(text, "x", ["k0[{at}] = rate;"], instant)
         return
     states = [
-        f"x[{text.at(layer)}] + h * ({_combination(tableau.a[stage], text, text.at(layer))})"
-        for layer in range(text.layers)
+        f"x[{text.at(layer)}] + h * ({_combination(one.a[stage], text, text.at(layer))})"
+        for layer, one in enumerate(tableaux)
     ]
     outputs(text, states, keep="xs")
     rates(text, "xs", [f"k{stage}[{{at}}] = rate;"], instant)
@@ -158,7 +158,7 @@ def _several_stages(text: TransientText, scheme: FixedSteps) -> None:
     for stage in range(tableau.stages):
         c = float(sum(tableau.a[stage]))
         text.lines.append("{")
-        _stage(text, tableau, stage, _instant(text, scheme.step, c))
+        _stage(text, (tableau,) * text.layers, stage, _instant(text, scheme.step, c))
         text.lines.append("}")
     body: list[str] = []
     for layer in range(text.layers):
@@ -201,6 +201,7 @@ class Attempt:
 def sweeps(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
     """Return a step's statements as sweeps over all cells, a stage after the other."""
     tableau, last = scheme.tableau, scheme.tableau.stages - 1
+    tableaux = tuple(scheme.of(layer) for layer in range(text.layers))
     for stage in range(1, tableau.stages):
         text.array(f"k{stage}", text.layers * text.cells)
     text.array("xs", text.layers * text.cells)
@@ -208,10 +209,10 @@ def sweeps(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
         for stage in range(1, tableau.stages):
             c = text.number(float(sum(tableau.a[stage])))
             text.lines.append("{")
-            _stage(text, tableau, stage, Instant(f"time + {c} * h"))
+            _stage(text, tableaux, stage, Instant(f"time + {c} * h"))
             text.lines.append("}")
     with text.aside() as judge:
-        _judge(text, tableau)
+        _judge(text, tableaux)
     advance = [
         f"for (int i = 0; i < {text.layers * text.cells}; ++i) {{",
         "    x[i] = PICK(accept != ZERO, xs[i], x[i]);",
@@ -231,7 +232,7 @@ def adaptive(
     text.array("k0", text.layers * text.cells)
     attempt = attempts(text, scheme)
     with text.aside() as first_rates:
-        _stage(text, tableau, 0, Instant("time"))
+        _stage(text, (tableau,), 0, Instant("time"))
     filled = fill(
         "adaptive_steps",
         method=tableau.name,
@@ -264,12 +265,12 @@ def growth_texts(text: TransientText) -> dict[str, str]:
     }
 
 
-def _judge(text: TransientText, tableau: ButcherTableau) -> None:
+def _judge(text: TransientText, tableaux: tuple[Pair, ...]) -> None:
     """Append the text that finds the worst error of a step, and the change at its end."""
-    last, body = tableau.stages - 1, list[str]()
+    last, body = tableaux[0].stages - 1, list[str]()
     tau = text.number(float(text.template.tau.max()))
     rounding = text.number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
-    for layer in range(text.layers):
+    for layer, tableau in enumerate(tableaux):
         at = text.at(layer)
         scale, at_end = text.scale(f"fmax(fabs(x[{at}]), fabs(xs[{at}]))"), text.scale(f"xs[{at}]")
         parts = " + ".join(f"fabs(h * ({_combination(d, text, at)}))" for d in tableau.truncation)

@@ -8,13 +8,13 @@ import numpy as np
 
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.integrators.estimate import ROUNDINGS
-from cnnum.integrators.tableau import ButcherTableau, Row
+from cnnum.integrators.tableau import Pair, Row
 
 FIGURES = ("worst", "added", "speed", "change")
 """What is found of a step: the largest of each in all cells."""
 
 
-def pair_cases(rows: Rows, tableau: ButcherTableau, most: int, block: int) -> list[str]:
+def pair_cases(rows: Rows, tableau: Pair, most: int, block: int) -> list[str]:
     """Return the text of all stages of so many rows; `most` strips keep what they find."""
     last, lines = tableau.stages - 1, list[str]()
     head = [
@@ -39,7 +39,7 @@ def pair_cases(rows: Rows, tableau: ButcherTableau, most: int, block: int) -> li
     return lines + rows.case(last, [head[0], *loaded, *each, *kept])
 
 
-def _first(rows: Rows, tableau: ButcherTableau, row: int) -> list[str]:
+def _first(rows: Rows, tableau: Pair, row: int) -> list[str]:
     last = tableau.stages - 1
     lines = [
         f"const vec a = moved ? {rows.array('strip_xs', row)} : {rows.array('strip_x', row)};",
@@ -52,14 +52,14 @@ def _first(rows: Rows, tableau: ButcherTableau, row: int) -> list[str]:
     return _block(lines)
 
 
-def _next(rows: Rows, tableau: ButcherTableau, stage: int, row: int) -> list[str]:
+def _next(rows: Rows, tableau: Pair, stage: int, row: int) -> list[str]:
     lines = _rate(rows, stage, row)
     lines += _loaded(rows, [tableau.a[stage + 1]], stage, row)
     lines.append(f"const vec a = {rows.array('strip_x', row)};")
     return _block([*lines, *_moved(rows, tableau, stage + 1, row)])
 
 
-def _moved(rows: Rows, tableau: ButcherTableau, stage: int, row: int) -> list[str]:
+def _moved(rows: Rows, tableau: Pair, stage: int, row: int) -> list[str]:
     """Return the text that makes the state of a stage, and its outputs."""
     return [
         f"vec b = a + h * ({_combination(rows, tableau.a[stage])});",
@@ -83,10 +83,10 @@ def _loaded(rows: Rows, weights: list[Row], stage: int, row: int) -> list[str]:
 
 def _combination(rows: Rows, weights: Row) -> str:
     terms = [f"{rows.vector(float(w))} * k{n}" for n, w in enumerate(weights) if w]
-    return " + ".join(terms)
+    return " + ".join(terms) or rows.vector(0.0)
 
 
-def _judge(rows: Rows, tableau: ButcherTableau, row: int) -> list[str]:
+def _judge(rows: Rows, tableau: Pair, row: int) -> list[str]:
     """Return the text that takes a row into the worst error of a step, and what its end is."""
     text, last = rows.text, tableau.stages - 1
     tau = rows.vector(float(text.template.tau.max()))

@@ -40,7 +40,7 @@ def strips_fit(text: TransientText, scheme: FixedSteps | ExponentialSteps | Adap
 def _repeats(scheme: FixedSteps | ExponentialSteps | AdaptiveSteps, tau: float) -> bool:
     """Return whether all steps are alike, and of stages that strips can take."""
     if isinstance(scheme, AdaptiveSteps):
-        return scheme.tableau.first_same_as_last
+        return True
     even = not isinstance(scheme, FixedSteps) or scheme.last == scheme.step
     return even and scheme.count > 0 and not scheme.settle and stages_of(scheme, tau) is not None
 

@@ -6,6 +6,7 @@ Shampine & Verwer, J. Comput. Appl. Math. 88 (1998) 315-326, section 2.2).
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,7 @@ from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_for
 from cnnum.integrators.estimate import LOST, ROUNDINGS, SAFETY, SMALLEST_RATE, error_growth
 from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
+from cnnum.integrators.tableau import Row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,14 +60,26 @@ class _Pair:
         return self.scheme.longest
 
     def trial(self, x: Floats, rate: Floats, time: float, h: float) -> Trial:
-        tableau, stages, moved = self.scheme.tableau, [rate], x
-        for row in tableau.a[1:]:
-            moved = limited(self.equation, x + h * combined(row, stages, x))
-            at = time + float(sum(row)) * h
+        layers = [self.scheme.of(layer) for layer in range(len(x))]
+        stages, moved = [rate], x
+        for number in range(1, layers[0].stages):
+            ahead = _weighted([one.a[number] for one in layers], stages)
+            moved = limited(self.equation, x + h * ahead)
+            at = time + float(sum(layers[0].a[number])) * h
             stages.append(self.equation.rate(self.drive, moved, None, at))
-        parts = [np.abs(h * combined(row, stages, x)) for row in tableau.truncation]
-        off = np.abs(h * combined(tableau.error, stages, x))
-        return Trial(moved, stages[-1], off, np.sum(parts, axis=0))
+        parts = zip(*(one.truncation for one in layers), strict=True)
+        added = [np.abs(h * _weighted(rows, stages)) for rows in parts]
+        off = np.abs(h * _weighted([one.error for one in layers], stages))
+        return Trial(moved, stages[-1], off, np.sum(added, axis=0))
+
+
+def _weighted(rows: Sequence[Row], stages: list[Floats]) -> Floats:
+    """Return the sum of the rates of a step's stages, weighted by a row for each layer."""
+    sums = [
+        combined(row, [rates[layer] for rates in stages], stages[0][layer])
+        for layer, row in enumerate(rows)
+    ]
+    return np.array(sums)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,6 +1,6 @@
         // $method: steps follow the error estimate
         real time = ZERO, steps = ZERO, settled = ZERO, error = ZERO, h = $first_step;
-        real speed_before = ZERO;
+        real speed_before = ZERO, behind = ZERO;
         real running = PICK(time < $duration, ONE, ZERO);
 $first_rates
         for (int i = 0; i < $states; ++i) {
@@ -13,7 +13,10 @@ $stages
 $judge
             const real accept = PICK(worst <= ONE, running, ZERO);
 $advance
-            time += accept * h;
+            // what rounding leaves out of the time comes with the next step
+            const real ahead = accept * h - behind, reached = time + ahead;
+            behind = (reached - time) - ahead;
+            time = reached;
             steps += running;
             // an error grows as the rates do, within what the feedback allows
             const real faster = fmax(speed / fmax(speed_before, $smallest_rate), ONE);
