@@ -67,12 +67,13 @@ def turned(simulate, run, opencl, cover, load, angle=0.2, **options):
 
 
 @pytest.mark.parametrize(
-    ("cover", "thickness", "radius", "load"),
-    [("bumps-fem", 2e-3, 25e-3, 0.35), ("bumpy", 1e-3, 25e-3, 0.3), ("flat", 0.7e-3, 25e-3, 0.3)],
+    ("cover", "thickness", "load", "share"),
+    [("bumps-fem", 2e-3, 0.35, 0.01), ("bumpy", 1e-3, 0.3, 0.025), ("flat", 0.7e-3, 0.3, 0.015)],
 )
-def test_moment_grows_by_the_law(simulate, run, opencl, cover, thickness, radius, load):
-    """Within 4 % of the last moment: on flat covers the simulation's cells of a fifth of a pitch
-    make so small a contact 0.8 % wider than it is, and its cube 2.4 %; a few radii leave 1 %."""
+def test_moment_grows_by_the_law(simulate, run, opencl, cover, thickness, load, share):
+    """`share` of the last moment: the fitted radius is up to 0.5 % off, its cube three times that,
+    and straight lines between eight knots leave up to 1 % on bumps."""
+    radius = 25e-3
     options = {"thickness": thickness, "radius": radius, "friction": 0.6}
     known, (moment, _), _, step = turned(simulate, run, opencl, cover, load, **options)
     whole = Bounds(radius, load, 0.6, Settings().youngs_modulus)
@@ -81,7 +82,7 @@ def test_moment_grows_by_the_law(simulate, run, opencl, cover, thickness, radius
     ages = np.arange(1, int(1.2 * time))
     law = np.interp(ages / time, TIMES, np.ravel(known["law"]))
     told = step * time / CURVE[0] * known["felt"] * law
-    assert np.abs(moment[: len(ages)] - told).max() <= 0.04 * told[-1]
+    assert np.abs(moment[: len(ages)] - told).max() <= share * told[-1]
 
 
 def test_lubkins_law_is_not_that_of_few_bumps(simulate, run, opencl):
