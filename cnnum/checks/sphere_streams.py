@@ -24,7 +24,7 @@ from cnnum.tactile.contact import (
     swirl_average,
     tangential_displacement,
 )
-from cnnum.tactile.grid import make_grid
+from cnnum.tactile.grid import make_grid, sharpened
 from cnnum.tactile.halfspace import SurfaceToDepth
 
 FINER = 5
@@ -203,7 +203,8 @@ def _seen(shape: Shape, sphere: Sphere, moved: Iterator[Floats]) -> Floats:
     fine = (FINER * shape[0], FINER * shape[1])
     cover = SurfaceToDepth(fine, 1.0 / FINER, DEPTH, youngs_modulus=MODULUS)
     middle = slice(FINER // 2, None, FINER)
-    return frozen([cover(each)[middle, middle] for each in chain(_touch(shape, sphere), moved)])
+    maps = (sharpened(each, (0, 1)) for each in chain(_touch(shape, sphere), moved))
+    return frozen([cover(each)[middle, middle] for each in maps])
 
 
 def _touch(shape: Shape, sphere: Sphere) -> Iterator[Floats]:

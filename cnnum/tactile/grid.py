@@ -99,3 +99,25 @@ def make_grid(shape: Sequence[int], spacing: float | tuple[float, float]) -> Gri
         raise ArrayError(f"'spacing': expected one number or (dy, dx), got shape {sizes.shape}.")
     dy, dx = np.broadcast_to(sizes, (2,))
     return Grid(int(shape[0]), int(shape[1]), float(dy), float(dx))
+
+
+def sharpened(cells: Array, axes: tuple[int, int]) -> Array:
+    """Return maps of cells that stand for a smooth traction, not for an even one on each cell.
+
+    Spread evenly over its cells a traction is wider than it was, by a variance of h²/6 along each
+    side h of a cell: contacts read up to 2 % too wide. Weights of −1/12, 7/6, −1/12 along each
+    side take just that away, and leave an error of the order h⁴. The means of a traction may be
+    weighed so, or what each cell does to something else.
+
+    Parameters
+    ----------
+    cells : (...) float
+    axes : (int, int)
+        Along the sides of the cells.
+    """
+    for axis in axes:
+        wide = np.pad(cells, [(int(axis == n),) * 2 for n in range(cells.ndim)], "edge")
+        count = cells.shape[axis]
+        before, after = (wide.take(range(n, n + count), axis) for n in (0, 2))
+        cells = np.asarray(cells - (before - 2.0 * cells + after) / 12.0)
+    return cells
