@@ -14,7 +14,7 @@ demo: $(VENV)/run.stamp
 # the workers fill the cores: threads of OpenBLAS on top wait for each other, in SciPy's `expm` of
 # small matrices hundreds of times as long as they work
 test: $(VENV)/dev.stamp
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --durations 20
 
 lint: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
