@@ -26,7 +26,7 @@ from cnnum.templates.tactile.pull import Place, sideways_on
 from cnnum.templates.tactile.sphere import turned_by
 
 KNOTS = (0.0, 0.2, 0.4, 0.6, 0.75, 0.87, 0.94, 0.98)
-"""Shares of the last torque at which κ is looked at: c is a to 0.25 a there. On bumps κ grows up to
+"""Shares of the last torque at which κ is looked at: c is a to 0.30 a there. On bumps κ grows up to
 twofold while little of the contact sticks. Eight contacts on bumps (tuning seeds) follow the law
 that straight lines between these make within 0.7 % in the mean; a polynomial through κ at five
 radii was 1.3 % off."""
