@@ -42,7 +42,7 @@ class OutputFunction:
 
 
 def _clip(x: Floats) -> Floats:
-    return np.clip(x, -1.0, 1.0)
+    return np.minimum(np.maximum(x, -1.0), 1.0)  # less than half of np.clip's time
 
 
 def _identity(x: Floats) -> Floats:

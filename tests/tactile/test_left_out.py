@@ -190,17 +190,12 @@ def test_events_are_those_of_the_scene_that_wants_everything(name, opencl):
     assert [(e.t, e.kind, e.phase) for e in thin] == [(e.t, e.kind, e.phase) for e in full]
 
 
-def test_leaving_out_saves_time_and_changes_no_answer(opencl):
-    """Each frame goes through all scenes in turn, so that a busy machine slows all of them.
-
-    Contact takes a third of everything where nothing else runs; a half leaves room for machines
-    whose launches cost more.
-    """
+def test_cost_of_scenes_tells_what_was_left_out_and_changes_no_answer(opencl):
+    """How much time that saves is the benchmark's to say: a busy machine may not decide a test."""
     rows = {row.case: row for row in measure_scenes(opencl, rounds=1, every=100)}
     assert rows["tactile"].share == 1.0
-    assert rows["contact"].share < 0.5
-    assert all(rows[name].share < 0.9 for name in SCENES)
-    assert all(rows[name].saved_us > 0.0 for name in SCENES)
+    assert rows["tactile"].saved_us == 0.0
+    assert all(row.p99_us >= row.p50_us > 0.0 for row in rows.values())
     assert rows["contact"].ops < rows["tactile"].ops / 5
     # 60 frames of rest and 20 more of the press, the pull, the twist and after
     assert all(row.compared == 80 for row in rows.values())

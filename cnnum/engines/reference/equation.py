@@ -4,6 +4,7 @@ Shares no neighbourhood code with the other engines (`scipy.ndimage.correlate` a
 here), so that agreement means something.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -19,6 +20,13 @@ from cnnum.template import Template
 
 _Places = NDArray[np.int64]
 """Of every neighbour that a coupling sees and every cell: (neighbours, rows, cols)."""
+
+_Through = Callable[[Floats], Floats]
+"""Outputs, (layers, rows, cols), to what they add to the rates."""
+
+MOST_STATES = 256
+"""Cells of all layers up to which a coupling is a matrix: one product takes some microseconds, a
+correlation sixty, however small its map."""
 
 _Mode = Literal["constant", "reflect", "grid-wrap"]
 _NDIMAGE_MODES: dict[str, _Mode] = {
@@ -54,10 +62,19 @@ class StateEquation:
     shape: tuple[int, int]
     given: Given
     _neighbours: tuple[_Places, ...] = field(init=False)
+    _feedback: _Through = field(init=False)
+    _gained: tuple[_Through, ...] = field(init=False)
+    _delayed: _Through | None = field(init=False)
 
     def __post_init__(self) -> None:
-        places = (_shifted(self.template, c, self.shape) for c in self.template.nonlinear)
+        template = self.template
+        places = (_shifted(template, c, self.shape) for c in template.nonlinear)
+        gained = (self._through(_alone(template.A, g.to, g.source)) for g in template.gains)
+        delayed = None if template.delayed is None else self._through(template.delayed.A)
         object.__setattr__(self, "_neighbours", tuple(places))
+        object.__setattr__(self, "_feedback", self._through(template.A))
+        object.__setattr__(self, "_gained", tuple(gained))
+        object.__setattr__(self, "_delayed", delayed)
 
     def start(self) -> Floats:
         """Return the initial state."""
@@ -96,17 +113,15 @@ class StateEquation:
         """Return dx/dt of the states `x`; `past` are the outputs a delay ago."""
         template = self.template
         y = self.outputs(x)
-        rate = drive - x + self._outputs_through(template.A, y)
-        for gain in template.gains:
-            alone = np.zeros_like(template.A)
-            alone[gain.to, gain.source] = template.A[gain.to, gain.source]
+        rate = drive - x + self._feedback(y)
+        for gain, through in zip(template.gains, self._gained, strict=True):
             factor = float(gain.table(np.asarray(time))) - 1.0
-            rate = rate + factor * self._outputs_through(alone, y)
+            rate = rate + factor * through(y)
         for coupling, shifted in zip(template.nonlinear, self._neighbours, strict=True):
             if not coupling.static:
                 rate[coupling.to] += self._nonlinear(coupling, shifted, x, y)
-        if template.delayed is not None and past is not None:
-            rate = rate + self._outputs_through(template.delayed.A, past)
+        if self._delayed is not None and past is not None:
+            rate = rate + self._delayed(past)
         rate = rate / template.tau[:, np.newaxis, np.newaxis]
         if template.output.limited:
             outward = ((x >= 1.0) & (rate > 0.0)) | ((x <= -1.0) & (rate < 0.0))
@@ -117,8 +132,21 @@ class StateEquation:
         boundary = self.template.input_boundary
         return _correlated(kernels, inputs, boundary, boundary.constant)
 
-    def _outputs_through(self, kernels: Floats, y: Floats) -> Floats:
-        return _correlated(kernels, y, self.template.boundary, self._edge("y"))
+    def _through(self, kernels: Floats) -> _Through:
+        """Return what kernels make of outputs: a matrix of what they make of each, if it is small.
+
+        What the virtual cells of a fixed boundary add is the same whatever the outputs are.
+        """
+        boundary, edge = self.template.boundary, self._edge("y")
+        layers, states = kernels.shape[1], kernels.shape[1] * self.shape[0] * self.shape[1]
+        if states > MOST_STATES:
+            return lambda y: _correlated(kernels, y, boundary, edge)
+        # all units at once, on an axis along which kernels have no neighbours
+        units = np.eye(states).reshape(states, layers, *self.shape).swapaxes(0, 1)
+        each = _correlated(kernels[:, :, np.newaxis], units, boundary, 0.0)
+        matrix = each.swapaxes(0, 1).reshape(states, -1).T.copy()
+        still = _correlated(kernels, np.zeros((layers, *self.shape)), boundary, edge)
+        return lambda y: (matrix @ y.ravel()).reshape(still.shape) + still
 
     def _edge(self, quantity: str) -> float | None:
         """Return what virtual cells of a fixed boundary show."""
@@ -153,6 +181,13 @@ def _shifted(template: Template, coupling: NonlinearCoupling, shape: tuple[int, 
     else:
         padded = np.pad(cells, radius, mode=boundary.pad_mode)
     return sliding_window_view(padded, shape)[coupling.weights.nonzero()]
+
+
+def _alone(kernels: Floats, to: int, source: int) -> Floats:
+    """Return kernels of which only those from one layer to one are left."""
+    alone = np.zeros_like(kernels)
+    alone[to, source] = kernels[to, source]
+    return alone
 
 
 def _correlated(kernels: Floats, maps: Floats, boundary: Boundary, edge: float | None) -> Floats:
