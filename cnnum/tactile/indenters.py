@@ -198,17 +198,23 @@ def _reach(away: Array) -> float:
 @cache
 def _radial(pressure: Pressure, depth: float, reads: Reads, reach: float) -> CubicSpline:
     """Return the signal over the distance from the axis, of a disc of radius 1, by its waves."""
-    panels = int(np.ceil(FADED / depth * (reach + 1.0) / (5.0 * np.pi))) + NODES
+    inner: Array = np.arange(0.0, 1.0 + 6.0 * depth, min(0.05 * depth, 0.05))
+    outer = np.asarray(np.geomspace(1.0 + 6.0 * depth, reach + 6.0 * depth + 1.0, 60))
+    inner = inner[inner < outer[0] - 1e-6]
+    # waves turn slowly near the axis, where most of the places are
+    seen = [_waves(pressure, depth, reads, places) for places in (inner, outer)]
+    return CubicSpline(np.concatenate([inner, outer]), np.concatenate(seen))
+
+
+def _waves(pressure: Pressure, depth: float, reads: Reads, places: Array) -> Array:
+    """Return the signal at distances from the axis, the sum of what all waves bring there."""
+    panels = int(np.ceil(FADED / depth * (float(places[-1]) + 1.0) / (5.0 * np.pi))) + NODES
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     half = FADED / depth / panels / 2
     k = (half * (2 * np.arange(panels)[:, None] + 1 + nodes)).ravel()
     passes = low_pass if reads == "stress" else band_pass
     rise = np.tile(half * weights, panels) * k * _spectrum(pressure, k) * passes(k, depth)
-    inner: Array = np.arange(0.0, 1.0 + 6.0 * depth, min(0.05 * depth, 0.05))
-    outer = np.asarray(np.geomspace(1.0 + 6.0 * depth, reach + 6.0 * depth + 1.0, 60))
-    rho: list[float] = [*inner[inner < outer[0] - 1e-6].tolist(), *outer.tolist()]
-    seen = np.array([float(rise @ j0(k * place)) for place in rho], dtype=np.float64)
-    return CubicSpline(np.array(rho, dtype=np.float64), seen)
+    return np.array([float(rise @ j0(k * place)) for place in places.tolist()])
 
 
 def _spectrum(pressure: Pressure, k: Array) -> Array:

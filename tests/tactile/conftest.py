@@ -12,6 +12,7 @@ from cnnum.engine import Engine
 from cnnum.programs import Program
 
 ENGINES = {name: Engine(name) for name in ("opencl", "reference")}
+NUMBA = Engine("numba")
 
 SHORT = (
     Phase("hold", 0.2),
@@ -36,6 +37,12 @@ def engine(request: pytest.FixtureRequest) -> Engine:
 @pytest.fixture
 def opencl() -> Engine:
     return ENGINES["opencl"]
+
+
+@pytest.fixture
+def numba() -> Engine:
+    """For programs that see few frames: it builds nothing for each, where OpenCL takes seconds."""
+    return NUMBA
 
 
 def strain_of(**options: object) -> tuple[Floats, dict[str, Floats]]:

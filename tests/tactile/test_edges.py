@@ -70,9 +70,9 @@ def found_by(run, engine, bodies, cells, depth, reads):
 @pytest.mark.parametrize("cells", [8, 16, 32])
 @pytest.mark.parametrize("reads", ["strain", "stress"])
 @pytest.mark.parametrize("depth", [0.3, 0.6, 1.0])
-def test_outlines_are_found_to_half_a_cell(opencl, run, cells, reads, depth):
+def test_outlines_are_found_to_half_a_cell(numba, run, cells, reads, depth):
     bodies = [body for seed in range(3 if cells == 32 else 6) for body in indenters(cells, seed)]
-    got, found = found_by(run, opencl, bodies, cells, depth, reads)
+    got, found = found_by(run, numba, bodies, cells, depth, reads)
     assert got["edge_count"][:18].max() == 0
     for number, (body, where) in enumerate(zip(bodies, found, strict=True)):
         assert len(where) >= 8
@@ -93,23 +93,23 @@ def test_outlines_are_found_to_half_a_cell(opencl, run, cells, reads, depth):
 @pytest.mark.parametrize("cells", [8, 16, 32])
 @pytest.mark.parametrize("reads", ["strain", "stress"])
 @pytest.mark.parametrize("depth", [0.3, 0.6, 1.0])
-def test_a_smooth_contact_has_no_edge(opencl, run, cells, reads, depth):
+def test_a_smooth_contact_has_no_edge(numba, run, cells, reads, depth):
     """Hertz's pressure from 3 cells in radius on; what fits on the array, at any place."""
     rng = np.random.default_rng(4)
     radii = rng.uniform(3.0, max(3.6, 0.4 * cells), 24)
     bodies = [Disc(a, tuple(rng.uniform(-0.5, 0.5, 2)), "hertz") for a in radii]
-    got, _ = found_by(run, opencl, bodies, cells, depth, reads)
+    got, _ = found_by(run, numba, bodies, cells, depth, reads)
     assert got["edge_count"].max() == 0
 
 
 @pytest.mark.parametrize("reads", ["strain", "stress"])
 @pytest.mark.parametrize(("radius", "depths"), [(2.0, (0.3, 0.5)), (2.5, (0.3, 0.5))])
-def test_a_small_smooth_contact_has_few(opencl, run, reads, radius, depths):
+def test_a_small_smooth_contact_has_few(numba, run, reads, radius, depths):
     """Drawn as docs/programs/edges.md draws them, with other seeds than its bounds were set on."""
     rng = np.random.default_rng(21)
     bodies = [Disc(radius, tuple(rng.uniform(-0.5, 0.5, 2)), "hertz") for _ in range(40)]
     for depth in depths:
-        got, _ = found_by(run, opencl, bodies, 8, depth, reads)
+        got, _ = found_by(run, numba, bodies, 8, depth, reads)
         # up to 19 of 60 there, and none of 60: the mean of 40 and three standard deviations; of 2
         # cells it was 36 of 40 with one bound for all covers
         assert (got["edge_count"][-1] > 0).sum() <= (22 if radius == 2.0 else 5)

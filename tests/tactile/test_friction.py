@@ -28,14 +28,14 @@ def needed(frame, *, depth: float = 0.5, cover: str = "flat"):
 
 @pytest.mark.parametrize("cover", ["flat", "bumpy", "bumps-fem"])
 @pytest.mark.parametrize("thickness", [0.7e-3, 2.0e-3])
-def test_what_slides_needs_its_friction(opencl, run, simulate, cover, thickness):
+def test_what_slides_needs_its_friction(numba, run, simulate, cover, thickness):
     """Of it taxels read 3.4 to 4.5 times as much under 0.7 mm of a flat cover, 1.3 to 1.8 on bumps,
     and 1.1 to 1.5 under 2 mm. Where the contact stands between taxels makes up to 20 %.
     """
     script = (*HELD, Phase("pull", 0.6, speed=1.2e-3, direction=0.7))
     options = {"cover": cover, "thickness": thickness, "friction": 0.45, "seed": 61}
     strain, truth = simulate(script=script, rate=100.0, start=(-0.3e-3, 0.1e-3), **options)
-    got = run(opencl, needed.bind(depth=thickness / PITCH, cover=cover), strain)
+    got = run(numba, needed.bind(depth=thickness / PITCH, cover=cover), strain)
     slides = (truth["slip"] > 0) & (got["grows"] > 0)
     assert slides.sum() >= 5
     assert got["friction"][slides][:5] == pytest.approx(0.45, rel=0.2)

@@ -80,7 +80,7 @@ def test_the_stated_error_holds_and_costs_few_waves(tolerance, depth):
     assert len(times.values) <= 4 * -np.log10(tolerance) + 14
 
 
-def test_the_lattice_nears_the_continuum_as_the_square_of_the_cell(opencl):
+def test_the_lattice_nears_the_continuum_as_the_square_of_the_cell(numba):
     """A smooth load without a net force, so that the mirrored ones beyond the rim fade quickly."""
     errors = []
     for cells in (10, 20):
@@ -90,7 +90,7 @@ def test_the_lattice_nears_the_continuum_as_the_square_of_the_cell(opencl):
         load = np.zeros((cells, cells, 3))
         load[..., 2] = (1.0 - square / 3.0) * np.exp(-square / 3.0)
         program = halfspace_stress.bind(thickness=1.0, pitch=h, tolerance=1e-3)
-        got = opencl.compile(program, (cells, cells), ["stress_zz"])(load)["stress_zz"]
+        got = numba.compile(program, (cells, cells), ["stress_zz"])(load)["stress_zz"]
         exact = SurfaceToDepth((cells, cells), h, 1.0)(load)[..., 2]
         errors.append(np.abs(got - exact).max() / np.abs(exact).max())
     # second order is 4 in the end; at h = z/2 the h⁴ term still takes a quarter of it away

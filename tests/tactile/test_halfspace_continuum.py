@@ -25,7 +25,7 @@ def mirrored(function, x, y, at, periods=3):
     return total
 
 
-def errors(opencl, program, prefix, closed, axis, load_at):
+def errors(numba, program, prefix, closed, axis, load_at):
     """Return the error of each number of cells, against the largest value of that field."""
     found = []
     for cells in CELLS if prefix == "stress" else CELLS[:-1]:
@@ -37,7 +37,7 @@ def errors(opencl, program, prefix, closed, axis, load_at):
         frame[..., axis] = load
         names = [f"{prefix}_{name}" for name in COMPONENTS]
         bound = program.bind(thickness=THICKNESS, pitch=PITCH, cells=cells)
-        got = opencl.compile(bound, load.shape, names)(frame)
+        got = numba.compile(bound, load.shape, names)(frame)
         exact = mirrored(lambda a, b: closed(a, b, THICKNESS, np.eye(3)[axis]), x, y, centre)
         exact = exact[..., 2, :] - exact[..., 2, :].mean((0, 1))
         kept = [got[name] - got[name].mean() for name in names]
@@ -66,12 +66,12 @@ def falls_as_the_square(found):
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2], ids=["q_x", "q_y", "p"])
-def test_stress_nears_love_patches_as_the_square_of_the_cell(opencl, axis):
+def test_stress_nears_love_patches_as_the_square_of_the_cell(numba, axis):
     def love(x, y, z, load):
         size = (2 * PITCH, 2 * PITCH)
         return halfspace.rectangle_stress(x, y, z, load, size=size)
 
-    found = errors(opencl, halfspace_stress, "stress", love, axis, patch)
+    found = errors(numba, halfspace_stress, "stress", love, axis, patch)
     assert falls_as_the_square(found), found
     # (h/z)² is 1/256 at 8 cells a taxel, and its factor near 1
     assert found[-1] <= 1.5 / 256, found
@@ -79,12 +79,12 @@ def test_stress_nears_love_patches_as_the_square_of_the_cell(opencl, axis):
 
 @pytest.mark.parametrize("axis", [0, 1, 2], ids=["Q", "R", "F"])
 @pytest.mark.parametrize("kind", ["stress", "strain"])
-def test_point_loads_near_4_11_and_4_12(opencl, axis, kind):
+def test_point_loads_near_4_11_and_4_12(numba, axis, kind):
     def closed(x, y, z, force):
         modulus = {"youngs_modulus": E} if kind == "strain" else {}
         return getattr(halfspace, kind)(x, y, z, force, **modulus)
 
     program = halfspace_strain.bind(youngs_modulus=E) if kind == "strain" else halfspace_stress
-    found = errors(opencl, program, kind, closed, axis, point)
+    found = errors(numba, program, kind, closed, axis, point)
     assert falls_as_the_square(found), found
     assert found[-1] <= 2 * (PITCH / CELLS[len(found) - 1] / THICKNESS) ** 2, found

@@ -40,7 +40,7 @@ def way(frame):
     [{}, {"shape": (4, 4), "thickness": 2.0e-3}, {"cover": "bumps-fem"}],
     ids=["flat", "4x4", "bumps"],
 )
-def test_way_is_that_of_the_contact(opencl, run, simulate, options):
+def test_way_is_that_of_the_contact(numba, run, simulate, options):
     """While it slips. Taxels 1.5 mm apart know a slope by differences: over 314 tuning pulls nine
     of ten ways are 0.87 to 1.58 of the true one.
     """
@@ -49,7 +49,7 @@ def test_way_is_that_of_the_contact(opencl, run, simulate, options):
     strain, truth = simulate(
         script=script, seed=51, rate=100.0, start=tuple(-0.3e-3 * direction), **options
     )
-    got = run(opencl, way, strain)
+    got = run(numba, way, strain)
     slips = np.flatnonzero((truth["slip"] > 0) & (got["grows"] > 0))[1:]
     assert len(slips) >= 6
     true = (truth["x"] * direction[0] + truth["y"] * direction[1]) / PITCH
@@ -60,12 +60,12 @@ def test_way_is_that_of_the_contact(opencl, run, simulate, options):
     assert gain.max() > 5.0
 
 
-def test_what_has_stopped_stays(opencl, run, simulate):
+def test_what_has_stopped_stays(numba, run, simulate):
     """Its way scatters by its noise, and those that are over lose by it."""
     script = (*HELD, Phase("pull", 0.04, speed=0.8e-3, direction=0.7), Phase("hold", 0.1))
     strain, truth = simulate(script=script, seed=52, rate=200.0)
     assert not truth["slip"].any()
-    got = run(opencl, way, strain)
+    got = run(numba, way, strain)
     pulled = np.flatnonzero(np.hypot(truth["shear_x"], truth["shear_y"]) > 0)
     still = np.array([n for n in pulled[8:] if got["grows"][n] > 0])
     assert len(still) >= 5

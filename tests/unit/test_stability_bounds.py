@@ -74,7 +74,7 @@ def test_modes_that_saturate_grow_no_faster_than_the_array():
     """Any pattern of slopes from 0 to 1: no mode grows faster than the array's largest norm."""
     rng, shape = np.random.default_rng(6), (5, 6)
     contracting = 0
-    for _ in range(40):
+    for _ in range(20):
         template = sampled(rng, str(rng.choice(["standard", "tanh", "full-range"])))
         linear = Network(template, shape).linear_system().matrix + np.eye(30)
         # the logarithmic norm, over all patterns, by its rows
@@ -91,7 +91,7 @@ def test_modes_that_saturate_grow_no_faster_than_the_array():
             grown = np.abs(factors(method, step, patterns[patterns.real < -1e-6])).max()
             own_growth = abs(factors(method, step, growth))
             assert grown <= max(math.exp(growth * step), own_growth) * (1.0 + 2e-7)
-    assert contracting > 5
+    assert contracting > 2
 
 
 @pytest.mark.parametrize("method", STEPPING)
