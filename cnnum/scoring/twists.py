@@ -33,20 +33,26 @@ def twist_measures(suite: str, judged: Sequence[Judgement]) -> Iterator[Measure]
 
 def _rates(suite: str, found: Sequence[Find]) -> Iterator[Measure]:
     """Yield how far `twist_rate` is off; a program that does not report it has no count."""
-    errors = [error for find in found if (error := rate_error(find)) is not None]
+    reported = [find for find in found if "twist_rate" in find.play.outputs]
+    errors = [error for find in reported if (error := rate_error(find)) is not None]
     near, count = sum(error <= RATE_SHARE for error in errors), len(errors)
     yield Measure("twist: rate within 10 %", suite, share(near, count), count, target=NEARLY_ALL)
     yield Measure("twist: rate error, median", suite, quantile(errors, 0.5), count)
+    yield Measure("twist: rate told", suite, share(count, len(reported)), len(reported))
 
 
 def rate_error(find: Find) -> float | None:
-    """Return how far the rate reported from the report on is off, as a share; None without one."""
+    """Return how far the rate told from the report on is off, as a share; None without one.
+
+    A rate of 0 says that it is not known, and tells nothing.
+    """
     play, truth = find.play, find.play.truth["twist_rate"]
     if find.report is None or "twist_rate" not in play.outputs:
         return None
     from_here = np.arange(play.frames) >= find.report.frame
     turning = from_here & (truth == truth[find.truth.frame]) & (play.outputs["twist"] > 0)
-    if not turning.any():
+    told = play.outputs["twist_rate"][turning]
+    told = told[told != 0.0]
+    if not len(told):
         return None
-    told = float(np.nanmedian(play.outputs["twist_rate"][turning]))
-    return abs(told / float(truth[find.truth.frame]) - 1.0)
+    return abs(float(np.nanmedian(told)) / float(truth[find.truth.frame]) - 1.0)

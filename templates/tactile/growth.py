@@ -12,6 +12,7 @@ from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields, LocalMemory
 from cnnum.templates.tactile.hypotheses import weighed
 from cnnum.templates.tactile.laws import Law
+from cnnum.templates.tactile.pace import Pace, pace_of
 
 BEGINS = 5.0
 """Standard deviations from its mean at which a load grows: by chance once in 270,000 frames, for
@@ -214,15 +215,15 @@ class Growth:
         beside = CROSS * shaken * self._reading.arm
         self.first = where(self._begins, self.size, self._first.value)
         self._first.store(self.first)
-        offset = where(self._begins, self._missed(), self._offset.value)
-        self._offset.store(offset)
+        self._missing = where(self._begins, self._missed(), self._offset.value)
+        self._offset.store(self._missing)
         self.found = weighed(
             self._frame,
             law,
             self.load,
             runs=self.grows,
             age=age,
-            offset=offset,
+            offset=self._missing,
             noise=self._reading.noise,
             beside=beside * beside,
             early=early,
@@ -246,6 +247,19 @@ class Growth:
             return 0.5 * self.size
         frame = AROUND * self.size / self.age
         return sqrt(frame * frame + UNSEEN * UNSEEN * self._reading.noise)
+
+    def pace(self, law: Law) -> Pace:
+        """Return how fast its only component grew at first, by the law that it follows."""
+        return pace_of(
+            self._frame,
+            law,
+            self.load[0],
+            runs=self.grows,
+            age=self.age,
+            offset=self._missing,
+            noise=self._reading.noise,
+            astray=self.found.astray,
+        )
 
     def close(self, kept: Field) -> Learned:
         """Store everything for the next frame.

@@ -51,8 +51,8 @@ class Weighed:
         Of those that follow the law and are beyond `early` of their time by the next frame.
     sticks : Field
         Both kinds' c/a, weighed.
-    pace : Field
-        Amplitude over time of those that follow the law, weighed: the first slope of the load.
+    astray : Field
+        Mean square by which the load may be off its law, that is no noise.
     tried : tuple of Hypotheses
         As many maps as it takes.
     weights : tuple of Field
@@ -65,7 +65,7 @@ class Weighed:
     ended: Field
     soon: Field
     sticks: Field
-    pace: Field
+    astray: Field
     tried: tuple["Hypotheses", ...]
     weights: tuple[Field, ...]
 
@@ -99,13 +99,10 @@ class Fit:
     tried : Hypotheses
     likelihood : Field
         Its logarithm, up to a constant that all fits share.
-    amplitude : Field
-        The law's last load, square.
     """
 
     tried: Hypotheses
     likelihood: Field
-    amplitude: Field
 
 
 def weighed(
@@ -146,8 +143,8 @@ def weighed(
     sums = [summed(frame, runs, keep, part, scalar=True) for part in load]
     size = sum((part * part for part in load[1:]), start=load[0] * load[0])
     peak = _largest(frame, runs, size)
-    off = TRUST**2 * peak + beside
-    variance = maximum(noise + off * maximum(count / ALONE, 1.0), TINY)
+    astray = TRUST**2 * peak + beside
+    variance = variance_of(noise, astray, count)
     free = count + variance / maximum(offset * offset, TINY)
     fits: list[Fit] = []
     rivals: list[Fit] = []
@@ -158,7 +155,7 @@ def weighed(
             (rivals, law.load(STOP * minimum(share, 1.0))),
         ):
             found.append(_fit(frame, tried, shape, load, sums, runs, keep, free, variance))
-    return _weights(law, age, fits, rivals, early)
+    return _weights(law, age, fits, rivals, early, astray)
 
 
 def hypotheses(frame: FrameFields, times: Times) -> list[Hypotheses]:
@@ -171,6 +168,11 @@ def hypotheses(frame: FrameFields, times: Times) -> list[Hypotheses]:
         Hypotheses(*(frame.constant(part.reshape(frame.shape)) for part in both))
         for both in zip(*parts, strict=True)
     ]
+
+
+def variance_of(noise: Field, astray: Field, count: Field) -> Field:
+    """Return the variance that each of so many frames has beside its law."""
+    return maximum(noise + astray * maximum(count / ALONE, 1.0), TINY)
 
 
 def _keep(age: Field) -> Field:
@@ -214,11 +216,11 @@ def _fit(
         for part, total in zip(load, sums, strict=True)
     ]
     power = reduce(add, [part * part for part in along]) / own
-    return Fit(tried, power / (2.0 * variance), power / own)
+    return Fit(tried, power / (2.0 * variance))
 
 
 def _weights(
-    law: Law, age: Field, fits: Sequence[Fit], rivals: Sequence[Fit], early: float
+    law: Law, age: Field, fits: Sequence[Fit], rivals: Sequence[Fit], early: float, astray: Field
 ) -> Weighed:
     best = reduce(maximum, [fit.likelihood.max() for fit in (*fits, *rivals)])
     tried = [fit.tried for fit in fits]
@@ -232,26 +234,23 @@ def _weights(
         + rival * law.sticks(STOP * minimum(age / one.times, 1.0))
         for weight, rival, one in zip(weights, against, tried, strict=True)
     ]
-    pace = [
-        weight * fit.amplitude / (one.times * one.times)
-        for weight, fit, one in zip(weights, fits, tried, strict=True)
-    ]
     return Weighed(
-        growing=_total(weights),
-        stopped=_total(against),
+        growing=total(weights),
+        stopped=total(against),
         passed=_over(weights, tried, age),
         ended=_over(against, tried, age),
         soon=_over(weights, tried, next_age),
-        sticks=_total(stuck),
-        pace=_total(pace),
+        sticks=total(stuck),
+        astray=astray,
         tried=tuple(tried),
         weights=tuple(weights),
     )
 
 
 def _over(weights: Sequence[Field], tried: Sequence[Hypotheses], age: Field) -> Field:
-    return _total([w * one.over(age) for w, one in zip(weights, tried, strict=True)])
+    return total([w * one.over(age) for w, one in zip(weights, tried, strict=True)])
 
 
-def _total(maps: Sequence[Field]) -> Field:
+def total(maps: Sequence[Field]) -> Field:
+    """Return the sum of maps over all of their cells."""
     return reduce(add, maps).sum()

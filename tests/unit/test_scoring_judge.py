@@ -215,6 +215,24 @@ def test_twist_rate(told, near):
     assert figures(twist_measures("x", judged))["twist: rate within 10 %"] == near
 
 
+def test_a_rate_of_nothing_is_not_told():
+    """Frames without a rate do not count, and a twist without any has none."""
+    told = []
+    for first in (TURNS + 5, BACK):
+        outputs = {
+            "slip_strength": np.zeros(FRAMES),
+            "twist": between(TURNS, BACK),
+            "twist_rate": -0.5 * between(first, BACK),
+        }
+        events = [event("twist", TURNS, sense=-1, where=(3.5, 4.5))]
+        told.append(judge(invented(events, outputs=outputs)))
+    found = {one.measure: one for one in twist_measures("x", told)}
+    near, share = found["twist: rate within 10 %"], found["twist: rate told"]
+    assert (near.value, near.count) == (1.0, 1)
+    assert (share.value, share.count) == (0.5, 2)
+    assert found["twist: rate error, median"].value == 0.0
+
+
 def test_a_slip_as_the_contact_vanishes_may_be_reported():
     truth = dict(invented().truth)
     truth["slip"] = truth["slip"] + between(LIFTED - 3, LIFTED)
