@@ -3,7 +3,8 @@
 All times that its law may be named after are weighed, as in `hypotheses`, but by all that the load
 has been: nothing is forgotten, for an object that turned at one rate until now tells that rate best
 by all of it. What is not known beside amplitude and time is when the load began; so the law's slope
-stands beside the law in the fit. A constant instead makes weak rates 1.2 to 1.5 times less certain.
+stands beside the law in the fit. With a constant instead the rates of 115 twists were 3.3 % off
+instead of 2.8 % (RMS; tuning seeds 7000 to 7299, a replica in NumPy).
 """
 
 from dataclasses import dataclass

@@ -47,8 +47,8 @@ KNOWN = 0.04
 """Standard error of a rate, as a share of it, below which it is told. A rate is to be within 10 %
 in 0.995, which is 2.8 standard errors of 3.6 %; radii and centres put it off by 1.5 % more. At the
 level that makes 0.981, but few are there: with the errors that 115 twists have (tuning seeds 7000
-to 7299) it makes 0.999 of the 108 that are told. At 3.2 %, which 0.995 at the level itself takes,
-103 to 106 are."""
+to 7299, a replica in NumPy) it makes 0.999 of the 108 that are told. At a level of 3 % it would be
+103, and 106 at 3.5 %."""
 
 REST = 0.1
 """Seconds over which the torque at rest is taken, `FOLLOW` frames at least: within a few frames of

@@ -167,10 +167,10 @@ BESIDE = (
 
 
 def test_a_force_beside_a_twist_is_no_torque(opencl, run, simulate, monkeypatch):
-    """Six streams give rates within 1.5 % of each other, and within 8 % of the truth.
+    """Six streams give rates within 2 % of each other, and within 5 % of the truth.
 
     What the pull left in the contact makes a force of 6 % of the load as it turns. About the
-    centroid of the loads, which noise puts up to a tenth of a pitch off, they are 4 % apart.
+    centroid of the loads, which noise puts up to a tenth of a pitch off, they are 5 % apart.
     """
     options = {"rate": 100.0, "thickness": 0.7e-3, "radius": 24.5e-3, "friction": 0.5}
     bound = twist.bind(depth=0.7 / 1.5, rate=100.0)
@@ -183,8 +183,8 @@ def test_a_force_beside_a_twist_is_no_torque(opencl, run, simulate, monkeypatch)
             rate = np.median(got["twist_rate"][got["twist"] > 0])
             found.append(float(rate / truth["twist_rate"][-1]))
     about_centre, about_centroid = rates.values()
-    assert about_centre == pytest.approx([1.0] * 6, abs=0.08)
-    assert np.ptp(about_centre) < 0.015 < 0.03 < np.ptp(about_centroid)
+    assert about_centre == pytest.approx([1.0] * 6, abs=0.05)
+    assert np.ptp(about_centre) < 0.02 < 0.03 < np.ptp(about_centroid)
 
 
 @pytest.mark.parametrize("radius", [0.6, 1.1, 1.7])
