@@ -203,7 +203,8 @@ def _radial(pressure: Pressure, depth: float, reads: Reads, reach: float) -> Cub
     inner = inner[inner < outer[0] - 1e-6]
     # waves turn slowly near the axis, where most of the places are
     seen = [_waves(pressure, depth, reads, places) for places in (inner, outer)]
-    return CubicSpline(np.concatenate([inner, outer]), np.concatenate(seen))
+    rho: Array = np.concatenate([inner, outer])
+    return CubicSpline(rho, np.concatenate(seen))
 
 
 def _waves(pressure: Pressure, depth: float, reads: Reads, places: Array) -> Array:

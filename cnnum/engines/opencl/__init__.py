@@ -50,4 +50,7 @@ class OpenCLBackend:
         """Return the schedule ready to run on this device."""
         dtype = _TYPES[self.precision]
         lanes = self._device.lanes * 4 // dtype.itemsize if self._device.kind != "GPU" else 1
-        return OpenCLExecutable(schedule, solvers, self._queue, dtype, max(1, lanes), self._own)
+        near = self._device.near_bytes
+        return OpenCLExecutable(
+            schedule, solvers, self._queue, dtype, max(1, lanes), near, self._own
+        )

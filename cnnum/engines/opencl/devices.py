@@ -12,6 +12,15 @@ INSTALL = (
     "without it: --engine numba, in Python cnnum.Engine('numba')."
 )
 
+NEAR_BYTES = {"AuthenticAMD": 6 * 1024 * 1024 + 512 * 1024}
+"""Cache of a core that keeps up with its arithmetic, by vendor. AMD's third level is that of a few
+cores: Euler's steps of 3000×5000 cells take nine tenths of the time that they take with 4.4 MiB,
+the fourth-order Runge–Kutta's of 1024×1024 six sevenths of that with 1 MiB (EPYC)."""
+
+SECOND_LEVEL = 512 * 1024
+"""That of others: half of the second level of a server's core. Euler's steps of 1024×1024 cells
+take two thirds of the time that they take with 4 MiB (Intel Xeon, Skylake)."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Device:
@@ -32,6 +41,11 @@ class Device:
     def label(self) -> str:
         """The device in words."""
         return f"{self.name} ({self.platform}, driver {self.driver})"
+
+    @property
+    def near_bytes(self) -> int:
+        """Cache of a core that keeps up with its arithmetic."""
+        return NEAR_BYTES.get(str(self.handle.vendor), SECOND_LEVEL)
 
     @property
     def promise(self) -> float:

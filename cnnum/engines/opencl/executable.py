@@ -14,6 +14,7 @@ from cnnum.engines.opencl.kernel_text import KernelText, lower
 from cnnum.engines.opencl.one import OneFrame
 from cnnum.engines.opencl.parted import PartedArrays, PartedPlan
 from cnnum.engines.opencl.shared import SharedArray, shared_array, shares_memory
+from cnnum.engines.opencl.storage import Tables
 from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
 
@@ -64,6 +65,8 @@ class OpenCLExecutable:
     dtype : dtype
     wide_lanes : int
         Frames that lie side by side in one work item of a large batch.
+    near_bytes : int
+        Cache of a core that keeps up with its arithmetic.
     own : CommandQueue or None
         Of a device that runs kernels in the thread that asks: few small frames go there.
     """
@@ -73,6 +76,7 @@ class OpenCLExecutable:
     queue: cl.CommandQueue
     dtype: np.dtype[np.floating]
     wide_lanes: int
+    near_bytes: int
     own: cl.CommandQueue | None = None
     _texts: dict[int, KernelText] = field(default_factory=dict[int, KernelText])
     _kernels: dict[tuple[int, bool], _Built] = field(default_factory=dict[tuple[int, bool], _Built])
@@ -205,7 +209,8 @@ class OpenCLExecutable:
     def _text(self, lanes: int) -> KernelText:
         if lanes not in self._texts:
             width = max(self.wide_lanes, LEAST_WIDTH)
-            self._texts[lanes] = lower(self.schedule, self.solvers, lanes, width, self.dtype)
+            tables = Tables(self.dtype, lanes, width, self.near_bytes)
+            self._texts[lanes] = lower(self.schedule, self.solvers, tables)
         return self._texts[lanes]
 
     def _kernel(self, lanes: int, *, alone: bool) -> _Built:

@@ -24,6 +24,11 @@ BLOCK_COLUMNS = 10
 BLOCK_STATEMENTS = 400
 """Columns and statements of unrolled text: more of it costs compile time and no longer pays."""
 
+REGISTERS_FROM = 64
+"""Bytes of a vector from which a processor has 32 registers (AVX-512), enough for two rows' sums.
+A sum waits four cycles for each of its products: of two rows side by side there are as many sums as
+the processor can work on, of one it must look ahead, and takes a third longer."""
+
 
 def fuses(text: TransientText, scheme: FixedSteps) -> bool:
     """Return whether steps of a scheme can be written in this way."""
@@ -108,45 +113,60 @@ def _block(text: TransientText) -> int:
     """Return how many columns are unrolled: a divisor of the columns."""
     cols = text.shape[1]
     taps = max(1, int(np.count_nonzero(text.template.A)))
-    most = max(1, min(BLOCK_COLUMNS, BLOCK_STATEMENTS // taps))
+    most = max(1, min(BLOCK_COLUMNS, BLOCK_STATEMENTS // (taps * _together(text))))
     return max(n for n in range(1, cols + 1) if cols % n == 0 and n <= most)
+
+
+def _together(text: TransientText) -> int:
+    """Return how many rows are swept side by side."""
+    vector = text.tables.lanes * text.tables.dtype.itemsize
+    fits = vector >= REGISTERS_FROM and text.shape[0] % 2 == 0 and not _gathers(text)
+    return 2 if fits else 1
+
+
+def _gathers(text: TransientText) -> bool:
+    """Return whether outputs of equal weights are added up before they are weighted."""
+    return any(shares_products(taps(text.template.A, layer)) for layer in range(text.layers))
 
 
 def _sweep(text: TransientText, scheme: FixedSteps) -> None:
     """Append one step of all cells."""
     rows, cols = text.shape
-    block = _block(text)
+    block, together = _block(text), _together(text)
     with text.aside() as body:
-        _block_of_columns(text, scheme, block)
-    text.lines.append(f"for (int r = 0; r < {rows}; ++r) {{")
+        _block_of_columns(text, scheme, block, together)
+    text.lines.append(f"for (int r = 0; r < {rows}; r += {together}) {{")
     text.lines.append(f"    for (int b = 0; b < {cols}; b += {block}) {{")
     text.lines.append(f"        const int i = r * {cols} + b, p = r * {text.pitch} + b;")
     text.lines += [f"        {line}" for line in body]
-    text.lines.append("    }")
+    text.lines += ["    }", "}"]
     if text.template.boundary.constant is None:
+        text.lines.append(f"for (int r = 0; r < {rows}; ++r) {{")
         text.lines += [f"    {line}" for line in _rim_columns(text, text.template.boundary)]
-    text.lines.append("}")
+        text.lines.append("}")
 
 
-def _block_of_columns(text: TransientText, scheme: FixedSteps, block: int) -> None:
-    """Append one step of a row's columns `b` to `b + block`.
+def _block_of_columns(text: TransientText, scheme: FixedSteps, block: int, together: int) -> None:
+    """Append one step of the columns `b` to `b + block` of so many rows.
 
     Where weights are equal, what is loaded is kept and added up before it is weighted, else it is
     added to all sums at once, which takes fewer registers.
     """
-    found = [taps(text.template.A, layer) for layer in range(text.layers)]
-    gathers = any(shares_products(each) for each in found)
+    gathers = _gathers(text)
     for column in range(block + 2 * text.radius):
+        done = column - 2 * text.radius
         if column < block:
-            _begin(text, scheme, column)
-        if not gathers:
-            _scatter(text, scheme, column, block)
-        else:
+            for row in range(together):
+                _begin(text, scheme, row, column)
+        if gathers:
             _load(text, column)
-        if gathers and column >= 2 * text.radius:
-            _gather(text, scheme, column - 2 * text.radius)
-        if column >= 2 * text.radius:
-            _end(text, scheme, column - 2 * text.radius)
+        else:
+            _scatter(text, scheme, column, block, together)
+        if gathers and done >= 0:
+            _gather(text, scheme, done)
+        if done >= 0:
+            for row in range(together):
+                _end(text, scheme, row, done)
 
 
 def _two_sweeps(text: TransientText, scheme: FixedSteps) -> None:
@@ -159,7 +179,7 @@ def _two_sweeps(text: TransientText, scheme: FixedSteps) -> None:
     body: list[str] = []
     for layer in range(text.layers):
         at = text.at(layer)
-        kept = text.number(1.0 - scheme.step / float(text.template.tau[layer]))
+        kept = _kept(text, scheme, layer)
         drive = f"wh[{at}]" if constant is None else _number(text, scheme, layer, constant[layer])
 
         def number(weight: float, to: int = layer) -> str:
@@ -180,35 +200,45 @@ def _two_sweeps(text: TransientText, scheme: FixedSteps) -> None:
     text.over_grid(outputs)
 
 
-def _state(text: TransientText, layer: int, column: int) -> str:
-    return f"x[{layer * text.cells + column} + i]"
+def _state(text: TransientText, layer: int, row: int, column: int) -> str:
+    return f"x[{layer * text.cells + row * text.shape[1] + column} + i]"
 
 
-def _begin(text: TransientText, scheme: FixedSteps, column: int) -> None:
-    """Append the sums of a column's cells, begun with what does not come from neighbours."""
+def _sum(layer: int, row: int, column: int) -> str:
+    return f"s{layer}_{row}_{column}"
+
+
+def _begin(text: TransientText, scheme: FixedSteps, row: int, column: int) -> None:
+    """Append the sums of a cell of the block, begun with what does not come from neighbours."""
     constant = constant_drive(text)
     for layer in range(text.layers):
-        kept = text.number(1.0 - scheme.step / float(text.template.tau[layer]))
-        if constant is None:
-            drive = f"wh[{layer * text.cells + column} + i]"
-        else:
+        kept, state = _kept(text, scheme, layer), _state(text, layer, row, column)
+        drive = f"wh{state[1:]}"
+        if constant is not None:
             drive = _number(text, scheme, layer, constant[layer])
-        start = f"{kept} * {_state(text, layer, column)}"
-        text.lines.append(f"real s{layer}_{column} = {drive} + {start};")
+        text.lines.append(f"real {_sum(layer, row, column)} = {drive} + {kept} * {state};")
 
 
-def _scatter(text: TransientText, scheme: FixedSteps, column: int, block: int) -> None:
+def _kept(text: TransientText, scheme: FixedSteps, layer: int) -> str:
+    """Return what a step leaves of a state."""
+    return text.number(1.0 - scheme.step / float(text.template.tau[layer]))
+
+
+def _scatter(
+    text: TransientText, scheme: FixedSteps, column: int, block: int, together: int
+) -> None:
     """Append the outputs of a column, each added to all sums of the block that it reaches."""
     feedback = text.template.A
     span = feedback.shape[-1]
+    rim = text.radius - span // 2
     for source in range(text.layers):
-        for row in range(span):
+        for row in range(span + together - 1):
             adds = [
-                f"s{to}_{cell} += {_number(text, scheme, to, float(weight))} * v;"
-                for to, cell, weight in _reached(text, feedback[:, source, row], column, block)
+                f"{_sum(to, k, cell)} += {_number(text, scheme, to, float(weight))} * v;"
+                for k in range(max(0, row - span + 1), min(together, row + 1))
+                for to, cell, weight in _reached(text, feedback[:, source, row - k], column, block)
             ]
             if adds:
-                rim = text.radius - span // 2
                 place = source * text.padded + (row + rim) * text.pitch + column
                 text.lines.append(f"{{ const real v = from[{place} + p]; {' '.join(adds)} }}")
 
@@ -237,7 +267,7 @@ def _gather(text: TransientText, scheme: FixedSteps, column: int) -> None:
             return _loaded(tap.source, text.radius + tap.row, text.radius + tap.col + column)
 
         terms = weighted_terms(taps(text.template.A, layer), number, output)
-        text.lines += [f"s{layer}_{column} += {term};" for term in terms]
+        text.lines += [f"{_sum(layer, 0, column)} += {term};" for term in terms]
 
 
 def _reached(
@@ -252,12 +282,13 @@ def _reached(
                 yield to, cell, float(weights[to, col])
 
 
-def _end(text: TransientText, scheme: FixedSteps, column: int) -> None:
-    """Append what becomes of a column's finished sums."""
+def _end(text: TransientText, scheme: FixedSteps, row: int, column: int) -> None:
+    """Append what becomes of a cell's finished sums."""
     for layer in range(text.layers):
-        new, old = f"s{layer}_{column}", _state(text, layer, column)
-        text.lines += _settle(text, scheme, new, old, f" + {column}")
-        place = layer * text.padded + text.radius * text.pitch + text.radius + column
+        new, old = _sum(layer, row, column), _state(text, layer, row, column)
+        text.lines += _settle(text, scheme, new, old, f" + {row * text.shape[1] + column}")
+        at = (text.radius + row) * text.pitch + text.radius + column
+        place = layer * text.padded + at
         text.lines.append(f"{old} = {new}; to[{place} + p] = {_output(text, new)};")
 
 

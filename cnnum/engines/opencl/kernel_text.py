@@ -54,11 +54,9 @@ class KernelText:
     parts: Parts | None
 
 
-def lower(
-    schedule: Schedule, solvers: Solvers, lanes: int, width: int, dtype: np.dtype[np.floating]
-) -> KernelText:
-    """Return the kernel text of a schedule for `lanes` frames, or `width` cells, side by side."""
-    tables = Tables(dtype, lanes, width)
+def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
+    """Return the kernel text of a schedule, with tables that hold nothing yet."""
+    lanes, dtype = tables.lanes, tables.dtype
     arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
     lowering = Lowering(schedule, solvers, tables, arena, Values(tables))
     lowering.lower()

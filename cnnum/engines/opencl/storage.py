@@ -66,6 +66,8 @@ class Tables:
         Frames side by side in the kernel's type.
     width : int
         Numbers of a vector of the device, for cells side by side.
+    near_bytes : int
+        Cache of a core that keeps up with its arithmetic.
     types : dict of str to str
         Texts of further types that the kernel uses, by name.
     strips : dict of str to Strips
@@ -75,6 +77,7 @@ class Tables:
     dtype: np.dtype[np.floating]
     lanes: int
     width: int
+    near_bytes: int
     types: dict[str, str] = field(default_factory=dict[str, str])
     strips: "dict[str, Strips]" = field(default_factory=dict[str, Strips])
     _tables: dict[str, str] = field(default_factory=dict[str, str])

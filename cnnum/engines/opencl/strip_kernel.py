@@ -12,17 +12,12 @@ from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 
-CACHE_BYTES = 4 * 1024 * 1024
-"""Of the rows between the first and the last of the levels that follow each other. 1024×1024 cells
-take with 32 stages of RK4 six sevenths of the time that they take with the 10 of 1 MiB."""
-
 LEVELS = 32
 """Stages of steps a launch, at most: what is missing between strips grows with them. Euler's steps
-of 512×512 cells take four fifths of the time that they take with 8."""
+of 512×512 cells take four fifths of the time that they take with 8 (AMD EPYC)."""
 
-LEAST_LEVELS = 20
-"""Stages a launch even if their rows do not fit the cache: Euler's steps of 3000×5000 cells take
-nine tenths of the time that they take with 14."""
+LEAST_LEVELS = 8
+"""Stages a launch even if their rows do not fit the cache."""
 
 SHARES = 8
 """Strips that an array can be parted into, at least."""
@@ -86,7 +81,8 @@ def levels_of(text: TransientText, layout: RowLayout, arrays: int) -> tuple[int,
     # strips must not vanish before the last of the levels
     high = rows // (2 * radius * SHARES) - 1
     row = (arrays + 3) * layout.pitch * text.tables.dtype.itemsize
-    levels = max(1, min(LEVELS, max(LEAST_LEVELS, CACHE_BYTES // (BLOCK_ROWS * row)), high))
+    near = text.tables.near_bytes // (BLOCK_ROWS * row)
+    levels = max(1, min(LEVELS, max(LEAST_LEVELS, near), high))
     return levels, max(1, rows // (2 * (levels + 1) * radius))
 
 
