@@ -200,22 +200,22 @@ def _radial(pressure: Pressure, depth: float, reads: Reads, reach: float) -> Cub
     """Return the signal over the distance from the axis, of a disc of radius 1, by its waves."""
     inner: Array = np.arange(0.0, 1.0 + 6.0 * depth, min(0.05 * depth, 0.05))
     outer = np.asarray(np.geomspace(1.0 + 6.0 * depth, reach + 6.0 * depth + 1.0, 60))
-    inner = inner[inner < outer[0] - 1e-6]
     # waves turn slowly near the axis, where most of the places are
-    seen = [_waves(pressure, depth, reads, places) for places in (inner, outer)]
-    rho: Array = np.concatenate([inner, outer])
-    return CubicSpline(rho, np.concatenate(seen))
+    near: list[float] = inner[inner < outer[0] - 1e-6].tolist()
+    far: list[float] = outer.tolist()
+    seen = [*_waves(pressure, depth, reads, near), *_waves(pressure, depth, reads, far)]
+    return CubicSpline(np.array([*near, *far], dtype=np.float64), np.array(seen, dtype=np.float64))
 
 
-def _waves(pressure: Pressure, depth: float, reads: Reads, places: Array) -> Array:
+def _waves(pressure: Pressure, depth: float, reads: Reads, places: list[float]) -> list[float]:
     """Return the signal at distances from the axis, the sum of what all waves bring there."""
-    panels = int(np.ceil(FADED / depth * (float(places[-1]) + 1.0) / (5.0 * np.pi))) + NODES
+    panels = int(np.ceil(FADED / depth * (places[-1] + 1.0) / (5.0 * np.pi))) + NODES
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     half = FADED / depth / panels / 2
     k = (half * (2 * np.arange(panels)[:, None] + 1 + nodes)).ravel()
     passes = low_pass if reads == "stress" else band_pass
     rise = np.tile(half * weights, panels) * k * _spectrum(pressure, k) * passes(k, depth)
-    return np.array([float(rise @ j0(k * place)) for place in places.tolist()])
+    return [float(rise @ j0(k * place)) for place in places]
 
 
 def _spectrum(pressure: Pressure, k: Array) -> Array:
