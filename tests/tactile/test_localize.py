@@ -70,7 +70,7 @@ def test_own_loads_come_back(run, name, cells, taxels):
 
 
 @pytest.mark.parametrize("taxels", COVERS)
-def test_every_pattern_of_contacts_is_told(numba, run, taxels):
+def test_every_pattern_of_contacts_is_told(opencl, run, taxels):
     """All 65,535 patterns of 4×4 bumps: each touched bump found, each free one left free.
 
     So contacts with one free bump between them are always two.
@@ -79,7 +79,7 @@ def test_every_pattern_of_contacts_is_told(numba, run, taxels):
     touched = bits.reshape(-1, 4, 4) > 0
     readings = bump_readings(drawn(touched), taxels, *COVERS[taxels])
     frames = streamed(readings, 2e-3).astype(np.float32)
-    got = run(numba, program_for(taxels), frames, ["bump_contact", "bump_patches"])
+    got = run(opencl, program_for(taxels), frames, ["bump_contact", "bump_patches"])
     np.testing.assert_array_equal(got["bump_contact"][-1] > 0, touched)
     stacked = np.zeros((3, 3, 3))
     stacked[1] = 1.0  # patterns are apart along the first axis
