@@ -19,7 +19,7 @@ the fourth-order Runge–Kutta's of 1024×1024 six sevenths of that with 1 MiB (
 
 SECOND_LEVEL = 512 * 1024
 """That of others: half of the second level of a server's core. Euler's steps of 1024×1024 cells
-take two thirds of the time that they take with 4 MiB (Intel Xeon, Skylake)."""
+take 0.5 to 0.9 of the time that they take with 4 MiB (Intel Xeon, Skylake, shared)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
