@@ -139,8 +139,8 @@ def _measure(engine: Engine, point: Point, budget: float) -> Scaling:
     def states(on: Engine, frames: NDArray[np.floating]) -> Floats:
         return on.run(template, input=frames, duration=STEPS * STEP, dt=STEP).state
 
-    more, long = difference(lambda: run(few), lambda: run(3 * few), budget=budget, runs=9)
-    rate = cells * 2 * few / more
+    found = difference(lambda: run(few), lambda: run(3 * few), budget=budget, runs=9)
+    rate = cells * 2 * few / found.more
     return Scaling(
         case=point.case,
         device=engine.device,
@@ -151,7 +151,7 @@ def _measure(engine: Engine, point: Point, budget: float) -> Scaling:
         cell_updates_per_s=rate,
         ns_per_update=1e9 / rate,
         growth=None,
-        seconds=long.median,
-        spread=long.spread,
+        seconds=found.long.median,
+        spread=found.long.spread,
         error=ends_error(states, engine, u),
     )

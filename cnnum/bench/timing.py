@@ -1,5 +1,6 @@
 """Wall time of calls on a machine that others share: medians, spreads and interleaved runs."""
 
+import math
 import statistics
 import time
 from collections.abc import Callable, Sequence
@@ -84,19 +85,64 @@ def interleaved(calls: Sequence[Call], *, budget: float = 2.0, runs: int = 9) ->
     return tuple(Timing.of(seconds) for seconds in taken)
 
 
-def difference(
-    short: Call, long: Call, *, budget: float = 2.0, runs: int = 15
-) -> tuple[float, Timing]:
-    """Return how much longer the long call takes, and its own time.
+@dataclass(frozen=True, slots=True)
+class Difference:
+    """How much longer one call takes than another that does a part of the same.
 
-    Both take turns; the median over the turns is not moved by a disturbance that hits one of them.
-    At least three turns are taken.
+    Attributes
+    ----------
+    more : float
+        s, the median over the turns; a disturbance that hits one of the two does not move it.
+    long : Timing
+        Of the longer one.
+    share : float
+        Median over the turns of ``work / more / beside``, what was done a second beside what else
+        was measured in the same turn; NaN if nothing was.
+    """
+
+    more: float
+    long: Timing
+    share: float
+
+
+def difference(
+    short: Call,
+    long: Call,
+    *,
+    work: float = math.nan,
+    beside: Callable[[], float] | None = None,
+    budget: float = 2.0,
+    runs: int = 15,
+) -> Difference:
+    """Return how much longer the long call takes, in at least three turns of both.
+
+    Parameters
+    ----------
+    short, long : callable
+    work : float
+        What the long call does more.
+    beside : callable, optional
+        Tells the rate that ``work`` a second is held to. It is asked before each call of a turn and
+        after the last, and the mean counts: on a shared machine rates change by the second.
+    budget : float
+        s after which no further turn begins.
+    runs : int
+        Turns, at most.
     """
     short()
     long()
     until = time.perf_counter() + budget
-    turns: list[tuple[float, float]] = []
+    turns: list[tuple[float, float, float]] = []
+    rate = beside or (lambda: math.nan)
     while len(turns) < runs and (len(turns) < 3 or time.perf_counter() < until):
-        turns.append((seconds_of(short), seconds_of(long)))
-    more = statistics.median(second - first for first, second in turns)
-    return max(more, 1e-9), Timing.of([second for _, second in turns])
+        rates = [rate()]
+        first = seconds_of(short)
+        rates.append(rate())
+        second = seconds_of(long)
+        rates.append(rate())
+        turns.append((max(second - first, 1e-9), second, statistics.mean(rates)))
+    return Difference(
+        statistics.median(more for more, _, _ in turns),
+        Timing.of([second for _, second, _ in turns]),
+        statistics.median(work / more / rate for more, _, rate in turns),
+    )

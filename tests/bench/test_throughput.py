@@ -2,11 +2,14 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from cnnum.bench import device_peak, throughput
+from cnnum.bench.timing import Difference, Timing
 from cnnum.cli import bench
 from cnnum.engines.opencl.measure import Figures
+from cnnum.engines.opencl.measure_kernels import arithmetic_kernels
 
 SMALL = tuple(
     throughput.ThroughputCase(f"case {n}", (8, 8), 4, 1, 8, throughput.FULL) for n in range(3)
@@ -24,7 +27,7 @@ def peaks(monkeypatch):
             rate = left.pop(0)
             if isinstance(rate, type):
                 raise rate
-            return Figures(rate, 1.0, "a kernel", 1, "", 0.1)
+            return Figures(rate, 1.0, next(arithmetic_kernels()).label, 1, "", 0.1)
 
         monkeypatch.setattr(device_peak, "measure", measured)
         return left
@@ -51,17 +54,15 @@ def test_every_row_is_a_share_of_the_best_peak_of_the_run(opencl, peaks, place):
     for row in rows:
         assert row.peak_flops == 2.31e11
         assert row.share_of_peak == row.flops / 2.31e11
+        assert 0 < row.share_in_turns < np.inf
 
 
 def test_a_whole_run_measures_the_peak_often_before_and_after(opencl, peaks, monkeypatch):
-    monkeypatch.setattr(throughput, "difference", lambda *calls, budget: (1.0, Timed()))
+    once = Difference(1.0, Timing(1.0, 1.0, 0.0, 1), 1.0)
+    monkeypatch.setattr(throughput, "difference", lambda *calls, **options: once)
     left = peaks(*(2 * throughput.PEAKS + len(SMALL) - 1) * [1e11])
     rows_of(throughput.measure_throughput(opencl, cases=SMALL))
     assert left == []
-
-
-class Timed:
-    median = spread = 1.0
 
 
 @pytest.mark.parametrize("as_json", [True, False])

@@ -90,6 +90,11 @@ class Bench:
 
     def flops(self, arithmetic: Arithmetic, repeats: int = 5) -> float:
         """Return operations a second, the best of several runs; a multiply-add is two."""
+        rate = self.rate(arithmetic)
+        return max(rate() for _ in range(repeats))
+
+    def rate(self, arithmetic: Arithmetic) -> Callable[[], float]:
+        """Return what runs the kernel for about `RUN_S` and tells its operations a second."""
         kernel = self._kernel(arithmetic, "arithmetic")
         items, group = self._items(arithmetic.width)
         start = np.repeat(np.array([0.999, 0.001, 0.5], np.float32), arithmetic.width)
@@ -102,7 +107,7 @@ class Bench:
 
         rounds = self._rounds(run)
         operations = 2.0 * arithmetic.width * arithmetic.chains * items * rounds
-        return operations / self._best(partial(run, rounds), repeats)
+        return lambda: operations / self._seconds(partial(run, rounds))
 
     def bandwidth(self, width: int, repeats: int = 5) -> float:
         """Return bytes a second, read and written together, of a copy of such vectors."""
