@@ -54,7 +54,9 @@ def test_error_covers_the_truth(name, precision):
     engine = Engine(name, precision=precision)
     covered: list[np.ndarray] = []
     loose: list[np.ndarray] = []
-    for template, maps, rtol, known in sampled(11 if precision == "float32" else 12):
+    runs = sampled(11 if precision == "float32" else 12)
+    # kernels take a second or two to build, so that fewer networks are OpenCL's
+    for template, maps, rtol, known in runs[::3] if name == "opencl" else runs:
         result = engine.run(template, rtol=rtol, atol=rtol, **maps)
         error = np.abs(result.state - known.state).max(axis=(-2, -1))
         # the reference has an error of its own, which exact answers in float64 are below
@@ -102,6 +104,8 @@ def test_every_adaptive_method_covers_the_truth(name):
         start = rng.uniform(-0.9, 0.9, (6, *shape))
         frames = rng.uniform(-1, 1, (6, 5, 6))
         rtol = float(10.0 ** -rng.uniform(2, 6))
+        if name == "opencl" and number % 8 > 2:
+            continue  # as above: each method three times
         try:
             result = engine.run(
                 template, input=frames, state=start, rtol=rtol, atol=rtol, method=method
@@ -112,5 +116,5 @@ def test_every_adaptive_method_covers_the_truth(name):
         error = np.abs(result.state - known.state).max(axis=tuple(range(1, start.ndim)))
         # the reference has an error of its own
         covered.append(result.error + 20.0 * known.error >= error)
-    assert len(covered) >= 16
+    assert len(covered) >= (6 if name == "opencl" else 16)
     assert np.concatenate(covered).mean() >= 0.99
