@@ -64,14 +64,14 @@ def test_more_noise_makes_a_slope_less_known():
 
 
 @pytest.mark.parametrize(("load", "thickness", "known"), [(0.8, 1e-3, True), (0.25, 2e-3, False)])
-def test_a_rate_is_told_once_it_is_known(opencl, run, simulate, load, thickness, known):
+def test_a_rate_is_told_once_it_is_known(numba, run, simulate, load, thickness, known):
     """A torque that is weak and short is a twist whose rate is not told; a strong one's is."""
     script = (Phase("hold", 0.4), Phase("press", 0.3, load=load), Phase("hold", 0.3))
     script = (*script, Phase("twist", 0.25, angle=0.25))
     options = {"rate": 100.0, "shape": (4, 4), "thickness": thickness, "seed": 8}
     strain, truth = simulate(script=script, **options)
     bound = twist.bind(depth=thickness / 1.5e-3, rate=100.0)
-    got = run(opencl, bound, strain, ["twist", "twist_sense", "twist_rate"])
+    got = run(numba, bound, strain, ["twist", "twist_sense", "twist_rate"])
     turned = got["twist"] > 0
     assert turned.any()
     assert (got["twist_sense"][turned] == 1.0).all()
