@@ -31,7 +31,10 @@ def test_trace_page_shows_every_operation(call, tmp_path):
 
 def test_frame_that_is_not_there_gets_one_sentence(call, tmp_path):
     out = tmp_path / "trace.html"
-    done = call("run", "contact", "--trace", out, "--trace-frame", 10**6, "--frames", 1)
+    done = call(
+        "run", "contact", "--frames", 1, "--trace", out, "--trace-frame", 10**6,
+        "--set", "program.name=contact",
+    )  # fmt: skip
     assert done.exit_code == 2
     assert "no frame" in done.stderr
     assert not out.exists()
