@@ -1,8 +1,9 @@
 """An independent simulator of cell arrays: SciPy's correlate, shifted copies, and small steps.
 
 It shares nothing with the engines: it pads through scipy's and numpy's own modes, once for all
-steps, looks tables up by counting, and takes fixed steps far below the stability bound, Runge–Kutta's of fourth order
-or, where rates jump, Euler's. States are (pictures, layers, rows, cols) inside.
+steps, looks tables up by counting, and takes fixed steps far below the stability bound,
+Runge–Kutta's of fourth order or, where rates jump, Euler's. States are (pictures, layers, rows,
+cols) inside.
 """
 
 from collections.abc import Callable
@@ -253,7 +254,7 @@ def couple(
 
 
 class Linear:
-    """The same sum for the maps of every step: what SciPy makes of each single cell, and of none."""
+    """The same sum for the maps of all steps: what SciPy makes of each cell, and of none."""
 
     def __init__(
         self,
