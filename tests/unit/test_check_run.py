@@ -73,6 +73,14 @@ def test_exact_answer_passes_and_is_timed_after_a_first_run() -> None:
     assert engine.runs == 4
 
 
+def test_without_repeats_the_first_run_is_the_time() -> None:
+    engine = Shifter()
+    result = run_check(COPY, engine, repeats=0)
+    assert engine.runs == 1
+    assert result.passed
+    assert result.seconds > 0.0
+
+
 @pytest.mark.parametrize(
     ("spoil", "error"),
     [
