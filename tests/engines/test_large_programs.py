@@ -26,12 +26,12 @@ def layers():
     rng = np.random.default_rng(2)
     return cnnum.Template(
         "layers", rng.normal(size=(2, 2, 3, 3)) * 0.05, rng.normal(size=(2, 1, 3, 3)), [0.1, -0.2],
-        tau=[1.0, 2.0], boundary=-0.5, duration=2.0,
+        tau=[1.0, 2.0], boundary=-0.5, duration=2.0, output="tanh",
     )  # fmt: skip
 
 
 CASES = {
-    "adaptive": (template(), {}),
+    "adaptive": (template(output="tanh"), {}),
     "adaptive, until it settles": (template(), {"duration": "settle"}),
     "Euler, until it settles": (template(), {"duration": "settle", "dt": 0.2}),
     "rk4": (template(boundary="periodic"), {"method": "rk4", "dt": 0.13}),

@@ -9,6 +9,7 @@ import numpy as np
 from cnnum.engines.opencl.drive import constant_drive
 from cnnum.engines.opencl.parts import Strips
 from cnnum.engines.opencl.strip_layout import RowLayout
+from cnnum.engines.opencl.strip_rows import HELD
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 
@@ -25,7 +26,7 @@ SHARES = 8
 BLOCK_ROWS = 4
 
 _OWN = re.compile(
-    r"\b(vec|ROW|shown|hidden_one|sides|copy_row|fill_row|upper|lower|inwards|magnitude|greatest|one_row|more_rows|level|strip)\b"
+    r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|upper|lower|inwards|magnitude|greatest|one_row|more_rows|level|strip)\b"
 )
 """Names that the kernel has to itself: a plan may have several."""
 
@@ -36,8 +37,8 @@ class StripText:
 
     Attributes
     ----------
-    scale : float
-        What the drive comes with.
+    scales : tuple of float
+        What the drive of each layer comes with.
     stages : int
         Of a step.
     cases : callable
@@ -52,7 +53,7 @@ class StripText:
         Where the states are in the end, from where they were.
     """
 
-    scale: float
+    scales: tuple[float, ...]
     stages: int
     cases: Callable[[int], list[str]]
     clear: list[str]
@@ -64,12 +65,17 @@ class StripText:
 def row_layout(text: TransientText, levels: int) -> RowLayout:
     """Return how rows lie for so many stages of steps."""
     boundary, width = text.template.boundary, text.tables.width
-    return RowLayout(text.shape[1], text.radius, width, boundary, _constant(text), levels)
+    constant = _constant(text)
+    return RowLayout(text.shape[1], text.radius, width, boundary, constant, levels, text.layers)
 
 
 def declare(text: TransientText, layout: RowLayout, names: tuple[str, ...]) -> dict[str, int]:
     """Append arrays that hold all rows, and return how far each is from the first."""
     size = (text.shape[0] + 2 * text.radius) * layout.pitch
+    if text.operands.mask is not None:
+        text.array("held", text.cells)
+        text.over_cells([f"held[i] = PICK({text.operands.mask} != ZERO, ONE, ZERO);"])
+        names = (*names, HELD)
     for name in (*names, "strip_w", "strip_even", "strip_odd"):
         text.array(name, size)
     return {name: text.arena.places[name] - text.arena.places[names[0]] for name in names}
@@ -80,7 +86,8 @@ def levels_of(text: TransientText, layout: RowLayout, arrays: int) -> tuple[int,
     rows, radius = text.shape[0], text.radius
     # strips must not vanish before the last of the levels
     high = rows // (2 * radius * SHARES) - 1
-    row = (arrays + 3) * layout.pitch * text.tables.dtype.itemsize
+    masks = int(text.operands.mask is not None)
+    row = (arrays + masks + 3) * layout.pitch * text.tables.dtype.itemsize
     near = text.tables.near_bytes // (BLOCK_ROWS * row)
     levels = max(1, min(LEVELS, max(LEAST_LEVELS, near), high))
     return levels, max(1, rows // (2 * (levels + 1) * radius))
@@ -104,6 +111,9 @@ def strip_kernel(
         "bytes": text.tables.dtype.itemsize,
         "rows": rows,
         "cols": cols,
+        "cells": text.cells,
+        "layers": text.layers,
+        "span": layout.span,
         "radius": radius,
         "pitch": layout.pitch,
         "head": layout.head,
@@ -121,7 +131,7 @@ def strip_kernel(
         "odd": places["strip_odd"],
         "state": places["x"],
         "shown": _shown(text),
-        "drive": _drive(text, own.scale),
+        "drive": _drive(text, own.scales),
         "clear": indented(own.clear, 2),
         "rest": indented(own.rest, 5).lstrip(),
         "begin": indented(own.begin, 2),
@@ -136,11 +146,23 @@ def strip_kernel(
     return Strips(name, source, count, size[0], size[1], not periodic)
 
 
-def _drive(text: TransientText, scale: float) -> str:
+def _drive(text: TransientText, scales: tuple[float, ...]) -> str:
+    """Return the scaled w of a cell of a layer."""
     constant = constant_drive(text)
-    if constant is not None:
-        return text.number(scale * constant[0])
-    return f"{text.number(scale)} * mine[{text.arena.places['w']} + cell]"
+    if constant is None:
+        scale = _of_layer([text.number(scale) for scale in scales])
+        return f"{scale} * mine[{text.arena.places['w']} + cell]"
+    each = zip(scales, constant, strict=True)
+    return _of_layer([text.number(scale * number) for scale, number in each])
+
+
+def _of_layer(numbers: list[str]) -> str:
+    """Return the expression of the number of the layer at hand."""
+    if len(set(numbers)) == 1:
+        return numbers[0]
+    *others, last = numbers
+    picks = "".join(f"layer == {layer} ? {number} : " for layer, number in enumerate(others))
+    return f"({picks}{last})"
 
 
 def _shown(text: TransientText) -> str:

@@ -36,6 +36,8 @@ class RowLayout:
         Literal of the virtual cells' output where the boundary is fixed.
     levels : int
         Stages of steps that are taken in this layout.
+    layers : int
+        Rows of each stand side by side.
     """
 
     cols: int
@@ -44,6 +46,7 @@ class RowLayout:
     boundary: Boundary
     constant: str | None
     levels: int
+    layers: int
 
     @property
     def vectors(self) -> int:
@@ -76,14 +79,18 @@ class RowLayout:
         return self.radius * self.width if self.in_lanes else self.width
 
     @property
+    def span(self) -> int:
+        """Numbers from a row of a layer to that of the next."""
+        return (self.vectors + (2 * self.radius if self.in_lanes else 2)) * self.width
+
+    @property
     def pitch(self) -> int:
         """Numbers from a row to the next.
 
         An odd number of vectors: 1024 columns took a third longer with an even one, whose rows
         stand in a page where other rows do.
         """
-        beyond = 2 * self.radius if self.in_lanes else 2
-        return (self.vectors + beyond | 1) * self.width
+        return (self.layers * self.span // self.width | 1) * self.width
 
     def place(self, col: int) -> int:
         """Return the place of a cell, counted from the row's first."""

@@ -25,40 +25,41 @@ from cnnum.integrators.schemes import ExponentialSteps
 def strips_fit(text: TransientText, scheme: FixedSteps | ExponentialSteps | AdaptiveSteps) -> bool:
     """Return whether steps of a scheme can be taken strip by strip."""
     template, radius = text.template, text.radius
-    simple = template.plain and text.layers == 1 and text.operands.mask is None
     known = template.output.name in ("standard", "linear", "full-range")
     return (
-        simple
+        template.plain
         and known
         and 0 < radius <= BLOCK_ROWS
         and min(text.shape) >= 4 * radius
         and not text.arena.private
-        and _repeats(scheme, float(template.tau[0]))
+        and _repeats(scheme)
     )
 
 
-def _repeats(scheme: FixedSteps | ExponentialSteps | AdaptiveSteps, tau: float) -> bool:
+def _repeats(scheme: FixedSteps | ExponentialSteps | AdaptiveSteps) -> bool:
     """Return whether all steps are alike, and of stages that strips can take."""
     if isinstance(scheme, AdaptiveSteps):
         return True
     even = not isinstance(scheme, FixedSteps) or scheme.last == scheme.step
-    return even and scheme.count > 0 and not scheme.settle and stages_of(scheme, tau) is not None
+    return even and scheme.count > 0 and not scheme.settle and stages_of(scheme, 1.0) is not None
 
 
 def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> None:
     """Append the name that stands for the steps, and keep their kernel with the tables."""
-    stages = stages_of(scheme, float(text.template.tau[0]))
-    assert stages is not None
-    layout = row_layout(text, len(stages.stages) * scheme.count)
-    names = tuple(array_of(n) for n in range(stages.arrays))
-    rows = Rows(text, layout, stages.scale, declare(text, layout, names))
+    found = (stages_of(scheme, float(tau)) for tau in text.template.tau)
+    layers = tuple(stages for stages in found if stages is not None)
+    stages, arrays = len(layers[0].stages), layers[0].arrays
+    layout = row_layout(text, stages * scheme.count)
+    names = tuple(array_of(n) for n in range(arrays))
+    scales = tuple(one.scale for one in layers)
+    rows = Rows(text, layout, scales, declare(text, layout, names))
     shown = rename(text.template.output.opencl, {"x": "value"})
     own = StripText(
-        stages.scale,
-        len(stages.stages),
-        lambda block: sum_cases(rows, stages, block),
+        scales,
+        stages,
+        lambda block: sum_cases(rows, layers, block),
         clear=[],
-        rest=[f"outputs[0][p] = {shown};"],
+        rest=[f"outputs[0][p] = {shown};", *rows.set_held()],
         begin=[],
     )
     size = levels_of(text, layout, len(names))
@@ -73,7 +74,8 @@ def strip_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
     # nobody knows how many steps there will be: as a rule enough for rows in lanes
     layout = row_layout(text, LANES_STEPS)
     names = ("strip_x", "strip_xs", *(f"strip_k{n}" for n in range(tableau.stages)))
-    apart, scale = declare(text, layout, names), 1.0 / float(text.template.tau[0])
+    apart = declare(text, layout, names)
+    scales = tuple(1.0 / float(tau) for tau in text.template.tau)
     size = levels_of(text, layout, len(names))
     span, most = layout.vectors * layout.width, size[1]
     found = len(FIGURES) * most * layout.width
@@ -91,7 +93,7 @@ def strip_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
             f"    x[{apart['strip_cells']} + n] = col < {layout.cols};",
             "}",
         ]
-    rows = Rows(text, layout, scale, apart)
+    rows = Rows(text, layout, scales, apart)
     begin = [
         f"for (int n = 0; done == 0 && n < {len(FIGURES)}; ++n) {{",
         f"    const int own = {apart['strip_maxima']} + (n * {most} + piece) * {layout.width};",
@@ -99,11 +101,14 @@ def strip_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
         "}",
     ]
     own = StripText(
-        scale,
+        scales,
         tableau.stages,
-        lambda block: pair_cases(rows, tableau, most, block),
+        lambda block: pair_cases(rows, scheme, most, block),
         clear=clear,
-        rest=[f"x[p + {apart['strip_k0']}] = mine[{text.arena.places['k0']} + cell];"],
+        rest=[
+            f"x[p + {apart['strip_k0']}] = mine[{text.arena.places['k0']} + cell];",
+            *rows.set_held(),
+        ],
         begin=begin,
         end=f"(x[{apart['strip_control']} + 1] != 0 ? {apart['strip_xs']} : 0)",
     )

@@ -1,7 +1,7 @@
 // Strips of rows, several levels at a time: a level, which is a stage of a step, follows the one
 // before at a distance of a few rows, so that what it reads is still in the cache. Strips narrow by
 // a rim from level to level; then what is missing between them is made up for. Of the two arrays of
-// outputs, a level reads one and writes the other.
+// outputs, a level reads one and writes the other. The rows of all layers stand side by side.
 typedef scalar vec __attribute__((ext_vector_type($width), aligned($bytes)));
 #define ROW(row) (((row) + $radius) * $pitch + $head)
 
@@ -32,6 +32,13 @@ static inline vec greatest(const vec a, const vec b) { return (a < b) | (b != b)
 static inline void sides(__global scalar *const y, const int p)
 {
 $sides
+}
+
+static inline void all_sides(__global scalar *const y, const int p)
+{
+    for (int layer = 0; layer < $layers; ++layer) {
+        sides(y, p + layer * $span);
+    }
 }
 
 // Virtual rows are copies of rows.
@@ -67,7 +74,7 @@ static void one_row(__global scalar *const x, __global const scalar *const w,
     switch (stage) {
 $one_row
     }
-    sides(to, start);
+    all_sides(to, start);
 }
 
 static void more_rows(__global scalar *const x, __global const scalar *const w,
@@ -79,7 +86,7 @@ static void more_rows(__global scalar *const x, __global const scalar *const w,
 $more_rows
     }
     for (int r = 0; r < $block; ++r) {
-        sides(to, start + r * $pitch);
+        all_sides(to, start + r * $pitch);
     }
 }
 
@@ -112,17 +119,19 @@ $clear
         const int below = $periodic && end == $rows ? $radius : 0;
         for (int r = begin - above; r < end + below; ++r) {
             const int row = (r + $rows) % $rows;
-            for (int lane = 0; lane < $pieces; ++lane) {
+            for (int part = 0; part < $layers * $pieces; ++part) {
+                const int layer = part / $pieces, lane = part % $pieces;
                 const int start = lane * $length, length = min($length, $cols - start);
                 for (int n = 0; n < length; ++n) {
-                    const int cell = row * $cols + start + n, p = ROW(r) + n * $step + lane;
+                    const int at = row * $cols + start + n, cell = layer * $cells + at;
+                    const int p = ROW(r) + layer * $span + n * $step + lane;
                     const scalar value = mine[$state + cell];
                     x[p] = value;
                     w[p] = $drive;
                     $rest
                 }
             }
-            sides(outputs[0], ROW(r));
+            all_sides(outputs[0], ROW(r));
         }
         if (!$periodic && begin == 0) {
             upper(outputs[0]);
@@ -172,10 +181,13 @@ $begin
     } else if (phase == 3) {
         __global const scalar *const end_state = x + $end;
         for (int r = begin; r < end; ++r) {
-            for (int lane = 0; lane < $pieces; ++lane) {
+            for (int part = 0; part < $layers * $pieces; ++part) {
+                const int layer = part / $pieces, lane = part % $pieces;
                 const int start = lane * $length, length = min($length, $cols - start);
+                const int cell = layer * $cells + r * $cols + start;
                 for (int n = 0; n < length; ++n) {
-                    mine[$state + r * $cols + start + n] = end_state[ROW(r) + n * $step + lane];
+                    const int p = ROW(r) + layer * $span + n * $step + lane;
+                    mine[$state + cell + n] = end_state[p];
                 }
             }
         }
