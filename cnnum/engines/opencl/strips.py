@@ -11,7 +11,7 @@ from cnnum.engines.opencl.strip_kernel import (
     row_layout,
     strip_kernel,
 )
-from cnnum.engines.opencl.strip_layout import LANES_STEPS
+from cnnum.engines.opencl.strip_layout import LANES_STEPS, RowLayout
 from cnnum.engines.opencl.strip_pair import FIGURES, pair_cases
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.engines.opencl.strip_stages import stages_of
@@ -82,17 +82,12 @@ def strip_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
     for name, length in (("strip_control", 2), ("strip_maxima", found), ("strip_cells", span)):
         text.array(name, length)
         apart[name] = text.arena.places[name] - text.arena.places[names[0]]
-    clear = [f"x[{apart['strip_maxima']} + n] = 0;"]
-    clear = [f"for (int n = 0; piece == 0 && n < {found}; ++n) {{", f"    {clear[0]}", "}"]
+    clear = [f"for (int n = 0; piece == 0 && n < {found}; ++n) {{"]
+    clear += [f"    x[{apart['strip_maxima']} + n] = 0;", "}"]
     if span == layout.cols:
         del apart["strip_cells"]
     else:
-        clear += [
-            f"for (int n = 0; piece == 0 && n < {span}; ++n) {{",
-            f"    const int col = n % {layout.pieces} * {layout.length} + n / {layout.pieces};",
-            f"    x[{apart['strip_cells']} + n] = col < {layout.cols};",
-            "}",
-        ]
+        clear += _mark_cells(layout, apart["strip_cells"])
     rows = Rows(text, layout, scales, apart)
     begin = [
         f"for (int n = 0; done == 0 && n < {len(FIGURES)}; ++n) {{",
@@ -132,3 +127,13 @@ def strip_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
         advance=["strip_control[1] = accept;"],
         end=[f"{name}_end;"],
     )
+
+
+def _mark_cells(layout: RowLayout, to: int) -> list[str]:
+    """Return the text that keeps which numbers of a row are cells."""
+    return [
+        f"for (int n = 0; piece == 0 && n < {layout.vectors * layout.width}; ++n) {{",
+        f"    const int col = n % {layout.pieces} * {layout.length} + n / {layout.pieces};",
+        f"    x[{to} + n] = col < {layout.cols};",
+        "}",
+    ]
