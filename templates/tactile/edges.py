@@ -19,6 +19,7 @@ from cnnum.templates.tactile.unblur import (
     noise_gain,
     surface_load,
 )
+from cnnum.templates.tactile.whole import Whole, whole_of
 
 SHARE = 0.3
 """Least load along an edge, as a share of the largest."""
@@ -29,6 +30,32 @@ cover; the thicker it is, the more the filter rounds. A uniform load takes 0.4 t
 place of the outline between the taxels; on average 0.71 at most under 0.3 pitches, and 0.84 (small
 rectangles) under one. Hertz's pressure takes 0.70 to 0.81 at a radius of 2 cells, 0.79 to 0.89 at
 2.5 and 0.96 at 3."""
+
+SMOOTH = 0.03
+"""Share of the signal that a smooth contact leaves, beside the noise: a sphere 0.01, an ellipse up
+to 1.25 times as long as wide 0.02 in stress and 0.04 in strain, a rectangle 0.05 and more."""
+
+FLAT = 0.2
+"""Flatness up to which a load may be a smooth contact's: a uniform disc's is 0.6 to 0.9, one of 1.3
+cells' under thin covers 0.27."""
+
+KNOWN = 0.12
+"""Standard deviation of the flatness below which a frame may be called smooth."""
+
+NARROWEST = 1.4
+"""Cells: contact radius from which it may; the flatness of smaller squares is anything."""
+
+EDGED, ONE = 0.25, 0.35
+"""Flatness, above two of its standard deviations, and share of the signal left, from which and up
+to which one edged body presses."""
+
+ROUGH = (0.05, 0.18)
+"""Share of the signal left from which and up to which that is so in stress whatever the flatness: a
+rectangle leaves 0.05 to 0.2, a sphere that is pulled by 0.6 of its load 0.04, two of them 0.18. In
+strain a pull leaves as much as a rectangle."""
+
+EDGED_RISE = 0.86
+"""Cells in which the load of one edged body rises at most."""
 
 VOTERS = 3
 """Cells to each side whose links are averaged before an edge is called sharp."""
@@ -53,7 +80,8 @@ def edges(
 
     The cover's blur is taken off by a 7×7 template. The outline passes where the load falls below
     half of what it is inside. It is an edge where the load rises to its height within a cell; a
-    smooth contact such as a sphere's takes longer.
+    smooth contact such as a sphere's takes longer. Where one such contact explains the whole frame,
+    there is no edge in it.
 
     Parameters
     ----------
@@ -92,8 +120,11 @@ def edges_of(
     least = maximum(SHARE * load.max(), LIFT * noise_gain(depth, reads) * noise)
     links = links_of(frame, load, least)
     votes = _Votes(links)
-    most = rise_of(depth) if rise is None else rise
-    sharp = votes.sharp(most) & loads.contact
+    whole = whole_of(loads, load, float(depth), reads)
+    most: Field | float = rise_of(depth) if rise is None else rise
+    if rise is None:
+        most = where(_edged(whole, reads), EDGED_RISE, most)
+    sharp = votes.sharp(most) & loads.contact & ~_smooth(whole)
     links = votes.placed(links)
     ends = [link.crosses & sharp for link in links]
     found = _nearest(links, ends)
@@ -124,7 +155,7 @@ class _Votes:
         self._near = _around(HOLLOW_VOTERS, links, [1.0] * len(links))
         self._hollow = _around(HOLLOW_VOTERS, links, [link.hollow for link in links])
 
-    def sharp(self, rise: float) -> Field:
+    def sharp(self, rise: Field | float) -> Field:
         """Return where the load ends within a cell."""
         return self._rise < rise * self._number
 
@@ -136,6 +167,22 @@ class _Votes:
         return tuple(
             replace(link, place=link.place + share * (link.rim - link.place)) for link in links
         )
+
+
+def _smooth(whole: Whole) -> Field:
+    """Return whether the whole frame is one smooth contact."""
+    hertz = abs(whole.flatness) < FLAT + whole.unsure
+    known = (whole.unsure < KNOWN) & (whole.radius > NARROWEST)
+    return (whole.left < SMOOTH) & hertz & known
+
+
+def _edged(whole: Whole, reads: Reads) -> Field:
+    """Return whether the whole frame is one body with an edge."""
+    flat = (whole.flatness - 2.0 * whole.unsure > EDGED) & (whole.left < ONE)
+    if reads == "strain":
+        return flat
+    low, high = ROUGH
+    return flat | ((whole.left > low) & (whole.left < high))
 
 
 def _around(cells: int, links: tuple[Links, ...], values: Sequence[object]) -> Field:

@@ -10,6 +10,7 @@ from math import pi
 from math import sqrt as root
 
 from cnnum.programs.fields import Field, sqrt
+from cnnum.tactile.indenters import Reads
 
 ARCSINE = (1.5707288, -0.2121144, 0.0742610, -0.0187293)
 """arcsin x = π/2 − √(1 − x) (…): within 7e-5 (Abramowitz and Stegun 4.4.45)."""
@@ -36,7 +37,9 @@ class Root:
 
 @dataclass(frozen=True, slots=True)
 class Pushed:
-    """Normal strain under Hertz's pressure, −(2E/3) ε_zz over the largest pressure, a map.
+    """Normal signal under Hertz's pressure, over the largest pressure, a map.
+
+    That is −(2E/3) ε_zz for strain, and −σ_zz for stress.
 
     Attributes
     ----------
@@ -50,7 +53,7 @@ class Pushed:
     by_away: Field
 
 
-def pushed_by(away: Field, radius: Field, depth: float) -> Pushed:
+def pushed_by(away: Field, radius: Field, depth: float, reads: Reads = "strain") -> Pushed:
     """Return what a sphere pressed on the cover makes.
 
     Parameters
@@ -61,21 +64,30 @@ def pushed_by(away: Field, radius: Field, depth: float) -> Pushed:
         Contact radius.
     depth : float
         Of the taxels.
+    reads : "strain" or "stress"
+        What they read.
     """
     w = _root(away, radius, depth)
-    whole = away + radius * radius + depth * depth + w.size
-    sine = root(2.0) * radius / sqrt(whole)
-    angle = arcsine(sine)
     flat = w.u / w.size
     cube = w.size * w.size * w.size
     real = w.u * (w.u * w.u - 3.0 * w.v * w.v) / cube
     imaginary = w.v * (3.0 * w.u * w.u - w.v * w.v) / cube
-    bends = depth * imaginary - radius * real
-    falls = -0.5 * sine * (1.0 + w.square / w.size) / (whole * sqrt(1.0 - sine * sine))
+    # the wave of a flat punch, by which a Hertzian pressure grows as its contact does
+    grows = depth * (depth * imaginary - radius * real)
+    if reads == "stress":
+        signal = w.v / radius - depth * flat
+        falls = -0.5 * w.v / w.size
+        grows = grows + w.v / w.size
+    else:
+        whole = away + radius * radius + depth * depth + w.size
+        sine = root(2.0) * radius / sqrt(whole)
+        signal = depth * (arcsine(sine) / radius - flat)
+        falls = -0.5 * sine * (1.0 + w.square / w.size) / (whole * sqrt(1.0 - sine * sine))
+        falls = depth * falls
     return Pushed(
-        signal=depth * (angle / radius - flat),
-        by_radius=depth * ((flat - angle / radius) / radius + bends),
-        by_away=depth * (falls / radius + 0.5 * real),
+        signal=signal,
+        by_radius=grows - signal / radius,
+        by_away=falls / radius + 0.5 * depth * real,
     )
 
 
