@@ -174,7 +174,7 @@ class _Fit:
         wider, *others = seen.changes
         wider = wider - (wider * seen.signal).sum() / power * seen.signal
         far = FAR * at.radius
-        most = (far, far, far, LONG, LONG)
+        most: tuple[Field | float, ...] = (far, far, far, LONG, LONG)
         steps = [
             _at_most((left * way).sum() / (size * maximum(square(way).sum(), TINY)), limit)
             for way, limit in zip((wider, *others), most, strict=True)
