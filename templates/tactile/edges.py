@@ -32,8 +32,9 @@ rectangles) under one. Hertz's pressure takes 0.70 to 0.81 at a radius of 2 cell
 2.5 and 0.96 at 3."""
 
 SMOOTH = 0.03
-"""Share of the signal that a smooth contact leaves, beside the noise: a sphere 0.01, an ellipse up
-to 1.25 times as long as wide 0.02 in stress and 0.04 in strain, a rectangle 0.05 and more."""
+"""Share of the signal that a smooth contact leaves, beside the noise: from half a pitch of cover on
+a sphere leaves 0.01, an ellipse 1.25 times as long as wide 0.02 in stress and 0.04 in strain, and a
+rectangle 0.05 and more."""
 
 FLAT = 0.2
 """Flatness up to which a load may be a smooth contact's: a uniform disc's is 0.6 to 0.9, one of 1.3
@@ -51,8 +52,8 @@ to which one edged body presses."""
 
 ROUGH = (0.05, 0.18)
 """Share of the signal left from which and up to which that is so in stress whatever the flatness: a
-rectangle leaves 0.05 to 0.2, a sphere that is pulled by 0.6 of its load 0.04, two of them 0.18. In
-strain a pull leaves as much as a rectangle."""
+rectangle leaves 0.05 to 0.2, a sphere that is pulled by 0.6 of its load 0.02 to 0.05, two of them
+from 0.18 on. In strain a pull leaves as much as a rectangle."""
 
 EDGED_RISE = 0.86
 """Cells in which the load of one edged body rises at most."""

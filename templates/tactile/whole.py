@@ -21,8 +21,8 @@ SPREAD = 2.2
 for a uniform one."""
 
 STEPS = 4
-"""Gauss–Newton steps. Radius and place of spheres of 1.5 cells and more are within 0.02 cells then,
-but for a third of a pitch of cover in strain."""
+"""Gauss–Newton steps. Spheres of 2 cells and more are met to the noise then, but in strain under a
+third of a pitch of cover, where half of them are."""
 
 FAR, LONG = 0.4, 0.3
 """What radius and centre move by in a step at most, in radii, and what the ellipse is stretched
@@ -36,7 +36,7 @@ SMALLEST, LARGEST = 0.5, 0.75
 
 NARROW = 0.7
 """Radius of the narrower sphere, over that of the contact. Its map, less what the fit takes, is
-like that of a uniform disc: their correlation is 0.92 to 0.99 from 0.5 pitches of cover on."""
+like that of a uniform disc: their correlation is 0.91 to 0.99 from 0.5 pitches of cover on."""
 
 TINY = 1e-12
 
@@ -108,7 +108,8 @@ class _Fit:
         self._normal = self._inside * loads.normal
         self._noise = loads.normal_noise
         self._load = load
-        self._depth, self._reads = depth, reads
+        self._depth = depth
+        self._reads: Reads = reads
 
     def judged(self) -> tuple[Field, ...]:
         """Return share left, flatness, its error, and radius."""
