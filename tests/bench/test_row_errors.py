@@ -30,9 +30,9 @@ def test_runs_next_to_zero_are_held_to_the_reference_engines(precision):
     row = denormals.measure_case(engine, case, denormals.case_truths(case), budget=0.01)
     # 4000 steps of numbers of order 1, each rounded twice
     assert 0.0 < row.ordinary_error < 8000 * np.finfo(precision).eps
-    # a denormal of a hundredth of the smallest normal number has 17 of 23 bits; a device without
-    # denormals has none
-    assert row.error < 1e-3 or row.error == 1.0
+    # a denormal of a hundredth of the smallest normal number has 17 of 23 bits; where denormals are
+    # flushed, as PoCL does when it is asked to, there are none
+    assert row.error == 1.0 or (row.error < 1e-3 and "Portable" not in row.device)
     near, ordinary = denormals.case_truths(case)
     # what is wrong is below the smallest normal number, and the run begins e^10 above it
     assert row.error_of_start < 1e-4
