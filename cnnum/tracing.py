@@ -23,7 +23,7 @@ class TraceStep:
         Numbers of the steps whose results it read.
     outputs : tuple of str
         Names of the program's outputs that it gives.
-    value : (..., rows, cols) or (...) float
+    value : (..., rows, cols), (..., maps, rows, cols) or (...) float
     """
 
     number: int

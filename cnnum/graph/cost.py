@@ -29,5 +29,5 @@ def node_flops(node: Node, shape: Shape, steps: int = 1) -> int:
     if isinstance(node.operation, Product):
         return 2 * cells * cells * len(node.arguments)
     if isinstance(node.operation, Apply):
-        return 1 if node.scalar else cells
-    return cells if isinstance(node.operation, Reduce) else 0
+        return 1 if node.scalar else cells * node.maps
+    return cells * node.arguments[0].maps if isinstance(node.operation, Reduce) else 0

@@ -42,14 +42,14 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class ConstantMap:
-    """A map of numbers that is the same in every frame; told apart by content."""
+    """A map, or a stack of maps, that is the same in every frame; told apart by content."""
 
     content: str
     values: Floats = field(compare=False)
 
     @classmethod
     def of(cls, values: Floats) -> "ConstantMap":
-        """Return the operation for (rows, cols) values."""
+        """Return the operation for (rows, cols) values; maps of a stack are below each other."""
         return cls(digest(values), frozen(values))
 
     def __str__(self) -> str:
@@ -267,6 +267,8 @@ class Node:
         One number a frame instead of a map.
     logic : bool
         Values are 0 or 1.
+    maps : int
+        More than one: a stack of maps.
     """
 
     index: int
@@ -274,6 +276,7 @@ class Node:
     arguments: tuple["Node", ...]
     scalar: bool
     logic: bool
+    maps: int = 1
 
     def __repr__(self) -> str:
         # arguments by number: written out in full, a shared graph fills the memory
@@ -321,7 +324,12 @@ class Graph:
     )
 
     def add(
-        self, operation: Operation, *arguments: Node, scalar: bool = False, logic: bool = False
+        self,
+        operation: Operation,
+        *arguments: Node,
+        scalar: bool = False,
+        logic: bool = False,
+        maps: int = 1,
     ) -> Node:
         """Return the node for an operation, the one that is there if it is there."""
         key = (operation, tuple(argument.index for argument in arguments))
@@ -329,7 +337,7 @@ class Graph:
         if known is not None:
             self.shared += isinstance(operation, Apply | Reduce | Transient)
             return known
-        node = Node(next(self._numbers), operation, arguments, scalar, logic)
+        node = Node(next(self._numbers), operation, arguments, scalar, logic, maps)
         self.nodes.append(node)
         self._interned[key] = node
         return node
@@ -349,23 +357,29 @@ class Graph:
         """Return the parameter of this body that stands for a node of a graph further out."""
         assert self.parent is not None
         outer = node if home is self.parent else self.parent.capture(node, home)
-        for place, known in self.captured.items():
-            if known is outer:
-                return self.add(Parameter(place), scalar=node.scalar, logic=node.logic)
-        place = CAPTURED + len(self.captured)
+        places = [place for place, known in self.captured.items() if known is outer]
+        place = places[0] if places else CAPTURED + len(self.captured)
         self.captured[place] = outer
-        return self.add(Parameter(place), scalar=node.scalar, logic=node.logic)
+        return self.like(node, Parameter(place))
+
+    def like(self, node: Node, operation: Operation, *arguments: Node) -> Node:
+        """Return the node of an operation whose values are of another node's kind."""
+        return self.add(operation, *arguments, scalar=node.scalar, logic=node.logic, maps=node.maps)
 
     def apply(self, function: ElementOp, *arguments: Node) -> Node:
-        """Return local arithmetic or logic on nodes; scalars stand for the same in every cell."""
+        """Return local arithmetic or logic on nodes; scalars stand for the same in every cell.
+
+        Maps are all single ones, or stacks of as many maps.
+        """
         scalar = all(argument.scalar for argument in arguments)
         logic = function.logic or (
             function.name == "select" and all(argument.logic for argument in arguments[1:])
         )
-        return self.add(Apply(function), *arguments, scalar=scalar, logic=logic)
+        maps = max(argument.maps for argument in arguments)
+        return self.add(Apply(function), *arguments, scalar=scalar, logic=logic, maps=maps)
 
     def reduce(self, function: ReduceOp, argument: Node) -> Node:
-        """Return a global read-out of a map."""
+        """Return a global read-out of a map, or of all maps of a stack."""
         return self.add(Reduce(function), argument, scalar=True, logic=function.logic)
 
     def constant(self, value: float) -> Node:

@@ -75,6 +75,16 @@ class Schedule:
         """Number of cells of the array."""
         return self.shape[0] * self.shape[1]
 
+    def shape_of(self, node: Node) -> tuple[int, ...]:
+        """Return the shape of a node's value: (), (rows, cols) or a stack's (maps, rows, cols)."""
+        if node.scalar:
+            return ()
+        return self.shape if node.maps == 1 else (node.maps, *self.shape)
+
+    def size_of(self, node: Node) -> int:
+        """Return how many numbers a node's value is."""
+        return 1 if node.scalar else node.maps * self.cells
+
     @property
     def transients(self) -> tuple[Node, ...]:
         """The nodes that run a template, those in loops among them."""

@@ -56,6 +56,9 @@ def _sources(schedule: Schedule, solvers: Mapping[int, Solver]) -> dict[int, fro
         # a number that is not constant is not worth a matrix
         if any(argument.scalar and argument.index not in found for argument in node.arguments):
             continue
+        # nor are stacks, which no transient can read
+        if any(each.maps > 1 for each in (node, *node.arguments)):
+            continue
         operation = node.operation
         if isinstance(operation, Transient):
             scheme = solvers[node.index].scheme

@@ -53,7 +53,7 @@ class Program:
         Raises
         ------
         ProgramError
-            If the function returns no mapping of names to fields.
+            If the function returns no mapping of names to maps and numbers.
         """
         graph = Graph(as_shape(shape))
         frame = FrameFields(graph, channels)
@@ -64,7 +64,14 @@ class Program:
                 f"Program '{self.name}' must return a dict of named fields, got "
                 f"{type(returned).__name__}."
             )
-        graph.outputs.update({name: as_field(graph, value).node for name, value in items})
+        fields = {name: as_field(graph, value) for name, value in items}
+        for name, field in fields.items():
+            if field.maps > 1:
+                raise ProgramError(
+                    f"Output '{name}' of program '{self.name}' is a stack of {field.maps} maps: "
+                    "outputs are maps and numbers."
+                )
+        graph.outputs.update({name: field.node for name, field in fields.items()})
         return graph
 
 

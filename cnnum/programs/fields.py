@@ -12,7 +12,11 @@ from cnnum.graph.nodes import ConstantMap, Graph, Node
 
 
 class Field:
-    """A map of cells, or one number a frame (`scalar`), inside a program that is being traced."""
+    """A map of cells, or one number a frame (`scalar`), inside a program that is being traced.
+
+    It can be a stack of several maps, too (`maps`): local operations take all of them at once, with
+    numbers or with stacks of as many, and global ones read them all.
+    """
 
     __slots__ = ("_graph", "_node")
     # numpy must not take a Field for an array of objects: let the Field's own operator run
@@ -41,6 +45,11 @@ class Field:
     def logic(self) -> bool:
         """Whether it is a flag or a logic map."""
         return self._node.logic
+
+    @property
+    def maps(self) -> int:
+        """How many maps it is: more than one in a stack."""
+        return self._node.maps
 
     def __bool__(self) -> NoReturn:
         raise ProgramError(
@@ -133,10 +142,18 @@ class Field:
     def mean(self) -> "Field":
         """Return the mean over the array."""
         rows, cols = self._graph.shape
-        return self.sum() / (rows * cols)
+        return self.sum() / (self.maps * rows * cols)
 
     def argmax(self) -> "tuple[Field, Field]":
-        """Return row and column of the largest value; of several, the first in reading order."""
+        """Return row and column of the largest value; of several, the first in reading order.
+
+        Raises
+        ------
+        ProgramError
+            Of a stack.
+        """
+        if self.maps > 1:
+            raise ProgramError(f"'argmax' names a cell of one map, got a stack of {self.maps}.")
         rows, cols = self._graph.shape
         number = constant(self._graph, np.arange(rows * cols, dtype=float).reshape(rows, cols))
         first = where(self.equals(self.max()), number, float(rows * cols)).min()
@@ -194,6 +211,11 @@ def combine(function: op.ElementOp, *operands: object) -> Field:
     nodes = [as_field(graph, operand).node for operand in operands]
     if function.name in ("and", "or", "xor", "not") and not all(node.logic for node in nodes):
         raise ProgramError(f"'{function.name}' joins logic values; compare the numbers first.")
+    stacks = sorted({node.maps for node in nodes if not node.scalar})
+    if len(stacks) > 1:
+        raise ProgramError(
+            f"'{function.name}' joins stacks of as many maps, got {stacks[0]} and {stacks[1]}."
+        )
     return Field(graph, graph.apply(function, *nodes))
 
 
@@ -225,7 +247,12 @@ def exp(a: Field) -> Field:
 
 
 def constant(graph: Graph, values: object) -> Field:
-    """Return the field of a number, or of a map (rows, cols), that is the same in every frame.
+    """Return the field of a number, a map or a stack of maps that is the same in every frame.
+
+    Parameters
+    ----------
+    graph : Graph
+    values : (), (rows, cols) or (maps, rows, cols) float
 
     Raises
     ------
@@ -235,6 +262,9 @@ def constant(graph: Graph, values: object) -> Field:
     array = finite("constant", values)  # type: ignore[arg-type]
     if array.ndim == 0:
         return Field(graph, graph.constant(float(array)))
-    if array.shape != graph.shape:
-        raise ArrayError(f"A constant map must be {graph.shape}, got {array.shape}.")
-    return Field(graph, graph.add(ConstantMap.of(array)))
+    if array.shape[-2:] != graph.shape or array.ndim > 3 or array.size == 0:
+        raise ArrayError(
+            f"A constant map must be {graph.shape}, or a stack of such, got {array.shape}."
+        )
+    below = array.reshape(-1, array.shape[-1])
+    return Field(graph, graph.add(ConstantMap.of(below), maps=len(below) // graph.shape[0]))

@@ -106,10 +106,7 @@ def _loop(
     if limit < 1:
         raise ProgramError(f"A loop's limit must be 1 or more, got {limit}.")
     inner = graph.body()
-    parameters = [
-        Field(inner, inner.add(Parameter(k), scalar=v.scalar, logic=v.logic))
-        for k, v in enumerate(values)
-    ]
+    parameters = [Field(inner, inner.like(v.node, Parameter(k))) for k, v in enumerate(values)]
     results = _results(inner, body(*parameters), values)
     again = _again(inner, until, results)
     nodes = _thinned(inner, [result.node for result in results], again)
@@ -136,8 +133,10 @@ def _results(inner: Graph, returned: Field | Sequence[Field], values: list[Field
         )
     results = [as_field(inner, item) for item in fields]
     for was, becomes in zip(values, results, strict=True):
-        if was.scalar != becomes.scalar:
-            raise ProgramError("A carried value of a loop must stay a map, or stay one number.")
+        if (was.scalar, was.maps) != (becomes.scalar, becomes.maps):
+            raise ProgramError(
+                "A carried value of a loop must stay a map, a stack of as many, or one number."
+            )
     return results
 
 
@@ -149,8 +148,7 @@ def _thinned(inner: Graph, results: list[Node], again: Node | None) -> tuple[Nod
 
 def _looped(graph: Graph, node: Node, values: list[Field]) -> Looped:
     carried = tuple(
-        Field(graph, graph.add(Pick("carried", k), node, scalar=v.scalar, logic=v.logic))
-        for k, v in enumerate(values)
+        Field(graph, graph.like(v.node, Pick("carried", k), node)) for k, v in enumerate(values)
     )
     return Looped(
         carried,

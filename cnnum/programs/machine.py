@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.arrays import Shape
 from cnnum.errors import ProgramError, name_error
-from cnnum.graph.nodes import FirstFrame, Graph, Input, Memory, Read
+from cnnum.graph.nodes import FirstFrame, Graph, Input, Memory, Node, Read
 from cnnum.programs.fields import Field, constant, where
 
 
@@ -16,10 +16,12 @@ class LocalMemory:
 
     __slots__ = ("_graph", "_number", "value")
 
-    def __init__(self, graph: Graph, name: str, *, scalar: bool, logic: bool) -> None:
+    def __init__(
+        self, graph: Graph, name: str, *, scalar: bool, logic: bool, maps: int = 1
+    ) -> None:
         self._graph = graph
         self._number = len(graph.memories)
-        read = graph.add(Read(self._number, name), scalar=scalar, logic=logic)
+        read = graph.add(Read(self._number, name), scalar=scalar, logic=logic, maps=maps)
         graph.memories[self._number] = Memory(read, read)
         self.value = Field(graph, read)
         """What was stored at the end of the frame before; 0 on the first frame."""
@@ -37,12 +39,19 @@ class LocalMemory:
         memory = self._graph.memories[self._number]
         if memory.store is not memory.read:
             raise ProgramError(f"Memory {self._number} is stored twice in one frame.")
-        if value.scalar != memory.read.scalar:
+        held, given = _kind(memory.read), _kind(value.node)
+        if held != given:
             raise ProgramError(
-                f"Memory {self._number} holds {'one number' if memory.read.scalar else 'a map'}, "
-                f"got {'one number' if value.scalar else 'a map'}; give scalar= where it is made."
+                f"Memory {self._number} holds {held}, got {given}; give scalar= or maps= where it "
+                "is made."
             )
         self._graph.memories[self._number] = Memory(memory.read, value.node)
+
+
+def _kind(node: Node) -> str:
+    if node.scalar:
+        return "one number"
+    return "a map" if node.maps == 1 else f"a stack of {node.maps} maps"
 
 
 class FrameFields:
@@ -84,10 +93,12 @@ class FrameFields:
         return self.constant(np.indices(self.shape)[1])
 
     def constant(self, values: ArrayLike) -> Field:
-        """Return a map (rows, cols), or a number, that is the same in every frame."""
+        """Return a number, (rows, cols) or (maps, rows, cols), the same in every frame."""
         return constant(self._graph, values)
 
-    def memory(self, name: str = "", *, scalar: bool = False, logic: bool = False) -> LocalMemory:
+    def memory(
+        self, name: str = "", *, scalar: bool = False, logic: bool = False, maps: int = 1
+    ) -> LocalMemory:
         """Return a new memory that outlives the frame; it holds 0 before the first store.
 
         Parameters
@@ -98,11 +109,13 @@ class FrameFields:
             It holds one number a frame, not a map.
         logic : bool
             It is a local logic memory: 0 or 1.
+        maps : int
+            How many maps it holds: more than one for a stack.
         """
-        return LocalMemory(self._graph, name, scalar=scalar, logic=logic)
+        return LocalMemory(self._graph, name, scalar=scalar, logic=logic, maps=maps)
 
     def previous(self, value: Field) -> Field:
         """Return what `value` was on the frame before; on the first frame, what it is."""
-        memory = self.memory(scalar=value.scalar, logic=value.logic)
+        memory = self.memory(scalar=value.scalar, logic=value.logic, maps=value.maps)
         memory.store(value)
         return where(self.first, value, memory.value)

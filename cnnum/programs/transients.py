@@ -77,6 +77,8 @@ def transient(
     if mask is not None:
         given.append(mask)
     graph = graph_of(given)
+    if any(item.maps > 1 for item in given):
+        raise ProgramError(f"Template '{template.name}' runs on single maps, not on a stack.")
     operation = Transient(
         template,
         template.digest,

@@ -1,5 +1,6 @@
 """A page with a picture of every operation of a program on one frame."""
 
+import math
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -42,7 +43,7 @@ def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None
     path : Path
     title : str
     steps : sequence of TraceStep
-        Of one frame: maps (rows, cols) or numbers.
+        Of one frame: maps (rows, cols), stacks (maps, rows, cols) or numbers.
 
     Raises
     ------
@@ -70,7 +71,7 @@ def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None
 
 def _card(step: TraceStep) -> str:
     reads = f"reads {', '.join(str(n) for n in step.arguments)}" if step.arguments else "&nbsp;"
-    value = _number(float(step.value)) if step.value.ndim == 0 else _map(step.value, step.operation)
+    value = _number(float(step.value)) if step.value.ndim == 0 else _maps(step)
     names = f"<small>gives {escape(', '.join(step.outputs))}</small>" if step.outputs else ""
     style = " class='output'" if step.outputs else ""
     return (
@@ -83,17 +84,29 @@ def _number(value: float) -> str:
     return f"<div class='number'>{value:.5g}</div>"
 
 
-def _map(values: Floats, label: str) -> str:
-    rows, cols = values.shape
+def _maps(step: TraceStep) -> str:
+    """Return the picture of a map, or of a stack's maps in reading order, on one scale."""
+    values = step.value.reshape(-1, *step.value.shape[-2:])
+    count, rows, cols = values.shape
     top = float(np.abs(values).max())
-    side = _SIDE / cols
+    across = math.ceil(math.sqrt(count))
+    # a gap of a cell between the maps of a stack
+    side = _SIDE / (across * (cols + 1) - 1)
     cells = "".join(
-        f"<rect class='k{colours.step(float(values[r, c]), top)}' x='{c * side:.2f}' "
-        f"y='{r * side:.2f}' width='{side + 0.2:.2f}' height='{side + 0.2:.2f}'/>"
-        for r in range(rows)
-        for c in range(cols)
+        _map(one, top, (k // across) * (rows + 1), (k % across) * (cols + 1), side)
+        for k, one in enumerate(values)
     )
+    height = (-(-count // across) * (rows + 1) - 1) * side
+    told = f"±{top:.3g}" if count == 1 else f"{count} maps, ±{top:.3g}"
     return (
-        f"<svg viewBox='0 0 {_SIDE:g} {rows * side:.2f}' role='img' aria-label='{escape(label)}'>"
-        f"{cells}</svg><small>±{top:.3g}</small>"
+        f"<svg viewBox='0 0 {_SIDE:g} {height:.2f}' role='img' "
+        f"aria-label='{escape(step.operation)}'>{cells}</svg><small>{told}</small>"
+    )
+
+
+def _map(values: Floats, top: float, below: int, right: int, side: float) -> str:
+    return "".join(
+        f"<rect class='k{colours.step(float(value), top)}' x='{(right + c) * side:.2f}' "
+        f"y='{(below + r) * side:.2f}' width='{side + 0.2:.2f}' height='{side + 0.2:.2f}'/>"
+        for (r, c), value in np.ndenumerate(values)
     )

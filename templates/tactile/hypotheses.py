@@ -9,10 +9,6 @@ each is to be believed.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import reduce
-from operator import add
-
-import numpy as np
 
 from cnnum.programs.fields import Field, exp, maximum, minimum, where
 from cnnum.programs.machine import FrameFields
@@ -53,10 +49,9 @@ class Weighed:
         Both kinds' c/a, weighed.
     astray : Field
         Mean square by which the load may be off its law, that is no noise.
-    tried : tuple of Hypotheses
-        As many maps as it takes.
-    weights : tuple of Field
-        Of each of those that follows the law.
+    tried : Hypotheses
+    weights : Field
+        Of those that follow the law, a stack.
     """
 
     growing: Field
@@ -66,13 +61,13 @@ class Weighed:
     soon: Field
     sticks: Field
     astray: Field
-    tried: tuple["Hypotheses", ...]
-    weights: tuple[Field, ...]
+    tried: "Hypotheses"
+    weights: Field
 
 
 @dataclass(frozen=True, slots=True)
 class Hypotheses:
-    """A map of them.
+    """A stack of as many maps as it takes to hold them all.
 
     Attributes
     ----------
@@ -88,21 +83,6 @@ class Hypotheses:
     def over(self, age: Field) -> Field:
         """Return whether a time is over: 0 to 1 over the distance to the next hypothesis."""
         return minimum(maximum((age / self.times - 1.0) / self.apart + 0.5, 0.0), 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """Sums of one law in one group of cells, and how well it fits.
-
-    Attributes
-    ----------
-    tried : Hypotheses
-    likelihood : Field
-        Its logarithm, up to a constant that all fits share.
-    """
-
-    tried: Hypotheses
-    likelihood: Field
 
 
 def weighed(
@@ -146,28 +126,26 @@ def weighed(
     astray = TRUST**2 * peak + beside
     variance = variance_of(noise, astray, count)
     free = count + variance / maximum(offset * offset, TINY)
-    fits: list[Fit] = []
-    rivals: list[Fit] = []
-    for tried in hypotheses(frame, law.times):
-        share = age / tried.times
-        for found, shape in (
-            (fits, law.load(share)),
-            (rivals, law.load(STOP * minimum(share, 1.0))),
-        ):
-            found.append(_fit(frame, tried, shape, load, sums, runs, keep, free, variance))
-    return _weights(law, age, fits, rivals, early, astray)
+    tried = hypotheses(frame, law.times)
+    share = age / tried.times
+    likely, rival = (
+        _likelihood(frame, shape, load, sums, runs, keep, free, variance)
+        for shape in (law.load(share), law.load(STOP * minimum(share, 1.0)))
+    )
+    return _weights(law, age, tried, likely, rival, early, astray)
 
 
-def hypotheses(frame: FrameFields, times: Times) -> list[Hypotheses]:
-    """Return the times in frames, as many maps as it takes to hold them all."""
+def hypotheses(frame: FrameFields, times: Times) -> Hypotheses:
+    """Return the times in frames."""
     rows, columns = frame.shape
-    groups = -(-times.count // (rows * columns))
-    frames = times.frames(groups * rows * columns)
-    parts = (np.split(part, groups) for part in (frames, times.shares(frames)))
-    return [
-        Hypotheses(*(frame.constant(part.reshape(frame.shape)) for part in both))
-        for both in zip(*parts, strict=True)
-    ]
+    maps = -(-times.count // (rows * columns))
+    frames = times.frames(maps * rows * columns)
+    return Hypotheses(
+        *(
+            frame.constant(part.reshape(maps, rows, columns))
+            for part in (frames, times.shares(frames))
+        )
+    )
 
 
 def variance_of(noise: Field, astray: Field, count: Field) -> Field:
@@ -185,7 +163,7 @@ def summed(
     frame: FrameFields, runs: Field, keep: Field | float, value: Field, *, scalar: bool = False
 ) -> Field:
     """Return the sum of a value over the frames since `runs` holds, the past times `keep`."""
-    memory = frame.memory(scalar=scalar)
+    memory = frame.memory(scalar=scalar, maps=value.maps)
     now = where(runs, keep * memory.value + value, 0.0)
     memory.store(now)
     return now
@@ -198,9 +176,8 @@ def _largest(frame: FrameFields, runs: Field, size: Field) -> Field:
     return now
 
 
-def _fit(
+def _likelihood(
     frame: FrameFields,
-    tried: Hypotheses,
     shape: Field,
     load: Sequence[Field],
     sums: Sequence[Field],
@@ -208,49 +185,42 @@ def _fit(
     keep: Field,
     free: Field,
     variance: Field,
-) -> Fit:
+) -> Field:
+    """Return the logarithm of a law's likelihood, up to a constant that both fits share."""
     mean = summed(frame, runs, keep, shape)
     own = maximum(summed(frame, runs, keep, shape * shape) - mean * mean / free, TINY)
     along = [
         summed(frame, runs, keep, shape * part) - mean * total / free
         for part, total in zip(load, sums, strict=True)
     ]
-    power = reduce(add, [part * part for part in along]) / own
-    return Fit(tried, power / (2.0 * variance))
+    power = sum((part * part for part in along[1:]), start=along[0] * along[0]) / own
+    return power / (2.0 * variance)
 
 
 def _weights(
-    law: Law, age: Field, fits: Sequence[Fit], rivals: Sequence[Fit], early: float, astray: Field
+    law: Law,
+    age: Field,
+    tried: Hypotheses,
+    likely: Field,
+    rival: Field,
+    early: float,
+    astray: Field,
 ) -> Weighed:
-    best = reduce(maximum, [fit.likelihood.max() for fit in (*fits, *rivals)])
-    tried = [fit.tried for fit in fits]
+    best = maximum(likely.max(), rival.max())
     weights, against = (
-        [exp(fit.likelihood - best) * (fit.tried.apart / law.times.share) for fit in each]
-        for each in (fits, rivals)
+        exp(each - best) * (tried.apart / law.times.share) for each in (likely, rival)
     )
-    next_age = (age + 1.0) / early
-    stuck = [
-        weight * law.sticks(age / one.times)
-        + rival * law.sticks(STOP * minimum(age / one.times, 1.0))
-        for weight, rival, one in zip(weights, against, tried, strict=True)
-    ]
+    share = age / tried.times
+    over = tried.over(age)
+    stuck = weights * law.sticks(share) + against * law.sticks(STOP * minimum(share, 1.0))
     return Weighed(
-        growing=total(weights),
-        stopped=total(against),
-        passed=_over(weights, tried, age),
-        ended=_over(against, tried, age),
-        soon=_over(weights, tried, next_age),
-        sticks=total(stuck),
+        growing=weights.sum(),
+        stopped=against.sum(),
+        passed=(weights * over).sum(),
+        ended=(against * over).sum(),
+        soon=(weights * tried.over((age + 1.0) / early)).sum(),
+        sticks=stuck.sum(),
         astray=astray,
-        tried=tuple(tried),
-        weights=tuple(weights),
+        tried=tried,
+        weights=weights,
     )
-
-
-def _over(weights: Sequence[Field], tried: Sequence[Hypotheses], age: Field) -> Field:
-    return total([w * one.over(age) for w, one in zip(weights, tried, strict=True)])
-
-
-def total(maps: Sequence[Field]) -> Field:
-    """Return the sum of maps over all of their cells."""
-    return reduce(add, maps).sum()

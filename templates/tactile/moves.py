@@ -8,8 +8,6 @@ the ramp is what is left beside a constant and a multiple of the force.
 """
 
 from dataclasses import dataclass
-from functools import reduce
-from operator import add
 
 import numpy as np
 
@@ -175,20 +173,19 @@ def moves_on(loads: Loads, growth: Growth, way: Way, ratio: Field) -> Moves:
         Force over normal load.
     """
     fit = _Fit(loads, growth, way)
-    slips, strays = list[Field](), list[Field]()
-    for tried, weight in zip(growth.found.tried, growth.found.weights, strict=True):
-        late = growth.age - tried.times
-        height, turned, exact = fit.ramp(minimum(maximum(late, 0.0), LONGEST))
-        least = SLOWEST * ratio * exact / tried.times
-        aside = maximum(abs(turned) - ASIDE - TURNED * maximum(height, 0.0), 0.0)
-        near = minimum(maximum(height - CHANCE - AWRY * aside, 0.0), FARTHEST)
-        near = where(late > LATE, 0.0, near)
-        far = minimum(maximum(height - STRANGE, 0.0), FARTHEST)
-        lack = minimum(maximum((0.5 * least - height) * least, 0.0), AGAINST)
-        weight = weight * tried.over(growth.age)
-        slips.append(weight * _fourth(_likelier(near) / (1.0 + 0.25 * lack)))
-        strays.append(weight * _fourth(_likelier(far)))
-    return Moves(*(reduce(add, each).sum() for each in (slips, strays)))
+    tried = growth.found.tried
+    late = growth.age - tried.times
+    height, turned, exact = fit.ramp(minimum(maximum(late, 0.0), LONGEST))
+    least = SLOWEST * ratio * exact / tried.times
+    aside = maximum(abs(turned) - ASIDE - TURNED * maximum(height, 0.0), 0.0)
+    near = minimum(maximum(height - CHANCE - AWRY * aside, 0.0), FARTHEST)
+    near = where(late > LATE, 0.0, near)
+    far = minimum(maximum(height - STRANGE, 0.0), FARTHEST)
+    lack = minimum(maximum((0.5 * least - height) * least, 0.0), AGAINST)
+    weight = growth.found.weights * tried.over(growth.age)
+    slips = weight * _fourth(_likelier(near) / (1.0 + 0.25 * lack))
+    strays = weight * _fourth(_likelier(far))
+    return Moves(slips.sum(), strays.sum())
 
 
 class _Fit:

@@ -16,7 +16,6 @@ from cnnum.templates.tactile.hypotheses import (
     Hypotheses,
     hypotheses,
     summed,
-    total,
     variance_of,
 )
 from cnnum.templates.tactile.laws import CURVE, Law
@@ -41,7 +40,7 @@ class Pace:
 
 @dataclass(frozen=True, slots=True)
 class _Answer:
-    """What the law says with one map of times: likelihood (logarithm), slope and its variance."""
+    """What the law says with each time: likelihood (logarithm), slope and its variance."""
 
     likelihood: Field
     slope: Field
@@ -83,18 +82,12 @@ def pace_of(
     variance = variance_of(noise, astray, count)
     free = variance / maximum(offset * offset, TINY)
     tried = hypotheses(frame, law.times)
-    found = [_answer(frame, law, one, load, runs, age, free, variance) for one in tried]
-    best = found[0].likelihood.max()
-    for one in found[1:]:
-        best = maximum(best, one.likelihood.max())
-    weights = [
-        exp(one.likelihood - best) * each.apart for one, each in zip(found, tried, strict=True)
-    ]
-    pairs = list(zip(weights, found, strict=True))
-    whole = total(weights)
-    mean = total([weight * one.slope for weight, one in pairs]) / whole
-    square = total([weight * one.slope * one.slope for weight, one in pairs]) / whole
-    within = total([weight * one.variance for weight, one in pairs]) / whole
+    found = _answer(frame, law, tried, load, runs, age, free, variance)
+    weights = exp(found.likelihood - found.likelihood.max()) * tried.apart
+    whole = weights.sum()
+    mean = (weights * found.slope).sum() / whole
+    square = (weights * found.slope * found.slope).sum() / whole
+    within = (weights * found.variance).sum() / whole
     spread = maximum(square - mean * mean, 0.0) + within
     return Pace(sqrt(square), sqrt(spread / maximum(square, TINY)))
 

@@ -1,7 +1,7 @@
 """Operations of a program on a whole batch: local arithmetic in NumPy, transients compiled.
 
-Maps are (batch, rows, cols) and numbers (batch, 1, 1); the batch is 1 where all frames share the
-value.
+Maps are (batch, rows, cols), stacks (batch, maps · rows, cols) and numbers (batch, 1, 1); the batch
+is 1 where all frames share the value.
 """
 
 from collections.abc import Callable, Mapping, Sequence

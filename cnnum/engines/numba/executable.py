@@ -88,7 +88,8 @@ class NumbaExecutable:
         return NumbaMemory(
             {
                 number: np.zeros(
-                    (batch, 1, 1) if memory.read.scalar else (batch, rows, cols), self.dtype
+                    (batch, 1, 1) if memory.read.scalar else (batch, memory.read.maps * rows, cols),
+                    self.dtype,
                 )
                 for number, memory in self.schedule.memories.items()
             }
@@ -135,9 +136,8 @@ class NumbaExecutable:
         return values
 
     def _output(self, node: Node, value: Reals, batch: int) -> Floats:
-        if node.scalar:
-            return np.broadcast_to(value, (batch, 1, 1))[:, 0, 0].astype(np.float64)
-        return np.broadcast_to(value, (batch, *self.schedule.shape)).astype(np.float64)
+        whole = np.broadcast_to(value, (batch, *value.shape[1:]))
+        return whole.reshape(batch, *self.schedule.shape_of(node)).astype(np.float64)
 
 
 def _dead_after(schedule: Schedule) -> dict[int, list[int]]:

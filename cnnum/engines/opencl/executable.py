@@ -137,9 +137,9 @@ class OpenCLExecutable:
         if self.schedule.cells > WIDE_CELLS:
             return None
         queue, built = self.queue_for(1), self._kernel(1, alone=True)
-        arrays, cells = self._new_arrays(1, built, queue), self.schedule.shape
+        arrays, schedule = self._new_arrays(1, built, queue), self.schedule
         places = {
-            name: (at, None if self.schedule.outputs[name].scalar else cells)
+            name: (at, schedule.shape_of(schedule.outputs[name]))
             for name, at in built.text.outputs.items()
         }
         return OneFrame(
@@ -150,7 +150,7 @@ class OpenCLExecutable:
             memory,
             built.data,
             arrays.scratch,
-            (*cells, len(self.schedule.channels_read)),
+            (*schedule.shape, len(schedule.channels_read)),
             places,
         )
 
@@ -200,11 +200,9 @@ class OpenCLExecutable:
         refuse_unfinished(result[:, -1])
         outputs: dict[str, Floats] = {}
         for name, at in text.outputs.items():
-            if self.schedule.outputs[name].scalar:
-                outputs[name] = result[:, at].astype(np.float64)
-            else:
-                block = result[:, at : at + self.schedule.cells].astype(np.float64)
-                outputs[name] = block.reshape(-1, *self.schedule.shape)
+            node = self.schedule.outputs[name]
+            block = result[:, at : at + self.schedule.size_of(node)].astype(np.float64)
+            outputs[name] = block.reshape(len(result), *self.schedule.shape_of(node))
         return outputs
 
     def _text(self, lanes: int) -> KernelText:

@@ -62,8 +62,10 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     lowering.lower()
     outputs, writes = _write_outputs(lowering)
     arena.keep_all()
-    slots = [arena.array(f"s{k}", schedule.cells) for k in range(lowering.values.slots)]
-    size = sum(_numbers(node, schedule) for node in schedule.outputs.values()) + 1
+    slots = [
+        arena.array(f"s{k}", maps * schedule.cells) for k, maps in enumerate(lowering.values.slots)
+    ]
+    size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
     body = [*slots, *lowering.body, *writes]
     parts = None
     texts = dict.fromkeys(strips.text for strips in tables.strips.values())
@@ -89,33 +91,31 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     )
 
 
-def _numbers(node: Node, schedule: Schedule) -> int:
-    return 1 if node.scalar else schedule.cells
-
-
 def _write_outputs(lowering: Lowering) -> tuple[dict[str, int], list[str]]:
     schedule, values = lowering.schedule, lowering.values
-    size = sum(_numbers(node, schedule) for node in schedule.outputs.values()) + 1
+    size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
     places: dict[str, int] = {}
     lines: list[str] = []
     at = 0
     for name, node in schedule.outputs.items():
         places[name] = at
-        lines.append(_scatter(node, "output", at, size, values.read(node), schedule.cells))
-        at += _numbers(node, schedule)
+        length = schedule.size_of(node)
+        lines.append(_scatter(node, "output", at, size, values.read(node), length))
+        at += length
     lines.append(f"scatter(output + {at}, frame, last, {size}, unfinished);")
     for number, memory in schedule.memories.items():
         text = values.read(memory.store)
         where, stride = lowering.memory_at[number], lowering.memory_size
-        lines.append(_scatter(memory.store, "memory", where, stride, text, schedule.cells))
+        length = schedule.size_of(memory.store)
+        lines.append(_scatter(memory.store, "memory", where, stride, text, length))
     return places, lines
 
 
-def _scatter(node: Node, base: str, at: int, stride: int, text: str, cells: int) -> str:
+def _scatter(node: Node, base: str, at: int, stride: int, text: str, length: int) -> str:
     if node.scalar:
         return f"scatter({base} + {at}, frame, last, {stride}, {text});"
     store = f"scatter({base} + {at} + i, frame, last, {stride}, {text});"
-    return f"for (int i = 0; i < {cells}; ++i) {{ {store} }}"
+    return f"for (int i = 0; i < {length}; ++i) {{ {store} }}"
 
 
 def _prelude(lanes: int, dtype: np.dtype[np.floating]) -> str:

@@ -48,15 +48,16 @@ def _begin(lowering: "Lowering", carried: dict[int, Node], initial: list[Node]) 
             lowering.body.append(f"real {name} = {value};")
         else:
             slot = lowering.values.take_slot(node)
-            lowering.over_cells([f"{slot}[i] = {value};"])
+            lowering.over_cells([f"{slot}[i] = {value};"], node.maps)
 
 
 def _advance(lowering: "Lowering", loop: Loop, carried: dict[int, Node], tag: str) -> None:
     """Append the end of a run: carried values move on in the frames that still run."""
     lowering.body.append("real changed = ZERO;")
     numbers = _moves(lowering, loop, {p: n for p, n in carried.items() if n.scalar}, tag)
-    maps = _moves(lowering, loop, {p: n for p, n in carried.items() if not n.scalar}, tag)
-    lowering.over_cells(maps)
+    for maps in sorted({n.maps for n in carried.values() if not n.scalar}):
+        moving = {p: n for p, n in carried.items() if not n.scalar and n.maps == maps}
+        lowering.over_cells(_moves(lowering, loop, moving, tag), maps)
     lowering.body += numbers
     again = "changed" if loop.again is None else lowering.values.read(loop.again)
     lowering.body += [f"{tag}_count += {tag}_running;", f"{tag}_running *= {again};"]

@@ -66,16 +66,16 @@ class Lowering:
             self._node(node)
         self._flush()
 
-    def over_cells(self, body: list[str]) -> None:
-        """Run the body for every cell `i`."""
+    def over_cells(self, body: list[str], maps: int = 1) -> None:
+        """Run the body for every cell `i` of so many maps."""
         if body:
-            self.body.append(f"for (int i = 0; i < {self.schedule.cells}; ++i) {{")
+            self.body.append(f"for (int i = 0; i < {maps * self.schedule.cells}; ++i) {{")
             self.body += [*(f"    {line}" for line in body), "}"]
 
     def _place_memories(self) -> None:
         for number, memory in self.schedule.memories.items():
             self.memory_at[number] = self.memory_size
-            self.memory_size += 1 if memory.read.scalar else self.schedule.cells
+            self.memory_size += self.schedule.size_of(memory.read)
 
     def _node(self, node: Node) -> None:
         operation = node.operation
@@ -115,7 +115,7 @@ class Lowering:
     def _join(self, node: Node) -> None:
         reads = {argument.index for argument in node.arguments}
         sums = {item.index for item in self.group if isinstance(item.operation, Reduce)}
-        if reads & sums:
+        if reads & sums or (self.group and _swept(self.group[0]) != _swept(node)):
             self._flush()
         self.group.append(node)
 
@@ -149,7 +149,7 @@ class Lowering:
                 kept.append((node, name))
         # only now: within the loop a value is read by its name, before its slot is written
         stored = [self._store(node, name) for node, name in kept]
-        self.over_cells(loop + stored)
+        self.over_cells(loop + stored, _swept(group[0]))
         for node in group:
             self._free_after(node)
 
@@ -181,7 +181,7 @@ class Lowering:
             return
         slot = self.values.take_slot(node)
         text = f"gather({base} + {at}, frame, last, {stride})"
-        self.over_cells([f"{slot}[i] = {text};"])
+        self.over_cells([f"{slot}[i] = {text};"], node.maps)
 
     # templates
 
@@ -225,6 +225,11 @@ class Lowering:
         if pick.operation.what == "state":
             return f"{slot}[i] = {state};"
         return f"{slot}[i] = {rename(text.template.output.opencl, {'x': state})};"
+
+
+def _swept(node: Node) -> int:
+    """Return over how many maps an operation goes, be it to one number."""
+    return (node.arguments[0] if isinstance(node.operation, Reduce) else node).maps
 
 
 def _call(operation: Apply, arguments: list[str]) -> str:

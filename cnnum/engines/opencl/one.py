@@ -1,12 +1,13 @@
 """The quick way of a single frame: everything that can be done before it comes is done once."""
 
+import math
 from collections.abc import Mapping
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from cnnum.arrays import Floats, Shape
+from cnnum.arrays import Floats
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.opencl.shared import SharedArray
 
@@ -52,7 +53,7 @@ class OneFrame:
         data: cl.Buffer,
         scratch: cl.Buffer,
         shape: tuple[int, int, int],
-        places: Mapping[str, tuple[int, Shape | None]],
+        places: Mapping[str, tuple[int, tuple[int, ...]]],
     ) -> None:
         self._queue, self._kernel = queue, kernel
         self._input, self._output = input, output
@@ -97,7 +98,9 @@ class OneFrame:
         }
 
 
-def _place(name: str, start: int, shape: Shape | None) -> tuple[str, int | slice, Shape | None]:
-    if shape is None:
+def _place(
+    name: str, start: int, shape: tuple[int, ...]
+) -> tuple[str, int | slice, tuple[int, ...] | None]:
+    if not shape:
         return name, start, None
-    return name, slice(start, start + shape[0] * shape[1]), shape
+    return name, slice(start, start + math.prod(shape)), shape

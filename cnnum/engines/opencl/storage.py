@@ -124,13 +124,20 @@ class Tables:
 
 @dataclass(slots=True)
 class Values:
-    """The text that reads a node's value in cell `i`; maps share slots once they are dead."""
+    """The text that reads a node's value in cell `i`; maps share slots once they are dead.
+
+    Attributes
+    ----------
+    tables : Tables
+    slots : list of int
+        How many maps each slot holds.
+    """
 
     tables: Tables
     _texts: dict[int, str] = field(default_factory=dict[int, str])
     _slots: dict[int, int] = field(default_factory=dict[int, int])
     _free: list[int] = field(default_factory=list[int])
-    slots: int = 0
+    slots: list[int] = field(default_factory=list[int])
 
     def read(self, node: Node) -> str:
         """Return the expression for a node's value in cell `i`."""
@@ -151,12 +158,14 @@ class Values:
         self._texts[node.index] = text
 
     def take_slot(self, node: Node) -> str:
-        """Return the name of the array that holds this map from now on."""
-        if self._free:
-            slot = self._free.pop()
+        """Return the name of the array that holds this map, or stack, from now on."""
+        fits = [slot for slot in self._free if self.slots[slot] == node.maps]
+        if fits:
+            slot = fits[-1]
+            self._free.remove(slot)
         else:
-            slot = self.slots
-            self.slots += 1
+            slot = len(self.slots)
+            self.slots.append(node.maps)
         self._slots[node.index] = slot
         self._texts[node.index] = f"s{slot}[i]"
         return f"s{slot}"

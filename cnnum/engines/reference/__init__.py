@@ -41,7 +41,10 @@ class ReferenceMemory:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReferenceExecutable:
-    """Walks a schedule node by node; every value is (batch, rows, cols), a number (batch, 1, 1)."""
+    """Walks a schedule node by node.
+
+    Every value is (batch, rows, cols), a stack (batch, maps · rows, cols), a number (batch, 1, 1).
+    """
 
     schedule: Schedule
     solvers: Solvers
@@ -80,7 +83,9 @@ class ReferenceExecutable:
         rows, cols = self.schedule.shape
         return ReferenceMemory(
             {
-                number: np.zeros((batch, 1, 1) if memory.read.scalar else (batch, rows, cols))
+                number: np.zeros(
+                    (batch, 1, 1) if memory.read.scalar else (batch, memory.read.maps * rows, cols)
+                )
                 for number, memory in self.schedule.memories.items()
             }
         )
@@ -168,14 +173,11 @@ class ReferenceExecutable:
         return answers | {"iterations": iterations, "finished": (~running).astype(np.float64)}
 
     def _outputs(self, values: dict[int, Floats], batch: int) -> dict[str, Floats]:
-        rows, cols = self.schedule.shape
         outputs: dict[str, Floats] = {}
         for name, node in self.schedule.outputs.items():
             value = values[node.index]
-            if node.scalar:
-                outputs[name] = np.broadcast_to(value, (batch, 1, 1))[:, 0, 0].copy()
-            else:
-                outputs[name] = np.broadcast_to(value, (batch, rows, cols)).copy()
+            whole = np.broadcast_to(value, (batch, *value.shape[1:]))
+            outputs[name] = whole.reshape(batch, *self.schedule.shape_of(node)).copy()
         return outputs
 
     def _transient(
