@@ -70,11 +70,11 @@ def test_counts_of_memories_and_nodes():
     """Contact keeps numbers and three maps; slip keeps the sums of its 448 hypotheses as well."""
     contact, slip = thinned("contact"), thinned("gross_slip")
     maps = {
-        name: sum(not memory.read.scalar for memory in plan.memories.values())
+        name: sum(memory.read.maps for memory in plan.memories.values() if not memory.read.scalar)
         for name, plan in (("contact", contact), ("slip", slip))
     }
     assert maps["contact"] == 4  # rest, the frame before, its noise, and which taxels broke
-    # 448 / 64 groups of 2 laws and a ramp with 4 sums; the taxels near and broken; rest and frame
+    # 448 / 64 maps of 2 laws and a ramp with 4 sums; the taxels near and broken; rest and frame
     # before of 3, noise of 2; the normal load when the force was at rest
     assert maps["slip"] == 7 * (2 * 4 + 5) + 2 + 3 + 3 + 2 + 1
     assert len(contact.nodes) < 130 < 400 < len(slip.nodes)
