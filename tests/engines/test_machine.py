@@ -154,6 +154,27 @@ def test_memory_outlives_frames_of_a_stream(engine):
         stream.push(frames[0, 0])
 
 
+def test_memories_hand_on_what_they_held(engine):
+    """A line of memories, each of which stores what the one before it held, in both orders."""
+
+    @cnnum.program
+    def delayed(frame):
+        line = [frame.memory() for _ in range(5)]
+        for place, after in ((1, 0), (2, 1), (3, 4)):
+            line[place].store(line[after].value)
+        line[0].store(frame.picture)
+        line[4].store(frame.picture)
+        return {str(k): memory.value for k, memory in enumerate(line)}
+
+    frames = np.random.default_rng(6).integers(-9, 10, (6, 2, 2)).astype(float)
+    stream = engine.compile(delayed, (2, 2), **PICTURE).stream()
+    for number, frame in enumerate(frames):
+        got = stream.push(frame)
+        for name, late in (("0", 1), ("1", 2), ("2", 3), ("4", 1), ("3", 2)):
+            was = frames[number - late] if number >= late else np.zeros((2, 2))
+            np.testing.assert_array_equal(got[name], was)
+
+
 def test_two_streams_of_a_plan_do_not_share_memories(engine):
     @cnnum.program
     def held(frame):

@@ -95,27 +95,30 @@ def _write_outputs(lowering: Lowering) -> tuple[dict[str, int], list[str]]:
     schedule, values = lowering.schedule, lowering.values
     size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
     places: dict[str, int] = {}
-    lines: list[str] = []
+    numbers: list[str] = []
+    maps: dict[int, list[str]] = {}
+
+    def write(node: Node, base: str, at: int, stride: int) -> None:
+        where, text = f"{base} + {at}", values.read(node)
+        if node.scalar:
+            numbers.append(f"scatter({where}, frame, last, {stride}, {text});")
+            return
+        store = f"scatter({where} + i, frame, last, {stride}, {text});"
+        maps.setdefault(schedule.size_of(node), []).append(store)
+
     at = 0
     for name, node in schedule.outputs.items():
         places[name] = at
-        length = schedule.size_of(node)
-        lines.append(_scatter(node, "output", at, size, values.read(node), length))
-        at += length
-    lines.append(f"scatter(output + {at}, frame, last, {size}, unfinished);")
+        write(node, "output", at, size)
+        at += schedule.size_of(node)
+    numbers.append(f"scatter(output + {at}, frame, last, {size}, unfinished);")
     for number, memory in schedule.memories.items():
-        text = values.read(memory.store)
-        where, stride = lowering.memory_at[number], lowering.memory_size
-        length = schedule.size_of(memory.store)
-        lines.append(_scatter(memory.store, "memory", where, stride, text, length))
-    return places, lines
-
-
-def _scatter(node: Node, base: str, at: int, stride: int, text: str, length: int) -> str:
-    if node.scalar:
-        return f"scatter({base} + {at}, frame, last, {stride}, {text});"
-    store = f"scatter({base} + {at} + i, frame, last, {stride}, {text});"
-    return f"for (int i = 0; i < {length}; ++i) {{ {store} }}"
+        write(memory.store, "memory", lowering.memory_at[number], lowering.memory_size)
+    lines: list[str] = []
+    for length, stores in maps.items():
+        lines.append(f"for (int i = 0; i < {length}; ++i) {{")
+        lines += [*(f"    {store}" for store in stores), "}"]
+    return places, [*lines, *numbers]
 
 
 def _prelude(lanes: int, dtype: np.dtype[np.floating]) -> str:

@@ -175,13 +175,20 @@ class Lowering:
             text = f"gather({base} + {at.removesuffix(' + i')}, frame, last, {stride})"
             self.body.append(f"const real {name} = {text};")
             return
-        if isinstance(operation, Input) and not self.arena.private:
-            # one frame a work item: large arrays are read where they are
-            self.values.alias(node, f"input[(size_t)frame * {stride} + {at}]")
+        if self._stays(node, operation):
+            self.values.alias(node, f"{base}[(size_t)frame * {stride} + {at}]")
             return
         slot = self.values.take_slot(node)
         text = f"gather({base} + {at}, frame, last, {stride})"
         self.over_cells([f"{slot}[i] = {text};"], node.maps)
+
+    def _stays(self, node: Node, operation: Input | Read) -> bool:
+        """Whether a map is read where it is: of one frame a work item, if it stays the same."""
+        if isinstance(operation, Input):
+            return not self.arena.private
+        # memories are written one after the other: one that holds another's past needs a copy
+        kept = (memory.store for memory in self.schedule.memories.values())
+        return self.tables.lanes == 1 and all(store is not node for store in kept)
 
     # templates
 
