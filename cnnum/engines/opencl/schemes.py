@@ -6,6 +6,7 @@ from cnnum.engines.opencl.exact import exact
 from cnnum.engines.opencl.exponential import exponential
 from cnnum.engines.opencl.fused import fused_euler, fuses
 from cnnum.engines.opencl.rates import Instant, declare_outputs, outputs, rates, watch_change
+from cnnum.engines.opencl.rolled import rolled, rolls
 from cnnum.engines.opencl.separate import separate
 from cnnum.engines.opencl.start import start
 from cnnum.engines.opencl.stepping import adaptive, fixed, sweeps
@@ -53,7 +54,9 @@ def _run(text: TransientText) -> Figures:
         return exponential(text, scheme)
     if isinstance(scheme, FixedSteps):
         return fused_euler(text, scheme) if fuses(text, scheme) else fixed(text, scheme)
-    return adaptive(text, scheme, strip_attempts if strips_fit(text, scheme) else sweeps)
+    if strips_fit(text, scheme):
+        return adaptive(text, scheme, strip_attempts)
+    return adaptive(text, scheme, rolled if rolls(text) else sweeps)
 
 
 def settled_now(text: TransientText) -> None:

@@ -211,15 +211,17 @@ def sweeps(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
             text.lines.append("{")
             _stage(text, tableaux, stage, Instant(f"time + {c} * h"))
             text.lines.append("}")
-    with text.aside() as judge:
-        _judge(text, tableaux)
-    advance = [
+    return Attempt([], stages, judge(text, tableaux), advance(text, last), [])
+
+
+def advance(text: TransientText, last: int) -> list[str]:
+    """Return statements that take a step over where `accept` is not 0."""
+    return [
         f"for (int i = 0; i < {text.layers * text.cells}; ++i) {{",
         "    x[i] = PICK(accept != ZERO, xs[i], x[i]);",
         f"    k0[i] = PICK(accept != ZERO, k{last}[i], k0[i]);",
         "}",
     ]
-    return Attempt([], stages, judge, advance, [])
 
 
 def adaptive(
@@ -265,8 +267,8 @@ def growth_texts(text: TransientText) -> dict[str, str]:
     }
 
 
-def _judge(text: TransientText, tableaux: tuple[Pair, ...]) -> None:
-    """Append the text that finds the worst error of a step, and the change at its end."""
+def judge(text: TransientText, tableaux: tuple[Pair, ...]) -> list[str]:
+    """Return statements that find the worst error of a step, and the change at its end."""
     last, body = tableaux[0].stages - 1, list[str]()
     tau = text.number(float(text.template.tau.max()))
     rounding = text.number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
@@ -281,4 +283,6 @@ def _judge(text: TransientText, tableaux: tuple[Pair, ...]) -> None:
             f"speed = greater(speed, fabs(k{last}[{at}]));",
             f"change = greater(change, fabs({tau} * k{last}[{at}]) / {at_end}); }}",
         ]
-    text.over_cells(body)
+    with text.aside() as lines:
+        text.over_cells(body)
+    return lines
