@@ -138,10 +138,6 @@ class OpenCLExecutable:
             return None
         queue, built = self.queue_for(1), self._kernel(1, alone=True)
         arrays, schedule = self._new_arrays(1, built, queue), self.schedule
-        places = {
-            name: (at, schedule.shape_of(schedule.outputs[name]))
-            for name, at in built.text.outputs.items()
-        }
         return OneFrame(
             queue,
             cl.Kernel(built.program, "plan"),
@@ -151,7 +147,7 @@ class OpenCLExecutable:
             built.data,
             arrays.scratch,
             (*schedule.shape, len(schedule.channels_read)),
-            places,
+            built.text.outputs,
         )
 
     def run(
@@ -198,12 +194,10 @@ class OpenCLExecutable:
 
     def _unpack(self, text: KernelText, result: NDArray[np.floating]) -> dict[str, Floats]:
         refuse_unfinished(result[:, -1])
-        outputs: dict[str, Floats] = {}
-        for name, at in text.outputs.items():
-            node = self.schedule.outputs[name]
-            block = result[:, at : at + self.schedule.size_of(node)].astype(np.float64)
-            outputs[name] = block.reshape(len(result), *self.schedule.shape_of(node))
-        return outputs
+        return {
+            name: result[:, at].astype(np.float64).reshape(len(result), *shape)
+            for name, (at, shape) in text.outputs.items()
+        }
 
     def _text(self, lanes: int) -> KernelText:
         if lanes not in self._texts:

@@ -34,8 +34,8 @@ class KernelText:
         Constant numbers.
     output_size, memory_size : int
         Numbers a frame.
-    outputs : dict of str to int
-        Where each output starts within a frame's numbers; the last number is `unfinished`.
+    outputs : dict of str to (slice, shape)
+        Where each output stands within a frame's numbers; the last number is `unfinished`.
     scratch : int
         Values of global scratch a work item needs (0: everything is private).
     private : int
@@ -48,7 +48,7 @@ class KernelText:
     data: NDArray[np.floating]
     output_size: int
     memory_size: int
-    outputs: dict[str, int]
+    outputs: dict[str, tuple[slice, tuple[int, ...]]]
     scratch: int
     private: int
     parts: Parts | None
@@ -91,10 +91,12 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     )
 
 
-def _write_outputs(lowering: Lowering) -> tuple[dict[str, int], list[str]]:
+def _write_outputs(
+    lowering: Lowering,
+) -> tuple[dict[str, tuple[slice, tuple[int, ...]]], list[str]]:
     schedule, values = lowering.schedule, lowering.values
     size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
-    places: dict[str, int] = {}
+    places: dict[str, tuple[slice, tuple[int, ...]]] = {}
     numbers: list[str] = []
     maps: dict[int, list[str]] = {}
 
@@ -108,9 +110,10 @@ def _write_outputs(lowering: Lowering) -> tuple[dict[str, int], list[str]]:
 
     at = 0
     for name, node in schedule.outputs.items():
-        places[name] = at
         write(node, "output", at, size)
-        at += schedule.size_of(node)
+        after = at + schedule.size_of(node)
+        places[name] = slice(at, after), schedule.shape_of(node)
+        at = after
     numbers.append(f"scatter(output + {at}, frame, last, {size}, unfinished);")
     for number, memory in schedule.memories.items():
         write(memory.store, "memory", lowering.memory_at[number], lowering.memory_size)

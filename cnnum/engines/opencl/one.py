@@ -1,6 +1,5 @@
 """The quick way of a single frame: everything that can be done before it comes is done once."""
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
@@ -25,7 +24,7 @@ class OneFrame:
     input, output, memory : SharedArray
     data, scratch : Buffer
     shape : (rows, cols, channels read)
-    places : mapping of str to (start, shape)
+    places : mapping of str to (slice, shape)
         Where each output stands in the numbers that come back; the last of them says whether a
         transient or a loop did not reach its end.
     """
@@ -53,7 +52,7 @@ class OneFrame:
         data: cl.Buffer,
         scratch: cl.Buffer,
         shape: tuple[int, int, int],
-        places: Mapping[str, tuple[int, tuple[int, ...]]],
+        places: Mapping[str, tuple[slice, tuple[int, ...]]],
     ) -> None:
         self._queue, self._kernel = queue, kernel
         self._input, self._output = input, output
@@ -62,7 +61,10 @@ class OneFrame:
         self._taken = output.host
         self._arguments = (input.argument, output.argument, memory.argument, data, scratch)
         self._first: bool | None = None
-        self._places = [_place(name, *place) for name, place in places.items()]
+        self._places = [
+            (name, at, shape) if shape else (name, at.start, None)
+            for name, (at, shape) in places.items()
+        ]
         self.packed: Floats = np.zeros(len(self._taken))
 
     @property
@@ -96,11 +98,3 @@ class OneFrame:
             name: packed[at, ...] if shape is None else packed[at].reshape(shape)
             for name, at, shape in self._places
         }
-
-
-def _place(
-    name: str, start: int, shape: tuple[int, ...]
-) -> tuple[str, int | slice, tuple[int, ...] | None]:
-    if not shape:
-        return name, start, None
-    return name, slice(start, start + math.prod(shape)), shape
