@@ -118,8 +118,7 @@ class _Apart:
 
     def _plain(self, text: str, scope: Scope, guard: Register | None) -> None:
         if text in self.strips:
-            self.flush()
-            self.parts.append(Steps(self.strips[text], guard.place if guard else None))
+            self._strips(self.strips[text], scope, guard)
             return
         array, number = _ARRAY.match(text), _NUMBER.match(text)
         if array is not None:
@@ -134,6 +133,12 @@ class _Apart:
                     self.declare(number[2], part, scope, guard)
         else:
             self.waiting.append((guard, scope.renamed(text) + ";"))
+
+    def _strips(self, strips: Strips, scope: Scope, guard: Register | None) -> None:
+        self.flush()
+        levels = scope.find(strips.told) if strips.told else None
+        told = levels.place if isinstance(levels, Register) else None
+        self.parts.append(Steps(strips, guard.place if guard else None, told))
 
     def declare(self, kind: str, text: str, scope: Scope, guard: Register | None) -> Register:
         """Give a declared number a register, and what it starts from."""

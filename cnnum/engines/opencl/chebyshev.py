@@ -4,7 +4,8 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.engines.opencl.rates import Instant, outputs, rates
-from cnnum.engines.opencl.stepping import growth_texts
+from cnnum.engines.opencl.stepping import Attempt, growth_texts
+from cnnum.engines.opencl.strip_attempts import chebyshev_attempts
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
@@ -13,13 +14,43 @@ from cnnum.integrators.estimate import ROUNDINGS, SAFETY
 from cnnum.integrators.schemes import ChebyshevSteps
 
 
-def chebyshev(text: TransientText, scheme: ChebyshevSteps) -> dict[str, str]:
-    """Append the steps and return the figures of the run."""
+def chebyshev(text: TransientText, scheme: ChebyshevSteps, *, by_strips: bool) -> dict[str, str]:
+    """Append the steps, of large arrays `by_strips`, and return the figures of the run."""
     n = text.layers * text.cells
-    for name in ("xs", "old", "k0", "k1"):
-        text.array(name, n)
+    text.array("k0", n)
+    table = text.tables.data(_coefficients())
+    attempt = chebyshev_attempts(text, table) if by_strips else _sweeps(text, table)
     with text.aside() as first_rates:
         _rates(text, "x", ["k0[{at}] = rate;"])
+    filled = fill(
+        "chebyshev_steps",
+        cells=n,
+        first_step=text.number(scheme.first_step),
+        duration=text.number(text.solver.duration),
+        longest=text.number(chebyshev_method(MAX_STAGES).real_stability / scheme.fastest),
+        fastest=text.number(scheme.fastest),
+        reach=text.number(1.0 / _reach()),
+        most=MAX_STAGES,
+        first_rates=indented(["{", *first_rates, "}", *attempt.begin], 2),
+        stages=indented(attempt.stages, 3),
+        limit=MAX_STEPS,
+        judge=indented(attempt.judge, 3),
+        advance=indented(attempt.advance, 3),
+        settle=text.number(float(scheme.settle)),
+        almost_one=text.number(1.0 - 1e-6),
+        exponent=text.number(-1.0 / 3.0),
+        **growth_texts(text),
+    )
+    text.lines += [*filled.splitlines(), *attempt.end]
+    figures = {"time": "time", "steps": "steps", "error": f"{text.number(SAFETY)} * error"}
+    return figures | ({"settled": "settled"} if scheme.settle else {})
+
+
+def _sweeps(text: TransientText, table: int) -> Attempt:
+    """Return a step's statements as sweeps over all cells; in the data its rows are a `table`."""
+    n = text.layers * text.cells
+    for name in ("xs", "old", "k1"):
+        text.array(name, n)
     with text.aside() as stage:
         body = (
             "old[{at}] = (ONE - back1 - back2) * x[{at}] + back1 * xs[{at}] + back2 * old[{at}]"
@@ -31,28 +62,21 @@ def chebyshev(text: TransientText, scheme: ChebyshevSteps) -> dict[str, str]:
         text.lines += ["    const real new = old[i]; old[i] = xs[i]; xs[i] = new;", "}"]
     with text.aside() as last_rates:
         _rates(text, "xs", ["k1[{at}] = rate;"])
-    filled = fill(
-        "chebyshev_steps",
+    stages = fill(
+        "chebyshev_stages",
         cells=n,
-        first_step=text.number(scheme.first_step),
-        duration=text.number(text.solver.duration),
-        longest=text.number(chebyshev_method(MAX_STAGES).real_stability / scheme.fastest),
-        fastest=text.number(scheme.fastest),
-        reach=text.number(1.0 / _reach()),
         most=MAX_STAGES,
-        rows=text.tables.data(_coefficients()),
-        first_rates=indented(["{", *first_rates, "}"], 2),
-        stage=indented(stage, 4),
-        last_rates=indented(["{", *last_rates, "}"], 3),
-        limit=MAX_STEPS,
-        judge=indented(_judge(text), 3),
-        settle=text.number(float(scheme.settle)),
-        almost_one=text.number(1.0 - 1e-6),
-        **growth_texts(text),
+        rows=table,
+        stage=indented(stage, 1),
+        last_rates=indented(["{", *last_rates, "}"], 0),
     )
-    text.lines += filled.splitlines()
-    figures = {"time": "time", "steps": "steps", "error": f"{text.number(SAFETY)} * error"}
-    return figures | ({"settled": "settled"} if scheme.settle else {})
+    advance = [
+        f"for (int i = 0; i < {n}; ++i) {{",
+        "    x[i] = PICK(accept != ZERO, xs[i], x[i]);",
+        "    k0[i] = PICK(accept != ZERO, k1[i], k0[i]);",
+        "}",
+    ]
+    return Attempt([], stages.splitlines(), _judge(text), advance, [])
 
 
 def _rates(text: TransientText, state: str, then: list[str]) -> None:

@@ -126,16 +126,26 @@ class _Run:
         strips = steps.strips
         pieces = strips.pieces(self.batch, self.plan.queue.device.max_compute_units)
         whole = pieces == 1 and strips.alone
-        at_once = strips.count if whole else strips.levels
+        levels = self._levels(steps)
+        at_once = levels if whole else strips.levels
         if strips.begins:
             self._phase(steps, pieces, 0, 0, 0)
-        for done in range(0, strips.count, max(1, at_once)):
-            count = min(at_once, strips.count - done)
+        for done in range(0, levels, max(1, at_once)):
+            count = min(at_once, levels - done)
             self._phase(steps, pieces, 1, done, count)
             if not whole:
                 self._phase(steps, pieces, 2, done, count)
         if strips.ends:
             self._phase(steps, pieces, 3, 0, 0)
+
+    def _levels(self, steps: Steps) -> int:
+        """Return the levels of the frame that takes most."""
+        if steps.levels is None:
+            return steps.strips.count
+        told = self._register(steps.levels)
+        if steps.guard is not None:
+            told = told[self._register(steps.guard) != 0]
+        return int(told.max(initial=0))
 
     def _phase(self, steps: Steps, pieces: int, phase: int, done: int, count: int) -> None:
         kernel = self.plan.kernel(steps.strips.kernel)

@@ -13,7 +13,7 @@ class Strips:
     kernel, text : str
         The kernel's name, and its text.
     count : int
-        Levels: all stages of all steps.
+        Levels: all stages of all steps; at most, where frames say how many.
     levels : int
         Of them a launch takes, where there is more than one strip.
     most : int
@@ -22,6 +22,8 @@ class Strips:
         Whether a single strip needs nothing from beyond its end, so that one launch takes all.
     begins, ends : bool
         Whether the states are brought into the strips before, and out of them after.
+    told : str or None
+        The number of the plan's body that says how many levels a frame takes.
     """
 
     kernel: str
@@ -32,11 +34,13 @@ class Strips:
     alone: bool
     begins: bool = True
     ends: bool = True
+    told: str | None = None
 
     @property
     def within(self) -> str:
         """The statement that does all of it within another kernel, for one frame."""
-        return f"{self.kernel}_alone(mine, {self.begins:d}, {self.count}, {self.ends:d});"
+        count = self.told or self.count
+        return f"{self.kernel}_alone(mine, {self.begins:d}, {count}, {self.ends:d});"
 
     def pieces(self, batch: int, units: int) -> int:
         """Return into how many strips each array of a batch is parted on so many cores."""
@@ -62,10 +66,14 @@ class Launch:
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """Steps, strip by strip, of the frames whose register `guard` is not 0 (None: all)."""
+    """Steps, strip by strip, of the frames whose register `guard` is not 0 (None: all).
+
+    Where frames say how many levels they take, the register `levels` of each does.
+    """
 
     strips: Strips
     guard: int | None
+    levels: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +119,10 @@ class Parts:
     partials: int
 
     def launches(self, units: int) -> int:
-        """Return the launches a frame on so many cores; of rounds that frames end, one round."""
+        """Return the launches a frame on so many cores; of rounds that frames end, one round.
+
+        Where frames say how many levels they take, all of them are counted.
+        """
         return sum(_launches(part, units) for part in self.parts)
 
 

@@ -10,7 +10,8 @@ from cnnum.engines.opencl.rolled import rolled, rolls
 from cnnum.engines.opencl.separate import separate
 from cnnum.engines.opencl.start import start
 from cnnum.engines.opencl.stepping import adaptive, fixed, sweeps
-from cnnum.engines.opencl.strips import strip_attempts, strip_steps, strips_fit
+from cnnum.engines.opencl.strip_attempts import pair_attempts
+from cnnum.engines.opencl.strips import strip_steps, strips_fit
 from cnnum.engines.opencl.text import rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
@@ -49,13 +50,13 @@ def _run(text: TransientText) -> Figures:
         return {"time": time, "steps": text.number(scheme.count), "error": "-ONE"}
     declare_outputs(text)
     if isinstance(scheme, ChebyshevSteps):
-        return chebyshev(text, scheme)
+        return chebyshev(text, scheme, by_strips=strips_fit(text, scheme))
     if isinstance(scheme, ExponentialSteps):
         return exponential(text, scheme)
     if isinstance(scheme, FixedSteps):
         return fused_euler(text, scheme) if fuses(text, scheme) else fixed(text, scheme)
     if strips_fit(text, scheme):
-        return adaptive(text, scheme, strip_attempts)
+        return adaptive(text, scheme, pair_attempts)
     return adaptive(text, scheme, rolled if rolls(text) else sweeps)
 
 

@@ -39,10 +39,10 @@ class StripText:
     ----------
     scales : tuple of float
         What the drive of each layer comes with.
-    stages : int
-        Of a step.
+    case : str
+        The expression of the case that is the level `number`.
     cases : callable
-        The text of all stages of so many rows.
+        The text of all cases of so many rows.
     clear : list of str
         What the first strip sets before all else.
     rest : list of str
@@ -51,15 +51,18 @@ class StripText:
         What a strip does before it takes levels.
     end : str
         Where the states are in the end, from where they were.
+    count : str
+        Levels that a frame takes of at most `most` after those that are `done`.
     """
 
     scales: tuple[float, ...]
-    stages: int
+    case: str
     cases: Callable[[int], list[str]]
     clear: list[str]
     rest: list[str]
     begin: list[str]
     end: str = "0"
+    count: str = "most"
 
 
 def row_layout(text: TransientText, levels: int) -> RowLayout:
@@ -122,7 +125,8 @@ def strip_kernel(
         "step": layout.step,
         "block": BLOCK_ROWS,
         "levels": size[0],
-        "stages": own.stages,
+        "case": own.case,
+        "count": own.count,
         "lag": -(-2 * radius // BLOCK_ROWS),
         "periodic": int(periodic),
         "x": places[first],

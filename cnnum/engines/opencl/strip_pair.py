@@ -4,15 +4,10 @@ The first stage takes over the step before, if it was accepted, and makes the fi
 one finds the worst of the error in a strip, and leaves the step to be judged.
 """
 
-import numpy as np
-
+from cnnum.engines.opencl.strip_figures import figures, judged
 from cnnum.engines.opencl.strip_rows import At, Rows
-from cnnum.integrators.estimate import ROUNDINGS
 from cnnum.integrators.schemes import AdaptiveSteps
 from cnnum.integrators.tableau import Pair, Row
-
-FIGURES = ("worst", "added", "speed", "change")
-"""What is found of a step: the largest of each in all cells."""
 
 
 def pair_cases(rows: Rows, scheme: AdaptiveSteps, most: int, block: int) -> list[str]:
@@ -31,14 +26,7 @@ def pair_cases(rows: Rows, scheme: AdaptiveSteps, most: int, block: int) -> list
         lines += rows.case(stage, [head[0], *each])
     each = rows.coupled(every, own, "strip_xs")
     each += [line for at in every for line in _judge(rows, scheme.of(at.layer), at)]
-    size = rows.layout.width
-    places = [
-        f"*(__global vec *)(x + {rows.apart['strip_maxima'] + n * most * size} + piece * {size})"
-        for n in range(len(FIGURES))
-    ]
-    loaded = [f"vec {name} = {at};" for name, at in zip(FIGURES, places, strict=True)]
-    kept = [f"{at} = {name};" for name, at in zip(FIGURES, places, strict=True)]
-    return lines + rows.case(last, [head[0], *loaded, *each, *kept])
+    return lines + rows.case(last, [head[0], *judged(rows, most, each)])
 
 
 def _first(rows: Rows, tableau: Pair, at: At) -> list[str]:
@@ -51,14 +39,14 @@ def _first(rows: Rows, tableau: Pair, at: At) -> list[str]:
         rows.store("strip_k0", at, "k0"),
         *_moved(rows, tableau, 1, at),
     ]
-    return _block(lines)
+    return rows.braced(lines)
 
 
 def _next(rows: Rows, tableau: Pair, stage: int, at: At) -> list[str]:
     lines = _rate(rows, stage, at)
     lines += _loaded(rows, [tableau.a[stage + 1]], stage, at)
     lines.append(f"const vec a = {rows.array('strip_x', at)};")
-    return _block([*lines, *_moved(rows, tableau, stage + 1, at)])
+    return rows.braced([*lines, *_moved(rows, tableau, stage + 1, at)])
 
 
 def _moved(rows: Rows, tableau: Pair, stage: int, at: At) -> list[str]:
@@ -92,38 +80,12 @@ def _combination(rows: Rows, weights: Row) -> str:
 
 def _judge(rows: Rows, tableau: Pair, at: At) -> list[str]:
     """Return the text that takes a row into the worst error of a step, and what its end is."""
-    text, last = rows.text, tableau.stages - 1
-    tau = rows.vector(float(text.template.tau.max()))
-    rounding = rows.vector(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
-    atol, rtol = rows.vector(text.solver.atol), rows.vector(text.solver.rtol)
+    last = tableau.stages - 1
     parts = [
         f"magnitude(h * ({_combination(rows, d)}))" for d in (*tableau.truncation, tableau.error)
     ]
     error = parts.pop()
-    lines = [
-        *_rate(rows, last, at),
-        *_loaded(rows, [tableau.error, *tableau.truncation], last, at),
-        f"const vec a = magnitude({rows.array('strip_x', at)});",
-        f"const vec b = magnitude({rows.array('strip_xs', at)});",
-        f"vec found = {error} / ({atol} + {rtol} * (a < b ? b : a));",
-        _most(rows, "worst", "found"),
-        f"found = {' + '.join(parts)} + {rounding} * b;",
-        _most(rows, "added", "found"),
-        f"found = magnitude(k{last});",
-        _most(rows, "speed", "found"),
-        f"found = {tau} * found / ({atol} + {rtol} * b);",
-        _most(rows, "change", "found"),
-    ]
-    return _block(lines)
-
-
-def _most(rows: Rows, name: str, found: str) -> str:
-    """Return the statement that keeps the larger number; what is no cell has none."""
-    if "strip_cells" not in rows.apart:
-        return f"{name} = greatest({name}, {found});"
-    cells = f"*(__global const vec *)(x + {rows.apart['strip_cells']} + p - start)"
-    return f"{name} = greatest({name}, {cells} < one ? one - one : {found});"
-
-
-def _block(lines: list[str]) -> list[str]:
-    return ["{", *(f"    {line}" for line in lines), "}"]
+    lines = [*_rate(rows, last, at)]
+    lines += _loaded(rows, [tableau.error, *tableau.truncation], last, at)
+    states = rows.array("strip_x", at), rows.array("strip_xs", at)
+    return rows.braced([*lines, *figures(rows, error, " + ".join(parts), f"k{last}", states)])

@@ -3,6 +3,7 @@
 An output that is loaded serves all the cells of the block that it is a neighbour of.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
@@ -38,26 +39,36 @@ class Rows:
     layout : RowLayout
     scales : tuple of float
         What the couplings and the drive of each layer come with.
-    apart : dict of str to int
-        Numbers from the array of states to each of the arrays that are kept.
+    apart : mapping of str to int or str
+        Numbers from the array of states to each of the arrays that are kept, or the name of the
+        variable that holds them.
     """
 
     text: TransientText
     layout: RowLayout
     scales: tuple[float, ...]
-    apart: dict[str, int]
+    apart: Mapping[str, int | str]
 
-    def case(self, number: int, lines: list[str]) -> list[str]:
-        """Return the text that takes a vector after the other of the rows from `start` on."""
+    def case(self, number: int, lines: list[str], head: Sequence[str] = ()) -> list[str]:
+        """Return the text that takes a vector after the other of the rows from `start` on.
+
+        What stands in `head` comes before all of them.
+        """
         width = self.layout.width
         end = f"start + {self.layout.vectors * width}"
         return [
-            f"case {number}:",
+            f"case {number}: {{",
+            *(f"    {line}" for line in head),
             f"    for (int p = start; p < {end}; p += {width}) {{",
             *(f"        {line}" for line in lines),
             "    }",
             "    break;",
+            "}",
         ]
+
+    def braced(self, lines: list[str]) -> list[str]:
+        """Return the text as a block, whose names end with it."""
+        return ["{", *(f"    {line}" for line in lines), "}"]
 
     def block(self, rows: int) -> list[At]:
         """Return the rows of a block in all layers."""

@@ -15,25 +15,10 @@ $first_rates
             while (stages < $most && (scalar)(stages * stages) < reach) {
                 ++stages;
             }
-            int row = $rows + stages * $most * 4;
-            const real begin = R(data[row + 2]);
-            for (int i = 0; i < $cells; ++i) {
-                old[i] = x[i];
-                xs[i] = x[i] + begin * h * k0[i];
-            }
-            for (int j = 1; j < stages; ++j) {
-                row += 4;
-                const real back1 = R(data[row]), back2 = R(data[row + 1]);
-                const real weight = R(data[row + 2]), start = R(data[row + 3]);
-$stage
-            }
-$last_rates
+$stages
 $judge
             const real accept = PICK(worst <= ONE, running, ZERO);
-            for (int i = 0; i < $cells; ++i) {
-                x[i] = PICK(accept != ZERO, xs[i], x[i]);
-                k0[i] = PICK(accept != ZERO, k1[i], k0[i]);
-            }
+$advance
             time += accept * h;
             steps += running;
             // an error grows as the rates do, within what the feedback allows
@@ -44,7 +29,6 @@ $judge
             settled = PICK(accept * $settle != ZERO && change <= ONE, ONE, settled);
             running = PICK(time >= $duration * $almost_one || settled != ZERO, ZERO, running);
             h = PICK(running != ZERO,
-                     h * clamp(R(0.8) * pow(fmax(worst, R(1e-10)), R(-1.0f / 3.0f)), R(0.1), R(5)),
-                     h);
+                     h * clamp(R(0.8) * pow(fmax(worst, R(1e-10)), $exponent), R(0.1), R(5)), h);
         }
         unfinished = fmax(unfinished, running);

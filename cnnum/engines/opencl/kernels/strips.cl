@@ -68,10 +68,10 @@ $lower
 
 static void one_row(__global scalar *const x, __global const scalar *const w,
                     __global const scalar *const from, __global scalar *const to, const int start,
-                    const int stage, const int piece)
+                    const int number, const int piece)
 {
     const vec one = hidden_one();
-    switch (stage) {
+    switch ($case) {
 $one_row
     }
     all_sides(to, start);
@@ -79,10 +79,10 @@ $one_row
 
 static void more_rows(__global scalar *const x, __global const scalar *const w,
                       __global const scalar *const from, __global scalar *const to,
-                      const int start, const int stage, const int piece)
+                      const int start, const int number, const int piece)
 {
     const vec one = hidden_one();
-    switch (stage) {
+    switch ($case) {
 $more_rows
     }
     for (int r = 0; r < $block; ++r) {
@@ -93,26 +93,27 @@ $more_rows
 // One level of a block of rows of a strip.
 static void level(__global scalar *const x, __global const scalar *const w,
                   __global const scalar *const from, __global scalar *const to,
-                  const int row, const int end, const int stage, const int piece)
+                  const int row, const int end, const int number, const int piece)
 {
     if (row + $block <= end) {
-        more_rows(x, w, from, to, ROW(row), stage, piece);
+        more_rows(x, w, from, to, ROW(row), number, piece);
     } else {
         for (int r = row; r < end; ++r) {
-            one_row(x, w, from, to, ROW(r), stage, piece);
+            one_row(x, w, from, to, ROW(r), number, piece);
         }
     }
 }
 
-// Phases: 0 sets out from the states, 1 takes levels, 2 makes up for what is missing between
-// strips, 3 brings the states back.
+// Phases: 0 sets out from the states, 1 takes levels after those that are done, 2 makes up for what
+// is missing between strips, 3 brings the states back.
 static void strip(__global scalar *const mine, const int pieces, const int piece, const int phase,
-                  const int done, const int count)
+                  const int done, const int most)
 {
     __global scalar *const x = mine + $x, *const w = mine + $w;
     __global scalar *const outputs[2] = {mine + $even, mine + $odd};
     const int begin = (int)((long)$rows * piece / pieces);
     const int end = (int)((long)$rows * (piece + 1) / pieces);
+    const int count = $count;
     if (phase == 0) {
 $clear
         const int above = $periodic && begin == 0 ? $radius : 0;
@@ -153,8 +154,7 @@ $begin
                     if (row < high) {
                         const int before = done + taken + n - 1;
                         __global scalar *const to = outputs[(before + 1) & 1];
-                        const int stage = before % $stages;
-                        level(x, w, outputs[before & 1], to, row, high, stage, piece);
+                        level(x, w, outputs[before & 1], to, row, high, before, piece);
                         if (row == 0 && top) {
                             upper(to);
                         }
@@ -171,7 +171,7 @@ $begin
             __global scalar *const to = outputs[(done + n) & 1];
             for (int r = end - n * $radius; r < end + n * $radius; ++r) {
                 const int row = r < $rows ? r : r - $rows;
-                one_row(x, w, from, to, ROW(row), (done + n - 1) % $stages, piece);
+                one_row(x, w, from, to, ROW(row), done + n - 1, piece);
             }
             if (end == $rows) {
                 upper(to);

@@ -1,0 +1,228 @@
+"""Steps of large arrays that may be refused, by strips of rows: a run of levels each."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from cnnum.engines.opencl.stepping import Attempt
+from cnnum.engines.opencl.strip_chebyshev import (
+    ARRAYS,
+    CONTROL,
+    EVEN,
+    ODD,
+    RATES,
+    ROWS,
+    STAGES,
+    STATE,
+    STEP,
+    chebyshev_cases,
+)
+from cnnum.engines.opencl.strip_figures import FIGURES
+from cnnum.engines.opencl.strip_kernel import (
+    StripText,
+    declare,
+    levels_of,
+    row_layout,
+    strip_kernel,
+)
+from cnnum.engines.opencl.strip_layout import LANES_STEPS, RowLayout
+from cnnum.engines.opencl.strip_pair import pair_cases
+from cnnum.engines.opencl.strip_rows import Rows
+from cnnum.engines.opencl.transients import TransientText
+from cnnum.integrators.chebyshev import MAX_STAGES
+from cnnum.integrators.schemes import AdaptiveSteps
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What is a method's own in steps that may be refused.
+
+    In expressions `{name}` is how far the array `name` is from the first.
+
+    Attributes
+    ----------
+    arrays : tuple of str
+        Of all rows. The first holds the states at the start.
+    rates : str
+        That of them which holds the rates at the start.
+    control : int
+        Numbers in `strip_control`, which the plan's body sets.
+    cases : callable
+        The text of all cases, from rows, strips and the rows of a block.
+    case : str
+        The expression of the case that is the level `number`.
+    end : str
+        Where the states are in the end, from the first array.
+    levels : int
+        Of a step, at most.
+    begin, tell, advance : list of str
+        Statements that set the control: before all steps, before each, and after each.
+    count : str
+        Levels that a frame takes of at most `most` after those that are `done`.
+    told : str or None
+        The number of the plan's body that says how many levels a frame takes.
+    """
+
+    arrays: tuple[str, ...]
+    rates: str
+    control: int
+    cases: Callable[[Rows, int, int], list[str]]
+    case: str
+    end: str
+    levels: int
+    begin: list[str]
+    tell: list[str]
+    advance: list[str]
+    count: str = "most"
+    told: str | None = None
+
+
+def pair_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
+    """Return the statements of a pair's steps, and keep their kernel with the tables."""
+    stages = scheme.tableau.stages
+    return _attempt(
+        text,
+        Trial(
+            arrays=("strip_x", "strip_xs", *(f"strip_k{n}" for n in range(stages))),
+            rates="strip_k0",
+            control=2,
+            cases=lambda rows, most, block: pair_cases(rows, scheme, most, block),
+            case=f"number % {stages}",
+            end="(x[{strip_control} + 1] != 0 ? {strip_xs} : 0)",
+            levels=stages,
+            begin=["strip_control[1] = ZERO;"],
+            tell=["strip_control[0] = h;"],
+            advance=["strip_control[1] = accept;"],
+        ),
+    )
+
+
+def chebyshev_attempts(text: TransientText, table: int) -> Attempt:
+    """Return the statements of Chebyshev's steps, and keep their kernel with the tables.
+
+    Parameters
+    ----------
+    text : TransientText
+    table : int
+        Where in the data the methods' rows begin.
+    """
+    stages = f"(int)x[{{strip_control}} + {STAGES}]"
+    size = CONTROL - ROWS
+    return _attempt(
+        text,
+        Trial(
+            arrays=ARRAYS,
+            rates=ARRAYS[1],
+            control=CONTROL,
+            cases=chebyshev_cases,
+            case=f"number == 0 ? 0 : number < {stages} ? 1 : 2",
+            end=f"(int)x[{{strip_control}} + {STATE}] * {{{ARRAYS[1]}}}",
+            levels=MAX_STAGES + 1,
+            begin=[
+                f"strip_control[{place}] = R({n});"
+                for n, place in enumerate((STATE, RATES, EVEN, ODD))
+            ],
+            tell=[
+                f"strip_control[{STEP}] = h;",
+                f"strip_control[{STAGES}] = (real)stages;",
+                f"for (int i = 0; i < {size}; ++i) {{",
+                f"    strip_control[{ROWS} + i] = R(data[{table} + stages * {size} + i]);",
+                "}",
+                "const int levels = stages + 1;",
+            ],
+            advance=_changed_places(),
+            count=f"min(most, {stages} + 1 - done)",
+            told="levels",
+        ),
+    )
+
+
+def _changed_places() -> list[str]:
+    """Return the statements that take a step over: what it leaves is what the next begins with."""
+    return [
+        "if (accept != ZERO) {",
+        f"    const real state = strip_control[{STATE}], rates = strip_control[{RATES}];",
+        f"    const real even = strip_control[{EVEN}], odd = strip_control[{ODD}];",
+        f"    strip_control[{STATE}] = PICK(stages % 2 != 0, odd, even);",
+        f"    strip_control[{RATES}] = PICK(stages % 2 != 0, even, odd);",
+        f"    strip_control[{EVEN}] = state;",
+        f"    strip_control[{ODD}] = rates;",
+        "}",
+    ]
+
+
+def _attempt(text: TransientText, trial: Trial) -> Attempt:
+    """Return the statements of steps, and keep their kernel with the tables."""
+    # nobody knows how many steps there will be: as a rule enough for rows in lanes
+    layout = row_layout(text, LANES_STEPS)
+    apart = declare(text, layout, trial.arrays)
+    scales = tuple(1.0 / float(tau) for tau in text.template.tau)
+    size = levels_of(text, layout, len(trial.arrays))
+    each = size[1] * layout.width
+    span = layout.vectors * layout.width
+    lengths = {"control": trial.control, "maxima": len(FIGURES) * each, "cells": span}
+    for name, length in lengths.items():
+        text.array(f"strip_{name}", length)
+        place = text.arena.places[f"strip_{name}"]
+        apart[f"strip_{name}"] = place - text.arena.places[trial.arrays[0]]
+    places = dict(apart)
+    clear = [f"for (int n = 0; piece == 0 && n < {len(FIGURES) * each}; ++n) {{"]
+    clear += [f"    x[{apart['strip_maxima']} + n] = 0;", "}"]
+    if span == layout.cols:
+        del apart["strip_cells"]
+    else:
+        clear += _mark_cells(layout, apart["strip_cells"])
+    rows = Rows(text, layout, scales, apart)
+    k0 = f"x[p + {apart[trial.rates]}] = mine[{text.arena.places['k0']} + cell];"
+    own = StripText(
+        scales,
+        trial.case.format(**places),
+        lambda block: trial.cases(rows, size[1], block),
+        clear=clear,
+        rest=[k0, *rows.set_held()],
+        begin=_forget(places["strip_maxima"], size[1], layout),
+        end=trial.end.format(**places),
+        count=trial.count.format(**places),
+    )
+    strips = strip_kernel(text, own, layout, trial.arrays[0], size, trial.levels)
+    name = strips.kernel
+    text.tables.strips |= {
+        f"{name}_begin": replace(strips, count=0, ends=False),
+        name: replace(strips, begins=False, ends=False, told=trial.told),
+        f"{name}_end": replace(strips, count=0, begins=False),
+    }
+    return Attempt(
+        begin=[*trial.begin, f"{name}_begin;"],
+        stages=[*trial.tell, f"{name};"],
+        judge=_gathered(each),
+        advance=trial.advance,
+        end=[f"{name}_end;"],
+    )
+
+
+def _forget(maxima: int, most: int, layout: RowLayout) -> list[str]:
+    """Return the text by which a strip forgets what it found in the step before."""
+    return [
+        f"for (int n = 0; done == 0 && n < {len(FIGURES)}; ++n) {{",
+        f"    const int own = {maxima} + (n * {most} + piece) * {layout.width};",
+        "    *(__global vec *)(x + own) = (vec)(0);",
+        "}",
+    ]
+
+
+def _gathered(each: int) -> list[str]:
+    """Return the statements that make one number of what all strips found in so many lanes."""
+    judge = [
+        f"    {figure} = greater({figure}, strip_maxima[{n * each} + i]);"
+        for n, figure in enumerate(FIGURES)
+    ]
+    return [f"for (int i = 0; i < {each}; ++i) {{", *judge, "}"]
+
+
+def _mark_cells(layout: RowLayout, to: int) -> list[str]:
+    """Return the text that keeps which numbers of a row are cells."""
+    return [
+        f"for (int n = 0; piece == 0 && n < {layout.vectors * layout.width}; ++n) {{",
+        f"    const int col = n % {layout.pieces} * {layout.length} + n / {layout.pieces};",
+        f"    x[{to} + n] = col < {layout.cols};",
+        "}",
+    ]
