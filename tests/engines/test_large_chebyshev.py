@@ -13,7 +13,7 @@ CASES = {
     # boundary, output, layers, radius, a mask holds some cells, in parts, rows in lanes, duration
     "one work item": ("zero-flux", "standard", 1, 1, False, False, True, 2.0),
     "until it settles": ("periodic", "standard", 1, 2, True, True, True, "settle"),
-    "layers": (0.3, "linear", 2, 1, True, True, False, 2.0),
+    "layers": (0.3, "tanh", 2, 1, True, True, False, 2.0),
 }
 
 

@@ -1,7 +1,10 @@
 """Steps of large arrays, strip by strip, and of wide batches are the reference's own steps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.ndimage import correlate
 
 from cnnum.engine import Engine
 from cnnum.engines.opencl import kernel_text, strip_layout
@@ -88,6 +91,23 @@ def test_strips_of_any_size_step_as_one_array(seed, monkeypatch):
     got = engine.run(template, duration=0.05 * steps, dt=0.05, **maps).state
     # up to 24 steps of values of order 1
     assert np.abs(got - wanted).max() <= 1e-13 * np.abs(wanted).max()
+
+
+def test_discrete_time_goes_by_strips():
+    """A thresholded sum a step, x⁺ = w + A ∗ sign(x), with nothing left of the state before."""
+    rng = np.random.default_rng(7)
+    template = replace(random_template(rng, "periodic", "sign", 1), tau=1.0)
+    feedback, control = template.A[0, 0], template.B[0, 0]
+    u, x = rng.uniform(-1, 1, (2, 300, 290))
+    got = Engine("opencl", precision="float64").run(template, input=u, state=x, duration=5)
+    drive = correlate(u, control, mode="wrap") + 0.1
+    for _ in range(5):
+        x = drive + correlate(np.where(x >= 0, 1.0, -1.0), feedback, mode="wrap")
+    # nine products of numbers of order 1, and no sum so near 0 that its sign is not known
+    assert np.abs(got.state - x).max() <= 1e-14
+    assert np.abs(x).min() > 1e-9
+    np.testing.assert_array_equal(got.output, np.where(x >= 0, 1.0, -1.0))
+    assert got.error == 0.0
 
 
 @pytest.mark.parametrize("device", DEVICES)

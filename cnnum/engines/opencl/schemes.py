@@ -1,5 +1,7 @@
 """The kernel text of each way to bring a transient to its end."""
 
+import math
+
 from cnnum.engines.opencl.chebyshev import chebyshev
 from cnnum.engines.opencl.drive import drive
 from cnnum.engines.opencl.exact import exact
@@ -47,7 +49,9 @@ def _run(text: TransientText) -> Figures:
         strip_steps(text, scheme)
         declare_outputs(text)
         time = text.number(text.solver.duration)
-        return {"time": time, "steps": text.number(scheme.count), "error": "-ONE"}
+        known = scheme.error if isinstance(scheme, FixedSteps) else math.inf
+        error = text.number(known) if math.isfinite(known) else "-ONE"
+        return {"time": time, "steps": text.number(scheme.count), "error": error}
     declare_outputs(text)
     if isinstance(scheme, ChebyshevSteps):
         return chebyshev(text, scheme, by_strips=strips_fit(text, scheme))

@@ -25,6 +25,17 @@ SHARES = 8
 
 BLOCK_ROWS = 4
 
+_CLIPPED = "(x = -one > x ? -one : x, one < x ? one : x)"
+
+SHOWN = {
+    "standard": _CLIPPED,
+    "linear": "x",
+    "tanh": "tanh(x)",
+    "full-range": _CLIPPED,
+    "sign": "one - one <= x ? one : -one",
+}
+"""Outputs of a vector of states `x`, by name; `one` is 1 in every lane."""
+
 _OWN = re.compile(
     r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|upper|lower|inwards|magnitude|greatest|one_row|more_rows|level|strip)\b"
 )
@@ -134,7 +145,7 @@ def strip_kernel(
         "even": places["strip_even"],
         "odd": places["strip_odd"],
         "state": places["x"],
-        "shown": _shown(text),
+        "shown": SHOWN[text.template.output.name],
         "drive": _drive(text, own.scales),
         "clear": indented(own.clear, 2),
         "rest": indented(own.rest, 5).lstrip(),
@@ -167,13 +178,6 @@ def _of_layer(numbers: list[str]) -> str:
     *others, last = numbers
     picks = "".join(f"layer == {layer} ? {number} : " for layer, number in enumerate(others))
     return f"({picks}{last})"
-
-
-def _shown(text: TransientText) -> str:
-    """Return f of a vector of states."""
-    if text.template.output.name == "linear":
-        return "x"
-    return "(x = -one > x ? -one : x, one < x ? one : x)"
 
 
 def _rows_beyond(text: TransientText, side: int) -> list[str]:

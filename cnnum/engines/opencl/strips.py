@@ -2,6 +2,7 @@
 
 from cnnum.engines.opencl.strip_kernel import (
     BLOCK_ROWS,
+    SHOWN,
     StripText,
     declare,
     levels_of,
@@ -22,7 +23,7 @@ Steps = FixedSteps | ExponentialSteps | AdaptiveSteps | ChebyshevSteps
 def strips_fit(text: TransientText, scheme: Steps) -> bool:
     """Return whether steps of a scheme can be taken strip by strip."""
     template, radius = text.template, text.radius
-    known = template.output.name in ("standard", "linear", "full-range")
+    known = template.output.name in SHOWN
     return (
         template.plain
         and known
