@@ -124,8 +124,11 @@ def chebyshev_attempts(text: TransientText, table: int) -> Attempt:
             tell=[
                 f"strip_control[{STEP}] = h;",
                 f"strip_control[{STAGES}] = (real)stages;",
-                f"for (int i = 0; i < {size}; ++i) {{",
-                f"    strip_control[{ROWS} + i] = R(data[{table} + stages * {size} + i]);",
+                # a loop of this kind is no sweep, which would be a launch of its own
+                "int at = 0;",
+                f"while (at < {size}) {{",
+                f"    strip_control[{ROWS} + at] = R(data[{table} + stages * {size} + at]);",
+                "    ++at;",
                 "}",
                 "const int levels = stages + 1;",
             ],
