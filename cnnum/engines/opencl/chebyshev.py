@@ -4,7 +4,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.engines.opencl.rates import Instant, outputs, rates
-from cnnum.engines.opencl.stepping import Attempt, growth_texts
+from cnnum.engines.opencl.stepping import Attempt, advance, growth_texts
 from cnnum.engines.opencl.strip_attempts import chebyshev_attempts
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
@@ -70,13 +70,7 @@ def _sweeps(text: TransientText, table: int) -> Attempt:
         stage=indented(stage, 1),
         last_rates=indented(["{", *last_rates, "}"], 0),
     )
-    advance = [
-        f"for (int i = 0; i < {n}; ++i) {{",
-        "    x[i] = PICK(accept != ZERO, xs[i], x[i]);",
-        "    k0[i] = PICK(accept != ZERO, k1[i], k0[i]);",
-        "}",
-    ]
-    return Attempt([], stages.splitlines(), _judge(text), advance, [])
+    return Attempt([], stages.splitlines(), _judge(text), advance(text, 1), [])
 
 
 def _rates(text: TransientText, state: str, then: list[str]) -> None:
