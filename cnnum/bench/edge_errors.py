@@ -74,10 +74,29 @@ def run_edges(
 ) -> dict[str, Floats]:
     """Return the outputs of `edges` after rest and three frames of each body, side by side."""
     loads = np.stack([frame_under(body, (cells, cells), depth, reads) for body in bodies])
+    return run_loads(engine, loads, depth, reads, noise)
+
+
+def run_loads(
+    engine: Engine, loads: Floats, depth: float, reads: Reads, noise: float = NOISE
+) -> dict[str, Floats]:
+    """Return the outputs of `edges` after rest and three of each frame, side by side.
+
+    Parameters
+    ----------
+    engine : Engine
+    loads : (frames, rows, cols) float
+        Normal readings in any unit, positive under a push.
+    depth : float
+    reads : "strain" or "stress"
+    noise : float
+        Of one reading, as a share of a frame's largest.
+    """
     loads = loads / loads.max(axis=(1, 2), keepdims=True)
     rng = np.random.default_rng(1)
-    plan = engine.compile(get_program("edges").bind(depth=depth, reads=reads), (cells, cells))
-    stream, outputs = plan.stream((len(bodies),)), dict[str, Floats]()
+    program = get_program("edges").bind(depth=depth, reads=reads)
+    plan = engine.compile(program, (loads.shape[1], loads.shape[2]))
+    stream, outputs = plan.stream((len(loads),)), dict[str, Floats]()
     for number in range(21):
         frame = noise * rng.normal(size=(*loads.shape, 3))
         frame[..., 2] -= loads if number >= 18 else 0.0

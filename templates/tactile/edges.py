@@ -10,8 +10,11 @@ from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply, shift
 from cnnum.tactile.indenters import Reads
+from cnnum.templates.tactile.bodies import is_edged, is_pair, is_smooth, punch_of
+from cnnum.templates.tactile.least_squares import Felt, felt_of
 from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of
 from cnnum.templates.tactile.outline import WAYS, Links, links_of
+from cnnum.templates.tactile.rims import circle_through, on_circle
 from cnnum.templates.tactile.unblur import (
     DEPTH,
     READS,
@@ -30,30 +33,6 @@ cover; the thicker it is, the more the filter rounds. A uniform load takes 0.4 t
 place of the outline between the taxels; on average 0.71 at most under 0.3 pitches, and 0.84 (small
 rectangles) under one. Hertz's pressure takes 0.70 to 0.81 at a radius of 2 cells, 0.79 to 0.89 at
 2.5 and 0.96 at 3."""
-
-SMOOTH = 0.03
-"""Share of the signal that a smooth contact leaves, beside the noise: from half a pitch of cover on
-a sphere leaves 0.01, an ellipse 1.25 times as long as wide 0.02 in stress and 0.04 in strain, and a
-rectangle 0.05 and more."""
-
-FLAT = 0.2
-"""Flatness up to which a load may be a smooth contact's: a uniform disc's is 0.6 to 0.9, one of 1.3
-cells' under thin covers 0.27."""
-
-KNOWN = 0.12
-"""Standard deviation of the flatness below which a frame may be called smooth."""
-
-NARROWEST = 1.4
-"""Cells: contact radius from which it may; the flatness of smaller squares is anything."""
-
-EDGED, ONE = 0.25, 0.35
-"""Flatness, above two of its standard deviations, and share of the signal left, from which and up
-to which one edged body presses."""
-
-ROUGH = (0.05, 0.18)
-"""Share of the signal left from which and up to which that is so in stress whatever the flatness: a
-rectangle leaves 0.05 to 0.2, a sphere that is pulled by 0.6 of its load 0.02 to 0.05, two of them
-from 0.18 on. In strain a pull leaves as much as a rectangle."""
 
 EDGED_RISE = 0.86
 """Cells in which the load of one edged body rises at most."""
@@ -121,13 +100,15 @@ def edges_of(
     least = maximum(SHARE * load.max(), LIFT * noise_gain(depth, reads) * noise)
     links = links_of(frame, load, least)
     votes = _Votes(links)
-    whole = whole_of(loads, load, float(depth), reads)
+    felt = felt_of(loads, float(depth), reads)
+    whole = whole_of(felt, load, loads.contact)
     most: Field | float = rise_of(depth) if rise is None else rise
     if rise is None:
-        most = where(_edged(whole, reads), EDGED_RISE, most)
-    sharp = votes.sharp(most) & loads.contact & ~_smooth(whole)
+        most = where(is_edged(whole, reads), EDGED_RISE, most)
+    sharp = votes.sharp(most) & loads.contact & ~is_smooth(whole)
     links = votes.placed(links)
     ends = [link.crosses & sharp for link in links]
+    links, ends = _on_rounds(felt, load, whole, links, ends)
     found = _nearest(links, ends)
     number = found.count()
     return {
@@ -140,6 +121,23 @@ def edges_of(
         "edge_load": load,
         "surround_inhibition": _surround(loads, noise),
     }
+
+
+def _on_rounds(
+    felt: Felt, load: Field, whole: Whole, links: tuple[Links, ...], ends: list[Field]
+) -> tuple[tuple[Links, ...], list[Field]]:
+    """Return links and where outlines end, if the whole frame is a flat punch or two spheres."""
+    found = (ends[0] | ends[1] | ends[2] | ends[3]).any()
+    punched, rim = punch_of(felt, whole, circle_through(felt, links, ends), found)
+    smooth = is_pair(felt, load, whole, found & ~punched)
+    rims = [on_circle(felt.frame, link, way, rim) for link, way in zip(links, WAYS, strict=True)]
+    return (
+        tuple(
+            replace(link, place=where(punched, now.place, link.place))
+            for now, link in zip(rims, links, strict=True)
+        ),
+        [where(punched, now.crosses, end & ~smooth) for now, end in zip(rims, ends, strict=True)],
+    )
 
 
 def rise_of(depth: float) -> float:
@@ -168,22 +166,6 @@ class _Votes:
         return tuple(
             replace(link, place=link.place + share * (link.rim - link.place)) for link in links
         )
-
-
-def _smooth(whole: Whole) -> Field:
-    """Return whether the whole frame is one smooth contact."""
-    hertz = abs(whole.flatness) < FLAT + whole.unsure
-    known = (whole.unsure < KNOWN) & (whole.radius > NARROWEST)
-    return (whole.left < SMOOTH) & hertz & known
-
-
-def _edged(whole: Whole, reads: Reads) -> Field:
-    """Return whether the whole frame is one body with an edge."""
-    flat = (whole.flatness - 2.0 * whole.unsure > EDGED) & (whole.left < ONE)
-    if reads == "strain":
-        return flat
-    low, high = ROUGH
-    return flat | ((whole.left > low) & (whole.left < high))
 
 
 def _around(cells: int, links: tuple[Links, ...], values: Sequence[object]) -> Field:

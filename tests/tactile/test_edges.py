@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from cnnum.bench.edge_errors import told_apart
+from cnnum.bench.smooth_edges import drawn_pairs, drawn_pulls
 from cnnum.bench.surround import GAPS, beside, hat
 from cnnum.tactile.halfspace import SurfaceToDepth
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under, two_bars
+from cnnum.tactile.touches import readings
 from cnnum.templates.tactile.edges import edges
 
 NOISE = 5e-3
@@ -81,10 +83,8 @@ def test_outlines_are_found_to_half_a_cell(numba, run, cells, reads, depth):
         assert len(where) >= 8
         off = errors(body, where, cells)
         if number % 5 == 4:
-            # a punch's load is singular at its rim: a taxel that it barely cuts reads as if
-            # half covered, which thin covers hide between two taxels
-            assert np.median(off) < 0.3
-            assert np.quantile(off, 0.95) < 0.75
+            # a fit of all taxels meets a punch's rim to the noise
+            assert off.max() < 0.05
         else:
             # the tail of 1 link in 500 that noise and a rectangle's corners move
             assert np.quantile(off, 0.95) < 0.5
@@ -114,6 +114,44 @@ def test_a_small_smooth_contact_has_none(numba, run, reads, depth):
     got, _ = found_by(run, numba, bodies, 8, depth, reads)
     # by the rise alone it was 9 to 11 of those of 2 cells under half a pitch, and 24 under a whole
     assert (got["edge_count"][-1] > 0).sum() == 0
+
+
+@pytest.mark.parametrize("depth", [0.3, 1.0])
+@pytest.mark.parametrize("reads", ["strain", "stress"])
+def test_punches_have_their_rim(numba, run, reads, depth):
+    """Their whole outline, other punches than docs/programs/edges.md draws."""
+    rng = np.random.default_rng(25)
+    bodies = [Disc(a, tuple(rng.uniform(-0.5, 0.5, 2)), "punch") for a in rng.uniform(1.8, 2.8, 60)]
+    _, found = found_by(run, numba, bodies, 8, depth, reads)
+    off = np.concatenate([errors(b, where, 8) for b, where in zip(bodies, found, strict=True)])
+    # centre and radius are known to 0.01 cells under this noise
+    assert off.max() < 0.05
+    assert max(missed(b, where, 8) for b, where in zip(bodies, found, strict=True)) == 0.0
+
+
+@pytest.mark.parametrize(("reads", "depth"), [("strain", 0.5), ("strain", 0.75), ("stress", 0.5)])
+def test_two_smooth_contacts_have_no_edge(numba, run, reads, depth):
+    """By the rise of their load alone three in four would; of uniform ones all do."""
+    rng = np.random.default_rng(41)
+    edged = {}
+    for pressure in ("hertz", "uniform"):
+        pairs = drawn_pairs(rng, 8, (1.5, 1.9), 24, pressure)
+        seen = [pair.frame(8, depth, reads) for pair in pairs]
+        program = edges.bind(depth=depth, reads=reads)
+        edged[pressure] = run(numba, program, pressed(seen), ["edge_count"])["edge_count"][-1] > 0
+    # 1 of 60 on the seed of the bench, of contacts near 1.5 cells
+    assert edged["hertz"].sum() <= 1
+    assert edged["uniform"].all()
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6, 0.999])
+@pytest.mark.parametrize("reads", ["strain", "stress"])
+def test_a_pulled_sphere_has_no_edge(numba, run, reads, share):
+    """From partial to gross slip, by Cattaneo and Mindlin; it was up to 13 of 40."""
+    touches = drawn_pulls(np.random.default_rng(43), 8, share, 24)
+    seen = [-readings(touch, 8, 1.0, reads)[..., 2] for touch in touches]
+    got = run(numba, edges.bind(depth=1.0, reads=reads), pressed(seen), ["edge_count"])
+    assert got["edge_count"].max() == 0
 
 
 @pytest.mark.parametrize("depth", [0.5, 1.0])

@@ -1,0 +1,111 @@
+"""What presses, by all that an array reads: smooth or edged, two spheres or a flat punch."""
+
+from dataclasses import replace
+
+from cnnum.programs.fields import Field, where
+from cnnum.programs.loops import branch
+from cnnum.tactile.indenters import Reads
+from cnnum.templates.tactile.least_squares import Felt
+from cnnum.templates.tactile.rims import Circle
+from cnnum.templates.tactile.rounds import MET, Round, pair_on, punch_on
+from cnnum.templates.tactile.whole import Whole
+
+SMOOTH = 0.03
+"""Share of the signal that a smooth contact leaves, beside the noise: from half a pitch of cover on
+a sphere leaves 0.01, one that is pulled 0.03, an ellipse 1.25 times as long as wide 0.02 in stress
+and 0.04 in strain, and a rectangle 0.05 and more."""
+
+FLAT = 0.2
+"""Flatness up to which a load may be a smooth contact's: a uniform disc's is 0.6 to 0.9, one of 1.3
+cells' under thin covers 0.27."""
+
+KNOWN = 0.12
+"""Standard deviation of the flatness below which a frame may be called smooth."""
+
+NARROWEST = 1.4
+"""Cells: contact radius from which it may; the flatness of smaller squares is anything."""
+
+APART = 0.95
+"""Distance of two spheres in sums of their radii from which they are two: the halves of an edged
+body overlap."""
+
+SEVERAL, HOLLOWED = 0.2, 1.0
+"""Share of the signal that one ellipse leaves from which two spheres are looked for, and that or
+the flatness from which a flat punch is: two spheres leave 0.2 to 0.9."""
+
+ROUND = 0.5
+"""Cells that places lie off a circle at most where a flat punch is looked for."""
+
+EDGED, ONE = 0.25, 0.35
+"""Flatness, above two of its standard deviations, and share of the signal left, from which and up
+to which one edged body presses."""
+
+ROUGH = (0.05, 0.18)
+"""Share of the signal left from which and up to which that is so in stress whatever the flatness: a
+rectangle leaves 0.05 to 0.2, a sphere that is pulled up to 0.03, two spheres from 0.18 on. In
+strain under half a pitch of cover and less, a pull may leave as much as a rectangle."""
+
+
+def is_smooth(whole: Whole) -> Field:
+    """Return whether a contact is smooth, and leaves nothing that others would explain."""
+    hertz = abs(whole.flatness) < FLAT + whole.unsure
+    known = (whole.unsure < KNOWN) & (whole.radius > NARROWEST)
+    return (whole.left < SMOOTH) & hertz & known
+
+
+def is_edged(whole: Whole, reads: Reads) -> Field:
+    """Return whether the whole frame is one body with an edge."""
+    flat = (whole.flatness - 2.0 * whole.unsure > EDGED) & (whole.left < ONE)
+    if reads == "strain":
+        return flat
+    low, high = ROUGH
+    return flat | ((whole.left > low) & (whole.left < high))
+
+
+def is_pair(felt: Felt, load: Field, whole: Whole, asked: Field) -> Field:
+    """Return whether the whole frame is two smooth contacts.
+
+    Parameters
+    ----------
+    felt : Felt
+    load : Field
+        On the surface, for the first guess.
+    whole : Whole
+        What the frame is as one contact.
+    asked : Field
+        Flag: it is asked at all.
+    """
+
+    def judged(*values: Field) -> tuple[Field, ...]:
+        _, normal, start = values
+        pair = pair_on(replace(felt, normal=normal), start)
+        smooth = is_smooth(pair.first) & is_smooth(pair.second) & (pair.apart > APART)
+        return where(smooth, 1.0, 0.0), normal, start
+
+    several = asked & (whole.left > SEVERAL)
+    return branch(several, judged, felt.frame.constant(0.0), felt.normal, load)[0] > 0.5
+
+
+def punch_of(felt: Felt, whole: Whole, circle: Circle, asked: Field) -> tuple[Field, Round]:
+    """Return whether the whole frame is one flat punch, and its rim.
+
+    Parameters
+    ----------
+    felt : Felt
+    whole : Whole
+        What the frame is as one smooth contact.
+    circle : Circle
+        Through the outline that was found, for the first guess.
+    asked : Field
+        Flag: it is asked at all.
+    """
+
+    def judged(*values: Field) -> tuple[Field, ...]:
+        punch = punch_on(replace(felt, normal=values[4]), Round(*values[1:4]))
+        return punch.left, punch.at.radius, punch.at.column, punch.at.row, values[4]
+
+    rough = (whole.left > SEVERAL) | (whole.flatness - 2.0 * whole.unsure > HOLLOWED)
+    at = circle.at
+    start = (felt.frame.constant(1.0), at.radius, at.column, at.row, felt.normal)
+    left, *found = branch(asked & rough & (circle.off < ROUND), judged, *start)[:4]
+    return left < MET, Round(*found)
