@@ -4,7 +4,6 @@ from dataclasses import replace
 
 from cnnum.programs.fields import Field, where
 from cnnum.programs.loops import branch
-from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.least_squares import Felt
 from cnnum.templates.tactile.rims import Circle
 from cnnum.templates.tactile.rounds import MET, Round, pair_on, punch_on
@@ -41,9 +40,12 @@ EDGED, ONE = 0.25, 0.35
 to which one edged body presses."""
 
 ROUGH = (0.05, 0.18)
-"""Share of the signal left from which and up to which that is so in stress whatever the flatness: a
-rectangle leaves 0.05 to 0.2, a sphere that is pulled up to 0.03, two spheres from 0.18 on. In
-strain under half a pitch of cover and less, a pull may leave as much as a rectangle."""
+"""Share of the signal left from which and up to which that is so whatever the flatness: a rectangle
+leaves 0.05 to 0.25, a sphere that is pulled up to 0.03, two spheres from 0.18 on."""
+
+THICK = 0.75
+"""Pitches of cover from which that holds in strain, too: under thinner ones the fit of a pull may
+end beside it, and leaves as much as a rectangle."""
 
 
 def is_smooth(whole: Whole) -> Field:
@@ -53,10 +55,10 @@ def is_smooth(whole: Whole) -> Field:
     return (whole.left < SMOOTH) & hertz & known
 
 
-def is_edged(whole: Whole, reads: Reads) -> Field:
+def is_edged(felt: Felt, whole: Whole) -> Field:
     """Return whether the whole frame is one body with an edge."""
     flat = (whole.flatness - 2.0 * whole.unsure > EDGED) & (whole.left < ONE)
-    if reads == "strain":
+    if felt.reads == "strain" and felt.depth < THICK:
         return flat
     low, high = ROUGH
     return flat | ((whole.left > low) & (whole.left < high))

@@ -104,7 +104,7 @@ def edges_of(
     whole = whole_of(felt, load, loads.contact)
     most: Field | float = rise_of(depth) if rise is None else rise
     if rise is None:
-        most = where(is_edged(whole, reads), EDGED_RISE, most)
+        most = where(is_edged(felt, whole), EDGED_RISE, most)
     sharp = votes.sharp(most) & loads.contact & ~is_smooth(whole)
     links = votes.placed(links)
     ends = [link.crosses & sharp for link in links]
