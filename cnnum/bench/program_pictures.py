@@ -20,7 +20,15 @@ from cnnum.bench.slip_pictures import grasp_slip_picture, slip_and_twist_picture
 from cnnum.engine import Engine
 from cnnum.program_library import get_program
 from cnnum.tactile.bump_loads import bump_readings
-from cnnum.tactile.indenters import Disc, Indenter, Rectangle, Ring, frame_under, two_bars
+from cnnum.tactile.indenters import (
+    Disc,
+    Indenter,
+    Rectangle,
+    Ring,
+    Several,
+    frame_under,
+    two_bars,
+)
 from cnnum.tactile.texture import texture as whole_recording
 from cnnum.tactile.texture_materials import FOUR, Stroke, rub
 from cnnum.tactile.touches import Touch, readings
@@ -66,13 +74,16 @@ def _held(load: Floats) -> Floats:
 
 
 def edges_picture() -> Any:
-    """Strain under four indenters and a sphere, with the outlines found in it."""
+    """Strain under five indenters and under spheres, with the outlines found in it."""
+    other = Disc(1.7, (1.6, 1.5), "hertz")
     bodies: list[tuple[str, Indenter]] = [
         ("disc", Disc(2.4, (0.2, -0.3))),
         ("ring", Ring(1.0, 2.8, (0.1, 0.2))),
         ("rectangle, 29°", Rectangle(2.8, 4.0, 0.5)),
         ("two bars, 34°", two_bars(1.7, 3.8, 1.5, 0.6)),
+        ("flat punch", Disc(2.4, (0.2, -0.3), "punch")),
         ("sphere (Hertz): no edge", Disc(3.4, (0.2, 0.1), "hertz")),
+        ("two spheres: no edge", Several((Disc(1.8, (-1.5, -1.5), "hertz"), other))),
     ]
     got = run_edges(Engine(), [body for _, body in bodies], 8, 0.5, "strain")
     figure, axes = _sheet(len(bodies), 2.7, 3.6)

@@ -21,8 +21,8 @@ RADII = {8: ((1.5, 1.9), (1.7, 2.0)), 16: ((2.0, 3.5),)}
 GAPS = {8: (0.5, 1.2), 16: (0.5, 3.0)}
 """Cells between them."""
 
-PULLED = {8: (2.0, 3.3), 16: (2.0, 6.0)}
-"""Cells: contacts that are pulled."""
+PULLED = (2.0, 3.3)
+"""Cells: contacts that are pulled, on 8×8."""
 
 FRICTION = 0.7
 SHARES = (0.0, 0.3, 0.6, 0.9, 0.999)
@@ -74,11 +74,11 @@ def drawn_pairs(
     return found
 
 
-def drawn_pulls(rng: np.random.Generator, cells: int, share: float, count: int) -> list[Touch]:
+def drawn_pulls(rng: np.random.Generator, share: float, count: int) -> list[Touch]:
     """Draw spheres near the middle of the array, pulled by a share of what makes them slip."""
     return [
         Touch(
-            float(rng.uniform(*PULLED[cells])),
+            float(rng.uniform(*PULLED)),
             (float(rng.uniform(-0.5, 0.5)), float(rng.uniform(-0.5, 0.5))),
             share * FRICTION,
             float(rng.uniform(0.0, 2 * np.pi)),
@@ -116,24 +116,23 @@ def pairs(engine: Engine, count: int) -> None:
 
 def pulls(engine: Engine, count: int) -> None:
     """Print how many pulled spheres have an edge, by depth."""
-    for cells in PULLED:
-        for reads in READINGS:
-            for share in SHARES:
-                touches = drawn_pulls(np.random.default_rng(33), cells, share, count)
-                found = {
-                    depth: edged(
-                        engine,
-                        [-readings(touch, cells, depth, reads)[..., 2] for touch in touches],
-                        depth,
-                        reads,
-                    )
-                    for depth in DEPTHS
-                }
-                print(
-                    f"{cells}×{cells}, a sphere pulled by {share} of what makes it slip, {reads}: "
-                    f"edges by depth, of {count}: {found}",
-                    flush=True,
+    for reads in READINGS:
+        for share in SHARES:
+            touches = drawn_pulls(np.random.default_rng(33), share, count)
+            found = {
+                depth: edged(
+                    engine,
+                    [-readings(touch, 8, depth, reads)[..., 2] for touch in touches],
+                    depth,
+                    reads,
                 )
+                for depth in DEPTHS
+            }
+            print(
+                f"8×8, a sphere pulled by {share} of what makes it slip, {reads}: "
+                f"edges by depth, of {count}: {found}",
+                flush=True,
+            )
 
 
 def main(count: int = 60) -> None:

@@ -148,7 +148,7 @@ def test_two_smooth_contacts_have_no_edge(numba, run, reads, depth):
 @pytest.mark.parametrize("reads", ["strain", "stress"])
 def test_a_pulled_sphere_has_no_edge(numba, run, reads, share):
     """From partial to gross slip, by Cattaneo and Mindlin; it was up to 13 of 40."""
-    touches = drawn_pulls(np.random.default_rng(43), 8, share, 24)
+    touches = drawn_pulls(np.random.default_rng(43), share, 24)
     seen = [-readings(touch, 8, 1.0, reads)[..., 2] for touch in touches]
     got = run(numba, edges.bind(depth=1.0, reads=reads), pressed(seen), ["edge_count"])
     assert got["edge_count"].max() == 0
