@@ -24,11 +24,11 @@ SHRINK = (0.598938, 0.103159, -0.00899427)
 """Of the stick radius: −ln(c/a), fitted over the same range: within 7.4e-4."""
 
 NEARER = 0.05
-"""By so much of s^(3/2) (1 − s), s = 1 − x, what taxels read of a pull lags behind Mindlin's force.
-What is added once the disc that sticks has shrunk stands nearer to the contact's middle, and the
-taxels near a contact feel that more. Fitted pulls have −0.048 with a standard deviation of 0.034
-(133 pulls at 1000 frames a second, tuning seeds, all covers), and the time of slip that they give
-is 1 to 4 % too late without it."""
+"""By so much of s^(3/2) (1 − s), s = 1 − x, what taxels read of a pull lags behind Mindlin's force,
+where nobody knows their cover. What is added once the disc that sticks has shrunk stands nearer to
+the contact's middle, and the taxels near a contact feel that more. Fitted pulls have −0.048 with a
+standard deviation of 0.034 (133 pulls at 1000 frames a second, tuning seeds, all covers), and the
+time of slip that they give is 1 to 4 % too late without it."""
 
 FARTHEST = 2.5
 """x up to which the torque's fit holds; beyond it the torque is within 0.2 % of its last value."""
@@ -83,10 +83,19 @@ class Times:
         return np.minimum(self.share, self.step / times)
 
 
-def _pulled(x: Field) -> Field:
-    """Return what is read of Mindlin's force, 1 − (1 − x)^(3/2); x = 1 when all slips."""
-    left = maximum(1.0 - x, 0.0)
-    return 1.0 - left * sqrt(left) * (1.0 + NEARER * (1.0 - left))
+def pull_law(lag: Field | float = NEARER) -> Law:
+    """Return the law of the force under a pull at constant speed, x = 1 when all slips.
+
+    What is read of Mindlin's force lags behind it by a share of s^(3/2) (1 − s), s = 1 − x. Its
+    time is that of gross slip, up to 1.7 s at 1000 frames a second. They are 4.5 frames apart at
+    most, for slip is to be told within five.
+    """
+
+    def read(x: Field) -> Field:
+        left = maximum(1.0 - x, 0.0)
+        return 1.0 - left * sqrt(left) * (1.0 + lag * (1.0 - left))
+
+    return Law(read, _disc, Times(count=448, share=0.05, step=4.5))
 
 
 def _disc(x: Field) -> Field:
@@ -107,10 +116,6 @@ def _cubic(factors: tuple[float, float, float], x: Field) -> Field:
     first, second, third = factors
     return x * (first + x * (second + x * third))
 
-
-PULL = Law(_pulled, _disc, Times(count=448, share=0.05, step=4.5))
-"""Force under a pull at constant speed; its time is that of gross slip, up to 1.7 s at 1000 frames
-a second. They are 4.5 frames apart at most, for slip is to be told within five."""
 
 TWIST = Law(_turned, _core, Times(count=256, share=0.0263))
 """Torque under a twist at constant rate; its time is that at which half the contact radius

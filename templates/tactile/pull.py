@@ -7,7 +7,7 @@ from cnnum.programs.fields import Field, maximum, minimum, where
 from cnnum.programs.machine import LocalMemory
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.growth import FOLLOW, Growth, Learned, Reading, length
-from cnnum.templates.tactile.laws import PULL, Law
+from cnnum.templates.tactile.laws import Law
 from cnnum.templates.tactile.loads import Loads, Patch, square
 
 RADIUS = 2.5**0.5
@@ -111,10 +111,10 @@ def place_of(loads: Loads, patch: Patch) -> Place:
     )
 
 
-def force_on(contact: Place) -> Side:
-    """Return the force on a contact, x and y, beside the torque."""
+def force_on(contact: Place, law: Law) -> Side:
+    """Return the force on a contact, x and y, beside the torque; `law` is by which it grows."""
     frame = contact.loads.frame
-    return _side(contact, PULL, frame.memory(logic=True), frame.constant(1.0), FOLLOW, torque=False)
+    return _side(contact, law, frame.memory(logic=True), frame.constant(1.0), FOLLOW, torque=False)
 
 
 def torque_on(contact: Place, law: Law, near: LocalMemory, weight: Field, follow: float) -> Side:

@@ -12,13 +12,15 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.friction import Skin, friction_needed
+from cnnum.templates.tactile.friction import friction_needed
 from cnnum.templates.tactile.growth import length
 from cnnum.templates.tactile.latch import latched
+from cnnum.templates.tactile.laws import pull_law
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
 from cnnum.templates.tactile.moves import Rest, moves_on
 from cnnum.templates.tactile.pressure import Carries
 from cnnum.templates.tactile.pull import RADIUS, Place, Side, force_on, place_of
+from cnnum.templates.tactile.skin import Skin, lag_of
 from cnnum.templates.tactile.twist import BUMP, Cover
 from cnnum.templates.tactile.unblur import DEPTH
 
@@ -85,8 +87,8 @@ def slip(
     incipient, gross : float
         Beliefs, 0 to 1, from which either is reported.
     reads : "strain", "stress" or "force"
-        What the taxels read, for the friction that a force would need; "force" where each carries
-        its own share of the load, or where nobody knows.
+        What the taxels read, for the friction that a force would need, and for how what is read
+        of it lags; "force" where each carries its own share of the load, or where nobody knows.
     depth : float
         Of the taxels under the surface, pitches, if not "force".
     cover : "flat", "bumpy" or "bumps-fem"
@@ -119,7 +121,7 @@ def slip_of(
     contact: Place, skin: Skin, *, incipient: float = INCIPIENT, gross: float = GROSS
 ) -> Mapping[str, Field]:
     """Return the outputs of `slip` from what other programs share with it."""
-    loads, force = contact.loads, force_on(contact)
+    loads, force = contact.loads, force_on(contact, pull_law(lag_of(contact, skin)))
     frame, grows, found = loads.frame, force.growth.grows, force.growth.found
     rest = Rest(loads)
     change = force.growth.steady < STEADY * force.growth.size + 5.0 * sqrt(force.normal_noise)

@@ -1,13 +1,16 @@
 """The friction that a force would need, against the simulation's, and what it is for."""
 
+import numpy as np
 import pytest
 
 from cnnum.drivers.simulated.script import Phase
 from cnnum.errors import UnknownNameError
 from cnnum.programs import program
-from cnnum.templates.tactile.friction import Skin, friction_needed, gains
+from cnnum.templates.tactile.friction import friction_needed
+from cnnum.templates.tactile.laws import pull_law
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.pull import force_on, place_of
+from cnnum.templates.tactile.skin import Skin, as_read
 from cnnum.templates.tactile.slip import slip
 
 HELD = (Phase("hold", 0.3), Phase("press", 0.3, load=0.6), Phase("hold", 0.3))
@@ -18,7 +21,7 @@ PITCH = 1.5e-3
 def needed(frame, *, depth: float = 0.5, cover: str = "flat"):
     """What `slip` asks of a force."""
     contact = place_of(loads := loads_of(frame, PUSH), patch_of(loads))
-    force = force_on(contact)
+    force = force_on(contact, pull_law())
     force.close(force.growth.grows)
     return {
         "friction": friction_needed(contact, force, Skin(depth, "strain", cover, 0.4)),
@@ -44,14 +47,16 @@ def test_what_slides_needs_its_friction(numba, run, simulate, cover, thickness):
 @pytest.mark.parametrize("shape", [(4, 4), (8, 8), (5, 12)])
 def test_taxels_at_the_surface_read_the_traction_itself(shape):
     """Stress there is traction, and what slides with a friction of 1 pulls as it presses."""
-    for _, gain in gains(shape, Skin(0.01, "stress", "flat", 0.4)):
-        # 0.01 pitches down a cell of 0.25 has lost 2 % to its sides, shear and pressure alike
-        assert gain == pytest.approx(1.0, abs=0.02)
+    # 0.01 pitches down a cell of 0.25 has lost 2 % to its sides, shear and pressure alike
+    gain = as_read(shape, Skin(0.01, "stress", "flat", 0.4)).gain
+    assert gain == pytest.approx(np.ones(5), abs=0.02)
 
 
 def test_taxels_that_carry_their_own_load_read_it_whichever_way_it_acts():
-    for _, gain in gains((8, 8), Skin(0.5, "force", "bumpy", 0.4)):
-        assert gain == pytest.approx(1.0, rel=1e-12)
+    seen = as_read((8, 8), Skin(0.5, "force", "bumpy", 0.4))
+    assert seen.gain == pytest.approx(np.ones(5), rel=1e-12)
+    # and lag behind nothing, but for what stands over taxels beyond those that count
+    assert seen.lag == pytest.approx(np.zeros(5), abs=2e-3)
 
 
 def test_an_object_that_rolls_along_its_weight_does_not_slip(opencl, run, simulate):

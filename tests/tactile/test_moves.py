@@ -6,6 +6,7 @@ import pytest
 from cnnum.drivers.simulated.script import Phase
 from cnnum.engine import Engine
 from cnnum.programs import program
+from cnnum.templates.tactile.laws import pull_law
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.moves import Rest, moves_on
 from cnnum.templates.tactile.pull import force_on, place_of
@@ -19,7 +20,7 @@ PITCH = 1.5e-3
 def way(frame):
     """The way, its noise, and what it makes of the hypotheses whose time is over."""
     loads = loads_of(frame, PUSH)
-    force = force_on(place_of(loads, patch_of(loads)))
+    force = force_on(place_of(loads, patch_of(loads)), pull_law())
     rest = Rest(loads)
     found = rest.way(force.growth, force.normal, loads.normal_noise)
     moves = moves_on(loads, force.growth, found, force.growth.size / force.normal)
