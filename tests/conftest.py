@@ -1,4 +1,4 @@
-"""Lets the whole suite run on another OpenCL device: `CNNUM_TEST_DEVICE=Intel pytest`."""
+"""Lets the whole suite run on another OpenCL device, `CNNUM_TEST_DEVICE=Intel pytest`; compiles once."""
 
 import os
 
@@ -9,6 +9,16 @@ def pytest_configure():
     wanted = os.environ.get("CNNUM_TEST_DEVICE")
     if wanted:
         only(wanted)
+
+
+def pytest_sessionstart():
+    """Compile for one precision a worker: both would compile the same at the same time."""
+    precisions = {"gw0": "float32", "gw1": "float64"}
+    precision = precisions.get(os.environ.get("PYTEST_XDIST_WORKER", ""))
+    if precision is not None:
+        from cnnum import Engine, get_template
+
+        Engine("numba", precision=precision).run(get_template("DIFFUS"), input=[[0.0]])
 
 
 def only(wanted: str) -> None:
