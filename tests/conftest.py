@@ -1,4 +1,4 @@
-"""Lets the whole suite run on another OpenCL device, `CNNUM_TEST_DEVICE=Intel pytest`; compiles once."""
+"""The suite on another OpenCL device: `CNNUM_TEST_DEVICE=Intel pytest`; Numba compiles once."""
 
 import os
 
