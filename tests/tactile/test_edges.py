@@ -14,8 +14,17 @@ from cnnum.templates.tactile.edges import edges
 NOISE = 5e-3
 """Of one reading, as a share of the peak: 2.5 mV (Table 3.II) of 500 mV."""
 
-SKINS = [(8, 0.3), (8, 0.6), (8, 1.0), (16, 0.6), (32, 0.3), (32, 1.0)]
-"""Taxels of a side, and how deep they lie, pitches."""
+SKINS = [
+    ("strain", 8, 0.3),
+    ("strain", 8, 0.6),
+    ("strain", 16, 0.6),
+    ("strain", 32, 1.0),
+    ("stress", 8, 0.3),
+    ("stress", 8, 1.0),
+    ("stress", 16, 0.6),
+    ("stress", 32, 0.3),
+]
+"""What taxels read, how many stand on a side, and how deep they lie, pitches."""
 
 FINER = {8: 1.0, 16: 1.6, 32: 2.6}
 """How much larger indenters are on finer arrays."""
@@ -73,8 +82,7 @@ def found_by(run, engine, bodies, cells, depth, reads):
     return got, [places(got[names[0]][-1, k], got[names[1]][-1, k]) for k in range(len(bodies))]
 
 
-@pytest.mark.parametrize(("cells", "depth"), SKINS)
-@pytest.mark.parametrize("reads", ["strain", "stress"])
+@pytest.mark.parametrize(("reads", "cells", "depth"), SKINS)
 def test_outlines_are_found_to_half_a_cell(numba, run, cells, reads, depth):
     bodies = [body for seed in range(3 if cells == 32 else 6) for body in indenters(cells, seed)]
     got, found = found_by(run, numba, bodies, cells, depth, reads)
@@ -93,8 +101,7 @@ def test_outlines_are_found_to_half_a_cell(numba, run, cells, reads, depth):
         assert missed(body, where, cells) < 0.35
 
 
-@pytest.mark.parametrize(("cells", "depth"), SKINS)
-@pytest.mark.parametrize("reads", ["strain", "stress"])
+@pytest.mark.parametrize(("reads", "cells", "depth"), SKINS)
 def test_a_smooth_contact_has_no_edge(numba, run, cells, reads, depth):
     """Hertz's pressure from 3 cells in radius on; what fits on the array, at any place."""
     rng = np.random.default_rng(4)
