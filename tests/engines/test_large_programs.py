@@ -96,8 +96,8 @@ def test_parts_give_the_bits_of_one_kernel(name, parted, monkeypatch):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(kernel_text, "PRIVATE_CELLS", 32 * 32)
         patch.setattr(kernel_text, "WHOLE_CELLS", 32 * 32)
-        # stages one after the other, as in parts: small frames have them in a loop, which takes
-        # the last of them in another order
+        # stages one after the other, as in parts: small frames have them in a loop, whose
+        # multiply-adds are fused otherwise
         patch.setattr(schemes, "rolls", lambda _: False)
         whole = cnnum.Engine("opencl")
         wanted = [

@@ -2,7 +2,8 @@
 
 Written out a stage after the other the text is several times as long, and takes as much longer to
 build. Each round takes all rates so far, those that its stage does not weigh times 0: what is added
-is the same, in the same order.
+is the same, in the same order, but where a 0 stands between two products compilers may fuse others
+of the multiply-adds, which round otherwise.
 """
 
 import numpy as np
