@@ -27,24 +27,42 @@ def finite(name: str, value: ArrayLike) -> Floats:
     ArrayError
         If `value` is not numeric, or holds NaN or infinity.
     """
-    if np.iscomplexobj(value):
-        raise ArrayError(f"'{name}' must hold real numbers, got complex ones: give a part of them.")
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ArrayError(
-            f"'{name}' must be an array of real numbers, got {type(value).__name__}."
-        ) from None
+    array = _real(name, value, np.float64)
     if not all_finite(array):
         bad = int(array.size - np.isfinite(array).sum())
         raise ArrayError(
             f"'{name}' must be finite, got {bad} NaN or infinite of {array.size} values; "
             "replace them, or mark those cells with a fixed-state mask."
         )
-    return array
+    return np.asarray(array, dtype=np.float64)
 
 
-def all_finite(array: Floats) -> bool:
+def real_numbers(name: str, value: ArrayLike) -> NDArray[np.floating]:
+    """Return `value` as an array of real numbers that nobody has looked at yet.
+
+    Those of single precision stay so: whoever looks at them converts them, too.
+
+    Raises
+    ------
+    ArrayError
+        If `value` is not numeric.
+    """
+    single = isinstance(value, np.ndarray) and value.dtype == np.float32
+    return _real(name, value, np.float32 if single else np.float64)
+
+
+def _real(name: str, value: ArrayLike, dtype: type[np.floating]) -> NDArray[np.floating]:
+    if np.iscomplexobj(value):
+        raise ArrayError(f"'{name}' must hold real numbers, got complex ones: give a part of them.")
+    try:
+        return np.asarray(value, dtype=dtype)
+    except (TypeError, ValueError):
+        raise ArrayError(
+            f"'{name}' must be an array of real numbers, got {type(value).__name__}."
+        ) from None
+
+
+def all_finite(array: NDArray[np.floating]) -> bool:
     """Return whether no number of an array is NaN or infinite.
 
     The sum of squares of a small array takes a third of the time of looking at every number; where
@@ -57,15 +75,14 @@ def all_finite(array: Floats) -> bool:
     return math.isfinite(np.vdot(numbers, numbers)) or bool(np.isfinite(array).all())
 
 
-def maps(name: str, value: ArrayLike, shape: Shape, layers: int) -> Floats:
-    """Return `value` as (..., layers, rows, cols); one layer comes without an axis of its own.
+def maps(name: str, array: NDArray[np.floating], shape: Shape, layers: int) -> NDArray[np.floating]:
+    """Return an array as (..., layers, rows, cols); one layer comes without an axis of its own.
 
     Raises
     ------
     ArrayError
         If the trailing axes are not the array's.
     """
-    array = finite(name, value)
     if layers == 1 and array.shape[-2:] == shape:
         return array[..., np.newaxis, :, :]
     if layers > 1 and array.shape[-3:] == (layers, *shape):

@@ -142,6 +142,34 @@ class Plan:
         memory = self.executable.new_memory(len(frames))
         return self._run(frames, lead, memory, first=True)
 
+    def run_large(
+        self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
+    ) -> dict[str, Floats] | None:
+        """Run the program on channels that nobody has looked at; errors are those of a call.
+
+        Parameters
+        ----------
+        maps : sequence of (..., maps, rows, cols) float
+            Together the channels, in their order.
+        lead : tuple of int
+            Leading axes that all broadcast to.
+
+        Returns
+        -------
+        dict of str to (..., rows, cols) or (...) float, or None
+            None where the engine has no way to look at them itself, or finds numbers that are not
+            finite in its precision.
+        """
+        if 0 in lead or self.schedule.channels_read != self.schedule.channels:
+            return None
+        ran = self.executable.run_large(maps, lead)
+        if ran is None:
+            return None
+        outputs, all_finite = ran
+        if not all_finite:
+            self._refuse_infinite(outputs)
+        return {n: values.reshape((*lead, *values.shape[1:])) for n, values in outputs.items()}
+
     def stream(self, batch: Sequence[int] = ()) -> "Stream":
         """Return a stream of frames whose memories outlive each frame.
 

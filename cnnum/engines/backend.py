@@ -1,6 +1,6 @@
 """What every engine offers, and the registry that imports only the one that is asked for."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Protocol, cast
 
@@ -100,6 +100,30 @@ class Executable(Protocol):
         Returns
         -------
         dict of str to (batch, rows, cols) or (batch,) float
+
+        Raises
+        ------
+        MethodError
+            If a transient did not reach its end within its steps.
+        """
+        ...
+
+    def run_large(
+        self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
+    ) -> tuple[dict[str, Floats], bool] | None:
+        """Run a batch of large arrays, with cleared memories, on channels nobody has looked at.
+
+        Parameters
+        ----------
+        maps : sequence of (..., maps, rows, cols) float
+            Together the channels read, in their order; leading axes broadcast to `lead`.
+        lead : tuple of int
+
+        Returns
+        -------
+        (dict of str to (batch, rows, cols) or (batch,) float, bool), or None
+            And whether all of them are finite. None where there is no such way, or where something
+            in `maps` is not finite in the engine's precision.
 
         Raises
         ------

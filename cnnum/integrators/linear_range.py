@@ -9,6 +9,7 @@ array is the same with the output y = x.
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.template import Template
@@ -32,7 +33,7 @@ def room(template: Template) -> Floats:
     return np.asarray(1.0 - own - others, dtype=np.float64)
 
 
-def stays_linear(template: Template, given: Mapping[str, Floats]) -> bool:
+def stays_linear(template: Template, given: Mapping[str, NDArray[np.floating]]) -> bool:
     """Return whether no cell of a run ever leaves the linear range of the standard output.
 
     Parameters
@@ -66,24 +67,25 @@ def as_linear(template: Template) -> Template:
     )
 
 
-def _start(template: Template, given: Mapping[str, Floats]) -> Floats:
+def _start(template: Template, given: Mapping[str, NDArray[np.floating]]) -> NDArray[np.floating]:
     if "state" in given:
         return given["state"]
     return given["input"] if template.initial == "input" else np.array(template.initial)
 
 
-def _drive(template: Template, given: Mapping[str, Floats]) -> Floats:
+def _drive(template: Template, given: Mapping[str, NDArray[np.floating]]) -> Floats:
     """Return the largest drive of any cell that such inputs and biases can make, (layers,)."""
     drive = np.abs(template.z)
     if "bias" in given:
         drive = drive + _largest(given["bias"])
     if "input" in given and template.inputs:
         seen = np.maximum(_largest(given["input"]), abs(template.input_boundary.constant or 0.0))
-        drive = drive + np.abs(template.B).sum(axis=(2, 3)) @ seen
+        with np.errstate(invalid="ignore"):  # what is infinite is refused later
+            drive = drive + np.abs(template.B).sum(axis=(2, 3)) @ seen
     return np.asarray(drive, dtype=np.float64)
 
 
-def _largest(maps: Floats) -> Floats:
+def _largest(maps: NDArray[np.floating]) -> Floats:
     """Return the largest size in each map, (maps,)."""
     axes = tuple(axis for axis in range(maps.ndim) if axis != maps.ndim - 3)
     return np.asarray(np.abs(maps).max(axis=axes), dtype=np.float64)

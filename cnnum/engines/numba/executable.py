@@ -98,6 +98,9 @@ class NumbaExecutable:
     def one(self, memory: object) -> None:
         """A single frame goes the way of a batch."""
 
+    def run_large(self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]) -> None:
+        """Large arrays go the way of others, and are looked at before."""
+
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
     ) -> dict[str, Floats]:

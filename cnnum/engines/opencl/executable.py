@@ -1,5 +1,7 @@
 """A built plan on an OpenCL device: kernels by number of lanes, buffers by batch."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,6 +12,7 @@ from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.opencl.building import build_program
+from cnnum.engines.opencl.exchange import Exchange, exchanges
 from cnnum.engines.opencl.kernel_text import KernelText, lower
 from cnnum.engines.opencl.one import OneFrame
 from cnnum.engines.opencl.parted import PartedArrays, PartedPlan
@@ -44,6 +47,7 @@ class _Built:
     data: cl.Buffer
     kernel: cl.Kernel | None
     parted: PartedPlan | None
+    exchange: Exchange
 
 
 @dataclass(slots=True, eq=False)
@@ -164,7 +168,7 @@ class OpenCLExecutable:
             given = np.moveaxis(frames, -1, 1) if built.text.scratch else frames
             np.copyto(arrays.input.host.reshape(given.shape), given, casting="same_kind")
             arrays.input.push(queue)
-        self._bind(built, arrays, memory, batch, first)
+        self._bind(built, arrays, memory, batch, first=first)
         try:
             if built.kernel is not None:
                 cl.enqueue_nd_range_kernel(queue, built.kernel, (-(-batch // lanes),), (1,))
@@ -176,8 +180,33 @@ class OpenCLExecutable:
             raise
         return self._unpack(built.text, arrays.output.host.reshape(batch, -1))
 
+    def run_large(
+        self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
+    ) -> tuple[dict[str, Floats], bool] | None:
+        """Let kernels read and write the host's arrays where the device can, None elsewhere."""
+        if self._text(1).parts is None or not exchanges(self.queue.device):
+            return None
+        built, batch = self._kernel(1, alone=False), math.prod(lead)
+        assert built.parted is not None
+        arrays, text = self._arrays_for(batch, built), built.text
+        assert arrays.between is not None
+        exchange = built.exchange
+        try:
+            if not exchange.take(maps, lead, arrays.input):
+                return None
+            memory = self.new_memory(batch)
+            assert isinstance(memory, SharedArray)
+            self._bind(built, arrays, memory, batch, first=True)
+            built.parted.run(arrays.scratch, arrays.between, batch)
+            given = exchange.give(arrays.output, text.output_size, text.outputs, batch)
+        except BaseException:
+            self.queue.finish()
+            raise
+        refuse_unfinished(arrays.output.host.reshape(batch, -1)[:, -1])
+        return given
+
     def _bind(
-        self, built: _Built, arrays: _Arrays, memory: SharedArray, batch: int, first: bool
+        self, built: _Built, arrays: _Arrays, memory: SharedArray, batch: int, *, first: bool
     ) -> None:
         """Set the kernels' arguments, unless they are the same as before."""
         bound = (built, arrays, memory, batch, first)
@@ -221,10 +250,11 @@ class OpenCLExecutable:
             raise NotSupportedError(f"The OpenCL compiler refused a plan: {error}") from error
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         data = cl.Buffer(queue.context, flags, hostbuf=text.data)
+        exchange = Exchange(queue, program, self.dtype)
         if text.parts is None:
-            return _Built(text, program, data, cl.Kernel(program, "plan"), None)
+            return _Built(text, program, data, cl.Kernel(program, "plan"), None, exchange)
         parted = PartedPlan(queue, program, text.parts, self.dtype)
-        return _Built(text, program, data, None, parted)
+        return _Built(text, program, data, None, parted, exchange)
 
     def _arrays_for(self, batch: int, built: _Built) -> _Arrays:
         if batch not in self._arrays:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from cnnum.engines.backend import Solvers
 from cnnum.engines.opencl.apart import take_apart
+from cnnum.engines.opencl.exchange import exchange_text
 from cnnum.engines.opencl.lowering import Lowering
 from cnnum.engines.opencl.parts import Parts
 from cnnum.engines.opencl.storage import PRIVATE_CELLS, Arena, Tables, Values
@@ -72,7 +73,7 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     own = "\n".join([tables.text, *texts])
     if schedule.cells > WHOLE_CELLS:
         parts = take_apart("\n".join(body), schedule.shape[0], tables.strips)
-        kernels = f"{own}\n{parts.text}"
+        kernels = f"{own}\n{parts.text}\n{exchange_text(dtype)}"
     else:
         alone = {f"{name};": strips.within for name, strips in tables.strips.items()}
         body = [alone.get(line.strip(), line) for line in body]

@@ -1,6 +1,7 @@
 """The reference engine: float64 NumPy and SciPy, operation by operation; slow, plain, trusted."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -92,6 +93,9 @@ class ReferenceExecutable:
 
     def one(self, memory: object) -> None:
         """A single frame goes the way of a batch."""
+
+    def run_large(self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]) -> None:
+        """Large arrays go the way of others, and are looked at before."""
 
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
