@@ -28,7 +28,7 @@ from cnnum.engines.opencl.text import fill, indented
 PIECE = 1024
 """Values that a work item takes of a sweep that does not go by rows."""
 
-_ARRAY = re.compile(r"__global real \*const (\w+) = mine \+ (\d+)$")
+_ARRAY = re.compile(r"__global real \*const (\w+) = (\w+ \+ [^;]*)$")
 _NUMBER = re.compile(r"(const )?(real|int|scalar) (.+)$", re.DOTALL)
 _FIXED = re.compile(r"R\([-+.\def]*\)$|-?(ZERO|ONE|HUGE)$")
 _TIMES = re.compile(r"\w+ < (\d+)$")
@@ -122,7 +122,7 @@ class _Apart:
             return
         array, number = _ARRAY.match(text), _NUMBER.match(text)
         if array is not None:
-            meaning = Array(f"{array[1]}_{len(self.arrays)}", int(array[2]))
+            meaning = Array(f"{array[1]}_{len(self.arrays)}", array[2])
             scope.meanings[array[1]] = self.arrays[meaning.name] = meaning
         elif number is not None:
             for part in parted_at_commas(number[3]):

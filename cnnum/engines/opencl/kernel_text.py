@@ -10,7 +10,7 @@ from cnnum.engines.opencl.apart import take_apart
 from cnnum.engines.opencl.exchange import exchange_text
 from cnnum.engines.opencl.lowering import Lowering
 from cnnum.engines.opencl.parts import Parts
-from cnnum.engines.opencl.storage import PRIVATE_CELLS, Arena, Tables, Values
+from cnnum.engines.opencl.storage import PRIVATE_CELLS, Arena, Tables, Values, placed_name
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
@@ -59,14 +59,19 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     """Return the kernel text of a schedule, with tables that hold nothing yet."""
     lanes, dtype = tables.lanes, tables.dtype
     arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
-    lowering = Lowering(schedule, solvers, tables, arena, Values(tables))
+    size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
+    placed = _placed(schedule) if schedule.cells > WHOLE_CELLS else {}
+    lowering = Lowering(schedule, solvers, tables, arena, Values(tables, placed))
     lowering.lower()
     outputs, writes = _write_outputs(lowering)
     arena.keep_all()
     slots = [
         arena.array(f"s{k}", maps * schedule.cells) for k, maps in enumerate(lowering.values.slots)
     ]
-    size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
+    slots += [
+        f"__global real *const {placed_name(at)} = output + (size_t)frame * {size} + {at};"
+        for at in placed.values()
+    ]
     body = [*slots, *lowering.body, *writes]
     parts = None
     texts = dict.fromkeys(strips.text for strips in tables.strips.values())
@@ -92,6 +97,17 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     )
 
 
+def _placed(schedule: Schedule) -> dict[int, int]:
+    """Return where maps stand among a frame's outputs, by node; of equal outputs, the first."""
+    places: dict[int, int] = {}
+    at = 0
+    for node in schedule.outputs.values():
+        if not node.scalar:
+            places.setdefault(node.index, at)
+        at += schedule.size_of(node)
+    return places
+
+
 def _write_outputs(
     lowering: Lowering,
 ) -> tuple[dict[str, tuple[slice, tuple[int, ...]]], list[str]]:
@@ -106,6 +122,8 @@ def _write_outputs(
         if node.scalar:
             numbers.append(f"scatter({where}, frame, last, {stride}, {text});")
             return
+        if base == "output" and text == f"{placed_name(at)}[i]":
+            return  # it is there
         store = f"scatter({where} + i, frame, last, {stride}, {text});"
         maps.setdefault(schedule.size_of(node), []).append(store)
 

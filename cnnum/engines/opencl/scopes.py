@@ -44,15 +44,15 @@ class Register:
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """Values of a frame in global memory, from `start` on."""
+    """Values of a frame in global memory, from `start` on, be it in scratch or in its outputs."""
 
     name: str
-    start: int
+    start: str
 
     @property
     def load(self) -> str:
         """The statement that brings it into a kernel."""
-        return f"__global real *const {self.name} = mine + {self.start};"
+        return f"__global real *const {self.name} = {self.start};"
 
 
 @dataclass(frozen=True, slots=True)

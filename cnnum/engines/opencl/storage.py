@@ -122,6 +122,11 @@ class Tables:
         return flat.astype(self.dtype)
 
 
+def placed_name(at: int) -> str:
+    """Return the name of the map that stands there among a frame's outputs."""
+    return f"out{at}"
+
+
 @dataclass(slots=True)
 class Values:
     """The text that reads a node's value in cell `i`; maps share slots once they are dead.
@@ -129,11 +134,15 @@ class Values:
     Attributes
     ----------
     tables : Tables
+    placed : dict of int to int
+        Where maps, by the index of their node, stand among a frame's outputs: those are written
+        there, and not to a slot.
     slots : list of int
         How many maps each slot holds.
     """
 
     tables: Tables
+    placed: dict[int, int] = field(default_factory=dict[int, int])
     _texts: dict[int, str] = field(default_factory=dict[int, str])
     _slots: dict[int, int] = field(default_factory=dict[int, int])
     _free: list[int] = field(default_factory=list[int])
@@ -159,6 +168,10 @@ class Values:
 
     def take_slot(self, node: Node) -> str:
         """Return the name of the array that holds this map, or stack, from now on."""
+        if node.index in self.placed:
+            name = placed_name(self.placed[node.index])
+            self._texts[node.index] = f"{name}[i]"
+            return name
         fits = [slot for slot in self._free if self.slots[slot] == node.maps]
         if fits:
             slot = fits[-1]
