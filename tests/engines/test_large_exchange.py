@@ -165,6 +165,16 @@ def test_results_stay_as_they_are_while_the_engine_goes_on(engines):
     assert not np.array_equal(second.state, kept)
 
 
+def test_a_result_may_be_given_back_and_kept_without_the_others(engines):
+    engine = engines["opencl-float32"]
+    state, given = maps(11)
+    twice = run(engine, run(engine, state, given).state, given)
+    expected = stepped(stepped(state, given), given)
+    assert np.abs(twice.state - expected).max() <= 2 * ROUNDING["float32"]
+    assert twice.state.base is not twice.output.base
+    assert twice.time.base is None or twice.time.base.size == 1
+
+
 def test_a_block_is_used_again_once_nobody_holds_a_part_of_it():
     kept = KeptBlock()
     part = kept.take(1000)[10:20]

@@ -60,7 +60,7 @@ class Exchange:
     dtype: np.dtype[np.floating]
     _kernels: dict[str, cl.Kernel] = field(default_factory=dict[str, cl.Kernel])
     _seen: dict[int, SharedArray] = field(default_factory=dict[int, SharedArray])
-    _results: KeptBlock = field(default_factory=KeptBlock)
+    _results: dict[str, KeptBlock] = field(default_factory=dict[str, KeptBlock])
 
     def take(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...], input: SharedArray
@@ -105,31 +105,30 @@ class Exchange:
         batch : int
         """
         seen = self._unseen(batch)
-        sizes = {name: math.prod(shape) for name, (_, shape) in places.items()}
-        block = self._results.take(batch * sum(sizes.values()))
+        maps = {name: place for name, place in places.items() if place[1]}
         results: dict[str, Floats] = {}
-        numbers: list[str] = []
         held: list[cl.Buffer] = []
-        after = 0
-        for name, (where, shape) in places.items():
-            at, after = after, after + batch * sizes[name]
-            results[name] = block[at:after].reshape(batch, *shape)
-            if not shape:
-                numbers.append(name)
-                continue
+        for name, (where, shape) in maps.items():
+            count = math.prod(shape)
+            # a block each: who keeps one result does not keep the others
+            block = self._results.setdefault(name, KeptBlock()).take(batch * count)
+            results[name] = block.reshape(batch, *shape)
+            del block
             buffer = self._buffer(results[name], cl.mem_flags.WRITE_ONLY)
             held.append(buffer)
             of = (output.argument, np.int64(size), np.int64(where.start))
-            to = (buffer, np.int64(sizes[name]), seen.argument)
-            self._launch("give", batch, (*of, *to))
+            self._launch("give", batch, (*of, buffer, np.int64(count), seen.argument))
         for buffer in held:
             self._let_see(buffer)
         seen.pull(self.queue)
         frames = output.host.reshape(batch, size)
-        for name in numbers:
-            results[name][:] = frames[:, places[name][0].start]
-        finite = all(bool(np.isfinite(results[name]).all()) for name in numbers)
-        return results, finite and not seen.host.any()
+        numbers = {
+            name: frames[:, where.start].astype(np.float64)
+            for name, (where, shape) in places.items()
+            if not shape
+        }
+        finite = all(bool(np.isfinite(each).all()) for each in numbers.values())
+        return results | numbers, finite and not seen.host.any()
 
     def _unseen(self, batch: int) -> SharedArray:
         """Return the counts of what was not finite, each 0 as yet."""
