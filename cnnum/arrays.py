@@ -47,7 +47,7 @@ def real_numbers(name: str, value: ArrayLike) -> NDArray[np.floating]:
     ArrayError
         If `value` is not numeric.
     """
-    single = isinstance(value, np.ndarray) and value.dtype == np.float32
+    single = getattr(value, "dtype", None) == np.float32
     return _real(name, value, np.float32 if single else np.float64)
 
 
