@@ -16,7 +16,7 @@ from cnnum.bench.followed_steps import (
 )
 from cnnum.couplings import DelayedCoupling
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text, strip_layout
+from cnnum.engines.opencl import kernel_text
 from cnnum.errors import MethodError
 from cnnum.integrators.estimate import SAFETY
 from cnnum.integrators.stability import stability_bound
@@ -123,10 +123,9 @@ def test_linear_cells_have_the_error_of_their_formula(engines):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_large_arrays_are_followed_strip_by_strip(seed, monkeypatch):
-    """All methods and boundaries and outputs, in lanes or not, as the reference follows them."""
+    """All methods and boundaries and outputs, as the reference follows them."""
     if seed:
         monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
-    monkeypatch.setattr(strip_layout, "LANES_FROM", 1 if seed == 1 else 16)
     rng = np.random.default_rng(30 + seed)
     output = ("standard", "linear", "full-range")[seed]
     kernel = rng.normal(size=(3, 3)) * 0.2

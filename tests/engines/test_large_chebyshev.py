@@ -5,15 +5,15 @@ import pytest
 
 from cnnum import program, transient
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text, strip_layout
+from cnnum.engines.opencl import kernel_text
 from cnnum.graph.nodes import RunSpec
 from cnnum.template import Template
 
 CASES = {
-    # boundary, output, layers, radius, a mask holds some cells, in parts, rows in lanes, duration
-    "one work item": ("zero-flux", "standard", 1, 1, False, False, True, 2.0),
-    "until it settles": ("periodic", "standard", 1, 2, True, True, True, "settle"),
-    "layers": (0.3, "tanh", 2, 1, True, True, False, 2.0),
+    # boundary, output, layers, radius, a mask holds some cells, in parts, duration
+    "one work item": ("zero-flux", "standard", 1, 1, False, False, 2.0),
+    "until it settles": ("periodic", "standard", 1, 2, True, True, "settle"),
+    "layers": (0.3, "tanh", 2, 1, True, True, 2.0),
 }
 
 
@@ -40,8 +40,7 @@ def test_chebyshev_steps_strips_as_one_array(name, monkeypatch):
 
     Some rows have lanes without a cell, of which nothing may be judged.
     """
-    *parts, masked, in_parts, in_lanes, duration = CASES[name]
-    monkeypatch.setattr(strip_layout, "LANES_FROM", 1 if in_lanes else 1000)
+    *parts, masked, in_parts, duration = CASES[name]
     if in_parts:
         monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
     number = list(CASES).index(name)

@@ -5,7 +5,7 @@ import pytest
 
 from cnnum import program, transient
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text, strip_layout
+from cnnum.engines.opencl import kernel_text
 from cnnum.graph.nodes import RunSpec
 from cnnum.template import Template
 
@@ -37,13 +37,10 @@ CASES = {
 
 @pytest.mark.parametrize("method", CASES)
 def test_layers_and_held_cells_step_as_one_array(method, monkeypatch):
-    """In lanes or not, weights equal or not, the drive an input's or z of each layer alone."""
+    """Weights equal or not, the drive an input's or z of each layer alone."""
     monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
     monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
     number = list(CASES).index(method)
-    if number % 2:
-        monkeypatch.setattr(strip_layout, "LANES_FROM", 1)
-        monkeypatch.setattr(strip_layout, "LANES_STEPS", 1)
     parts, masked, settings = CASES[method]
     rng = np.random.default_rng(40 + number)
     template = random_template(

@@ -5,7 +5,7 @@ import pytest
 
 from cnnum import program, transient
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text, strip_layout
+from cnnum.engines.opencl import kernel_text
 from cnnum.engines.opencl.strip_stages import stages_of
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
@@ -58,16 +58,13 @@ def off_by(engine, each, maps):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_stages_of_strips_are_those_of_one_array(seed, monkeypatch):
-    """Every method meets every boundary and three outputs, in lanes or not, in strips high or low.
+    """Every method meets every boundary and three outputs, in strips high or low.
 
     Weights are equal or not, the drive is an input's or z alone, and launches end amid a step.
     """
     monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
     monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
     rng = np.random.default_rng(seed)
-    if seed:
-        monkeypatch.setattr(strip_layout, "LANES_FROM", 1)
-        monkeypatch.setattr(strip_layout, "LANES_STEPS", 1)
     batch, radius, steps = ((1, 1, 5), (2, 1, 7), (1, 2, 11))[seed]
     shape = tuple(int(2 * rng.integers(10 * radius, most) + 1) for most in (100, 50))
     templates = [
@@ -84,7 +81,7 @@ def test_stages_of_strips_are_those_of_one_array(seed, monkeypatch):
 
 
 def test_stages_of_arrays_beyond_one_work_item():
-    """The narrowest rows that several work items share, in single precision, and in lanes."""
+    """The narrowest rows that several work items share, in single precision."""
     rng = np.random.default_rng(3)
     methods = ("heun", "rk4", "etd-rk2")
     templates = [random_template(rng, boundary, "standard") for boundary in BOUNDARIES]
@@ -103,7 +100,6 @@ def test_pairs_step_strips_as_one_array(seed, method, monkeypatch):
     """
     if seed:
         monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
-    monkeypatch.setattr(strip_layout, "LANES_FROM", 1 if seed == 1 else 16)
     rng = np.random.default_rng(20 + seed)
     template = random_template(rng, BOUNDARIES[seed], OUTPUTS[seed], 1 + seed % 2)
     maps = {name: rng.uniform(-1, 1, (3, 48 + seed, 51 + seed)) for name in ("input", "state")}

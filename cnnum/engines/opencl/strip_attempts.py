@@ -24,7 +24,7 @@ from cnnum.engines.opencl.strip_kernel import (
     row_layout,
     strip_kernel,
 )
-from cnnum.engines.opencl.strip_layout import LANES_STEPS, RowLayout
+from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.strip_pair import pair_cases
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.engines.opencl.transients import TransientText
@@ -155,8 +155,7 @@ def _changed_places() -> list[str]:
 
 def _attempt(text: TransientText, trial: Trial) -> Attempt:
     """Return the statements of steps, and keep their kernel with the tables."""
-    # nobody knows how many steps there will be: as a rule enough for rows in lanes
-    layout = row_layout(text, LANES_STEPS)
+    layout = row_layout(text)
     apart = declare(text, layout, trial.arrays)
     scales = tuple(1.0 / float(tau) for tau in text.template.tau)
     size = levels_of(text, layout, len(trial.arrays))
@@ -175,7 +174,7 @@ def _attempt(text: TransientText, trial: Trial) -> Attempt:
     else:
         clear += _mark_cells(layout, apart["strip_cells"])
     rows = Rows(text, layout, scales, apart)
-    k0 = f"x[p + {apart[trial.rates]}] = mine[{text.arena.places['k0']} + cell];"
+    k0 = f"to_lanes(x + p + {apart[trial.rates]}, mine + {text.arena.places['k0']} + cell, 1);"
     own = StripText(
         scales,
         trial.case.format(**places),
@@ -225,7 +224,7 @@ def _mark_cells(layout: RowLayout, to: int) -> list[str]:
     """Return the text that keeps which numbers of a row are cells."""
     return [
         f"for (int n = 0; piece == 0 && n < {layout.vectors * layout.width}; ++n) {{",
-        f"    const int col = n % {layout.pieces} * {layout.length} + n / {layout.pieces};",
+        f"    const int col = n % {layout.width} * {layout.vectors} + n / {layout.width};",
         f"    x[{to} + n] = col < {layout.cols};",
         "}",
     ]

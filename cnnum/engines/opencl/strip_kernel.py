@@ -37,7 +37,7 @@ SHOWN = {
 """Outputs of a vector of states `x`, by name; `one` is 1 in every lane."""
 
 _OWN = re.compile(
-    r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|upper|lower|inwards|magnitude|greatest|one_row|more_rows|level|strip)\b"
+    r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|turned|part_of|to_lanes|from_lanes|fill_lanes|show_row|upper|lower|inwards|magnitude|greatest|one_row|more_rows|level|strip)\b"
 )
 """Names that the kernel has to itself: a plan may have several."""
 
@@ -57,7 +57,7 @@ class StripText:
     clear : list of str
         What the first strip sets before all else.
     rest : list of str
-        What is set in a cell with its state.
+        What is set in a row with its states.
     begin : list of str
         What a strip does before it takes levels.
     end : str
@@ -76,11 +76,11 @@ class StripText:
     count: str = "most"
 
 
-def row_layout(text: TransientText, levels: int) -> RowLayout:
-    """Return how rows lie for so many stages of steps."""
-    boundary, width = text.template.boundary, text.tables.width
+def row_layout(text: TransientText) -> RowLayout:
+    """Return how rows lie."""
+    boundary, lanes = text.template.boundary, text.tables.width
     constant = _constant(text)
-    return RowLayout(text.shape[1], text.radius, width, boundary, constant, levels, text.layers)
+    return RowLayout(text.shape[1], text.radius, lanes, boundary, constant, text.layers)
 
 
 def declare(text: TransientText, layout: RowLayout, names: tuple[str, ...]) -> dict[str, int]:
@@ -131,9 +131,8 @@ def strip_kernel(
         "radius": radius,
         "pitch": layout.pitch,
         "head": layout.head,
-        "pieces": layout.pieces,
-        "length": layout.length,
-        "step": layout.step,
+        "length": layout.vectors,
+        "last": max(0, layout.vectors - layout.width),
         "block": BLOCK_ROWS,
         "levels": size[0],
         "case": own.case,
@@ -148,9 +147,10 @@ def strip_kernel(
         "shown": SHOWN[text.template.output.name],
         "drive": _drive(text, own.scales),
         "clear": indented(own.clear, 2),
-        "rest": indented(own.rest, 5).lstrip(),
+        "rest": indented(own.rest, 4).lstrip(),
         "begin": indented(own.begin, 2),
         "end": own.end,
+        "turned": indented(layout.turned(), 1),
         "sides": indented(layout.sides(), 1),
         "upper": indented(_rows_beyond(text, -1), 1),
         "lower": indented(_rows_beyond(text, 1), 1),
@@ -162,13 +162,13 @@ def strip_kernel(
 
 
 def _drive(text: TransientText, scales: tuple[float, ...]) -> str:
-    """Return the scaled w of a cell of a layer."""
+    """Return the statement that sets the scaled w of a row of a layer."""
     constant = constant_drive(text)
     if constant is None:
         scale = _of_layer([text.number(scale) for scale in scales])
-        return f"{scale} * mine[{text.arena.places['w']} + cell]"
+        return f"to_lanes(w + p, mine + {text.arena.places['w']} + cell, {scale});"
     each = zip(scales, constant, strict=True)
-    return _of_layer([text.number(scale * number) for scale, number in each])
+    return f"fill_lanes(w + p, {_of_layer([text.number(scale * n) for scale, n in each])});"
 
 
 def _of_layer(numbers: list[str]) -> str:

@@ -1,21 +1,20 @@
 """How the rows of a large array's strips lie in memory, so that vectors of cells can be loaded.
 
-A short row lies as it is. A long one is cut into as many pieces as a vector has lanes, and a lane
-takes a piece: neighbours left and right of a vector of cells are the vectors before and after it,
-so that every vector that is loaded is aligned. Only at the ends of a row do lanes need what the
-lane beside them has.
+A row is cut into as many pieces as a vector has lanes, and a lane takes a piece: neighbours left
+and right of a vector of cells are the vectors before and after it, so that every vector that is
+loaded is aligned. Only at the ends of a row do lanes need what the lane beside them has.
 """
 
 from dataclasses import dataclass
 
 from cnnum.boundary import Boundary
 
-LANES_FROM = 16
-"""Vectors of a row from which lanes take pieces of it: a row's ends cost two moves of lanes."""
+LEAST_VECTORS = 3
+"""Vectors of a row, at least, by narrower ones: a row's ends cost two moves of lanes. A step of
+rows of 20 numbers took a fourth longer in two vectors of 16."""
 
-LANES_STEPS = 64
-"""Steps from which it pays: cells of 1024×1024 take 1.3 ms longer to get there and back, and a
-step is 10 to 30 µs quicker."""
+LEAST_WIDTH = 4
+"""Lanes of the narrowest vector."""
 
 DIGITS = "0123456789abcdef"
 
@@ -29,59 +28,44 @@ class RowLayout:
     cols : int
     radius : int
         Virtual cells on either side.
-    width : int
-        Lanes of a vector.
+    lanes : int
+        Of the device's vectors.
     boundary : Boundary
     constant : str or None
         Literal of the virtual cells' output where the boundary is fixed.
-    levels : int
-        Stages of steps that are taken in this layout.
     layers : int
         Rows of each stand side by side.
     """
 
     cols: int
     radius: int
-    width: int
+    lanes: int
     boundary: Boundary
     constant: str | None
-    levels: int
     layers: int
 
     @property
+    def width(self) -> int:
+        """Lanes of a vector, which are the pieces of a row."""
+        width, least = self.lanes, max(LEAST_VECTORS, self.radius)
+        while width > LEAST_WIDTH and -(-self.cols // width) < least:
+            width //= 2
+        return width
+
+    @property
     def vectors(self) -> int:
-        """Vectors that hold a row."""
+        """Vectors that hold a row: the cells of a piece."""
         return -(-self.cols // self.width)
 
     @property
-    def in_lanes(self) -> bool:
-        """Whether lanes take pieces of a row."""
-        return self.vectors >= max(LANES_FROM, self.radius) and self.levels >= LANES_STEPS
-
-    @property
-    def pieces(self) -> int:
-        """Pieces that a row is cut into."""
-        return self.width if self.in_lanes else 1
-
-    @property
-    def length(self) -> int:
-        """Cells of a piece."""
-        return self.vectors if self.in_lanes else self.cols
-
-    @property
-    def step(self) -> int:
-        """Numbers from a cell to its right neighbour."""
-        return self.pieces
-
-    @property
     def head(self) -> int:
-        """Numbers before the first cell of a row: virtual cells, and what aligns the first."""
-        return self.radius * self.width if self.in_lanes else self.width
+        """Numbers before the first cell of a row: virtual cells."""
+        return self.radius * self.width
 
     @property
     def span(self) -> int:
         """Numbers from a row of a layer to that of the next."""
-        return (self.vectors + (2 * self.radius if self.in_lanes else 2)) * self.width
+        return (self.vectors + 2 * self.radius) * self.width
 
     @property
     def pitch(self) -> int:
@@ -94,26 +78,35 @@ class RowLayout:
 
     def place(self, col: int) -> int:
         """Return the place of a cell, counted from the row's first."""
-        piece, at = divmod(col, self.length) if self.in_lanes else (0, col)
-        return at * self.step + piece
+        piece, at = divmod(col, self.vectors)
+        return at * self.width + piece
 
     def sides(self) -> list[str]:
         """Return the text that sets the virtual cells of the row `y` that begins at `p`."""
-        if not self.in_lanes:
-            return [
-                line
-                for n in range(self.radius)
-                for line in (
-                    f"y[p - {n + 1}] = {self._left(n)};",
-                    f"y[p + {self.cols + n}] = {self._right(n)};",
-                )
-            ]
         # virtual cells right of the row, where the last piece has room for them
         within = min(self.radius, self.vectors * self.width - self.cols)
         lines = [f"y[p + {self.place(self.cols + n)}] = {self._right(n)};" for n in range(within)]
         for n in range(self.radius):
             lines += self._ends(n)
         return lines
+
+    def turned(self) -> list[str]:
+        """Return the text that makes vectors `a` of the lanes of as many, by way of `b`.
+
+        Merged in pairs, number by number, the vectors' place in the square moves by a digit.
+        """
+        size, half = self.width, self.width // 2
+        lines, arrays = list[str](), ("a", "b")
+        for n in range(size.bit_length() - 1):
+            old, new = arrays[n % 2], arrays[1 - n % 2]
+            for k in range(size):
+                side = ("lo", "hi")[k % 2]
+                lines += [
+                    f"{new}[{k}].{place} = {old}[{at}].{side};"
+                    for place, at in (("even", k // 2), ("odd", k // 2 + half))
+                ]
+        odd = (size.bit_length() - 1) % 2
+        return lines + [f"a[{k}] = b[{k}];" for k in range(size * odd)]
 
     def _ends(self, n: int) -> list[str]:
         """Return the text that sets the n-th vectors before and after a row's."""

@@ -119,9 +119,9 @@ class Rows:
         return self.text.operands.mask is not None
 
     def set_held(self) -> list[str]:
-        """Return the text that sets, for a cell, whether a mask holds it."""
-        held = self.text.arena.places.get("held")
-        return [f"x[p + {self.apart[HELD]}] = mine[{held} + at];"] if self.masked else []
+        """Return the text that sets, for a row, which cells a mask holds."""
+        held, to = self.text.arena.places.get("held"), self.apart.get(HELD)
+        return [f"to_lanes(x + p + {to}, mine + {held} + at, 1);"] if self.masked else []
 
     def free(self, at: At, value: str, held: str) -> str:
         """Return the expression of a value where no mask holds the cells, else of another one."""
@@ -176,7 +176,7 @@ class Rows:
         return taps(self.text.template.A, layer)
 
     def _output(self, source: int, row: int, col: int) -> str:
-        apart = row * self.layout.pitch + source * self.layout.span + col * self.layout.step
+        apart = row * self.layout.pitch + source * self.layout.span + col * self.layout.width
         return f"*(__global const vec *)(from + {apart} + p)"
 
     def _weight(self, layer: int, weight: float) -> str:

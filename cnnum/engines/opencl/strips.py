@@ -12,7 +12,6 @@ from cnnum.engines.opencl.strip_kernel import (
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.engines.opencl.strip_stages import stages_of
 from cnnum.engines.opencl.strip_sums import array_of, sum_cases
-from cnnum.engines.opencl.text import rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
 from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
@@ -47,20 +46,19 @@ def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> N
     found = (stages_of(scheme, float(tau)) for tau in text.template.tau)
     layers = tuple(stages for stages in found if stages is not None)
     stages, arrays = len(layers[0].stages), layers[0].arrays
-    layout = row_layout(text, stages * scheme.count)
+    layout = row_layout(text)
     names = tuple(array_of(n) for n in range(arrays))
     scales = tuple(one.scale for one in layers)
     rows = Rows(text, layout, scales, declare(text, layout, names))
-    shown = rename(text.template.output.opencl, {"x": "value"})
     own = StripText(
         scales,
         f"number % {stages}",
         lambda block: sum_cases(rows, layers, block),
         clear=[],
-        rest=[f"outputs[0][p] = {shown};", *rows.set_held()],
+        rest=["show_row(outputs[0] + p, x + p);", *rows.set_held()],
         begin=[],
     )
     size = levels_of(text, layout, len(names))
-    strips = strip_kernel(text, own, layout, names[0], size, layout.levels)
+    strips = strip_kernel(text, own, layout, names[0], size, stages * scheme.count)
     text.lines.append(f"{strips.kernel};")
     text.tables.strips[strips.kernel] = strips

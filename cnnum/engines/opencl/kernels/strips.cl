@@ -28,6 +28,102 @@ static inline vec magnitude(const vec a) { return a < -a ? -a : a; }
 // What is NaN in either stays NaN.
 static inline vec greatest(const vec a, const vec b) { return (a < b) | (b != b) ? b : a; }
 
+// Asks for what is read soon: pieces that are read by turns are no order that processors foresee.
+#ifndef SOON
+#if defined(__has_builtin) && __has_builtin(__builtin_prefetch)
+#define SOON(place) __builtin_prefetch((const void *)(uintptr_t)(place))
+#else
+#define SOON(place)
+#endif
+#endif
+
+// A square of as many vectors as they have lanes: what were lanes become vectors.
+static inline void turned(vec *const a)
+{
+    vec b[$width];
+$turned
+}
+
+// Numbers of a row, of which there may be fewer than a vector has.
+static inline vec part_of(__global const scalar *const from, const int count)
+{
+    if (count >= $width) {
+        return *(__global const vec *)from;
+    }
+    scalar found[$width];
+    for (int n = 0; n < $width; ++n) {
+        found[n] = n < count ? from[n] : 0;
+    }
+    return *(const vec *)found;
+}
+
+// A row's cells, times a factor, each piece to its lane; lanes without a cell hold 0.
+static void to_lanes(__global scalar *const to, __global const scalar *const from,
+                     const scalar factor)
+{
+    for (int n = 0; n < $length; n += $width) {
+        const int at = min(n, $last);
+        vec a[$width];
+#pragma unroll
+        for (int lane = 0; lane < $width; ++lane) {
+            const int start = lane * $length + at;
+            a[lane] = part_of(from + start, $cols - start);
+            SOON(from + start + $cols);
+        }
+        turned(a);
+#pragma unroll
+        for (int k = 0; k < $width; ++k) {
+            if (at + k < $length) {
+                *(__global vec *)(to + (at + k) * $width) = (vec)(factor) * a[k];
+            }
+        }
+    }
+}
+
+// The way back.
+static void from_lanes(__global scalar *const to, __global const scalar *const from)
+{
+    for (int n = 0; n < $length; n += $width) {
+        const int at = min(n, $last);
+        vec a[$width];
+#pragma unroll
+        for (int k = 0; k < $width; ++k) {
+            a[k] = *(__global const vec *)(from + min(at + k, $length - 1) * $width);
+        }
+        turned(a);
+#pragma unroll
+        for (int lane = 0; lane < $width; ++lane) {
+            const int start = lane * $length + at;
+            const int count = min($length - at, $cols - start);
+            SOON(to + start + $cols);
+            if (count >= $width) {
+                *(__global vec *)(to + start) = a[lane];
+            } else {
+                scalar kept[$width];
+                *(vec *)kept = a[lane];
+                for (int k = 0; k < count; ++k) {
+                    to[start + k] = kept[k];
+                }
+            }
+        }
+    }
+}
+
+static void fill_lanes(__global scalar *const to, const scalar value)
+{
+    for (int n = 0; n < $length; ++n) {
+        *(__global vec *)(to + n * $width) = (vec)(value);
+    }
+}
+
+static void show_row(__global scalar *const to, __global const scalar *const from)
+{
+    const vec one = hidden_one();
+    for (int n = 0; n < $length; ++n) {
+        *(__global vec *)(to + n * $width) = shown(*(__global const vec *)(from + n * $width), one);
+    }
+}
+
 // Virtual cells on both sides of a row that begins at p.
 static inline void sides(__global scalar *const y, const int p)
 {
@@ -120,17 +216,12 @@ $clear
         const int below = $periodic && end == $rows ? $radius : 0;
         for (int r = begin - above; r < end + below; ++r) {
             const int row = (r + $rows) % $rows;
-            for (int part = 0; part < $layers * $pieces; ++part) {
-                const int layer = part / $pieces, lane = part % $pieces;
-                const int start = lane * $length, length = min($length, $cols - start);
-                for (int n = 0; n < length; ++n) {
-                    const int at = row * $cols + start + n, cell = layer * $cells + at;
-                    const int p = ROW(r) + layer * $span + n * $step + lane;
-                    const scalar value = mine[$state + cell];
-                    x[p] = value;
-                    w[p] = $drive;
-                    $rest
-                }
+            for (int layer = 0; layer < $layers; ++layer) {
+                const int at = row * $cols, cell = layer * $cells + at;
+                const int p = ROW(r) + layer * $span;
+                to_lanes(x + p, mine + $state + cell, 1);
+                $drive
+                $rest
             }
             all_sides(outputs[0], ROW(r));
         }
@@ -181,14 +272,9 @@ $begin
     } else if (phase == 3) {
         __global const scalar *const end_state = x + $end;
         for (int r = begin; r < end; ++r) {
-            for (int part = 0; part < $layers * $pieces; ++part) {
-                const int layer = part / $pieces, lane = part % $pieces;
-                const int start = lane * $length, length = min($length, $cols - start);
-                const int cell = layer * $cells + r * $cols + start;
-                for (int n = 0; n < length; ++n) {
-                    const int p = ROW(r) + layer * $span + n * $step + lane;
-                    mine[$state + cell + n] = end_state[p];
-                }
+            for (int layer = 0; layer < $layers; ++layer) {
+                const int cell = layer * $cells + r * $cols;
+                from_lanes(mine + $state + cell, end_state + ROW(r) + layer * $span);
             }
         }
     }
