@@ -128,8 +128,10 @@ class _Run:
         whole = pieces == 1 and strips.alone
         levels = self._levels(steps)
         at_once = levels if whole else strips.levels
-        if strips.begins:
-            self._phase(steps, pieces, 0, 0, 0)
+        if steps.levels is not None and levels == 0:
+            return
+        if strips.first is not None:
+            self._phase(steps, pieces, strips.first, 0, 0)
         for done in range(0, levels, max(1, at_once)):
             count = min(at_once, levels - done)
             self._phase(steps, pieces, 1, done, count)

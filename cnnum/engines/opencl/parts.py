@@ -24,6 +24,8 @@ class Strips:
         Whether the states are brought into the strips before, and out of them after.
     told : str or None
         The number of the plan's body that says how many levels a frame takes.
+    again : bool
+        Whether the states are taken back first to where the levels before them began.
     """
 
     kernel: str
@@ -35,12 +37,21 @@ class Strips:
     begins: bool = True
     ends: bool = True
     told: str | None = None
+    again: bool = False
+
+    @property
+    def first(self) -> int | None:
+        """The phase that comes first."""
+        if self.again:
+            return 4
+        return 0 if self.begins else None
 
     @property
     def within(self) -> str:
         """The statement that does all of it within another kernel, for one frame."""
         count = self.told or self.count
-        return f"{self.kernel}_alone(mine, {self.begins:d}, {count}, {self.ends:d});"
+        first = -1 if self.first is None else self.first
+        return f"{self.kernel}_alone(mine, {first}, {count}, {self.ends:d});"
 
     def pieces(self, batch: int, units: int) -> int:
         """Return into how many strips each array of a batch is parted on so many cores."""
@@ -50,7 +61,7 @@ class Strips:
 
     def launches(self, pieces: int) -> int:
         """Return the launches for an array in so many strips."""
-        moves = self.begins + self.ends
+        moves = (self.first is not None) + self.ends
         if pieces == 1 and self.alone:
             return moves + (self.count > 0)
         return moves + 2 * math.ceil(self.count / self.levels)

@@ -48,9 +48,12 @@ def _run(text: TransientText) -> Figures:
     if isinstance(scheme, FixedSteps | ExponentialSteps) and strips_fit(text, scheme):
         strip_steps(text, scheme)
         declare_outputs(text)
-        time = text.number(text.solver.duration)
         known = scheme.error if isinstance(scheme, FixedSteps) else math.inf
         error = text.number(known) if math.isfinite(known) else "-ONE"
+        if scheme.settle:
+            time = f"steps * {text.number(scheme.step)}"
+            return {"time": time, "steps": "steps", "settled": "settled", "error": error}
+        time = text.number(text.solver.duration)
         return {"time": time, "steps": text.number(scheme.count), "error": error}
     declare_outputs(text)
     if isinstance(scheme, ChebyshevSteps):

@@ -16,7 +16,7 @@ from cnnum.engines.opencl.strip_chebyshev import (
     STEP,
     chebyshev_cases,
 )
-from cnnum.engines.opencl.strip_figures import FIGURES
+from cnnum.engines.opencl.strip_figures import FIGURES, mark_cells
 from cnnum.engines.opencl.strip_kernel import (
     StripText,
     declare,
@@ -172,7 +172,7 @@ def _attempt(text: TransientText, trial: Trial) -> Attempt:
     if span == layout.cols:
         del apart["strip_cells"]
     else:
-        clear += _mark_cells(layout, apart["strip_cells"])
+        clear += mark_cells(layout, apart["strip_cells"])
     rows = Rows(text, layout, scales, apart)
     k0 = f"to_lanes(x + p + {apart[trial.rates]}, mine + {text.arena.places['k0']} + cell, 1);"
     own = StripText(
@@ -218,13 +218,3 @@ def _gathered(each: int) -> list[str]:
         for n, figure in enumerate(FIGURES)
     ]
     return [f"for (int i = 0; i < {each}; ++i) {{", *judge, "}"]
-
-
-def _mark_cells(layout: RowLayout, to: int) -> list[str]:
-    """Return the text that keeps which numbers of a row are cells."""
-    return [
-        f"for (int n = 0; piece == 0 && n < {layout.vectors * layout.width}; ++n) {{",
-        f"    const int col = n % {layout.width} * {layout.vectors} + n / {layout.width};",
-        f"    x[{to} + n] = col < {layout.cols};",
-        "}",
-    ]

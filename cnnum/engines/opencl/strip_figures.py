@@ -5,8 +5,12 @@ Every strip keeps what it finds in each lane, and the plan's body makes one numb
 
 import numpy as np
 
+from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.integrators.estimate import ROUNDINGS
+
+CELLS = "strip_cells"
+"""The array of which numbers of a row are cells."""
 
 FIGURES = ("worst", "added", "speed", "change")
 """What is found of a step: the largest of each in all cells."""
@@ -66,7 +70,17 @@ def figures(rows: Rows, error: str, left_out: str, rate: str, states: tuple[str,
 
 def _most(rows: Rows, name: str, found: str) -> str:
     """Return the statement that keeps the larger number; what is no cell has none."""
-    if "strip_cells" not in rows.apart:
+    if CELLS not in rows.apart:
         return f"{name} = greatest({name}, {found});"
-    cells = f"*(__global const vec *)(x + {rows.apart['strip_cells']} + p - start)"
+    cells = f"*(__global const vec *)(x + {rows.apart[CELLS]} + p - start)"
     return f"{name} = greatest({name}, {cells} < one ? one - one : {found});"
+
+
+def mark_cells(layout: RowLayout, to: int) -> list[str]:
+    """Return the text that keeps which numbers of a row are cells."""
+    return [
+        f"for (int n = 0; piece == 0 && n < {layout.vectors * layout.width}; ++n) {{",
+        f"    const int col = n % {layout.width} * {layout.vectors} + n / {layout.width};",
+        f"    x[{to} + n] = col < {layout.cols};",
+        "}",
+    ]

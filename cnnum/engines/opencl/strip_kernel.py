@@ -37,7 +37,7 @@ SHOWN = {
 """Outputs of a vector of states `x`, by name; `one` is 1 in every lane."""
 
 _OWN = re.compile(
-    r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|turned|part_of|to_lanes|from_lanes|fill_lanes|show_row|upper|lower|inwards|magnitude|greatest|one_row|more_rows|level|strip)\b"
+    r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|turned|part_of|to_lanes|from_lanes|fill_lanes|copy_lanes|show_row|upper|lower|inwards|magnitude|greatest|one_row|more_rows|level|strip)\b"
 )
 """Names that the kernel has to itself: a plan may have several."""
 
@@ -60,6 +60,8 @@ class StripText:
         What is set in a row with its states.
     begin : list of str
         What a strip does before it takes levels.
+    again : list of str
+        What takes a row back to where levels began, if anything ever does.
     end : str
         Where the states are in the end, from where they were.
     count : str
@@ -72,6 +74,7 @@ class StripText:
     clear: list[str]
     rest: list[str]
     begin: list[str]
+    again: tuple[str, ...] = ()
     end: str = "0"
     count: str = "most"
 
@@ -146,8 +149,9 @@ def strip_kernel(
         "state": places["x"],
         "shown": SHOWN[text.template.output.name],
         "drive": _drive(text, own.scales),
-        "clear": indented(own.clear, 2),
-        "rest": indented(own.rest, 4).lstrip(),
+        "clear": indented(own.clear, 3),
+        "rest": indented(own.rest, 5).lstrip(),
+        "again": indented(list(own.again), 5).lstrip(),
         "begin": indented(own.begin, 2),
         "end": own.end,
         "turned": indented(layout.turned(), 1),

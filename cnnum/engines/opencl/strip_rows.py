@@ -49,10 +49,12 @@ class Rows:
     scales: tuple[float, ...]
     apart: Mapping[str, int | str]
 
-    def case(self, number: int, lines: list[str], head: Sequence[str] = ()) -> list[str]:
+    def case(
+        self, number: int, lines: list[str], head: Sequence[str] = (), tail: Sequence[str] = ()
+    ) -> list[str]:
         """Return the text that takes a vector after the other of the rows from `start` on.
 
-        What stands in `head` comes before all of them.
+        What stands in `head` comes before all of them, what stands in `tail` after.
         """
         width = self.layout.width
         end = f"start + {self.layout.vectors * width}"
@@ -62,6 +64,7 @@ class Rows:
             f"    for (int p = start; p < {end}; p += {width}) {{",
             *(f"        {line}" for line in lines),
             "    }",
+            *(f"    {line}" for line in tail),
             "    break;",
             "}",
         ]

@@ -1,5 +1,7 @@
 """Steps of large arrays by strips of rows: which can be, and what they keep in arrays."""
 
+from dataclasses import replace
+
 from cnnum.engines.opencl.strip_kernel import (
     BLOCK_ROWS,
     SHOWN,
@@ -10,6 +12,7 @@ from cnnum.engines.opencl.strip_kernel import (
     strip_kernel,
 )
 from cnnum.engines.opencl.strip_rows import Rows
+from cnnum.engines.opencl.strip_settle import BEFORE, watch
 from cnnum.engines.opencl.strip_stages import stages_of
 from cnnum.engines.opencl.strip_sums import array_of, sum_cases
 from cnnum.engines.opencl.transients import TransientText
@@ -38,27 +41,48 @@ def _repeats(scheme: Steps) -> bool:
     if isinstance(scheme, AdaptiveSteps | ChebyshevSteps):
         return True
     even = not isinstance(scheme, FixedSteps) or scheme.last == scheme.step
-    return even and scheme.count > 0 and not scheme.settle and stages_of(scheme, 1.0) is not None
+    return even and scheme.count > 0 and stages_of(scheme, 1.0) is not None
 
 
 def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> None:
-    """Append the name that stands for the steps, and keep their kernel with the tables."""
+    """Append the statements that stand for the steps, and keep their kernel with the tables.
+
+    Those until nothing changes leave `steps` and `settled`.
+    """
     found = (stages_of(scheme, float(tau)) for tau in text.template.tau)
     layers = tuple(stages for stages in found if stages is not None)
     stages, arrays = len(layers[0].stages), layers[0].arrays
     layout = row_layout(text)
     names = tuple(array_of(n) for n in range(arrays))
+    kept = (*names, BEFORE) if scheme.settle else names
     scales = tuple(one.scale for one in layers)
-    rows = Rows(text, layout, scales, declare(text, layout, names))
+    apart = declare(text, layout, kept)
+    size = levels_of(text, layout, len(kept))
+    seen = watch(text, layout, apart, names[0], size, stages, scales) if scheme.settle else None
+    rows = Rows(text, layout, scales, apart)
     own = StripText(
         scales,
         f"number % {stages}",
-        lambda block: sum_cases(rows, layers, block),
+        lambda block: sum_cases(rows, layers, block, seen),
         clear=[],
         rest=["show_row(outputs[0] + p, x + p);", *rows.set_held()],
         begin=[],
     )
-    size = levels_of(text, layout, len(names))
-    strips = strip_kernel(text, own, layout, names[0], size, stages * scheme.count)
-    text.lines.append(f"{strips.kernel};")
-    text.tables.strips[strips.kernel] = strips
+    if seen:
+        own = replace(own, clear=seen.clear(), begin=seen.begin(), count=seen.count)
+        own = replace(own, again=seen.again())
+    levels = stages * (seen.steps if seen else scheme.count)
+    strips = strip_kernel(text, own, layout, names[0], size, levels)
+    name = strips.kernel
+    if seen is None:
+        text.lines.append(f"{name};")
+        text.tables.strips[name] = strips
+        return
+    text.lines += seen.body(scheme, name)
+    round_of = replace(strips, begins=False, ends=False, told="levels")
+    text.tables.strips |= {
+        f"{name}_begin": replace(strips, count=0, ends=False),
+        name: round_of,
+        f"{name}_again": replace(round_of, again=True),
+        f"{name}_end": replace(strips, count=0, begins=False),
+    }

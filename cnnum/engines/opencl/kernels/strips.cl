@@ -116,6 +116,13 @@ static void fill_lanes(__global scalar *const to, const scalar value)
     }
 }
 
+static void copy_lanes(__global scalar *const to, __global const scalar *const from)
+{
+    for (int n = 0; n < $length; ++n) {
+        *(__global vec *)(to + n * $width) = *(__global const vec *)(from + n * $width);
+    }
+}
+
 static void show_row(__global scalar *const to, __global const scalar *const from)
 {
     const vec one = hidden_one();
@@ -201,7 +208,7 @@ static void level(__global scalar *const x, __global const scalar *const w,
 }
 
 // Phases: 0 sets out from the states, 1 takes levels after those that are done, 2 makes up for what
-// is missing between strips, 3 brings the states back.
+// is missing between strips, 3 brings the states back, 4 takes them back to where levels began.
 static void strip(__global scalar *const mine, const int pieces, const int piece, const int phase,
                   const int done, const int most)
 {
@@ -210,8 +217,10 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
     const int begin = (int)((long)$rows * piece / pieces);
     const int end = (int)((long)$rows * (piece + 1) / pieces);
     const int count = $count;
-    if (phase == 0) {
+    if (phase == 0 || phase == 4) {
+        if (phase == 0) {
 $clear
+        }
         const int above = $periodic && begin == 0 ? $radius : 0;
         const int below = $periodic && end == $rows ? $radius : 0;
         for (int r = begin - above; r < end + below; ++r) {
@@ -219,9 +228,13 @@ $clear
             for (int layer = 0; layer < $layers; ++layer) {
                 const int at = row * $cols, cell = layer * $cells + at;
                 const int p = ROW(r) + layer * $span;
-                to_lanes(x + p, mine + $state + cell, 1);
-                $drive
-                $rest
+                if (phase == 0) {
+                    to_lanes(x + p, mine + $state + cell, 1);
+                    $drive
+                    $rest
+                } else {
+                    $again
+                }
             }
             all_sides(outputs[0], ROW(r));
         }
@@ -280,12 +293,12 @@ $begin
     }
 }
 
-// What one work item does for a frame: sets out, takes levels, brings the states back.
-static void ${kernel}_alone(__global scalar *const mine, const int begins, const int count,
+// What one work item does for a frame: a phase at first if there is one, levels, and the way back.
+static void ${kernel}_alone(__global scalar *const mine, const int first, const int count,
                             const int ends)
 {
-    if (begins) {
-        strip(mine, 1, 0, 0, 0, 0);
+    if (first >= 0) {
+        strip(mine, 1, 0, first, 0, 0);
     }
     for (int done = 0; done < count; done += $levels) {
         strip(mine, 1, 0, 1, done, min($levels, count - done));

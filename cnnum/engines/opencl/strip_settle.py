@@ -1,0 +1,168 @@
+"""Steps of a fixed length until nothing changes, by strips: a launch takes several of them.
+
+Each step keeps, by strip and lane, whether a rate at its start is more than what counts as none. If
+the first step that saw no such rate is amid a launch, the launch is taken again from where it
+began, up to that step's end.
+"""
+
+from dataclasses import dataclass
+
+from cnnum.engines.opencl.strip_figures import CELLS, mark_cells
+from cnnum.engines.opencl.strip_layout import RowLayout
+from cnnum.engines.opencl.strip_rows import At, Rows
+from cnnum.engines.opencl.text import fill
+from cnnum.engines.opencl.transients import TransientText
+from cnnum.integrators.choice import FixedSteps
+from cnnum.integrators.schemes import ExponentialSteps
+
+BEFORE = "strip_before"
+"""The array of the states with which a launch began."""
+
+CHANGES, CONTROL = "strip_changes", "strip_control"
+"""By step, strip and lane whether any rate is more than none, 1 or 0; how many levels a frame
+takes, and in how many strips."""
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """What watches steps.
+
+    Attributes
+    ----------
+    rows : Rows
+        With places for what is kept here.
+    stages : int
+        Of a step.
+    steps : int
+        A launch takes; an even number of levels, so that outputs are where the next begins.
+    strips : int
+        That keep what they see, at most.
+    factors : tuple of float
+        Of each layer: of d, so that it is the rate times the longest τ.
+    """
+
+    rows: Rows
+    stages: int
+    steps: int
+    strips: int
+    factors: tuple[float, ...]
+
+    @property
+    def each(self) -> int:
+        """Numbers that are kept of a step."""
+        return self.strips * self.rows.layout.width
+
+    @property
+    def own(self) -> str:
+        """Where a strip's vector of the step at hand is."""
+        step = f"number / {self.stages} * {self.each}"
+        return f"x + {self.rows.apart[CHANGES]} + {step} + piece * {self.rows.layout.width}"
+
+    @property
+    def head(self) -> list[str]:
+        """What comes before a step's first stage takes its rows."""
+        return [f"vec change = *(__global const vec *)({self.own});"]
+
+    @property
+    def tail(self) -> list[str]:
+        """And after."""
+        return [f"*(__global vec *)({self.own}) = change;"]
+
+    def sees(self, at: At, state: str) -> list[str]:
+        """Return the text that sees d of a row, and keeps the state with which a launch began."""
+        rows, solver = self.rows, self.rows.text.solver
+        rate = f"{rows.vector(self.factors[at.layer])} * magnitude({at.sum})"
+        none = f"{rows.vector(solver.atol)} + {rows.vector(solver.rtol)} * magnitude({state})"
+        rests = f"{rate} <= {none}"  # which is not so of what is NaN
+        if CELLS in rows.apart:
+            cells = f"*(__global const vec *)(x + {rows.apart[CELLS]} + p - start)"
+            rests = f"({rests}) | ({cells} < one)"
+        return [
+            f"if (number == 0) {{ {rows.store(BEFORE, at, state)} }}",
+            f"change = {rests} ? change : one;",
+        ]
+
+    def clear(self) -> list[str]:
+        """Return what the first strip sets before all else."""
+        size = self.steps * self.each
+        lines = [f"for (int n = 0; piece == 0 && n < {size}; ++n) {{"]
+        lines += [f"    x[{self.rows.apart[CHANGES]} + n] = 0;", "}"]
+        if CELLS in self.rows.apart:
+            lines += mark_cells(self.rows.layout, int(self.rows.apart[CELLS]))
+        return lines
+
+    def begin(self) -> list[str]:
+        """Return the text by which a strip forgets what it saw in the launch before."""
+        width = self.rows.layout.width
+        own = f"{self.rows.apart[CHANGES]} + n * {self.each} + piece * {width}"
+        return [
+            f"for (int n = 0; done == 0 && n < {self.steps}; ++n) {{",
+            f"    *(__global vec *)(x + {own}) = (vec)(0);",
+            "}",
+            f"if (piece == 0) {{ x[{self.rows.apart[CONTROL]} + 1] = pieces; }}",
+        ]
+
+    def again(self) -> tuple[str, ...]:
+        """Return the text that takes a row back to where a launch began."""
+        before = f"x + {self.rows.apart[BEFORE]} + ROW(row) + layer * {self.rows.layout.span}"
+        return (f"copy_lanes(x + p, {before});", f"show_row(outputs[0] + p, {before});")
+
+    @property
+    def count(self) -> str:
+        """Levels that a frame takes of at most `most` after those that are `done`."""
+        return f"min(most, (int)x[{self.rows.apart[CONTROL]}] - done)"
+
+    def body(self, scheme: FixedSteps | ExponentialSteps, kernel: str) -> list[str]:
+        """Return the statements that launch the kernel until nothing changes."""
+        method = scheme.tableau if isinstance(scheme, FixedSteps) else scheme.method
+        return fill(
+            "settling_strips",
+            method=method.name,
+            count=scheme.count,
+            step=f"{scheme.step:g}",
+            rounds=-(-scheme.count // self.steps),
+            most=self.steps,
+            stages=self.stages,
+            each=self.each,
+            width=self.rows.layout.width,
+            strips=kernel,
+        ).splitlines()
+
+
+def watch(
+    text: TransientText,
+    layout: RowLayout,
+    apart: dict[str, int],
+    first: str,
+    size: tuple[int, int],
+    stages: int,
+    scales: tuple[float, ...],
+) -> Watch:
+    """Declare what watches steps of so many stages, and return it.
+
+    Parameters
+    ----------
+    text : TransientText
+    layout : RowLayout
+    apart : dict of str to int
+        Of the arrays that are kept; what is declared here is added.
+    first : str
+        The first of these.
+    size : (int, int)
+        Levels a launch, and strips.
+    stages : int
+    scales : tuple of float
+        What w + A ∗ y − s is multiplied by in each layer's d.
+    """
+    steps = max(1, size[0] // stages)
+    if steps * stages % 2:
+        steps += 1 if steps == 1 else -1
+    span = layout.vectors * layout.width
+    lengths = {CONTROL: 2, CHANGES: steps * size[1] * layout.width}
+    lengths |= {CELLS: span} if span > layout.cols else {}
+    for name, length in lengths.items():
+        text.array(name, length)
+        apart[name] = text.arena.places[name] - text.arena.places[first]
+    tau = text.template.tau
+    factors = tuple(float(tau.max() / t) / scale for t, scale in zip(tau, scales, strict=True))
+    return Watch(Rows(text, layout, scales, apart), stages, steps, size[1], factors)
