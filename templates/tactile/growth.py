@@ -5,7 +5,7 @@ noise, away from zero, and not as a by-product of a changing grip. From then on 
 its law are weighed, until it has fallen again, or has stopped without what the law is named after.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
@@ -23,6 +23,9 @@ QUIET = 2.0
 as a load that grows evenly would not have been noticed before."""
 
 TINY = 1e-30
+
+LawOf = Callable[[tuple[Field, ...]], Law]
+"""The law of a load with such components since it began."""
 
 BESIDE = 0.3
 """Share of a change of the normal load that a sideways one must exceed: contacts that taxels sample
@@ -145,7 +148,7 @@ class Growth:
         frame: FrameFields,
         contact: Field,
         reading: Reading,
-        law: Law,
+        law: LawOf,
         *,
         early: float,
         sudden: bool = False,
@@ -175,7 +178,7 @@ class Growth:
         self.steady = self._changed * reading.arm
         self._known = contact & (self._count.value > 0.0)
         self._begin()
-        self._weigh(law, early)
+        self._weigh(law(self.load), early)
 
     def _begin(self) -> None:
         """Work out whether it begins, goes on, or is over."""

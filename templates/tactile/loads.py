@@ -11,6 +11,7 @@ from cnnum.library import get_template
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply
+from cnnum.templates.tactile.unblur import filter_template
 
 SETTLE = 16
 """Frames at the start that are taken as rest: their mean is known to a quarter of the noise."""
@@ -43,6 +44,14 @@ ROUNDING = 1e-6
 PUSH = -1.0
 """Sign of strain and stress under a push: what a calibrated array gives."""
 
+BETWEEN = ((-0.25, 0.5, -0.25), (0.5, 0.0, 0.5), (-0.25, 0.5, -0.25))
+"""Of its eight neighbours' loads, that of a taxel that is broken: right for every cubic surface
+(central differences), where the mean of four cuts off peaks. Without it a centre is 0.05 to 0.08
+pitches off (RMS; one broken taxel near 40 spheres on 8×8 and 4×4), with it as much as with none."""
+
+ENOUGH = 0.2
+"""Sum of these weights that neighbours must have that are not broken themselves."""
+
 RIM = 0.1
 """Share of the peak load that is taken off before loads are weighed, so that the elastic
 surroundings of a contact do not pull at its centre."""
@@ -65,7 +74,7 @@ class Loads:
         Logic maps: taxels whose noise is no outlier in the normal axis, and in any. Only sound ones
         tell where a contact is, only healthy ones what acts on it.
     alive : Field
-        Logic map: taxels that read something at rest, be it noise.
+        Logic map: taxels that read something, be it noise at rest.
     breaks : Field
         Flag: a taxel broke in this frame, under a contact.
     """
@@ -90,7 +99,7 @@ class Patch:
     Attributes
     ----------
     weight : Field
-        Normal load above the rim, a map.
+        Normal load above the rim, a map; of broken taxels what their neighbours say.
     load : Field
         Its sum.
     row, column : Field
@@ -153,7 +162,7 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
         contact=contact,
         sound=sound,
         healthy=sound & shear.healthy & ~_astray(shear, aside),
-        alive=normal.alive,
+        alive=normal.alive | (abs(z) > 0.0),
         breaks=breaks,
     )
 
@@ -186,9 +195,14 @@ def _broken(
 
 def patch_of(loads: Loads) -> Patch:
     """Return where the contact is: moments of the normal load above its rim."""
-    frame = loads.frame
-    rim = RIM * where(loads.sound, loads.normal, 0.0).max() + LIFT * sqrt(loads.normal_noise)
-    weight = where(loads.contact & loads.sound, maximum(loads.normal - rim, 0.0), 0.0)
+    frame, reads = loads.frame, loads.sound & loads.alive
+    known = where(reads, loads.normal, 0.0)
+    rim = RIM * known.max() + LIFT * sqrt(loads.normal_noise)
+    around = filter_template("between", BETWEEN, "What lies between neighbours, to third order.")
+    share = apply(around, input=where(reads, 1.0, 0.0))
+    between = apply(around, input=known) / maximum(share, ENOUGH)
+    normal = where(reads, known, where(share > ENOUGH, between, 0.0))
+    weight = where(loads.contact, maximum(normal - rim, 0.0), 0.0)
     load = weight.sum()
     row, column = (weight * frame.row).sum() / load, (weight * frame.column).sum() / load
     away = square(frame.row - row) + square(frame.column - column)

@@ -1,12 +1,12 @@
 """What acts on a contact sideways: a force and a torque, each followed by its law."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cnnum.library import get_template
 from cnnum.programs.fields import Field, maximum, minimum, where
 from cnnum.programs.machine import LocalMemory
 from cnnum.programs.transients import apply
-from cnnum.templates.tactile.growth import FOLLOW, Growth, Learned, Reading, length
+from cnnum.templates.tactile.growth import FOLLOW, Growth, LawOf, Learned, Reading, length
 from cnnum.templates.tactile.laws import Law
 from cnnum.templates.tactile.loads import Loads, Patch, square
 
@@ -35,6 +35,11 @@ class Place:
         Flag: a contact with a place.
     near : Field
         Logic map: taxels in contact and their neighbours, which carry the shear.
+    felt : Field
+        Logic map: these and their neighbours, which tell a shear force: the fewer of it are left
+        out, the less does it matter where in the contact it acts.
+    missing : Field
+        Map: 1 where such taxels are broken, or read nothing.
     nearness : Field
         Map: 0 where they begin, near 1 within.
     from_row, from_column : Field
@@ -50,6 +55,8 @@ class Place:
     loads: Loads
     there: Field
     near: Field
+    felt: Field
+    missing: Field
     nearness: Field
     from_row: Field
     from_column: Field
@@ -96,11 +103,14 @@ def place_of(loads: Loads, patch: Patch) -> Place:
     there = loads.contact & (patch.load > 0.0)
     around = apply(get_template("smooth"), input=patch.weight)
     near = (around > 0.0) & loads.healthy
+    further = apply(get_template("smooth"), input=around) > 0.0
     row, column = (where(there, place, 0.0) for place in (patch.row, patch.column))
     return Place(
         loads=loads,
         there=there,
         near=near,
+        felt=further & loads.healthy,
+        missing=where(further & ~(loads.healthy & loads.alive), 1.0, 0.0),
         nearness=where(near, around / (around + HALF_NEAR * around.max()), 0.0),
         from_row=frame.row - row,
         from_column=frame.column - column,
@@ -111,10 +121,18 @@ def place_of(loads: Loads, patch: Patch) -> Place:
     )
 
 
-def force_on(contact: Place, law: Law) -> Side:
-    """Return the force on a contact, x and y, beside the torque; `law` is by which it grows."""
+def force_on(contact: Place, law: LawOf) -> Side:
+    """Return the force on a contact, x and y, beside the torque.
+
+    Parameters
+    ----------
+    contact : Place
+    law : callable
+        By which it grows, of its components since it began.
+    """
     frame = contact.loads.frame
-    return _side(contact, law, frame.memory(logic=True), frame.constant(1.0), FOLLOW, torque=False)
+    near, alike = frame.memory(logic=True), frame.constant(1.0)
+    return _side(replace(contact, near=contact.felt), law, near, alike, FOLLOW, torque=False)
 
 
 def torque_on(contact: Place, law: Law, near: LocalMemory, weight: Field, follow: float) -> Side:
@@ -132,7 +150,7 @@ def torque_on(contact: Place, law: Law, near: LocalMemory, weight: Field, follow
     follow : float
         Frames over which the torque at rest is taken.
     """
-    return _side(contact, law, near, weight, follow, torque=True)
+    return _side(contact, lambda _: law, near, weight, follow, torque=True)
 
 
 def sideways_on(contact: Place) -> tuple[Field, ...]:
@@ -143,7 +161,7 @@ def sideways_on(contact: Place) -> tuple[Field, ...]:
 
 
 def _side(
-    contact: Place, law: Law, memory: LocalMemory, weight: Field, follow: float, *, torque: bool
+    contact: Place, law: LawOf, memory: LocalMemory, weight: Field, follow: float, *, torque: bool
 ) -> Side:
     loads, frame = contact.loads, contact.loads.frame
     held, now = (where(near, 1.0, 0.0) for near in (memory.value, contact.near))

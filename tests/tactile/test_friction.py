@@ -7,10 +7,11 @@ from cnnum.drivers.simulated.script import Phase
 from cnnum.errors import UnknownNameError
 from cnnum.programs import program
 from cnnum.templates.tactile.friction import friction_needed
+from cnnum.templates.tactile.lags import looked_at
 from cnnum.templates.tactile.laws import pull_law
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.pull import force_on, place_of
-from cnnum.templates.tactile.skin import Skin, as_read
+from cnnum.templates.tactile.skin import Skin, as_read, felt_by
 from cnnum.templates.tactile.slip import slip
 
 HELD = (Phase("hold", 0.3), Phase("press", 0.3, load=0.6), Phase("hold", 0.3))
@@ -21,7 +22,7 @@ PITCH = 1.5e-3
 def needed(frame, *, depth: float = 0.5, cover: str = "flat"):
     """What `slip` asks of a force."""
     contact = place_of(loads := loads_of(frame, PUSH), patch_of(loads))
-    force = force_on(contact, pull_law())
+    force = force_on(contact, lambda _: pull_law())
     force.close(force.growth.grows)
     return {
         "friction": friction_needed(contact, force, Skin(depth, "strain", cover, 0.4)),
@@ -53,10 +54,10 @@ def test_taxels_at_the_surface_read_the_traction_itself(shape):
 
 
 def test_taxels_that_carry_their_own_load_read_it_whichever_way_it_acts():
-    seen = as_read((8, 8), Skin(0.5, "force", "bumpy", 0.4))
-    assert seen.gain == pytest.approx(np.ones(5), rel=1e-12)
-    # and lag behind nothing, but for what stands over taxels beyond those that count
-    assert seen.lag == pytest.approx(np.zeros(5), abs=2e-3)
+    skin = Skin(0.5, "force", "bumpy", 0.4)
+    assert as_read((8, 8), skin).gain == pytest.approx(np.ones(5), rel=1e-12)
+    # and lag behind nothing
+    assert looked_at(felt_by((8, 8), skin), 1.5, 3.5, 3.4).lag == pytest.approx(0.0, abs=1e-12)
 
 
 def test_an_object_that_rolls_along_its_weight_does_not_slip(opencl, run, simulate):

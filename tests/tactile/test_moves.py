@@ -20,7 +20,7 @@ PITCH = 1.5e-3
 def way(frame):
     """The way, its noise, and what it makes of the hypotheses whose time is over."""
     loads = loads_of(frame, PUSH)
-    force = force_on(place_of(loads, patch_of(loads)), pull_law())
+    force = force_on(place_of(loads, patch_of(loads)), lambda _: pull_law())
     rest = Rest(loads)
     found = rest.way(force.growth, force.normal, loads.normal_noise)
     moves = moves_on(loads, force.growth, found, force.growth.size / force.normal)
