@@ -275,5 +275,4 @@ def _fitted(parts: list[Floats], sizes: Floats, values: Floats) -> Floats:
     powers = np.stack([sizes**n for n in range(SIZES)], axis=1)
     columns = np.stack(parts, axis=1)[:, :, np.newaxis] * powers[:, np.newaxis]
     found, *_ = np.linalg.lstsq(columns.reshape(len(values), -1), values, rcond=1e-6)
-    by_part: Floats = found.reshape(-1, SIZES)
-    return by_part
+    return np.asarray(found, dtype=np.float64).reshape(-1, SIZES)
