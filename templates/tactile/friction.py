@@ -1,7 +1,7 @@
 """How much friction a force would need if what it pulls at slipped.
 
-Taxels under a cover read another share of a pull than of a push: under thin flat covers five times
-as much, under thick ones and bumps about as much. Where the cover is known, so is that gain, for
+Taxels under a cover read another share of a pull than of a push: under thin flat covers seven times
+as much, under thick ones and bumps twice as much. Where the cover is known, so is that gain, for
 what slides pulls where it presses, friction times as much.
 """
 

@@ -38,7 +38,7 @@ still. What a held object weighs comes like that, and what comes then may be rol
 
 SELDOM, FALLS, LEAST = 0.25, 0.02, 4.0
 """Friction below which slip is less likely: rubber has seldom less than 0.3. By every 0.02 below a
-stop is likelier by e, for friction is known to 16 % (nine of ten slips on 8×8, tuning seeds), up to
+stop is likelier by e, for friction is known to 20 % (nine of ten slips on 8×8, tuning seeds), up to
 e⁴: no more, since a cover may be another one than the program is told."""
 
 GROSS = 0.5
@@ -50,7 +50,7 @@ which incipient slip is reported; stops count as much as slips here, since it wa
 
 ENGAGED = 0.2
 """Share of the normal load that the force has at least. Rubber's friction is seldom below 0.3, and
-taxels under a cover read 0.75 to 5 times as much of a shear load as of a normal one."""
+taxels under a cover read 0.65 to 7 times as much of a shear load as of a normal one."""
 
 STEADY = 0.3
 """Largest change of the normal load, as a share of the force, under which a force counts: beyond,
