@@ -28,7 +28,7 @@ PLACES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)
 """Pitches from the array's middle, along both axes, at which contacts are looked at."""
 
 CELLS = 8
-"""Cells to a pitch: of 4 small discs are too few, and lags are up to 0.012 off; of 8, 0.003."""
+"""Cells to a pitch: of 4 small discs are too few, and lags are up to 0.014 off; of 8, 0.003."""
 
 SHARES = np.linspace(0.02, 1.0, 50)
 """Of a pull's time that are left: the disc that sticks is √ of that share of the contact."""

@@ -46,7 +46,7 @@ PUSH = -1.0
 
 BETWEEN = ((-0.25, 0.5, -0.25), (0.5, 0.0, 0.5), (-0.25, 0.5, -0.25))
 """Of its eight neighbours' loads, that of a taxel that is broken: right for every cubic surface
-(central differences), where the mean of four cuts off peaks. Without it a centre is 0.05 to 0.08
+(central differences), where the mean of four cuts off peaks. Without it a centre is 0.04 to 0.08
 pitches off (RMS; one broken taxel near 40 spheres on 8×8 and 4×4), with it as much as with none."""
 
 ENOUGH = 0.2

@@ -28,13 +28,13 @@ from cnnum.templates.tactile.unblur import DEPTH
 STOPS = 2.0
 """How much likelier a slip must be than a stop at the same time, by how the force bends and by how
 the contact moves on: a pull that is over has mostly stopped. Of 62 stopped pulls at 500 and 1000
-frames a second (tuning seeds 34000 to 35999) none is taken for slip, nor with 1.5."""
+frames a second (tuning seeds 34000 to 35999) none is taken for slip."""
 
 SUDDEN, MORE = 1.4, 16.0
 """A force of which so little came after its first frame has no bend; a stop is so much likelier
-still. What a held object weighs comes like that, and what comes then may be rolling: with 12 one of
-570 held objects was taken to slip, with 24 one of two pulls that slid within a frame is missed
-(tuning seeds)."""
+still. What a held object weighs comes like that, and what comes then may be rolling. With `STOPS`
+it is 32 times: with 24 a version before took one of 570 held objects to slip (tuning seeds), with
+48 three of twelve pulls that slide within a frame are missed (`tests/tactile/test_moves.py`)."""
 
 SELDOM, FALLS, LEAST = 0.25, 0.02, 4.0
 """Friction below which slip is less likely: rubber has seldom less than 0.3. By every 0.02 below a
