@@ -231,7 +231,8 @@ class OpenCLExecutable:
     def _text(self, lanes: int) -> KernelText:
         if lanes not in self._texts:
             width = max(self.wide_lanes, LEAST_WIDTH)
-            tables = Tables(self.dtype, lanes, width, self.near_bytes)
+            by_vectors = self.wide_lanes > 1
+            tables = Tables(self.dtype, lanes, width, self.near_bytes, by_vectors)
             self._texts[lanes] = lower(self.schedule, self.solvers, tables)
         return self._texts[lanes]
 

@@ -60,8 +60,11 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     lanes, dtype = tables.lanes, tables.dtype
     arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
     size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
-    placed = _placed(schedule) if schedule.cells > WHOLE_CELLS else {}
-    lowering = Lowering(schedule, solvers, tables, arena, Values(tables, placed))
+    whole = schedule.cells <= WHOLE_CELLS
+    placed = {} if whole else _placed(schedule)
+    # parts of a plan read out their own pieces, and a GPU's private arrays are far
+    in_chains = arena.private and whole and tables.by_vectors
+    lowering = Lowering(schedule, solvers, tables, arena, Values(tables, placed), in_chains)
     lowering.lower()
     outputs, writes = _write_outputs(lowering)
     arena.keep_all()
@@ -76,7 +79,7 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     parts = None
     texts = dict.fromkeys(strips.text for strips in tables.strips.values())
     own = "\n".join([tables.text, *texts])
-    if schedule.cells > WHOLE_CELLS:
+    if not whole:
         parts = take_apart("\n".join(body), schedule.shape[0], tables.strips)
         kernels = f"{own}\n{parts.text}\n{exchange_text(dtype)}"
     else:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from cnnum.engines.backend import Solvers
 from cnnum.engines.opencl.loops import lower_loop
 from cnnum.engines.opencl.products import product
+from cnnum.engines.opencl.read_outs import chained, chains, rounds, step
 from cnnum.engines.opencl.schemes import run, settled_now
 from cnnum.engines.opencl.storage import Arena, Tables, Values
 from cnnum.engines.opencl.text import rename
@@ -31,13 +32,17 @@ OUTLIVES = -1
 
 @dataclass(slots=True)
 class Lowering:
-    """Walks a schedule once and writes the kernel's body."""
+    """Walks a schedule once and writes the kernel's body.
+
+    Read-outs go through the cells one by one, or `in_chains` side by side.
+    """
 
     schedule: Schedule
     solvers: Solvers
     tables: Tables
     arena: Arena
     values: Values
+    in_chains: bool
     body: list[str] = field(default_factory=list[str])
     group: list[Node] = field(default_factory=list[Node])
     last_use: dict[int, int] = field(default_factory=dict[int, int])
@@ -131,27 +136,73 @@ class Lowering:
             return
         group, self.group = self.group, []
         inside = {node.index for node in group}
+        read_outs = [node for node in group if isinstance(node.operation, Reduce)]
+        by_vectors = self.in_chains and self.tables.lanes == 1
+        stays = {node.arguments[0].index for node in read_outs} if by_vectors else set[int]()
         loop: list[str] = []
         kept: list[tuple[Node, str]] = []
         for node in group:
             arguments = [self.values.read(argument) for argument in node.arguments]
             if isinstance(node.operation, Reduce):
-                total = self.values.name_scalar(node)
-                self.body.append(f"real {total} = {node.operation.function.start};")
-                step = rename(node.operation.function.step, {"a": arguments[0], "total": total})
-                loop.append(f"{total} = {step};")
+                if not by_vectors:
+                    loop.append(self._step(node, node.operation, arguments[0]))
                 continue
             name = f"v{node.index}"
             assert isinstance(node.operation, Apply)
             loop.append(f"const real {name} = {_call(node.operation, arguments)};")
             self.values.alias(node, name)
-            if self.last_use[node.index] not in inside:
+            if self.last_use[node.index] not in inside or node.index in stays:
                 kept.append((node, name))
         # only now: within the loop a value is read by its name, before its slot is written
-        stored = [self._store(node, name) for node, name in kept]
-        self.over_cells(loop + stored, _swept(group[0]))
+        loop += [self._store(node, name) for node, name in kept]
+        if by_vectors:
+            self._sweep_and_read_out(loop, read_outs, _swept(group[0]))
+        else:
+            self.over_cells(loop, _swept(group[0]))
+            self._end(read_outs)
         for node in group:
             self._free_after(node)
+
+    def _sweep_and_read_out(self, loop: list[str], read_outs: Sequence[Node], maps: int) -> None:
+        """Append a loop over the cells, and then what is read out of the arrays that it leaves."""
+        read = {node.arguments[0].index: node.arguments[0] for node in read_outs}
+        # what lies elsewhere is copied: functions take private arrays
+        copied = {n: self.values.read(n) for n in read.values() if self.values.array_of(n) is None}
+        loop += [self._store(node, text) for node, text in copied.items()]
+        self.over_cells(loop, maps)
+        for node in read_outs:
+            self._read_out(node, self.values.array_of(node.arguments[0]), maps)
+        for node, text in copied.items():
+            self.values.free_slot(node)
+            self.values.alias(node, text)
+
+    def _read_out(self, node: Node, array: str | None, maps: int) -> None:
+        assert isinstance(node.operation, Reduce)
+        cells = self.schedule.cells
+        count = maps * cells if self.tables.lanes == 1 else chains(cells)
+        name = chained(self.tables, node.operation.function, count, cells)
+        self.body.append(f"const real {self.values.name_scalar(node)} = {name}({array});")
+
+    def _step(self, node: Node, operation: Reduce, value: str) -> str:
+        """Return the statement that takes a cell into a read-out, which begins here."""
+        function, count = operation.function, chains(self.schedule.cells)
+        if self.in_chains and rounds(function):
+            slot = self.values.take_slot(node)
+            fill = f"{slot}[k] = {function.start};"
+            self.body.append(f"for (int k = 0; k < {count}; ++k) {{ {fill} }}")
+            total = f"{slot}[i % {count}]"
+        else:
+            total = self.values.name_scalar(node)
+            self.body.append(f"real {total} = {function.start};")
+        return f"{total} = {step(function, total, value)};"
+
+    def _end(self, read_outs: Sequence[Node]) -> None:
+        """Append what becomes of chains that run through the cells."""
+        for node in read_outs:
+            array = self.values.array_of(node)
+            if array is not None:
+                self._read_out(node, array, 1)
+                self.values.free_slot(node)
 
     def _store(self, node: Node, name: str) -> str:
         slot = self.values.take_slot(node)

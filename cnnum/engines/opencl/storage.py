@@ -68,8 +68,10 @@ class Tables:
         Numbers of a vector of the device, for cells side by side.
     near_bytes : int
         Cache of a core that keeps up with its arithmetic.
+    by_vectors : bool
+        Whether a work item's arithmetic goes by vectors, as a processor's does.
     types : dict of str to str
-        Texts of further types that the kernel uses, by name.
+        Texts of further types and functions that the kernel uses, by name.
     strips : dict of str to Strips
         Steps of large arrays that are kernels of their own, by name.
     """
@@ -78,6 +80,7 @@ class Tables:
     lanes: int
     width: int
     near_bytes: int
+    by_vectors: bool
     types: dict[str, str] = field(default_factory=dict[str, str])
     strips: "dict[str, Strips]" = field(default_factory=dict[str, Strips])
     _tables: dict[str, str] = field(default_factory=dict[str, str])
@@ -113,7 +116,7 @@ class Tables:
 
     @property
     def text(self) -> str:
-        """Further types and the index tables as OpenCL C."""
+        """Further types and functions, and the index tables, as OpenCL C."""
         return "\n".join([*self.types.values(), *self._tables.values()])
 
     def buffer(self) -> NDArray[np.floating]:
@@ -182,6 +185,11 @@ class Values:
         self._slots[node.index] = slot
         self._texts[node.index] = f"s{slot}[i]"
         return f"s{slot}"
+
+    def array_of(self, node: Node) -> str | None:
+        """Return the name of the array that holds a node's value alone, None without one."""
+        slot = self._slots.get(node.index)
+        return None if slot is None else f"s{slot}"
 
     def hand_over(self, old: Node, new: Node) -> None:
         """Let another node have the name, and the array, of a value."""
