@@ -136,6 +136,8 @@ class Growth:
         Their size.
     acts, beside : tuple of Field
         The components from zero, and those of what else acts.
+    grown_beside : Field
+        What else acts, since this load began.
     steady : Field
         Change of the normal load since it began, as an amount of this load.
     found : Weighed
@@ -174,6 +176,8 @@ class Growth:
         self.size = length(self.load)
         acts = tuple(now - zero.value for now, zero in zip(parts, self._zero, strict=True))
         self.acts, self.beside = acts[:own], acts[own:]
+        rests = zip(reading.beside, self._rest[own:], strict=True)
+        self.grown_beside = length([now - rest.value for now, rest in rests])
         self._changed = abs(reading.normal - self._normal.value)
         self.steady = self._changed * reading.arm
         self._known = contact & (self._count.value > 0.0)

@@ -153,6 +153,25 @@ def torque_on(contact: Place, law: Law, near: LocalMemory, weight: Field, follow
     return _side(contact, lambda _: law, near, weight, follow, torque=True)
 
 
+def moved_since(contact: Place, side: Side) -> Field:
+    """Return how far the contact has moved since the force or torque began to grow, pitches."""
+    now = (contact.column, contact.row)
+    return length([part - _before(contact, side, part) for part in now])
+
+
+def widened_since(contact: Place, side: Side) -> Field:
+    """Return by what share of it the contact's radius of gyration has changed since then."""
+    return abs(contact.spread / _before(contact, side, contact.spread) - 1.0)
+
+
+def _before(contact: Place, side: Side, now: Field) -> Field:
+    """Return what a number was in the frame before the force or torque began to grow."""
+    memory = contact.loads.frame.memory(scalar=True)
+    before = where(side.growth.grows, memory.value, now)
+    memory.store(before)
+    return before
+
+
 def sideways_on(contact: Place) -> tuple[Field, ...]:
     """Return force and torque on the taxels near the contact, over the normal load on them."""
     all_alike = contact.loads.frame.constant(1.0)

@@ -13,14 +13,13 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.templates.tactile.friction import friction_needed
-from cnnum.templates.tactile.growth import length
 from cnnum.templates.tactile.lags import AtRest, lag_of
 from cnnum.templates.tactile.latch import latched
 from cnnum.templates.tactile.laws import pull_law
 from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
 from cnnum.templates.tactile.moves import Rest, moves_on
 from cnnum.templates.tactile.pressure import Carries
-from cnnum.templates.tactile.pull import RADIUS, Place, Side, force_on, place_of
+from cnnum.templates.tactile.pull import RADIUS, Place, Side, force_on, moved_since, place_of
 from cnnum.templates.tactile.skin import Skin
 from cnnum.templates.tactile.twist import BUMP, Cover
 from cnnum.templates.tactile.unblur import DEPTH
@@ -40,6 +39,9 @@ SELDOM, FALLS, LEAST = 0.25, 0.02, 4.0
 """Friction below which slip is less likely: rubber has seldom less than 0.3. By every 0.02 below a
 stop is likelier by e, for friction is known to 20 % (nine of ten slips on 8×8, tuning seeds), up to
 e⁴: no more, since a cover may be another one than the program is told."""
+
+HALF = 0.875
+"""Share of what friction holds that pulls as half the contact radius sticks: 1 − (c/a)³."""
 
 GROSS = 0.5
 """Belief, against a pull that goes on growing, at which gross slip is reported."""
@@ -128,11 +130,11 @@ def slip_of(
     frame, grows, found = loads.frame, force.growth.grows, force.growth.found
     rest = Rest(loads)
     change = force.growth.steady < STEADY * force.growth.size + 5.0 * sqrt(force.normal_noise)
-    stays = force.growth.size > ROLLS * force.normal * _moved(contact, force)
+    stays = force.growth.size > ROLLS * force.normal * moved_since(contact, force)
     engaged = force.outweighs & (force.growth.size > ENGAGED * force.normal) & change & stays
-    gone = latched(frame, grows, engaged & _slides(contact, force, rest, skin, gross))
-    warns = found.soon - found.passed > incipient * (found.growing + found.stopped)
-    begun = latched(frame, grows, engaged & warns)
+    needed = friction_needed(contact, force, skin)
+    gone = latched(frame, grows, engaged & _slides(contact, force, rest, needed, gross))
+    begun = latched(frame, grows, engaged & _soon(force, needed, incipient))
     learned = force.close(gone)
     rest.learn(learned)
     stood.learn(learned)
@@ -151,27 +153,27 @@ def slip_of(
     }
 
 
-def _moved(contact: Place, force: Side) -> Field:
-    """Return how far the contact has moved since the force began to grow, pitches."""
-    frame, growth = contact.loads.frame, force.growth
-    way = list[Field]()
-    for now in (contact.column, contact.row):
-        memory = frame.memory(scalar=True)
-        start = where(growth.grows & (growth.age > 1.0), memory.value, now)
-        memory.store(start)
-        way.append(now - start)
-    return length(way)
+def _soon(force: Side, needed: Field, incipient: float) -> Field:
+    """Return a flag: less than half of the contact radius is believed to stick by the next frame."""
+    found = force.growth.found
+    soon = found.soon - found.passed
+    others = found.growing + found.stopped - soon
+    return (1.0 - incipient) * soon > incipient * others * _seldom(needed / HALF)
 
 
-def _slides(contact: Place, force: Side, rest: Rest, skin: Skin, gross: float) -> Field:
+def _seldom(friction: Field) -> Field:
+    """Return how much likelier a stop is, for rubber has seldom so little friction."""
+    return exp(minimum(maximum(SELDOM - friction, 0.0) / FALLS, LEAST))
+
+
+def _slides(contact: Place, force: Side, rest: Rest, needed: Field, gross: float) -> Field:
     """Return a flag: the force has stopped growing, and what it pulls at goes on."""
     loads, growth, found = contact.loads, force.growth, force.growth.found
     ratio = growth.size / maximum(force.normal, TINY)
     way = rest.way(growth, force.normal, loads.normal_noise)
     moves = moves_on(loads, growth, way, ratio)
-    lacks = maximum(SELDOM - friction_needed(contact, force, skin), 0.0)
     stops = where(growth.size < SUDDEN * growth.first, MORE * STOPS, STOPS) * found.ended
-    stops = stops * exp(minimum(lacks / FALLS, LEAST))
+    stops = stops * _seldom(needed)
     # those whose time is not over yet count as they are, be it that of slip or of a stop
     on = found.growing - found.passed + found.stopped - found.ended
     grows = gross * (on + moves.against_growth)

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.simulated.script import Phase
+from cnnum.scoring.scripts import held_case, slip_case
+from cnnum.scoring.simulate import Simulator
 from cnnum.templates.tactile.slip import slip
 from cnnum.templates.tactile.twist import twist
 
@@ -24,8 +26,8 @@ def test_a_slow_twist_at_many_frames_a_second_is_no_rest(opencl, run, simulate, 
     script = (*HELD, Phase("twist", 1.6, angle=sense * 0.08), Phase("relax", 0.1))
     options = {"cover": "bumps-fem", "thickness": 0.7e-3, "radius": 37e-3, "friction": 0.53}
     strain, truth = simulate(script=script, seed=71, rate=500.0, start=(0.4e-3, 0.2e-3), **options)
-    told = {"rate": 500.0, "depth": 0.7 / 1.5, "cover": "bumps-fem"}
-    got = run(opencl, twist.bind(**told), strain, ["twist", "twist_sense", "twist_rate"])
+    known = {"rate": 500.0, "depth": 0.7 / 1.5, "cover": "bumps-fem"}
+    got = run(opencl, twist.bind(**known), strain, ["twist", "twist_sense", "twist_rate"])
     assert truth["twist_slip"].any()
     found = first(got["twist"])
     # when half the contact radius slips, as the truth has it
@@ -47,6 +49,49 @@ def test_a_contact_beside_a_stuck_bridge_is_no_twist(opencl, run, simulate):
         got = run(opencl, twist.bind(rate=200.0), stuck, ["twist"])
         assert not truth["twist"].any()
         assert not got["twist"].any()
+
+
+def told(case):
+    """Return what a program is told of an array."""
+    settings = case.settings
+    depth = settings.thickness / settings.pitch
+    return {"depth": depth, "cover": settings.cover, "bump": settings.bump_radius / settings.pitch}
+
+
+@pytest.mark.parametrize(
+    ("case", "until"),
+    [(held_case(41019), 320), (held_case(41367), 1430), (held_case(42235), None)],
+    ids=["comes from the rim", "comes from aside", "one taxel"],
+)
+def test_a_centre_that_moves_makes_no_torque(opencl, run, case, until):
+    """Tuning seeds: beside a stuck bridge an object comes or goes, and the centre with it."""
+    seen = Simulator()(case)
+    program = twist.bind(rate=case.settings.rate, **told(case))
+    got = run(opencl, program, seen.strain[:until], ["twist"])
+    assert not seen.truth["twist"].any()
+    assert not got["twist"].any()
+
+
+@pytest.mark.parametrize("seed", [7010, 40541])
+def test_a_pull_that_is_let_go_is_no_twist(opencl, run, seed):
+    """Tuning seeds: few taxels read a falling force as a growing torque, too."""
+    case = slip_case(seed)
+    seen = Simulator()(case)
+    program = twist.bind(rate=case.settings.rate, **told(case))
+    turned = run(opencl, program, seen.strain, ["twist"])["twist"]
+    begins = np.flatnonzero(np.diff(turned, prepend=0.0) > 0)
+    assert (np.abs(seen.truth["torque"][begins]) > 0.0).all()
+    assert len(begins) == seen.truth["twist"].any()
+
+
+def test_a_light_weight_that_stops_is_not_about_to_slip(opencl, run):
+    """A tuning seed: a weight comes within eight frames, and needs a friction of 0.1 only."""
+    case = held_case(42254)
+    seen = Simulator()(case)
+    got = run(
+        opencl, slip.bind(reads="strain", **told(case)), seen.strain[:300], ["incipient_slip"]
+    )
+    assert not got["incipient_slip"].any()
 
 
 def test_a_weight_that_is_shaken_does_not_slip(opencl, run, simulate):
