@@ -202,12 +202,14 @@ class Growth:
             self._changed > STEADY * abs(reading.normal)
         )
         self._jumps = idle & ~self._begins & (clear | moves)
-        self._rests = idle & smooth & ~self._begins & ~self._jumps
+        # as near to its mean as this it had not begun
+        back = known & self._active.value & (self.size < QUIET * sqrt(reading.noise))
+        self._rests = smooth & ((idle & ~self._begins & ~self._jumps) | back)
         held = acts > HELD * reading.normal * reading.arm
         self._holds = known & (self._begins | (self._loaded.value & (held | ~idle)))
         peak = where(self._begins, self.size, maximum(self._peak.value, self.size))
         least = RELEASED * peak - 3.0 * sqrt(reading.noise)
-        goes_on = known & smooth & self._active.value
+        goes_on = known & smooth & self._active.value & ~back
         goes_on = goes_on & (self.size > least) & (self.steady < self.size)
         self.grows = self._begins | goes_on
         self._peak.store(where(self.grows, peak, 0.0))
