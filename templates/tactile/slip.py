@@ -154,7 +154,7 @@ def slip_of(
 
 
 def _soon(force: Side, needed: Field, incipient: float) -> Field:
-    """Return a flag: less than half of the contact radius is believed to stick by the next frame."""
+    """Return a flag: it is believed that soon less than half the contact radius sticks."""
     found = force.growth.found
     soon = found.soon - found.passed
     others = found.growing + found.stopped - soon
