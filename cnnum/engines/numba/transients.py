@@ -28,7 +28,10 @@ _CORES = threading.Lock()
 """Numba's simplest pool of threads, the only one on some systems, serves one caller at a time."""
 
 FRAMES_A_THREAD = 8
-"""Fewest frames that are worth a thread of their own."""
+"""Fewest frames that are worth a thread of their own where they are stepped."""
+
+CELLS_A_THREAD = 512 * 512
+"""Fewest cells that are where the end is known: fewer take less than the threads to start."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +89,7 @@ class TransientRunner:
             with _CORES:
                 run(0, batch, True)
             return
-        threads = min(cores(), -(-batch // FRAMES_A_THREAD))
+        threads = min(cores(), self._worth(batch))
         if threads == 1:
             run(0, batch, False)
             return
@@ -94,6 +97,13 @@ class TransientRunner:
         with ThreadPoolExecutor(threads) as pool:
             for done in [pool.submit(run, start, end, False) for start, end in pairwise(ends)]:
                 done.result()
+
+    def _worth(self, batch: int) -> int:
+        """Return how many threads a batch is worth."""
+        if self.end is None:
+            return -(-batch // FRAMES_A_THREAD)
+        rows, cols = self.layout.shape
+        return max(1, batch * rows * cols // CELLS_A_THREAD)
 
     def _frames(self, given: dict[str, tuple[Reals, ...]], batch: int) -> Batch:
         template = self.operation.template
