@@ -65,7 +65,7 @@ def tolerance(reference):
     return 20 * (ATOL + RTOL * np.abs(reference).max())
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=FIXTURES)
+@settings(max_examples=12, deadline=None, suppress_health_check=FIXTURES)
 @given(case=networks(), precision=st.sampled_from(["float32", "float64"]))
 def test_engines_agree_with_the_reference(engines, reference, case, precision):
     template, maps = case
@@ -76,7 +76,7 @@ def test_engines_agree_with_the_reference(engines, reference, case, precision):
         assert np.abs(got.state - expected.state).max() <= tolerance(expected.state)
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=FIXTURES)
+@settings(max_examples=6, deadline=None, suppress_health_check=FIXTURES)
 @given(case=networks(), method=st.sampled_from(["euler", "heun", "rk4"]))
 def test_fixed_steps_are_the_same_steps(engines, reference, case, method):
     """In float64 the same steps of the same method agree to rounding: 60 steps · 2⁻⁵² · values."""

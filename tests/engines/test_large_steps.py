@@ -23,16 +23,17 @@ OUTPUTS = (("standard", 1), ("standard", 2), ("linear", 1), ("full-range", 1))
 
 
 def runs_of(output, radius, boundary):
-    """Yield precision, shape and steps: all of them in the usual network, whose float64 meets every
-    shape on some boundary; beside it each shape meets every output and every boundary once.
+    """Return precision, shape and steps: in the usual network each shape meets every boundary, in
+    float64 on some of them and in float32 on the others; beside it each shape meets every output
+    and every boundary once.
 
     Each is a kernel of its own to build.
     """
     kind, edge = OUTPUTS.index((output, radius)), BOUNDARIES.index(boundary)
     if kind > 0:
         return [("float32", *SHAPES[::2][(kind + edge) % 3])]
-    others = (SHAPES[edge], SHAPES[(edge + 3) % 5])
-    return [("float32", *run) for run in SHAPES] + [("float64", *run) for run in others]
+    double = (edge, (edge + 3) % 5)
+    return [("float64" if n in double else "float32", *run) for n, run in enumerate(SHAPES)]
 
 
 def random_template(rng, boundary, output, radius, symmetric=False):

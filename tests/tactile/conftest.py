@@ -31,7 +31,7 @@ Run = Callable[..., dict[str, Floats]]
 
 @pytest.fixture(params=ENGINES)
 def engine(request: pytest.FixtureRequest) -> Engine:
-    return ENGINES[request.param]
+    return NUMBA if request.param == "numba" else ENGINES[request.param]
 
 
 @pytest.fixture
