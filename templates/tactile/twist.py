@@ -47,12 +47,12 @@ STEADY = 0.3
 
 MOVES, WIDENS = 0.15, 0.1
 """Pitches that the contact may have moved since the torque began, and share by which it may be
-wider or narrower: a moment about a centre that moves is no torque. In 76 twists it is 0.01 and
+wider or narrower: a moment about a centre that moves is no torque. In 81 twists it is 0.003 and
 0.02 at most (tuning seeds), 0.3 and more where an object comes down beside a stuck bridge."""
 
 LONE = 0.52
 """Least radius of gyration, cells: one taxel alone, which has `SMALLEST`, has no torque. The
-narrowest of 76 contacts has 0.6 (tuning seeds)."""
+narrowest of 81 contacts has 0.6 (tuning seeds)."""
 
 DEPTH = 0.5
 """Pitches from the surface to the taxels, unless told otherwise."""
