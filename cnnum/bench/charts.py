@@ -37,17 +37,22 @@ def _line(axes: Axes, x: Sequence[float], y: Sequence[float], name: str, style: 
 
 
 def bars(rows: Sequence[Row], label: Sequence[str], value: str, title: str) -> Picture:
-    """Return one horizontal bar a row."""
+    """Return one horizontal bar a row; what all rows have in common is told once, above."""
     figure: Picture = Figure(figsize=(8, 1.2 + 0.36 * len(rows)), layout="constrained")
     axes: Axes = figure.add_subplot()
-    names = ["  ".join(str(row[key]) for key in label) for row in rows]
+    common = [key for key in label[1:] if len({str(row[key]) for row in rows}) == 1]
+    own = [key for key in label if key not in common]
+    names = ["  ".join(str(row[key]) for key in own) for row in rows]
     numbers = [_value(row, value) for row in rows]
+    if common:
+        figure.suptitle("\n".join(str(rows[0][key]) for key in common), fontsize=8)
     axes.barh(range(len(rows)), numbers, color="C0")
     axes.set_yticks(range(len(rows)), names, fontsize=8)
     axes.invert_yaxis()
     axes.set_xlabel(title)
     for place, number in enumerate(numbers):
-        axes.text(number, place, f" {number:.3g}", va="center", fontsize=8)
+        text = f" {number:,.0f}" if number >= 1000.0 else f" {number:.3g}"
+        axes.text(number, place, text, va="center", fontsize=8)
     axes.margins(x=0.15)
     return figure
 
@@ -58,8 +63,10 @@ def throughput(rows: Sequence[Row]) -> Picture:
 
 
 def latency(rows: Sequence[Row]) -> Picture:
-    """Return the median latency of each program."""
-    return bars(rows, ["case", "device"], "p50_us", "µs a frame, median")
+    """Return the median latency of each program; some take a hundred times as long as others."""
+    figure = bars(rows, ["case", "device"], "p50_us", "µs a frame, median")
+    figure.axes[0].set_xscale("log")
+    return figure
 
 
 def scenes(rows: Sequence[Row]) -> Picture:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
+from cnnum.bench.charts import CHARTS
 from cnnum.bench.work_precision_chart import work_precision
 from cnnum.program_library import program_names
 
@@ -79,3 +80,20 @@ def test_programs_at_the_same_place_are_both_seen():
     looks = {(line.get_marker(), line.get_color()) for line in lines}
     assert len(lines) == len(looks) == len(program_names("tactile"))
     assert {line.get_markerfacecolor() for line in lines} == {"none"}
+
+
+@pytest.mark.parametrize("name", ["latency", "scenes", "throughput", "compile"])
+def test_the_name_of_a_device_leaves_room_for_the_bars(name):
+    """The longest that PoCL gives; it is the same in every row."""
+    device = f"pthread-skylake-avx512-{'Xeon Processor ' * 3} (Portable Computing Language, 3.1)"
+    rows = [
+        {
+            "case": case, "device": device, "p50_us": cost, "share_of_peak": cost, "cold_s": cost,
+        }
+        for case, cost in (("halfspace_equilibrium", 2000.0), ("contact", 20.0))
+    ]  # fmt: skip
+    figure = CHARTS[name](rows)
+    FigureCanvasAgg(figure).draw()
+    (axes,) = figure.axes
+    assert axes.get_position().width > 0.5
+    assert device in figure.get_suptitle()
