@@ -25,7 +25,8 @@ from cnnum.engines.opencl.strip_kernel import (
     strip_kernel,
 )
 from cnnum.engines.opencl.strip_layout import RowLayout
-from cnnum.engines.opencl.strip_pair import pair_cases
+from cnnum.engines.opencl.strip_pair import LENGTH, MOVED, TIME, pair_cases
+from cnnum.engines.opencl.strip_rims import OUTPUTS, by_turns
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.chebyshev import MAX_STAGES
@@ -84,14 +85,14 @@ def pair_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
         Trial(
             arrays=("strip_x", "strip_xs", *(f"strip_k{n}" for n in range(stages))),
             rates="strip_k0",
-            control=2,
+            control=3,
             cases=lambda rows, most, block: pair_cases(rows, scheme, most, block),
             case=f"number % {stages}",
-            end="(x[{strip_control} + 1] != 0 ? {strip_xs} : 0)",
+            end=f"(x[{{strip_control}} + {MOVED}] != 0 ? {{strip_xs}} : 0)",
             levels=stages,
-            begin=["strip_control[1] = ZERO;"],
-            tell=["strip_control[0] = h;"],
-            advance=["strip_control[1] = accept;"],
+            begin=[f"strip_control[{MOVED}] = ZERO;"],
+            tell=[f"strip_control[{LENGTH}] = h;", f"strip_control[{TIME}] = time;"],
+            advance=[f"strip_control[{MOVED}] = accept;"],
         ),
     )
 
@@ -158,7 +159,7 @@ def _attempt(text: TransientText, trial: Trial) -> Attempt:
     layout = row_layout(text)
     apart = declare(text, layout, trial.arrays)
     scales = tuple(1.0 / float(tau) for tau in text.template.tau)
-    size = levels_of(text, layout, len(trial.arrays))
+    size = levels_of(text, layout, apart)
     each = size[1] * layout.width
     span = layout.vectors * layout.width
     lengths = {"control": trial.control, "maxima": len(FIGURES) * each, "cells": span}
@@ -176,16 +177,18 @@ def _attempt(text: TransientText, trial: Trial) -> Attempt:
     rows = Rows(text, layout, scales, apart)
     k0 = f"to_lanes(x + p + {apart[trial.rates]}, mine + {text.arena.places['k0']} + cell, 1);"
     own = StripText(
+        apart,
         scales,
         trial.case.format(**places),
         lambda block: trial.cases(rows, size[1], block),
         clear=clear,
         rest=[k0, *rows.set_held()],
         begin=_forget(places["strip_maxima"], size[1], layout),
+        outputs=by_turns(apart, OUTPUTS),
         end=trial.end.format(**places),
         count=trial.count.format(**places),
     )
-    strips = strip_kernel(text, own, layout, trial.arrays[0], size, trial.levels)
+    strips = strip_kernel(text, own, layout, size, trial.levels)
     name = strips.kernel
     text.tables.strips |= {
         f"{name}_begin": replace(strips, count=0, ends=False),

@@ -9,6 +9,7 @@ an array that the plan's body sets.
 
 from dataclasses import replace
 
+from cnnum.engines.opencl.strip_couplings import coupled
 from cnnum.engines.opencl.strip_figures import figures, judged
 from cnnum.engines.opencl.strip_rows import At, Rows
 from cnnum.integrators.chebyshev import MAX_STAGES
@@ -47,13 +48,13 @@ def chebyshev_cases(rows: Rows, most: int, block: int) -> list[str]:
         "const vec weight = (vec)(h * row[2]), start_weight = (vec)(h * row[3]);",
     ]
     begins = [line for at in every for line in _begin(rows, at)]
-    coupled = rows.coupled(every, own, "now")
+    sums = coupled(rows, every, own, "now")
     each = [line for at in every for line in _next(rows, at)]
     judges = [line for at in every for line in _judge(rows, at)]
     return [
         *rows.case(0, begins, [*head, "const vec begin = (vec)(h * row[2]);"]),
-        *rows.case(1, [*coupled, *each], [*head, *stage]),
-        *rows.case(2, judged(rows, most, [*coupled, *judges]), head),
+        *rows.case(1, [*sums, *each], [*head, *stage]),
+        *rows.case(2, judged(rows, most, [*sums, *judges]), head),
     ]
 
 

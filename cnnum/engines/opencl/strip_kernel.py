@@ -1,14 +1,13 @@
 """The kernel that takes a large array's steps: strips of rows, several stages a launch."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-
-import numpy as np
 
 from cnnum.engines.opencl.drive import constant_drive
 from cnnum.engines.opencl.parts import Strips
 from cnnum.engines.opencl.strip_layout import RowLayout
+from cnnum.engines.opencl.strip_rims import OUTPUTS, first_states, padded_arrays, reads, rim_texts
 from cnnum.engines.opencl.strip_rows import HELD
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
@@ -36,8 +35,11 @@ SHOWN = {
 }
 """Outputs of a vector of states `x`, by name; `one` is 1 in every lane."""
 
+DRIVE = "strip_w"
+"""The array of what drives the cells."""
+
 _OWN = re.compile(
-    r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|turned|part_of|to_lanes|from_lanes|fill_lanes|copy_lanes|show_row|upper|lower|inwards|magnitude|greatest|one_row|more_rows|level|strip)\b"
+    r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|turned|part_of|spread|to_lanes|padded_to_lanes|from_lanes|fill_lanes|copy_lanes|show_row|upper|lower|sides_of_states|all_sides_of_states|upper_of_states|lower_of_states|outputs_of|states_of|rims_above|rims_below|inwards|between|magnitude|greatest|one_row|more_rows|take_level|strip)\b"
 )
 """Names that the kernel has to itself: a plan may have several."""
 
@@ -48,6 +50,8 @@ class StripText:
 
     Attributes
     ----------
+    apart : mapping of str to int
+        How far every array is from the first, which holds the states.
     scales : tuple of float
         What the drive of each layer comes with.
     case : str
@@ -60,66 +64,77 @@ class StripText:
         What is set in a row with its states.
     begin : list of str
         What a strip does before it takes levels.
+    outputs : str
+        The expression of the outputs after `level` levels.
     again : list of str
         What takes a row back to where levels began, if anything ever does.
     end : str
         Where the states are in the end, from where they were.
     count : str
         Levels that a frame takes of at most `most` after those that are `done`.
+    ahead : str
+        The expression of the levels before those that a launch counts.
+    driven : str
+        That of what drives the cells at the level `number`.
     """
 
+    apart: Mapping[str, int]
     scales: tuple[float, ...]
     case: str
     cases: Callable[[int], list[str]]
     clear: list[str]
     rest: list[str]
     begin: list[str]
+    outputs: str
     again: tuple[str, ...] = ()
     end: str = "0"
     count: str = "most"
+    ahead: str = "0"
+    driven: str = "w"
 
 
 def row_layout(text: TransientText) -> RowLayout:
     """Return how rows lie."""
-    boundary, lanes = text.template.boundary, text.tables.width
-    constant = _constant(text)
-    return RowLayout(text.shape[1], text.radius, lanes, boundary, constant, text.layers)
+    return RowLayout(
+        text.shape[1], text.radius, text.tables.width, text.template.boundary, text.layers
+    )
 
 
 def declare(text: TransientText, layout: RowLayout, names: tuple[str, ...]) -> dict[str, int]:
     """Append arrays that hold all rows, and return how far each is from the first."""
-    size = (text.shape[0] + 2 * text.radius) * layout.pitch
+    size = size_of(text, layout)
     if text.operands.mask is not None:
         text.array("held", text.cells)
         text.over_cells([f"held[i] = PICK({text.operands.mask} != ZERO, ONE, ZERO);"])
         names = (*names, HELD)
-    for name in (*names, "strip_w", "strip_even", "strip_odd"):
+    names = (*names, *padded_arrays(text), DRIVE, *OUTPUTS)
+    for name in names:
         text.array(name, size)
     return {name: text.arena.places[name] - text.arena.places[names[0]] for name in names}
 
 
-def levels_of(text: TransientText, layout: RowLayout, arrays: int) -> tuple[int, int]:
-    """Return the stages a launch, and the strips that are then high enough, of so many arrays."""
+def size_of(text: TransientText, layout: RowLayout) -> int:
+    """Return the numbers of an array that holds all rows."""
+    return (text.shape[0] + 2 * text.radius) * layout.pitch
+
+
+def levels_of(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) -> tuple[int, int]:
+    """Return the stages a launch, and the strips that are then high enough, of these arrays."""
     rows, radius = text.shape[0], text.radius
     # strips must not vanish before the last of the levels
     high = rows // (2 * radius * SHARES) - 1
-    masks = int(text.operands.mask is not None)
-    row = (arrays + masks + 3) * layout.pitch * text.tables.dtype.itemsize
+    row = len(apart) * layout.pitch * text.tables.dtype.itemsize
     near = text.tables.near_bytes // (BLOCK_ROWS * row)
     levels = max(1, min(LEVELS, max(LEAST_LEVELS, near), high))
     return levels, max(1, rows // (2 * (levels + 1) * radius))
 
 
 def strip_kernel(
-    text: TransientText,
-    own: StripText,
-    layout: RowLayout,
-    first: str,
-    size: tuple[int, int],
-    count: int,
+    text: TransientText, own: StripText, layout: RowLayout, size: tuple[int, int], count: int
 ) -> Strips:
-    """Return the kernel that takes `count` levels of states in the array `first`."""
+    """Return the kernel that takes `count` levels."""
     (rows, cols), radius, places = text.shape, text.radius, text.arena.places
+    first, *_ = own.apart
     periodic = text.template.boundary.pad_mode == "wrap"
     name = f"advance_{len(text.tables.strips)}"
     names: dict[str, object] = {
@@ -140,66 +155,45 @@ def strip_kernel(
         "levels": size[0],
         "case": own.case,
         "count": own.count,
+        "ahead": own.ahead,
         "lag": -(-2 * radius // BLOCK_ROWS),
         "periodic": int(periodic),
         "x": places[first],
-        "w": places["strip_w"],
-        "even": places["strip_even"],
-        "odd": places["strip_odd"],
+        "w": places[DRIVE],
+        "outputs_of": own.outputs,
         "state": places["x"],
         "shown": SHOWN[text.template.output.name],
         "drive": _drive(text, own.scales),
         "clear": indented(own.clear, 3),
-        "rest": indented(own.rest, 5).lstrip(),
+        "rest": indented([*own.rest, *first_states(text)], 5).lstrip(),
         "again": indented(list(own.again), 5).lstrip(),
         "begin": indented(own.begin, 2),
         "end": own.end,
         "turned": indented(layout.turned(), 1),
-        "sides": indented(layout.sides(), 1),
-        "upper": indented(_rows_beyond(text, -1), 1),
-        "lower": indented(_rows_beyond(text, 1), 1),
+        "reads": indented(reads(text, own.driven), 1),
         "one_row": indented(own.cases(1), 1),
         "more_rows": indented(own.cases(BLOCK_ROWS), 1),
+        **rim_texts(text, layout, own.apart),
     }
     source = _OWN.sub(rf"\1_{name}", fill("strips", **names))
     return Strips(name, source, count, size[0], size[1], not periodic)
 
 
 def _drive(text: TransientText, scales: tuple[float, ...]) -> str:
-    """Return the statement that sets the scaled w of a row of a layer."""
+    """Return the statements that set the scaled w of a row of a layer."""
     constant = constant_drive(text)
     if constant is None:
-        scale = _of_layer([text.number(scale) for scale in scales])
+        scale = of_layer(text, scales)
         return f"to_lanes(w + p, mine + {text.arena.places['w']} + cell, {scale});"
     each = zip(scales, constant, strict=True)
-    return f"fill_lanes(w + p, {_of_layer([text.number(scale * n) for scale, n in each])});"
+    return f"fill_lanes(w + p, {of_layer(text, [scale * n for scale, n in each])});"
 
 
-def _of_layer(numbers: list[str]) -> str:
+def of_layer(text: TransientText, values: Iterable[float]) -> str:
     """Return the expression of the number of the layer at hand."""
+    numbers = [text.number(value) for value in values]
     if len(set(numbers)) == 1:
         return numbers[0]
     *others, last = numbers
     picks = "".join(f"layer == {layer} ? {number} : " for layer, number in enumerate(others))
     return f"({picks}{last})"
-
-
-def _rows_beyond(text: TransientText, side: int) -> list[str]:
-    """Return the text that sets the virtual rows above (-1) or below (1) the array."""
-    rows, mode = text.shape[0], text.template.boundary.pad_mode
-    constant, lines = _constant(text), list[str]()
-    for n in range(text.radius):
-        to, near, far = (-1 - n, n, rows - 1 - n) if side < 0 else (rows + n, rows - 1 - n, n)
-        if constant is None:
-            lines.append(f"copy_row(y, {to}, {far if mode == 'wrap' else near});")
-        else:
-            lines.append(f"fill_row(y, {to}, {constant});")
-    return lines
-
-
-def _constant(text: TransientText) -> str | None:
-    """Return the output of virtual cells of a fixed boundary."""
-    constant = text.template.boundary.constant
-    if constant is None:
-        return None
-    return text.number(float(text.template.output.numpy(np.asarray(constant))))

@@ -31,8 +31,6 @@ class RowLayout:
     lanes : int
         Of the device's vectors.
     boundary : Boundary
-    constant : str or None
-        Literal of the virtual cells' output where the boundary is fixed.
     layers : int
         Rows of each stand side by side.
     """
@@ -41,7 +39,6 @@ class RowLayout:
     radius: int
     lanes: int
     boundary: Boundary
-    constant: str | None
     layers: int
 
     @property
@@ -81,13 +78,19 @@ class RowLayout:
         piece, at = divmod(col, self.vectors)
         return at * self.width + piece
 
-    def sides(self) -> list[str]:
-        """Return the text that sets the virtual cells of the row `y` that begins at `p`."""
+    def sides(self, constant: str | None) -> list[str]:
+        """Return the text that sets the virtual cells of the row `y` that begins at `p`.
+
+        Where the boundary is fixed they are all `constant`.
+        """
         # virtual cells right of the row, where the last piece has room for them
         within = min(self.radius, self.vectors * self.width - self.cols)
-        lines = [f"y[p + {self.place(self.cols + n)}] = {self._right(n)};" for n in range(within)]
+        lines = [
+            f"y[p + {self.place(self.cols + n)}] = {self._right(n, constant)};"
+            for n in range(within)
+        ]
         for n in range(self.radius):
-            lines += self._ends(n)
+            lines += self._ends(n, constant)
         return lines
 
     def turned(self) -> list[str]:
@@ -108,30 +111,30 @@ class RowLayout:
         odd = (size.bit_length() - 1) % 2
         return lines + [f"a[{k}] = b[{k}];" for k in range(size * odd)]
 
-    def _ends(self, n: int) -> list[str]:
+    def _ends(self, n: int, constant: str | None) -> list[str]:
         """Return the text that sets the n-th vectors before and after a row's."""
         last, ahead, behind = self.width - 1, DIGITS[: self.width - 1], DIGITS[1 : self.width]
         before = f"before.s{DIGITS[last]}{ahead}"
         after = f"after.s{behind}{DIGITS[last]}"
         beyond = self.vectors * self.width + n - self.cols
-        virtual = f" after.s{DIGITS[last]} = {self._right(beyond)};"
+        virtual = f" after.s{DIGITS[last]} = {self._right(beyond, constant)};"
         first, final = n * self.width, (self.vectors - 1 - n) * self.width
         return [
             f"{{ vec before = *(__global const vec *)(y + p + {final});",
-            f"before = {before}; before.s0 = {self._left(n)};",
+            f"before = {before}; before.s0 = {self._left(n, constant)};",
             f"*(__global vec *)(y + p - {first + self.width}) = before; }}",
             f"{{ vec after = *(__global const vec *)(y + p + {first});",
             f"after = {after};{virtual if beyond < self.radius else ''}",
             f"*(__global vec *)(y + p + {self.vectors * self.width + first}) = after; }}",
         ]
 
-    def _left(self, n: int) -> str:
+    def _left(self, n: int, constant: str | None) -> str:
         """Return the n-th virtual cell left of the row."""
         # the mirror lies between cells: the n-th cell beyond repeats the n-th within
         wraps = self.boundary.pad_mode == "wrap"
-        return self.constant or f"y[p + {self.place(self.cols - 1 - n if wraps else n)}]"
+        return constant or f"y[p + {self.place(self.cols - 1 - n if wraps else n)}]"
 
-    def _right(self, n: int) -> str:
+    def _right(self, n: int, constant: str | None) -> str:
         """Return the n-th virtual cell right of the row."""
         wraps = self.boundary.pad_mode == "wrap"
-        return self.constant or f"y[p + {self.place(n if wraps else self.cols - 1 - n)}]"
+        return constant or f"y[p + {self.place(n if wraps else self.cols - 1 - n)}]"

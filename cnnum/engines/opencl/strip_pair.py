@@ -4,29 +4,38 @@ The first stage takes over the step before, if it was accepted, and makes the fi
 one finds the worst of the error in a strip, and leaves the step to be judged.
 """
 
+from cnnum.engines.opencl.strip_couplings import coupled
 from cnnum.engines.opencl.strip_figures import figures, judged
+from cnnum.engines.opencl.strip_moments import gains
 from cnnum.engines.opencl.strip_rows import At, Rows
 from cnnum.integrators.schemes import AdaptiveSteps
 from cnnum.integrators.tableau import Pair, Row
+
+LENGTH, MOVED, TIME = range(3)
+"""Places in the array of control: h, whether the step before was accepted, when this one begins."""
 
 
 def pair_cases(rows: Rows, scheme: AdaptiveSteps, most: int, block: int) -> list[str]:
     """Return the text of all stages of so many rows; `most` strips keep what they find."""
     last, lines = scheme.tableau.stages - 1, list[str]()
     every, own = rows.block(block), tuple(-scale for scale in rows.scales)
-    head = [
-        f"const vec h = (vec)(x[{rows.apart['strip_control']}]);",
-        f"const int moved = x[{rows.apart['strip_control']} + 1] != 0;",
-    ]
+    control = rows.apart["strip_control"]
+    length = f"x[{control} + {LENGTH}]"
+    head = [f"const vec h = (vec)({length});"]
+
+    def at_stage(stage: int) -> list[str]:
+        c = rows.text.number(float(sum(scheme.tableau.a[stage])))
+        return [*head, *gains(rows.text, f"x[{control} + {TIME}] + {c} * {length}")]
+
     first = [line for at in every for line in _first(rows, scheme.of(at.layer), at)]
-    lines += rows.case(0, [*head, *first])
+    lines += rows.case(0, first, [*head, f"const int moved = x[{control} + {MOVED}] != 0;"])
     for stage in range(1, last):
-        each = rows.coupled(every, own, "strip_xs")
+        each = coupled(rows, every, own, "strip_xs")
         each += [line for at in every for line in _next(rows, scheme.of(at.layer), stage, at)]
-        lines += rows.case(stage, [head[0], *each])
-    each = rows.coupled(every, own, "strip_xs")
+        lines += rows.case(stage, each, at_stage(stage))
+    each = coupled(rows, every, own, "strip_xs")
     each += [line for at in every for line in _judge(rows, scheme.of(at.layer), at)]
-    return lines + rows.case(last, [head[0], *judged(rows, most, each)])
+    return lines + rows.case(last, judged(rows, most, each), at_stage(last))
 
 
 def _first(rows: Rows, tableau: Pair, at: At) -> list[str]:

@@ -5,16 +5,17 @@ An output that is loaded serves all the cells of the block that it is a neighbou
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 from typing import NamedTuple
 
-from cnnum.engines.opencl.equal_weights import shares_products, weighted_terms
+from cnnum.engines.opencl.rates import pads_states
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.transients import TransientText
-from cnnum.network import Tap, taps
 
 HELD = "strip_held"
 """The array that is 1 where a mask holds a cell, else 0."""
+
+NEW_STATES = "new_states"
+"""The variable that says where states go that couplings read of neighbours."""
 
 
 class At(NamedTuple):
@@ -77,25 +78,6 @@ class Rows:
         """Return the rows of a block in all layers."""
         return [At(layer, row) for layer in range(self.text.layers) for row in range(rows)]
 
-    def coupled(self, block: list[At], own: tuple[float, ...], state: str) -> list[str]:
-        """Return the text of s = w + own · state + A ∗ y in each row of a block.
-
-        Parameters
-        ----------
-        block : list of At
-        own : tuple of float
-            One a layer.
-        state : str
-            The array of states.
-        """
-        lines = [
-            f"vec {at.sum} = {self._at('w', at)} + "
-            f"{self.vector(own[at.layer])} * {self.array(state, at)};"
-            for at in block
-        ]
-        shares = any(shares_products(self._taps(layer)) for layer in range(self.text.layers))
-        return lines + (self._gather(block) if shares else self._scatter(block))
-
     def vector(self, value: float) -> str:
         """Return a number in all lanes."""
         return self.text.number(value).replace("R(", "(vec)(")
@@ -103,7 +85,7 @@ class Rows:
     def array(self, name: str, at: At) -> str:
         """Return the expression of the cells of an array."""
         apart = self.apart[name]
-        return self._at(f"x + {apart}" if apart else "x", at)
+        return self.cells(f"x + {apart}" if apart else "x", at)
 
     def store(self, name: str, at: At, value: str) -> str:
         """Return the statement that keeps the cells of an array."""
@@ -111,10 +93,13 @@ class Rows:
 
     def show(self, at: At, state: str) -> list[str]:
         """Return the statements that keep a new state's outputs, and it within its limits."""
-        place = f"*(__global vec *)(to + {self._place(at)})"
-        if self.text.template.output.limited:
-            return [f"{state} = shown({state}, one);", f"{place} = {state};"]
-        return [f"{place} = shown({state}, one);"]
+        place = f"*(__global vec *)(to + {self.place(at)})"
+        limited = self.text.template.output.limited
+        lines = [f"{state} = shown({state}, one);"] if limited else []
+        lines.append(f"{place} = {state if limited else f'shown({state}, one)'};")
+        if pads_states(self.text):
+            lines.append(f"*(__global vec *)({NEW_STATES} + {self.place(at)}) = {state};")
+        return lines
 
     @property
     def masked(self) -> bool:
@@ -130,63 +115,10 @@ class Rows:
         """Return the expression of a value where no mask holds the cells, else of another one."""
         return f"{self.array(HELD, at)} < one ? {value} : {held}"
 
-    def _scatter(self, block: list[At]) -> list[str]:
-        """Return the text that adds every output, as it is loaded, to its sums."""
-        found = {
-            (layer, tap.source, tap.row, tap.col): tap.weight
-            for layer in range(self.text.layers)
-            for tap in self._taps(layer)
-        }
-        radius, lines, rows = self.text.radius, list[str](), max(at.row for at in block) + 1
-        around = range(-radius, radius + 1)
-        for row, source, col in product(
-            range(-radius, rows + radius), range(self.text.layers), around
-        ):
-            adds = [
-                f"{at.sum} += {self._weight(at.layer, found[key])} * v;"
-                for at in block
-                if (key := (at.layer, source, row - at.row, col)) in found
-            ]
-            if adds:
-                value = self._output(source, row, col)
-                lines.append(f"{{ const vec v = {value}; {' '.join(adds)} }}")
-        return lines
-
-    def _gather(self, block: list[At]) -> list[str]:
-        """Return the text that loads all outputs, and adds those of equal weights first."""
-        radius = self.text.radius
-
-        def name(source: int, row: int, col: int) -> str:
-            return f"v{source}_{row + radius}_{col + radius}"
-
-        places = {
-            (tap.source, at.row + tap.row, tap.col) for at in block for tap in self._taps(at.layer)
-        }
-        lines = [f"const vec {name(*at)} = {self._output(*at)};" for at in sorted(places)]
-        for at in block:
-
-            def number(weight: float, layer: int = at.layer) -> str:
-                return self._weight(layer, weight)
-
-            def output(tap: Tap, row: int = at.row) -> str:
-                return name(tap.source, row + tap.row, tap.col)
-
-            terms = weighted_terms(self._taps(at.layer), number, output)
-            lines += [f"{at.sum} += {term};" for term in terms]
-        return lines
-
-    def _taps(self, layer: int) -> tuple[Tap, ...]:
-        return taps(self.text.template.A, layer)
-
-    def _output(self, source: int, row: int, col: int) -> str:
-        apart = row * self.layout.pitch + source * self.layout.span + col * self.layout.width
-        return f"*(__global const vec *)(from + {apart} + p)"
-
-    def _weight(self, layer: int, weight: float) -> str:
-        return self.vector(self.scales[layer] * weight)
-
-    def _place(self, at: At) -> str:
+    def place(self, at: At) -> str:
+        """Return the expression of the place of a row's cells in an array."""
         return f"{at.row * self.layout.pitch + at.layer * self.layout.span} + p"
 
-    def _at(self, array: str, at: At) -> str:
-        return f"*(__global const vec *)({array} + {self._place(at)})"
+    def cells(self, array: str, at: At) -> str:
+        """Return the expression of a row's cells, from where the block begins in an array."""
+        return f"*(__global const vec *)({array} + {self.place(at)})"

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from cnnum.engines.opencl.strip_figures import CELLS, mark_cells
 from cnnum.engines.opencl.strip_layout import RowLayout
+from cnnum.engines.opencl.strip_rims import first_states
 from cnnum.engines.opencl.strip_rows import At, Rows
 from cnnum.engines.opencl.text import fill
 from cnnum.engines.opencl.transients import TransientText
@@ -20,7 +21,7 @@ BEFORE = "strip_before"
 
 CHANGES, CONTROL = "strip_changes", "strip_control"
 """By step, strip and lane whether any rate is more than none, 1 or 0; how many levels a frame
-takes, and in how many strips."""
+takes, in how many strips, and how many steps came before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +106,13 @@ class Watch:
     def again(self) -> tuple[str, ...]:
         """Return the text that takes a row back to where a launch began."""
         before = f"x + {self.rows.apart[BEFORE]} + ROW(row) + layer * {self.rows.layout.span}"
-        return (f"copy_lanes(x + p, {before});", f"show_row(outputs[0] + p, {before});")
+        shown = f"show_row(outputs_of(x, ahead) + p, {before});"
+        return (f"copy_lanes(x + p, {before});", shown, *first_states(self.rows.text))
+
+    @property
+    def before(self) -> str:
+        """The expression of the steps before those of a launch."""
+        return f"(int)x[{self.rows.apart[CONTROL]} + 2]"
 
     @property
     def count(self) -> str:
@@ -133,7 +140,6 @@ def watch(
     text: TransientText,
     layout: RowLayout,
     apart: dict[str, int],
-    first: str,
     size: tuple[int, int],
     stages: int,
     scales: tuple[float, ...],
@@ -146,8 +152,6 @@ def watch(
     layout : RowLayout
     apart : dict of str to int
         Of the arrays that are kept; what is declared here is added.
-    first : str
-        The first of these.
     size : (int, int)
         Levels a launch, and strips.
     stages : int
@@ -157,8 +161,8 @@ def watch(
     steps = max(1, size[0] // stages)
     if steps * stages % 2:
         steps += 1 if steps == 1 else -1
-    span = layout.vectors * layout.width
-    lengths = {CONTROL: 2, CHANGES: steps * size[1] * layout.width}
+    span, first = layout.vectors * layout.width, next(iter(apart))
+    lengths = {CONTROL: 3, CHANGES: steps * size[1] * layout.width}
     lengths |= {CELLS: span} if span > layout.cols else {}
     for name, length in lengths.items():
         text.array(name, length)

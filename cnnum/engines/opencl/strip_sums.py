@@ -1,5 +1,7 @@
 """The kernel text of the stages of fixed steps, as `strip_stages` has them."""
 
+from cnnum.engines.opencl.strip_couplings import PART, coupled
+from cnnum.engines.opencl.strip_moments import Moments
 from cnnum.engines.opencl.strip_rows import At, Rows
 from cnnum.engines.opencl.strip_settle import Watch
 from cnnum.engines.opencl.strip_stages import Stage, Stages, Sum
@@ -11,7 +13,11 @@ def array_of(place: int) -> str:
 
 
 def sum_cases(
-    rows: Rows, layers: tuple[Stages, ...], block: int, watch: Watch | None = None
+    rows: Rows,
+    layers: tuple[Stages, ...],
+    block: int,
+    moments: Moments,
+    watch: Watch | None = None,
 ) -> list[str]:
     """Return the text of all stages of so many rows; layers differ in their factors alone.
 
@@ -20,18 +26,26 @@ def sum_cases(
     lines: list[str] = []
     for number, stage in enumerate(layers[0].stages):
         seen = watch if number == 0 else None
-        own = tuple(float(stage.whole and seen is None) - scale for scale in rows.scales)
-        each = rows.coupled(rows.block(block), own, array_of(stage.state))
+        whole = stage.whole and seen is None and not moments.uneven
+        own = tuple(float(whole) - scale for scale in rows.scales)
+        state, between = array_of(stage.state), moments.between(number)
+        each = coupled(rows, rows.block(block), own, state, between=between)
+        share = f"{PART} * " if moments.uneven else ""
         for at in rows.block(block):
-            each += _end(rows, layers[at.layer].stages[number], at, seen)
-        lines += rows.case(number, each, seen.head if seen else [], seen.tail if seen else [])
+            each += _end(rows, layers[at.layer].stages[number], at, seen, whole, share)
+        head = [*moments.head(number), *(seen.head if seen else [])]
+        lines += rows.case(number, each, head, seen.tail if seen else [])
     return lines
 
 
-def _end(rows: Rows, stage: Stage, at: At, seen: Watch | None) -> list[str]:
-    """Return the text that makes the sums of a row, once its d is known."""
+def _end(
+    rows: Rows, stage: Stage, at: At, seen: Watch | None, whole: bool, share: str
+) -> list[str]:
+    """Return the text that makes the sums of a row, once its d is known.
+
+    Where `whole`, its sum is the new state; else d comes with a `share`.
+    """
     limited, known = rows.text.template.output.limited, set[int]()
-    whole = stage.whole and seen is None
     if not whole:
         known |= {place for one in stage.sums for place, _ in one.terms}
         known |= {stage.state} if limited or seen else set[int]()
@@ -44,7 +58,7 @@ def _end(rows: Rows, stage: Stage, at: At, seen: Watch | None) -> list[str]:
     if seen:
         lines += seen.sees(at, f"a{stage.state}")
     for one in stage.sums:
-        value = at.sum if whole else _sum(rows, one, at)
+        value = at.sum if whole else _sum(rows, one, at, share)
         lines.append(f"{'' if one.place in known else 'vec '}a{one.place} = {value};")
         known.add(one.place)
         if one is stage.sums[0]:
@@ -53,9 +67,9 @@ def _end(rows: Rows, stage: Stage, at: At, seen: Watch | None) -> list[str]:
     return ["{", *(f"    {line}" for line in lines), "}"]
 
 
-def _sum(rows: Rows, one: Sum, at: At) -> str:
+def _sum(rows: Rows, one: Sum, at: At, share: str) -> str:
     terms = [(f"a{place}", factor) for place, factor in one.terms]
     return " + ".join(
         name if factor == 1.0 else f"{rows.vector(factor)} * {name}"
-        for name, factor in [*terms, (at.sum, one.factor)]
+        for name, factor in [*terms, (f"{share}{at.sum}", one.factor)]
     )

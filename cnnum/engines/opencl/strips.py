@@ -2,15 +2,19 @@
 
 from dataclasses import replace
 
+from cnnum.engines.opencl.drive import has_history
 from cnnum.engines.opencl.strip_kernel import (
     BLOCK_ROWS,
     SHOWN,
     StripText,
     declare,
     levels_of,
+    of_layer,
     row_layout,
+    size_of,
     strip_kernel,
 )
+from cnnum.engines.opencl.strip_moments import Moments
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.engines.opencl.strip_settle import BEFORE, watch
 from cnnum.engines.opencl.strip_stages import stages_of
@@ -27,8 +31,7 @@ def strips_fit(text: TransientText, scheme: Steps) -> bool:
     template, radius = text.template, text.radius
     known = template.output.name in SHOWN
     return (
-        template.plain
-        and known
+        known
         and 0 < radius <= BLOCK_ROWS
         and min(text.shape) >= 4 * radius
         and not text.arena.private
@@ -40,8 +43,7 @@ def _repeats(scheme: Steps) -> bool:
     """Return whether all steps are alike, and of stages that strips can take."""
     if isinstance(scheme, AdaptiveSteps | ChebyshevSteps):
         return True
-    even = not isinstance(scheme, FixedSteps) or scheme.last == scheme.step
-    return even and scheme.count > 0 and stages_of(scheme, 1.0) is not None
+    return scheme.count > 0 and stages_of(scheme, 1.0) is not None
 
 
 def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> None:
@@ -54,25 +56,37 @@ def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> N
     stages, arrays = len(layers[0].stages), layers[0].arrays
     layout = row_layout(text)
     names = tuple(array_of(n) for n in range(arrays))
-    kept = (*names, BEFORE) if scheme.settle else names
     scales = tuple(one.scale for one in layers)
-    apart = declare(text, layout, kept)
-    size = levels_of(text, layout, len(kept))
-    seen = watch(text, layout, apart, names[0], size, stages, scales) if scheme.settle else None
+    apart = declare(text, layout, (*names, BEFORE) if scheme.settle else names)
+    size = levels_of(text, layout, apart)
+    seen = watch(text, layout, apart, size, stages, scales) if scheme.settle else None
+    moments = Moments(text, scheme, stages, seen.before if seen else "0")
+    outputs = moments.keep_outputs(apart, size_of(text, layout), seen.steps if seen else 0)
+    if has_history(text):
+        each = (text.at(layer) for layer in range(text.layers))
+        text.over_cells([f"later[{at}] += w[{at}];" for at in each])
     rows = Rows(text, layout, scales, apart)
     own = StripText(
+        apart,
         scales,
         f"number % {stages}",
-        lambda block: sum_cases(rows, layers, block, seen),
+        lambda block: sum_cases(rows, layers, block, moments, seen),
         clear=[],
-        rest=["show_row(outputs[0] + p, x + p);", *rows.set_held()],
+        rest=[
+            *moments.later(apart, of_layer(text, scales)),
+            "show_row(outputs_of(x, 0) + p, x + p);",
+            *rows.set_held(),
+        ],
         begin=[],
+        outputs=outputs,
+        ahead=moments.ahead,
+        driven=moments.driven(apart),
     )
     if seen:
         own = replace(own, clear=seen.clear(), begin=seen.begin(), count=seen.count)
         own = replace(own, again=seen.again())
     levels = stages * (seen.steps if seen else scheme.count)
-    strips = strip_kernel(text, own, layout, names[0], size, levels)
+    strips = strip_kernel(text, own, layout, size, levels)
     name = strips.kernel
     if seen is None:
         text.lines.append(f"{name};")

@@ -23,6 +23,12 @@ static inline vec hidden_one(void)
     return (vec)(one);
 }
 
+static inline vec between(const vec a, const vec low, const vec high)
+{
+    const vec most = high < a ? high : a;
+    return most < low ? low : most;
+}
+
 static inline vec magnitude(const vec a) { return a < -a ? -a : a; }
 
 // What is NaN in either stays NaN.
@@ -57,27 +63,40 @@ static inline vec part_of(__global const scalar *const from, const int count)
     return *(const vec *)found;
 }
 
-// A row's cells, times a factor, each piece to its lane; lanes without a cell hold 0.
-static void to_lanes(__global scalar *const to, __global const scalar *const from,
-                     const scalar factor)
+// A row's cells, times a factor, each piece to its lane; lanes without a cell hold 0. Beside them a
+// piece of `length` has the cells that other lanes begin and end with.
+static inline void spread(__global scalar *const to, __global const scalar *const from,
+                          const scalar factor, const int length, const int count)
 {
-    for (int n = 0; n < $length; n += $width) {
-        const int at = min(n, $last);
+    for (int n = 0; n < length; n += $width) {
+        const int at = min(n, max(0, length - $width));
         vec a[$width];
 #pragma unroll
         for (int lane = 0; lane < $width; ++lane) {
             const int start = lane * $length + at;
-            a[lane] = part_of(from + start, $cols - start);
-            SOON(from + start + $cols);
+            a[lane] = part_of(from + start, count - start);
+            SOON(from + start + count);
         }
         turned(a);
 #pragma unroll
         for (int k = 0; k < $width; ++k) {
-            if (at + k < $length) {
+            if (at + k < length) {
                 *(__global vec *)(to + (at + k) * $width) = (vec)(factor) * a[k];
             }
         }
     }
+}
+
+static void to_lanes(__global scalar *const to, __global const scalar *const from,
+                     const scalar factor)
+{
+    spread(to, from, factor, $length, $cols);
+}
+
+// The same of a row with its virtual cells.
+static void padded_to_lanes(__global scalar *const to, __global const scalar *const from)
+{
+    spread(to, from, 1, $length + 2 * $radius, $cols + 2 * $radius);
 }
 
 // The way back.
@@ -131,19 +150,6 @@ static void show_row(__global scalar *const to, __global const scalar *const fro
     }
 }
 
-// Virtual cells on both sides of a row that begins at p.
-static inline void sides(__global scalar *const y, const int p)
-{
-$sides
-}
-
-static inline void all_sides(__global scalar *const y, const int p)
-{
-    for (int layer = 0; layer < $layers; ++layer) {
-        sides(y, p + layer * $span);
-    }
-}
-
 // Virtual rows are copies of rows.
 static void copy_row(__global scalar *const y, const int to, const int from)
 {
@@ -159,14 +165,29 @@ static void fill_row(__global scalar *const y, const int to, const scalar value)
     }
 }
 
-static void upper(__global scalar *const y)
+$rims
+
+// Where outputs are, and states that are padded as they are, after so many levels.
+static inline __global scalar *outputs_of(__global scalar *const x, const int level)
 {
-$upper
+    return $outputs_of;
 }
 
-static void lower(__global scalar *const y)
+static inline __global scalar *states_of(__global scalar *const x, const int level)
 {
-$lower
+    return $states_of;
+}
+
+static void rims_above(__global scalar *const x, __global scalar *const to, const int level)
+{
+    upper(to);
+    $upper_states
+}
+
+static void rims_below(__global scalar *const x, __global scalar *const to, const int level)
+{
+    lower(to);
+    $lower_states
 }
 
 static void one_row(__global scalar *const x, __global const scalar *const w,
@@ -174,10 +195,12 @@ static void one_row(__global scalar *const x, __global const scalar *const w,
                     const int number, const int piece)
 {
     const vec one = hidden_one();
+$reads
     switch ($case) {
 $one_row
     }
     all_sides(to, start);
+    $sides_states
 }
 
 static void more_rows(__global scalar *const x, __global const scalar *const w,
@@ -185,18 +208,20 @@ static void more_rows(__global scalar *const x, __global const scalar *const w,
                       const int start, const int number, const int piece)
 {
     const vec one = hidden_one();
+$reads
     switch ($case) {
 $more_rows
     }
     for (int r = 0; r < $block; ++r) {
         all_sides(to, start + r * $pitch);
+        $sides_states_of_block
     }
 }
 
 // One level of a block of rows of a strip.
-static void level(__global scalar *const x, __global const scalar *const w,
-                  __global const scalar *const from, __global scalar *const to,
-                  const int row, const int end, const int number, const int piece)
+static void take_level(__global scalar *const x, __global const scalar *const w,
+                       __global const scalar *const from, __global scalar *const to,
+                       const int row, const int end, const int number, const int piece)
 {
     if (row + $block <= end) {
         more_rows(x, w, from, to, ROW(row), number, piece);
@@ -213,10 +238,9 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
                   const int done, const int most)
 {
     __global scalar *const x = mine + $x, *const w = mine + $w;
-    __global scalar *const outputs[2] = {mine + $even, mine + $odd};
     const int begin = (int)((long)$rows * piece / pieces);
     const int end = (int)((long)$rows * (piece + 1) / pieces);
-    const int count = $count;
+    const int count = $count, ahead = $ahead;
     if (phase == 0 || phase == 4) {
         if (phase == 0) {
 $clear
@@ -236,14 +260,16 @@ $clear
                     $again
                 }
             }
-            all_sides(outputs[0], ROW(r));
+            all_sides(outputs_of(x, ahead), ROW(r));
+            $sides_states_at_first
         }
         if (!$periodic && begin == 0) {
-            upper(outputs[0]);
+            rims_above(x, outputs_of(x, ahead), 0);
         }
         if (!$periodic && end == $rows) {
-            lower(outputs[0]);
+            rims_below(x, outputs_of(x, ahead), 0);
         }
+$inputs
     } else if (phase == 1) {
 $begin
         const int top = begin == 0 && !$periodic, bottom = end == $rows && !$periodic;
@@ -257,13 +283,14 @@ $begin
                     const int row = low + (wave - (n - 1) * $lag) * $block;
                     if (row < high) {
                         const int before = done + taken + n - 1;
-                        __global scalar *const to = outputs[(before + 1) & 1];
-                        level(x, w, outputs[before & 1], to, row, high, before, piece);
+                        __global const scalar *const from = outputs_of(x, ahead + before);
+                        __global scalar *const to = outputs_of(x, ahead + before + 1);
+                        take_level(x, w, from, to, row, high, before, piece);
                         if (row == 0 && top) {
-                            upper(to);
+                            rims_above(x, to, before + 1);
                         }
                         if (row + $block >= $rows && bottom) {
-                            lower(to);
+                            rims_below(x, to, before + 1);
                         }
                     }
                 }
@@ -271,15 +298,15 @@ $begin
         }
     } else if (phase == 2 && ($periodic || end < $rows)) {
         for (int n = 1; n <= count; ++n) {
-            __global const scalar *const from = outputs[(done + n - 1) & 1];
-            __global scalar *const to = outputs[(done + n) & 1];
+            __global const scalar *const from = outputs_of(x, ahead + done + n - 1);
+            __global scalar *const to = outputs_of(x, ahead + done + n);
             for (int r = end - n * $radius; r < end + n * $radius; ++r) {
                 const int row = r < $rows ? r : r - $rows;
                 one_row(x, w, from, to, ROW(row), done + n - 1, piece);
             }
             if (end == $rows) {
-                upper(to);
-                lower(to);
+                rims_above(x, to, done + n);
+                rims_below(x, to, done + n);
             }
         }
     } else if (phase == 3) {

@@ -1,0 +1,213 @@
+"""The kernel text of what the cells of a strip's rows add up from their neighbours.
+
+An output that is loaded serves all the cells of the block that it is a neighbour of.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from cnnum.couplings import NonlinearCoupling, Quantity
+from cnnum.engines.opencl.equal_weights import shares_products, weighted_terms
+from cnnum.engines.opencl.rates import delays_outputs
+from cnnum.engines.opencl.strip_rows import At, Rows
+from cnnum.network import Tap, taps
+from cnnum.tables import Table
+
+FROM, PAST, NEXT, PART, STATES = "from", "past", "next", "part", "states"
+"""Variables of the kernel: the outputs of the level before; those a delay before it, those of the
+step after them, and how far between both the level is; and the states of the level before."""
+
+
+def inputs_of(source: int) -> str:
+    """Return the name of the array that holds an input."""
+    return f"strip_u{source}"
+
+
+@dataclass(frozen=True, slots=True)
+class Through:
+    """Linear couplings through outputs of one moment.
+
+    Attributes
+    ----------
+    value : callable
+        The expression of the outputs at a place, from the place's.
+    factor : str
+        What their weights come with: nothing, or a vector times.
+    taps : tuple of tuple of Tap
+        Of each layer.
+    """
+
+    value: Callable[[str], str]
+    factor: str
+    taps: tuple[tuple[Tap, ...], ...]
+
+
+def coupled(
+    rows: Rows, block: list[At], own: tuple[float, ...], state: str, *, between: bool = False
+) -> list[str]:
+    """Return the text of s = w + own · state + A ∗ y in each row of a block.
+
+    Parameters
+    ----------
+    rows : Rows
+    block : list of At
+    own : tuple of float
+        One a layer.
+    state : str
+        The array of states.
+    between : bool
+        Whether what is delayed lies between the outputs of two steps.
+    """
+    lines = [
+        f"vec {at.sum} = {rows.cells('driven', at)} + "
+        f"{rows.vector(own[at.layer])} * {rows.array(state, at)};"
+        for at in block
+    ]
+    for through in _throughs(rows, between):
+        shares = any(shares_products(found) for found in through.taps)
+        write = _gather if shares else _scatter
+        lines += rows.braced(write(rows, block, through))
+    for at in block:
+        for coupling in rows.text.template.nonlinear:
+            if not coupling.static and coupling.to == at.layer:
+                lines += _nonlinear(rows, coupling, at)
+    return lines
+
+
+def _throughs(rows: Rows, between: bool) -> list[Through]:
+    """Return the linear couplings: the steady ones, those that vary in time, those that delay."""
+    text = rows.text
+    layers, gains = range(text.layers), text.template.gains
+    varied = {(gain.to, gain.source) for gain in gains}
+    every = tuple(taps(text.template.A, layer) for layer in layers)
+
+    def chosen(to: int, source: int) -> tuple[tuple[Tap, ...], ...]:
+        return tuple(
+            tuple(tap for tap in every[layer] if layer == to and tap.source == source)
+            for layer in layers
+        )
+
+    steady = tuple(
+        tuple(tap for tap in every[layer] if (layer, tap.source) not in varied) for layer in layers
+    )
+    found = [Through(_loaded(FROM), "", steady)]
+    found += [
+        Through(_loaded(FROM), f"(vec)(gain{k}) * ", chosen(gain.to, gain.source))
+        for k, gain in enumerate(gains)
+    ]
+    if text.template.delayed is not None and delays_outputs(text):
+        past = _loaded(PAST)
+        if between:
+            past = _mixed
+        late = tuple(taps(text.template.delayed.A, layer) for layer in layers)
+        found.append(Through(past, "", late))
+    return [through for through in found if any(through.taps)]
+
+
+def _loaded(array: str) -> Callable[[str], str]:
+    return lambda place: f"*(__global const vec *)({array} + {place})"
+
+
+def _mixed(place: str) -> str:
+    past, following = _loaded(PAST)(place), _loaded(NEXT)(place)
+    return f"({past} + {PART} * ({following} - {past}))"
+
+
+def _scatter(rows: Rows, block: list[At], through: Through) -> list[str]:
+    """Return the text that adds every output, as it is loaded, to its sums."""
+    found = {
+        (layer, tap.source, tap.row, tap.col): tap.weight
+        for layer, each in enumerate(through.taps)
+        for tap in each
+    }
+    radius, lines, high = rows.text.radius, list[str](), max(at.row for at in block) + 1
+    around = range(-radius, radius + 1)
+    for row, source, col in product(range(-radius, high + radius), range(rows.text.layers), around):
+        adds = [
+            f"{at.sum} += {_weight(rows, through, at.layer, found[key])} * v;"
+            for at in block
+            if (key := (at.layer, source, row - at.row, col)) in found
+        ]
+        if adds:
+            value = through.value(_place(rows, source, row, col))
+            lines.append(f"{{ const vec v = {value}; {' '.join(adds)} }}")
+    return lines
+
+
+def _gather(rows: Rows, block: list[At], through: Through) -> list[str]:
+    """Return the text that loads all outputs, and adds those of equal weights first."""
+    radius = rows.text.radius
+
+    def name(source: int, row: int, col: int) -> str:
+        return f"v{source}_{row + radius}_{col + radius}"
+
+    places = {
+        (tap.source, at.row + tap.row, tap.col) for at in block for tap in through.taps[at.layer]
+    }
+    lines = [
+        f"const vec {name(*at)} = {through.value(_place(rows, *at))};" for at in sorted(places)
+    ]
+    for at in block:
+
+        def number(weight: float, layer: int = at.layer) -> str:
+            return _weight(rows, through, layer, weight)
+
+        def output(tap: Tap, row: int = at.row) -> str:
+            return name(tap.source, row + tap.row, tap.col)
+
+        terms = weighted_terms(through.taps[at.layer], number, output)
+        lines += [f"{at.sum} += {term};" for term in terms]
+    return lines
+
+
+def _weight(rows: Rows, through: Through, layer: int, weight: float) -> str:
+    return f"{through.factor}{rows.vector(rows.scales[layer] * weight)}"
+
+
+def _place(rows: Rows, source: int, row: int, col: int) -> str:
+    layout = rows.layout
+    return f"{row * layout.pitch + source * layout.span + col * layout.width} + p"
+
+
+def _nonlinear(rows: Rows, coupling: NonlinearCoupling, at: At) -> list[str]:
+    """Return the text that adds a nonlinear coupling's sum to that of a row."""
+    radius, lines = coupling.weights.shape[0] // 2, list[str]()
+    for row, col in np.argwhere(coupling.weights):
+        apart = at.row + int(row) - radius, int(col) - radius
+        argument = _quantity(rows, coupling.neighbour, coupling.source, *apart)
+        if coupling.centre is not None:
+            centre = _quantity(rows, coupling.centre, coupling.centre_source, at.row, 0)
+            pair = (argument, centre) if coupling.reversed_sign else (centre, argument)
+            argument = f"{pair[0]} - {pair[1]}"
+        weight = rows.vector(rows.scales[at.layer] * float(coupling.weights[row, col]))
+        value = f"{weight} * ({_table(rows, coupling.function)})"
+        factor = " * v" if coupling.times_argument else ""
+        lines.append(f"{{ const vec v = {argument}; {at.sum} += {value}{factor}; }}")
+    return lines
+
+
+def _quantity(rows: Rows, name: Quantity, source: int, row: int, col: int) -> str:
+    """Return the expression of a cell's state, output or input."""
+    if name == "u":  # every input is an array of its own
+        array, source = f"x + {rows.apart[inputs_of(source)]}", 0
+    else:
+        array = FROM if name == "y" else STATES
+    return _loaded(array)(_place(rows, source, row, col))
+
+
+def _table(rows: Rows, function: Table) -> str:
+    """Return the expression of a function table of `v`."""
+    points = [(rows.vector(place), rows.vector(level)) for place, level in function.points]
+    value = points[-1][1] if function.interpolation == "constant" else points[0][1]
+    if function.interpolation == "constant":
+        for place, level in reversed(points[:-1]):
+            value = f"(v <= {place} ? {level} : {value})"
+        return value
+    for (v0, f0), (v1, f1) in zip(function.points, function.points[1:], strict=False):
+        if f1 != f0:
+            slope, low, high = (rows.vector(n) for n in ((f1 - f0) / (v1 - v0), v0, v1))
+            value += f" + {slope} * (between(v, {low}, {high}) - {low})"
+    return value
