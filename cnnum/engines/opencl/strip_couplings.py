@@ -26,6 +26,10 @@ def inputs_of(source: int) -> str:
     return f"strip_u{source}"
 
 
+Value = Callable[[int, int, int], str]
+"""The expression of a neighbour's output, by its layer, and by rows and vectors from the block's."""
+
+
 @dataclass(frozen=True, slots=True)
 class Through:
     """Linear couplings through outputs of one moment.
@@ -33,20 +37,91 @@ class Through:
     Attributes
     ----------
     value : callable
-        The expression of the outputs at a place, from the place's.
+        The expression of an output.
     factor : str
         What their weights come with: nothing, or a vector times.
     taps : tuple of tuple of Tap
         Of each layer.
     """
 
-    value: Callable[[str], str]
+    value: Value
     factor: str
     taps: tuple[tuple[Tap, ...], ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Outputs around a vector of a block's cells, made of states, and kept for the next vector.
+
+    Attributes
+    ----------
+    rows : Rows
+    block : int
+        Rows of a block.
+    """
+
+    rows: Rows
+    block: int
+
+    @property
+    def begin(self) -> list[str]:
+        """What stands before the row's first vector."""
+        radius = self._radius
+        return [
+            f"vec {self.value(*at, col)} = {self._made(*at, col, 'start')};"
+            for at in self._rows
+            for col in range(-radius, radius)
+        ]
+
+    @property
+    def load(self) -> list[str]:
+        """What reads the vectors that come next."""
+        radius = self._radius
+        return [
+            f"const vec {self.value(*at, radius)} = {self._made(*at, radius, 'p')};"
+            for at in self._rows
+        ]
+
+    @property
+    def move(self) -> list[str]:
+        """What stands after all that is done with a vector."""
+        radius = self._radius
+        return [
+            f"{self.value(*at, col)} = {self.value(*at, col + 1)};"
+            for at in self._rows
+            for col in range(-radius, radius)
+        ]
+
+    def value(self, source: int, row: int, col: int) -> str:
+        """Return the name of an output."""
+        radius = self._radius
+        return f"y{source}_{row + radius}_{col + radius}"
+
+    @property
+    def _radius(self) -> int:
+        return self.rows.text.radius
+
+    @property
+    def _rows(self) -> list[tuple[int, int]]:
+        """Layers and rows."""
+        radius, layers = self._radius, range(self.rows.text.layers)
+        return [(layer, row) for layer in layers for row in range(-radius, self.block + radius)]
+
+    def _made(self, source: int, row: int, col: int, start: str) -> str:
+        place = _place(self.rows, source, row, col, start)
+        state = f"*(__global const vec *)({FROM} + {place})"
+        output = self.rows.text.template.output
+        return state if output.linear or output.limited else f"shown({state}, one)"
+
+
 def coupled(
-    rows: Rows, block: list[At], own: tuple[float, ...], state: str, *, between: bool = False
+    rows: Rows,
+    block: list[At],
+    own: tuple[float, ...],
+    state: str,
+    *,
+    between: bool = False,
+    kept: Kept | None = None,
 ) -> list[str]:
     """Return the text of s = w + own · state + A ∗ y in each row of a block.
 
@@ -60,13 +135,15 @@ def coupled(
         The array of states.
     between : bool
         Whether what is delayed lies between the outputs of two steps.
+    kept : Kept, optional
+        Outputs, where arrays hold states alone.
     """
+    states = {at: rows.cells(FROM, at) if kept else rows.array(state, at) for at in block}
     lines = [
-        f"vec {at.sum} = {rows.cells('driven', at)} + "
-        f"{rows.vector(own[at.layer])} * {rows.array(state, at)};"
+        f"vec {at.sum} = {rows.cells('driven', at)} + {rows.vector(own[at.layer])} * {states[at]};"
         for at in block
     ]
-    for through in _throughs(rows, between):
+    for through in _throughs(rows, between, kept):
         shares = any(shares_products(found) for found in through.taps)
         write = _gather if shares else _scatter
         lines += rows.braced(write(rows, block, through))
@@ -77,12 +154,13 @@ def coupled(
     return lines
 
 
-def _throughs(rows: Rows, between: bool) -> list[Through]:
+def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
     """Return the linear couplings: the steady ones, those that vary in time, those that delay."""
     text = rows.text
     layers, gains = range(text.layers), text.template.gains
     varied = {(gain.to, gain.source) for gain in gains}
     every = tuple(taps(text.template.A, layer) for layer in layers)
+    now = kept.value if kept else _loaded(rows, FROM)
 
     def chosen(to: int, source: int) -> tuple[tuple[Tap, ...], ...]:
         return tuple(
@@ -93,27 +171,25 @@ def _throughs(rows: Rows, between: bool) -> list[Through]:
     steady = tuple(
         tuple(tap for tap in every[layer] if (layer, tap.source) not in varied) for layer in layers
     )
-    found = [Through(_loaded(FROM), "", steady)]
+    found = [Through(now, "", steady)]
     found += [
-        Through(_loaded(FROM), f"(vec)(gain{k}) * ", chosen(gain.to, gain.source))
+        Through(now, f"(vec)(gain{k}) * ", chosen(gain.to, gain.source))
         for k, gain in enumerate(gains)
     ]
     if text.template.delayed is not None and delays_outputs(text):
-        past = _loaded(PAST)
-        if between:
-            past = _mixed
+        past = _mixed(rows) if between else _loaded(rows, PAST)
         late = tuple(taps(text.template.delayed.A, layer) for layer in layers)
         found.append(Through(past, "", late))
     return [through for through in found if any(through.taps)]
 
 
-def _loaded(array: str) -> Callable[[str], str]:
-    return lambda place: f"*(__global const vec *)({array} + {place})"
+def _loaded(rows: Rows, array: str) -> Value:
+    return lambda *at: f"*(__global const vec *)({array} + {_place(rows, *at)})"
 
 
-def _mixed(place: str) -> str:
-    past, following = _loaded(PAST)(place), _loaded(NEXT)(place)
-    return f"({past} + {PART} * ({following} - {past}))"
+def _mixed(rows: Rows) -> Value:
+    past, following = _loaded(rows, PAST), _loaded(rows, NEXT)
+    return lambda *at: f"({past(*at)} + {PART} * ({following(*at)} - {past(*at)}))"
 
 
 def _scatter(rows: Rows, block: list[At], through: Through) -> list[str]:
@@ -132,7 +208,7 @@ def _scatter(rows: Rows, block: list[At], through: Through) -> list[str]:
             if (key := (at.layer, source, row - at.row, col)) in found
         ]
         if adds:
-            value = through.value(_place(rows, source, row, col))
+            value = through.value(source, row, col)
             lines.append(f"{{ const vec v = {value}; {' '.join(adds)} }}")
     return lines
 
@@ -147,9 +223,7 @@ def _gather(rows: Rows, block: list[At], through: Through) -> list[str]:
     places = {
         (tap.source, at.row + tap.row, tap.col) for at in block for tap in through.taps[at.layer]
     }
-    lines = [
-        f"const vec {name(*at)} = {through.value(_place(rows, *at))};" for at in sorted(places)
-    ]
+    lines = [f"const vec {name(*at)} = {through.value(*at)};" for at in sorted(places)]
     for at in block:
 
         def number(weight: float, layer: int = at.layer) -> str:
@@ -167,9 +241,9 @@ def _weight(rows: Rows, through: Through, layer: int, weight: float) -> str:
     return f"{through.factor}{rows.vector(rows.scales[layer] * weight)}"
 
 
-def _place(rows: Rows, source: int, row: int, col: int) -> str:
+def _place(rows: Rows, source: int, row: int, col: int, start: str = "p") -> str:
     layout = rows.layout
-    return f"{row * layout.pitch + source * layout.span + col * layout.width} + p"
+    return f"{row * layout.pitch + source * layout.span + col * layout.width} + {start}"
 
 
 def _nonlinear(rows: Rows, coupling: NonlinearCoupling, at: At) -> list[str]:
@@ -195,7 +269,7 @@ def _quantity(rows: Rows, name: Quantity, source: int, row: int, col: int) -> st
         array, source = f"x + {rows.apart[inputs_of(source)]}", 0
     else:
         array = FROM if name == "y" else STATES
-    return _loaded(array)(_place(rows, source, row, col))
+    return _loaded(rows, array)(source, row, col)
 
 
 def _table(rows: Rows, function: Table) -> str:

@@ -103,11 +103,12 @@ def row_layout(text: TransientText) -> RowLayout:
 def declare(text: TransientText, layout: RowLayout, names: tuple[str, ...]) -> dict[str, int]:
     """Append arrays that hold all rows, and return how far each is from the first."""
     size = size_of(text, layout)
+    names = names or OUTPUTS
     if text.operands.mask is not None:
         text.array("held", text.cells)
         text.over_cells([f"held[i] = PICK({text.operands.mask} != ZERO, ONE, ZERO);"])
         names = (*names, HELD)
-    names = (*names, *padded_arrays(text), DRIVE, *OUTPUTS)
+    names = tuple(dict.fromkeys((*names, *padded_arrays(text), DRIVE, *OUTPUTS)))
     for name in names:
         text.array(name, size)
     return {name: text.arena.places[name] - text.arena.places[names[0]] for name in names}

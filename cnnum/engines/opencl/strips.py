@@ -18,6 +18,7 @@ from cnnum.engines.opencl.strip_moments import Moments
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.engines.opencl.strip_settle import BEFORE, watch
 from cnnum.engines.opencl.strip_stages import stages_of
+from cnnum.engines.opencl.strip_states import keeps_states, state_steps
 from cnnum.engines.opencl.strip_sums import array_of, sum_cases
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
@@ -57,6 +58,9 @@ def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> N
     layout = row_layout(text)
     names = tuple(array_of(n) for n in range(arrays))
     scales = tuple(one.scale for one in layers)
+    if keeps_states(text, Moments(text, scheme, stages), layers):
+        state_steps(text, scheme, scales)
+        return
     apart = declare(text, layout, (*names, BEFORE) if scheme.settle else names)
     size = levels_of(text, layout, apart)
     seen = watch(text, layout, apart, size, stages, scales) if scheme.settle else None
