@@ -21,9 +21,9 @@ from cnnum.engines.opencl.strip_kernel import (
     StripText,
     declare,
     levels_of,
-    row_layout,
     strip_kernel,
 )
+from cnnum.engines.opencl.strip_lanes import row_layout
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.strip_pair import LENGTH, MOVED, TIME, pair_cases
 from cnnum.engines.opencl.strip_rims import OUTPUTS, by_turns

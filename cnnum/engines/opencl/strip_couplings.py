@@ -27,7 +27,7 @@ def inputs_of(source: int) -> str:
 
 
 Value = Callable[[int, int, int], str]
-"""The expression of a neighbour's output, by its layer, and by rows and vectors from the block's."""
+"""The expression of an output, by its layer, and by rows and vectors from the block's."""
 
 
 @dataclass(frozen=True, slots=True)

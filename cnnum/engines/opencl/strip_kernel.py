@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from cnnum.engines.opencl.drive import constant_drive
 from cnnum.engines.opencl.parts import Strips
+from cnnum.engines.opencl.strip_lanes import BLOCK_ROWS, lane_text, size_of
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.strip_rims import OUTPUTS, first_states, padded_arrays, reads, rim_texts
 from cnnum.engines.opencl.strip_rows import HELD
@@ -22,8 +23,6 @@ LEAST_LEVELS = 8
 SHARES = 8
 """Strips that an array can be parted into, at least."""
 
-BLOCK_ROWS = 4
-
 _CLIPPED = "(x = -one > x ? -one : x, one < x ? one : x)"
 
 SHOWN = {
@@ -39,7 +38,7 @@ DRIVE = "strip_w"
 """The array of what drives the cells."""
 
 _OWN = re.compile(
-    r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|turned|part_of|spread|to_lanes|padded_to_lanes|from_lanes|fill_lanes|copy_lanes|show_row|upper|lower|sides_of_states|all_sides_of_states|upper_of_states|lower_of_states|outputs_of|states_of|rims_above|rims_below|inwards|between|magnitude|greatest|one_row|more_rows|take_level|strip)\b"
+    r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|turned|part_of|keep_cells|spread|to_lanes|padded_to_lanes|from_lanes|fill_lanes|copy_lanes|show_row|upper|lower|sides_of_states|all_sides_of_states|upper_of_states|lower_of_states|outputs_of|states_of|rims_above|rims_below|inwards|between|magnitude|greatest|one_row|more_rows|take_level|strip)\b"
 )
 """Names that the kernel has to itself: a plan may have several."""
 
@@ -93,13 +92,6 @@ class StripText:
     driven: str = "w"
 
 
-def row_layout(text: TransientText) -> RowLayout:
-    """Return how rows lie."""
-    return RowLayout(
-        text.shape[1], text.radius, text.tables.width, text.template.boundary, text.layers
-    )
-
-
 def declare(text: TransientText, layout: RowLayout, names: tuple[str, ...]) -> dict[str, int]:
     """Append arrays that hold all rows, and return how far each is from the first."""
     size = size_of(text, layout)
@@ -112,11 +104,6 @@ def declare(text: TransientText, layout: RowLayout, names: tuple[str, ...]) -> d
     for name in names:
         text.array(name, size)
     return {name: text.arena.places[name] - text.arena.places[names[0]] for name in names}
-
-
-def size_of(text: TransientText, layout: RowLayout) -> int:
-    """Return the numbers of an array that holds all rows."""
-    return (text.shape[0] + 2 * text.radius) * layout.pitch
 
 
 def levels_of(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) -> tuple[int, int]:
@@ -140,8 +127,8 @@ def strip_kernel(
     name = f"advance_{len(text.tables.strips)}"
     names: dict[str, object] = {
         "kernel": name,
+        "lanes": lane_text(text, layout),
         "width": layout.width,
-        "bytes": text.tables.dtype.itemsize,
         "rows": rows,
         "cols": cols,
         "cells": text.cells,
@@ -149,9 +136,7 @@ def strip_kernel(
         "span": layout.span,
         "radius": radius,
         "pitch": layout.pitch,
-        "head": layout.head,
         "length": layout.vectors,
-        "last": max(0, layout.vectors - layout.width),
         "block": BLOCK_ROWS,
         "levels": size[0],
         "case": own.case,
@@ -170,7 +155,6 @@ def strip_kernel(
         "again": indented(list(own.again), 5).lstrip(),
         "begin": indented(own.begin, 2),
         "end": own.end,
-        "turned": indented(layout.turned(), 1),
         "reads": indented(reads(text, own.driven), 1),
         "one_row": indented(own.cases(1), 1),
         "more_rows": indented(own.cases(BLOCK_ROWS), 1),

@@ -7,9 +7,10 @@ import numpy as np
 from cnnum.engines.opencl.drive import has_history
 from cnnum.engines.opencl.rates import pads_states
 from cnnum.engines.opencl.strip_couplings import STATES, inputs_of
+from cnnum.engines.opencl.strip_lanes import rim_text
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.strip_rows import NEW_STATES
-from cnnum.engines.opencl.text import fill, indented
+from cnnum.engines.opencl.text import indented
 from cnnum.engines.opencl.transients import TransientText
 
 OUTPUTS = ("strip_even", "strip_odd")
@@ -64,9 +65,9 @@ def rim_texts(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) 
     """Return the kernel text's names that say what is done about virtual cells."""
     seen, fixed = pads_states(text), text.template.boundary.constant
     shown = None if fixed is None else float(text.template.output.numpy(np.asarray(fixed)))
-    rims = _rims(text, layout, "", shown)
+    rims = rim_text(text, layout, "", shown)
     if seen:
-        rims += _rims(text, layout, _SUFFIX, fixed)
+        rims += rim_text(text, layout, _SUFFIX, fixed)
 
     def of_states(line: str) -> str:
         return line if seen else ""
@@ -82,32 +83,6 @@ def rim_texts(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) 
         "lower_states": of_states(f"lower{_SUFFIX}(states_of(x, level));"),
         "inputs": indented(_inputs(text, layout, apart), 2),
     }
-
-
-def _rims(text: TransientText, layout: RowLayout, suffix: str, fixed: float | None) -> str:
-    constant = None if fixed is None else text.number(fixed)
-    return fill(
-        "strip_rims",
-        suffix=suffix,
-        layers=layout.layers,
-        span=layout.span,
-        sides=indented(layout.sides(constant), 1),
-        upper=indented(_rows_beyond(text, -1, constant), 1),
-        lower=indented(_rows_beyond(text, 1, constant), 1),
-    )
-
-
-def _rows_beyond(text: TransientText, side: int, constant: str | None) -> list[str]:
-    """Return the text that sets the virtual rows above (-1) or below (1) the array."""
-    rows, mode = text.shape[0], text.template.boundary.pad_mode
-    lines = list[str]()
-    for n in range(text.radius):
-        to, near, far = (-1 - n, n, rows - 1 - n) if side < 0 else (rows + n, rows - 1 - n, n)
-        if constant is None:
-            lines.append(f"copy_row(y, {to}, {far if mode == 'wrap' else near});")
-        else:
-            lines.append(f"fill_row(y, {to}, {constant});")
-    return lines
 
 
 def _inputs(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) -> list[str]:

@@ -10,9 +10,9 @@ from cnnum.engines.opencl.strip_kernel import (
     StripText,
     declare,
     levels_of,
-    row_layout,
     strip_kernel,
 )
+from cnnum.engines.opencl.strip_lanes import row_layout
 from cnnum.engines.opencl.strip_moments import Moments
 from cnnum.engines.opencl.strip_rims import OUTPUTS, by_turns
 from cnnum.engines.opencl.strip_rows import At, Rows

@@ -4,16 +4,14 @@ from dataclasses import replace
 
 from cnnum.engines.opencl.drive import has_history
 from cnnum.engines.opencl.strip_kernel import (
-    BLOCK_ROWS,
     SHOWN,
     StripText,
     declare,
     levels_of,
     of_layer,
-    row_layout,
-    size_of,
     strip_kernel,
 )
+from cnnum.engines.opencl.strip_lanes import lanes_fit, row_layout, size_of
 from cnnum.engines.opencl.strip_moments import Moments
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.engines.opencl.strip_settle import BEFORE, watch
@@ -29,15 +27,7 @@ Steps = FixedSteps | ExponentialSteps | AdaptiveSteps | ChebyshevSteps
 
 def strips_fit(text: TransientText, scheme: Steps) -> bool:
     """Return whether steps of a scheme can be taken strip by strip."""
-    template, radius = text.template, text.radius
-    known = template.output.name in SHOWN
-    return (
-        known
-        and 0 < radius <= BLOCK_ROWS
-        and min(text.shape) >= 4 * radius
-        and not text.arena.private
-        and _repeats(scheme)
-    )
+    return lanes_fit(text) and text.template.output.name in SHOWN and _repeats(scheme)
 
 
 def _repeats(scheme: Steps) -> bool:

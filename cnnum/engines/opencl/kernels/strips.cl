@@ -2,9 +2,7 @@
 // before at a distance of a few rows, so that what it reads is still in the cache. Strips narrow by
 // a rim from level to level; then what is missing between them is made up for. Of the two arrays of
 // outputs, a level reads one and writes the other. The rows of all layers stand side by side.
-typedef scalar vec __attribute__((ext_vector_type($width), aligned($bytes)));
-#define ROW(row) (((row) + $radius) * $pitch + $head)
-
+$lanes
 static inline vec shown(vec x, const vec one) { return $shown; }
 
 // What a state may move that stops at -1 and 1. What is NaN stays NaN.
@@ -23,145 +21,16 @@ static inline vec hidden_one(void)
     return (vec)(one);
 }
 
-static inline vec between(const vec a, const vec low, const vec high)
-{
-    const vec most = high < a ? high : a;
-    return most < low ? low : most;
-}
-
 static inline vec magnitude(const vec a) { return a < -a ? -a : a; }
 
 // What is NaN in either stays NaN.
 static inline vec greatest(const vec a, const vec b) { return (a < b) | (b != b) ? b : a; }
-
-// Asks for what is read soon: pieces that are read by turns are no order that processors foresee.
-#ifndef SOON
-#if defined(__has_builtin) && __has_builtin(__builtin_prefetch)
-#define SOON(place) __builtin_prefetch((const void *)(uintptr_t)(place))
-#else
-#define SOON(place)
-#endif
-#endif
-
-// A square of as many vectors as they have lanes: what were lanes become vectors.
-static inline void turned(vec *const a)
-{
-    vec b[$width];
-$turned
-}
-
-// Numbers of a row, of which there may be fewer than a vector has.
-static inline vec part_of(__global const scalar *const from, const int count)
-{
-    if (count >= $width) {
-        return *(__global const vec *)from;
-    }
-    scalar found[$width];
-    for (int n = 0; n < $width; ++n) {
-        found[n] = n < count ? from[n] : 0;
-    }
-    return *(const vec *)found;
-}
-
-// A row's cells, times a factor, each piece to its lane; lanes without a cell hold 0. Beside them a
-// piece of `length` has the cells that other lanes begin and end with.
-static inline void spread(__global scalar *const to, __global const scalar *const from,
-                          const scalar factor, const int length, const int count)
-{
-    for (int n = 0; n < length; n += $width) {
-        const int at = min(n, max(0, length - $width));
-        vec a[$width];
-#pragma unroll
-        for (int lane = 0; lane < $width; ++lane) {
-            const int start = lane * $length + at;
-            a[lane] = part_of(from + start, count - start);
-            SOON(from + start + count);
-        }
-        turned(a);
-#pragma unroll
-        for (int k = 0; k < $width; ++k) {
-            if (at + k < length) {
-                *(__global vec *)(to + (at + k) * $width) = (vec)(factor) * a[k];
-            }
-        }
-    }
-}
-
-static void to_lanes(__global scalar *const to, __global const scalar *const from,
-                     const scalar factor)
-{
-    spread(to, from, factor, $length, $cols);
-}
-
-// The same of a row with its virtual cells.
-static void padded_to_lanes(__global scalar *const to, __global const scalar *const from)
-{
-    spread(to, from, 1, $length + 2 * $radius, $cols + 2 * $radius);
-}
-
-// The way back.
-static void from_lanes(__global scalar *const to, __global const scalar *const from)
-{
-    for (int n = 0; n < $length; n += $width) {
-        const int at = min(n, $last);
-        vec a[$width];
-#pragma unroll
-        for (int k = 0; k < $width; ++k) {
-            a[k] = *(__global const vec *)(from + min(at + k, $length - 1) * $width);
-        }
-        turned(a);
-#pragma unroll
-        for (int lane = 0; lane < $width; ++lane) {
-            const int start = lane * $length + at;
-            const int count = min($length - at, $cols - start);
-            SOON(to + start + $cols);
-            if (count >= $width) {
-                *(__global vec *)(to + start) = a[lane];
-            } else {
-                scalar kept[$width];
-                *(vec *)kept = a[lane];
-                for (int k = 0; k < count; ++k) {
-                    to[start + k] = kept[k];
-                }
-            }
-        }
-    }
-}
-
-static void fill_lanes(__global scalar *const to, const scalar value)
-{
-    for (int n = 0; n < $length; ++n) {
-        *(__global vec *)(to + n * $width) = (vec)(value);
-    }
-}
-
-static void copy_lanes(__global scalar *const to, __global const scalar *const from)
-{
-    for (int n = 0; n < $length; ++n) {
-        *(__global vec *)(to + n * $width) = *(__global const vec *)(from + n * $width);
-    }
-}
 
 static void show_row(__global scalar *const to, __global const scalar *const from)
 {
     const vec one = hidden_one();
     for (int n = 0; n < $length; ++n) {
         *(__global vec *)(to + n * $width) = shown(*(__global const vec *)(from + n * $width), one);
-    }
-}
-
-// Virtual rows are copies of rows.
-static void copy_row(__global scalar *const y, const int to, const int from)
-{
-    for (int c = -$head; c < $pitch - $head; ++c) {
-        y[ROW(to) + c] = y[ROW(from) + c];
-    }
-}
-
-static void fill_row(__global scalar *const y, const int to, const scalar value)
-{
-    for (int c = -$head; c < $pitch - $head; ++c) {
-        y[ROW(to) + c] = value;
     }
 }
 

@@ -1,0 +1,139 @@
+// Rows of cells in lanes: a row is cut into as many pieces as a vector has lanes, and each lane takes
+// a piece, so that vectors hold neighbours of a vector's cells, too.
+typedef scalar vec __attribute__((ext_vector_type($width), aligned($bytes)));
+#define ROW(row) (((row) + $radius) * $pitch + $head)
+
+static inline vec between(const vec a, const vec low, const vec high)
+{
+    const vec most = high < a ? high : a;
+    return most < low ? low : most;
+}
+
+// Asks for what is read soon: pieces that are read by turns are no order that processors foresee.
+#ifndef SOON
+#if defined(__has_builtin) && __has_builtin(__builtin_prefetch)
+#define SOON(place) __builtin_prefetch((const void *)(uintptr_t)(place))
+#else
+#define SOON(place)
+#endif
+#endif
+
+// A square of as many vectors as they have lanes: what were lanes become vectors.
+static inline void turned(vec *const a)
+{
+    vec b[$width];
+$turned
+}
+
+// Numbers of a row, of which there may be fewer than a vector has.
+static inline vec part_of(__global const scalar *const from, const int count)
+{
+    if (count >= $width) {
+        return *(__global const vec *)from;
+    }
+    scalar found[$width];
+    for (int n = 0; n < $width; ++n) {
+        found[n] = n < count ? from[n] : 0;
+    }
+    return *(const vec *)found;
+}
+
+// Keeps a square of vectors, from the row's vector `at` on, as pieces of its cells.
+static inline void keep_cells(__global scalar *const to, vec *const a, const int at)
+{
+    turned(a);
+#pragma unroll
+    for (int lane = 0; lane < $width; ++lane) {
+        const int start = lane * $length + at;
+        const int count = min($length - at, $cols - start);
+        SOON(to + start + $cols);
+        if (count >= $width) {
+            *(__global vec *)(to + start) = a[lane];
+        } else {
+            scalar kept[$width];
+            *(vec *)kept = a[lane];
+            for (int k = 0; k < count; ++k) {
+                to[start + k] = kept[k];
+            }
+        }
+    }
+}
+
+// A row's cells, times a factor, each piece to its lane; lanes without a cell hold 0. Pieces longer
+// than those of a row have the cells, too, that the lanes beside them begin and end with.
+static inline void spread(__global scalar *const to, __global const scalar *const from,
+                          const scalar factor, const int length, const int count)
+{
+    for (int n = 0; n < length; n += $width) {
+        const int at = min(n, max(0, length - $width));
+        vec a[$width];
+#pragma unroll
+        for (int lane = 0; lane < $width; ++lane) {
+            const int start = lane * $length + at;
+            a[lane] = part_of(from + start, count - start);
+            SOON(from + start + count);
+        }
+        turned(a);
+#pragma unroll
+        for (int k = 0; k < $width; ++k) {
+            if (at + k < length) {
+                *(__global vec *)(to + (at + k) * $width) = (vec)(factor) * a[k];
+            }
+        }
+    }
+}
+
+static void to_lanes(__global scalar *const to, __global const scalar *const from,
+                     const scalar factor)
+{
+    spread(to, from, factor, $length, $cols);
+}
+
+// The same of a row with its virtual cells.
+static void padded_to_lanes(__global scalar *const to, __global const scalar *const from)
+{
+    spread(to, from, 1, $length + 2 * $radius, $cols + 2 * $radius);
+}
+
+// The way back.
+static void from_lanes(__global scalar *const to, __global const scalar *const from)
+{
+    for (int n = 0; n < $length; n += $width) {
+        const int at = min(n, $last);
+        vec a[$width];
+#pragma unroll
+        for (int k = 0; k < $width; ++k) {
+            a[k] = *(__global const vec *)(from + min(at + k, $length - 1) * $width);
+        }
+        keep_cells(to, a, at);
+    }
+}
+
+static void fill_lanes(__global scalar *const to, const scalar value)
+{
+    for (int n = 0; n < $length; ++n) {
+        *(__global vec *)(to + n * $width) = (vec)(value);
+    }
+}
+
+static void copy_lanes(__global scalar *const to, __global const scalar *const from)
+{
+    for (int n = 0; n < $length; ++n) {
+        *(__global vec *)(to + n * $width) = *(__global const vec *)(from + n * $width);
+    }
+}
+
+// Virtual rows are copies of rows.
+static void copy_row(__global scalar *const y, const int to, const int from)
+{
+    for (int c = -$head; c < $pitch - $head; ++c) {
+        y[ROW(to) + c] = y[ROW(from) + c];
+    }
+}
+
+static void fill_row(__global scalar *const y, const int to, const scalar value)
+{
+    for (int c = -$head; c < $pitch - $head; ++c) {
+        y[ROW(to) + c] = value;
+    }
+}
