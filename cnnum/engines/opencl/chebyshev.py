@@ -3,7 +3,7 @@
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.engines.opencl.rates import Instant, outputs, rates
+from cnnum.engines.opencl.rates import Instant, outputs, rates, rates_once
 from cnnum.engines.opencl.stepping import Attempt, advance, growth_texts
 from cnnum.engines.opencl.strip_attempts import chebyshev_attempts
 from cnnum.engines.opencl.text import fill, indented
@@ -21,7 +21,7 @@ def chebyshev(text: TransientText, scheme: ChebyshevSteps, *, by_strips: bool) -
     table = text.tables.data(_coefficients())
     attempt = chebyshev_attempts(text, table) if by_strips else _sweeps(text, table)
     with text.aside() as first_rates:
-        _rates(text, "x", ["k0[{at}] = rate;"])
+        (rates_once if by_strips else _rates)(text, "x", ["k0[{at}] = rate;"], Instant())
     filled = fill(
         "chebyshev_steps",
         cells=n,
@@ -56,12 +56,12 @@ def _sweeps(text: TransientText, table: int) -> Attempt:
             "old[{at}] = (ONE - back1 - back2) * x[{at}] + back1 * xs[{at}] + back2 * old[{at}]"
             " + h * (weight * rate + start * k0[{at}]);"
         )
-        _rates(text, "xs", [body])
+        _rates(text, "xs", [body], Instant())
         # what was before is not needed any more: the two change places
         text.lines.append(f"for (int i = 0; i < {n}; ++i) {{")
         text.lines += ["    const real new = old[i]; old[i] = xs[i]; xs[i] = new;", "}"]
     with text.aside() as last_rates:
-        _rates(text, "xs", ["k1[{at}] = rate;"])
+        _rates(text, "xs", ["k1[{at}] = rate;"], Instant())
     stages = fill(
         "chebyshev_stages",
         cells=n,
@@ -73,9 +73,9 @@ def _sweeps(text: TransientText, table: int) -> Attempt:
     return Attempt([], stages.splitlines(), _judge(text), advance(text, 1), [])
 
 
-def _rates(text: TransientText, state: str, then: list[str]) -> None:
+def _rates(text: TransientText, state: str, then: list[str], instant: Instant) -> None:
     outputs(text, [f"{state}[{text.at(layer)}]" for layer in range(text.layers)])
-    rates(text, state, then, Instant())
+    rates(text, state, then, instant)
 
 
 def _reach() -> float:

@@ -1,29 +1,13 @@
 """The kernel text of what drives the cells from outside: w = B∗u + z + bias, once a frame."""
 
 from cnnum.engines.opencl.couplings import nonlinear
+from cnnum.engines.opencl.lane_sums import Seen, keep_rows, rows_near, sums_by_lanes, sweep_sums
+from cnnum.engines.opencl.needs import has_history, inputs_read, pads_inputs, reads_inputs
+from cnnum.engines.opencl.strip_couplings import given, inputs_of, static_sums
+from cnnum.engines.opencl.strip_lanes import lanes_fit
+from cnnum.engines.opencl.strip_rows import At
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.network import taps
-
-
-def reads_inputs(text: TransientText) -> bool:
-    """Return whether anything reads the padded inputs."""
-    template = text.template
-    return bool(
-        template.B.any()
-        or (template.delayed is not None and template.delayed.B.any())
-        or any("u" in (c.neighbour, c.centre) for c in template.nonlinear)
-    )
-
-
-def pads_inputs(text: TransientText) -> bool:
-    """Return whether any cell is driven by what its neighbours are given."""
-    template = text.template
-    radius = template.B.shape[-1] // 2
-    beside = template.B.copy()
-    beside[..., radius, radius] = 0.0
-    delays = template.delayed is not None and bool(template.delayed.B.any())
-    couples = any("u" in (c.neighbour, c.centre) for c in template.nonlinear)
-    return bool(beside.any()) or delays or couples
 
 
 def constant_drive(text: TransientText) -> tuple[float, ...] | None:
@@ -46,6 +30,13 @@ def drive(text: TransientText) -> None:
         return
     template = text.template
     text.array("w", text.layers * text.cells)
+    seen = [input_seen(text, n) for n in range(template.inputs)]
+    before = [input_seen(text, n, before=True) for n in range(template.inputs)]
+    both = [*seen, *(before if has_history(text) else [])]
+    if pads_inputs(text) and sums_by_lanes(text, len(both)):
+        _drive_by_lanes(text, both)
+        _keep_inputs(text)
+        return
     if pads_inputs(text):
         text.array("u", template.inputs * text.padded)
         if has_history(text):
@@ -70,6 +61,53 @@ def drive(text: TransientText) -> None:
     text.over_grid(body)
 
 
+def input_seen(text: TransientText, number: int, *, before: bool = False) -> Seen:
+    """Return an input, or what it was before the start, as neighbours see it."""
+    given = text.operands.previous if before else text.operands.inputs
+    name = inputs_before if before else inputs_of
+    value = given[number] if number < len(given) else "ZERO"
+    boundary = text.template.input_boundary
+    return Seen(name(number), [[f"now = {value};"]], boundary, boundary.constant)
+
+
+def inputs_before(number: int) -> str:
+    """Return the name of what an input was before the start, in lanes."""
+    return f"{inputs_of(number)}_before"
+
+
+def _drive_by_lanes(text: TransientText, seen: list[Seen]) -> None:
+    """Append the text that computes w, and what changes after a delay, from inputs in lanes."""
+    template, layers = text.template, range(text.layers)
+    rows = rows_near(text, len(seen), {one.name: place for place, one in enumerate(seen)})
+    each, late = [At(layer, 0) for layer in layers], template.delayed
+    sums = [[*given(rows, at, template.B, inputs_of), *static_sums(rows, at)] for at in each]
+    body = [
+        f"w[{text.at(layer)}] = line{layer}[c] + {text.number(float(template.z[layer]))}"
+        + (f" + {text.operands.biases[layer]};" if text.operands.biases else ";")
+        for layer in layers
+    ]
+    if late is not None:
+        name = inputs_before if has_history(text) else inputs_of
+        for at, lines in zip(each, sums, strict=True):
+            lines += given(rows, at, late.B, name)
+    sweep_sums(text, seen, sums, body)
+    if late is not None and has_history(text):
+        text.array("later", text.layers * text.cells)
+        changes = [
+            [*given(rows, at, late.B, inputs_of), *given(rows, at, -late.B, inputs_before)]
+            for at in each
+        ]
+        then = [f"later[{text.at(layer)}] = line{layer}[c];" for layer in layers]
+        sweep_sums(text, seen, changes, then)
+
+
+def _keep_inputs(text: TransientText) -> None:
+    """Append the text that keeps inputs that the cells go on reading, for steps by strips."""
+    if lanes_fit(text):
+        for number in inputs_read(text):
+            keep_rows(text, input_seen(text, number))
+
+
 def _driven(text: TransientText, layer: int) -> list[str]:
     """Return statements that add B * u of a layer to `sum`."""
     found = taps(text.template.B, layer)
@@ -77,12 +115,6 @@ def _driven(text: TransientText, layer: int) -> list[str]:
         return text.weighted("u", found)
     inputs = text.operands.inputs
     return [f"sum += {text.number(tap.weight)} * {inputs[tap.source]};" for tap in found]
-
-
-def has_history(text: TransientText) -> bool:
-    """Return whether delayed inputs were others before the start."""
-    delayed = text.template.delayed
-    return delayed is not None and bool(delayed.B.any()) and bool(text.operands.previous)
 
 
 def arrive(text: TransientText) -> None:

@@ -7,7 +7,13 @@ from cnnum.engines.opencl.drive import drive
 from cnnum.engines.opencl.exact import exact
 from cnnum.engines.opencl.exponential import exponential
 from cnnum.engines.opencl.fused import fused_euler, fuses
-from cnnum.engines.opencl.rates import Instant, declare_outputs, outputs, rates, watch_change
+from cnnum.engines.opencl.rates import (
+    Instant,
+    declare_outputs,
+    once_by_lanes,
+    rates_once,
+    watch_change,
+)
 from cnnum.engines.opencl.rolled import rolled, rolls
 from cnnum.engines.opencl.separate import separate
 from cnnum.engines.opencl.start import start
@@ -47,15 +53,15 @@ def _run(text: TransientText) -> Figures:
     start(text)
     if isinstance(scheme, FixedSteps | ExponentialSteps) and strips_fit(text, scheme):
         strip_steps(text, scheme)
-        declare_outputs(text)
         known = scheme.error if isinstance(scheme, FixedSteps) else math.inf
         error = text.number(known) if math.isfinite(known) else "-ONE"
         if scheme.settle:
-            time = f"steps * {text.number(scheme.step)}"
+            time = f"fmin(steps * {text.number(scheme.step)}, {text.number(text.solver.duration)})"
             return {"time": time, "steps": "steps", "settled": "settled", "error": error}
         time = text.number(text.solver.duration)
         return {"time": time, "steps": text.number(scheme.count), "error": error}
-    declare_outputs(text)
+    if not (strips_fit(text, scheme) and once_by_lanes(text)):
+        declare_outputs(text)
     if isinstance(scheme, ChebyshevSteps):
         return chebyshev(text, scheme, by_strips=strips_fit(text, scheme))
     if isinstance(scheme, ExponentialSteps):
@@ -73,11 +79,18 @@ def settled_now(text: TransientText) -> None:
     Delayed outputs are taken as those of now, as they are once nothing changes.
     """
     text.lines.append("real change = ZERO;")
-    if isinstance(text.solver.scheme, Decay | Propagator | Spectral | Separate):
+    if not once_by_lanes(text) and not _declares_outputs(text):
         declare_outputs(text)
-    outputs(text, [f"x[{text.at(layer)}]" for layer in range(text.layers)])
     instant = Instant(text.number(text.solver.duration), _outputs_now(text))
-    rates(text, "x", watch_change(text, "x"), instant)
+    rates_once(text, "x", watch_change(text, "x"), instant)
+
+
+def _declares_outputs(text: TransientText) -> bool:
+    """Return whether the steps have declared the arrays of outputs."""
+    scheme = text.solver.scheme
+    if isinstance(scheme, Decay | Propagator | Spectral | Separate):
+        return False
+    return not (isinstance(scheme, FixedSteps | ExponentialSteps) and strips_fit(text, scheme))
 
 
 def _outputs_now(text: TransientText) -> str:

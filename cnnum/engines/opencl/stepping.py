@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.engines.opencl.drive import arrive, has_history
-from cnnum.engines.opencl.rates import Instant, delays_outputs, outputs, rates, watch_change
+from cnnum.engines.opencl.drive import arrive
+from cnnum.engines.opencl.needs import delays_outputs, has_history
+from cnnum.engines.opencl.rates import Instant, outputs, rates, rates_once, watch_change
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import MAX_STEPS, AdaptiveSteps, FixedSteps
@@ -234,7 +235,7 @@ def adaptive(
     text.array("k0", text.layers * text.cells)
     attempt = attempts(text, scheme)
     with text.aside() as first_rates:
-        _stage(text, (tableau,), 0, Instant("time"))
+        rates_once(text, "x", ["k0[{at}] = rate;"], Instant("time"))
     filled = fill(
         "adaptive_steps",
         method=tableau.name,

@@ -9,9 +9,10 @@ from itertools import product
 
 import numpy as np
 
+from cnnum.arrays import Floats
 from cnnum.couplings import NonlinearCoupling, Quantity
 from cnnum.engines.opencl.equal_weights import shares_products, weighted_terms
-from cnnum.engines.opencl.rates import delays_outputs
+from cnnum.engines.opencl.needs import delays_outputs
 from cnnum.engines.opencl.strip_rows import At, Rows
 from cnnum.network import Tap, taps
 from cnnum.tables import Table
@@ -22,8 +23,8 @@ step after them, and how far between both the level is; and the states of the le
 
 
 def inputs_of(source: int) -> str:
-    """Return the name of the array that holds an input."""
-    return f"strip_u{source}"
+    """Return the name of the array that holds an input in lanes."""
+    return f"lane_u{source}"
 
 
 Value = Callable[[int, int, int], str]
@@ -143,15 +144,51 @@ def coupled(
         f"vec {at.sum} = {rows.cells('driven', at)} + {rows.vector(own[at.layer])} * {states[at]};"
         for at in block
     ]
+    return lines + fed_back(rows, block, between=between, kept=kept)
+
+
+def fed_back(
+    rows: Rows, block: list[At], *, between: bool = False, kept: Kept | None = None
+) -> list[str]:
+    """Return the text that adds what cells give each other to the sums of a block."""
+    lines = list[str]()
     for through in _throughs(rows, between, kept):
-        shares = any(shares_products(found) for found in through.taps)
-        write = _gather if shares else _scatter
-        lines += rows.braced(write(rows, block, through))
+        lines += _added(rows, block, through)
     for at in block:
         for coupling in rows.text.template.nonlinear:
             if not coupling.static and coupling.to == at.layer:
                 lines += _nonlinear(rows, coupling, at)
     return lines
+
+
+def given(rows: Rows, at: At, weights: Floats, name: Callable[[int], str]) -> list[str]:
+    """Return the text that adds weighted inputs, those in the arrays of that name, to a row's sum.
+
+    Parameters
+    ----------
+    rows : Rows
+    at : At
+    weights : (layers, inputs, k, k) float
+    name : callable
+        Of an input's array.
+    """
+
+    def value(source: int, row: int, col: int) -> str:
+        return _loaded(rows, f"{rows.base} + {rows.apart[name(source)]}")(0, row, col)
+
+    found = tuple(taps(weights, layer) for layer in range(rows.text.layers))
+    return _added(rows, [at], Through(value, "", found)) if found[at.layer] else []
+
+
+def static_sums(rows: Rows, at: At) -> list[str]:
+    """Return the text that adds nonlinear couplings of inputs alone to a row's sum."""
+    found = (c for c in rows.text.template.nonlinear if c.static and c.to == at.layer)
+    return [line for coupling in found for line in _nonlinear(rows, coupling, at)]
+
+
+def _added(rows: Rows, block: list[At], through: Through) -> list[str]:
+    shares = any(shares_products(found) for found in through.taps)
+    return rows.braced((_gather if shares else _scatter)(rows, block, through))
 
 
 def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
@@ -201,7 +238,9 @@ def _scatter(rows: Rows, block: list[At], through: Through) -> list[str]:
     }
     radius, lines, high = rows.text.radius, list[str](), max(at.row for at in block) + 1
     around = range(-radius, radius + 1)
-    for row, source, col in product(range(-radius, high + radius), range(rows.text.layers), around):
+    for row, source, col in product(
+        range(-radius, high + radius), sorted({key[1] for key in found}), around
+    ):
         adds = [
             f"{at.sum} += {_weight(rows, through, at.layer, found[key])} * v;"
             for at in block
@@ -266,7 +305,7 @@ def _nonlinear(rows: Rows, coupling: NonlinearCoupling, at: At) -> list[str]:
 def _quantity(rows: Rows, name: Quantity, source: int, row: int, col: int) -> str:
     """Return the expression of a cell's state, output or input."""
     if name == "u":  # every input is an array of its own
-        array, source = f"x + {rows.apart[inputs_of(source)]}", 0
+        array, source = f"{rows.base} + {rows.apart[inputs_of(source)]}", 0
     else:
         array = FROM if name == "y" else STATES
     return _loaded(rows, array)(source, row, col)

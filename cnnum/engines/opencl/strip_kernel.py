@@ -1,16 +1,17 @@
 """The kernel that takes a large array's steps: strips of rows, several stages a launch."""
 
-import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.needs import inputs_read
 from cnnum.engines.opencl.parts import Strips
-from cnnum.engines.opencl.strip_lanes import BLOCK_ROWS, lane_text, size_of
+from cnnum.engines.opencl.strip_couplings import inputs_of
+from cnnum.engines.opencl.strip_lanes import BLOCK_ROWS, OWN, lane_text, size_of
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.strip_rims import OUTPUTS, first_states, padded_arrays, reads, rim_texts
 from cnnum.engines.opencl.strip_rows import HELD
-from cnnum.engines.opencl.text import fill, indented
+from cnnum.engines.opencl.text import fill, indented, owned
 from cnnum.engines.opencl.transients import TransientText
 
 LEVELS = 32
@@ -37,9 +38,12 @@ SHOWN = {
 DRIVE = "strip_w"
 """The array of what drives the cells."""
 
-_OWN = re.compile(
-    r"\b(vec|ROW|shown|hidden_one|sides|all_sides|copy_row|fill_row|turned|part_of|keep_cells|spread|to_lanes|padded_to_lanes|from_lanes|fill_lanes|copy_lanes|show_row|upper|lower|sides_of_states|all_sides_of_states|upper_of_states|lower_of_states|outputs_of|states_of|rims_above|rims_below|inwards|between|magnitude|greatest|one_row|more_rows|take_level|strip)\b"
-)
+_OWN = (
+    *OWN,
+    "shown", "hidden_one", "show_row", "inwards", "magnitude", "greatest", "outputs_of",
+    "states_of", "sides_of_states", "all_sides_of_states", "upper_of_states", "lower_of_states",
+    "rims_above", "rims_below", "one_row", "more_rows", "take_level", "strip",
+)  # fmt: skip
 """Names that the kernel has to itself: a plan may have several."""
 
 
@@ -103,7 +107,8 @@ def declare(text: TransientText, layout: RowLayout, names: tuple[str, ...]) -> d
     names = tuple(dict.fromkeys((*names, *padded_arrays(text), DRIVE, *OUTPUTS)))
     for name in names:
         text.array(name, size)
-    return {name: text.arena.places[name] - text.arena.places[names[0]] for name in names}
+    first, given = text.arena.places[names[0]], [inputs_of(n) for n in inputs_read(text)]
+    return {name: text.arena.places[name] - first for name in (*names, *given)}
 
 
 def levels_of(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) -> tuple[int, int]:
@@ -160,7 +165,7 @@ def strip_kernel(
         "more_rows": indented(own.cases(BLOCK_ROWS), 1),
         **rim_texts(text, layout, own.apart),
     }
-    source = _OWN.sub(rf"\1_{name}", fill("strips", **names))
+    source = owned(fill("strips", **names), _OWN, name)
     return Strips(name, source, count, size[0], size[1], not periodic)
 
 

@@ -1,11 +1,19 @@
 """How a transient's rows lie in lanes, and the kernel text that brings them there and back."""
 
+from cnnum.boundary import Boundary
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 
 BLOCK_ROWS = 4
 """Rows that are taken at once; virtual rows are set with the first and the last of them."""
+
+OWN = (
+    "vec", "ROW", "between", "turned", "part_of", "keep_lanes", "keep_cells", "to_lanes",
+    "from_lanes", "fill_lanes", "copy_lanes", "copy_row", "fill_row",
+    "sides", "all_sides", "upper", "lower",
+)  # fmt: skip
+"""Names that the text has to itself: a plan may have several."""
 
 
 def lanes_fit(text: TransientText) -> bool:
@@ -15,11 +23,10 @@ def lanes_fit(text: TransientText) -> bool:
     return enough and not text.arena.private
 
 
-def row_layout(text: TransientText) -> RowLayout:
-    """Return how rows lie."""
-    return RowLayout(
-        text.shape[1], text.radius, text.tables.width, text.template.boundary, text.layers
-    )
+def row_layout(text: TransientText, boundary: Boundary | None = None) -> RowLayout:
+    """Return how rows lie that end at a boundary: that of the states if no other is given."""
+    ends = boundary or text.template.boundary
+    return RowLayout(text.shape[1], text.radius, text.tables.width, ends, text.layers)
 
 
 def size_of(text: TransientText, layout: RowLayout) -> int:

@@ -9,8 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cnnum.engines.opencl.couplings import table
-from cnnum.engines.opencl.drive import has_history
-from cnnum.engines.opencl.rates import delays_outputs
+from cnnum.engines.opencl.needs import delays_outputs, has_history
 from cnnum.engines.opencl.strip_couplings import NEXT, PART, PAST
 from cnnum.engines.opencl.strip_rims import LATER, OUTPUTS, by_turns
 from cnnum.engines.opencl.transients import TransientText

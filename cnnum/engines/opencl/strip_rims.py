@@ -4,13 +4,11 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cnnum.engines.opencl.drive import has_history
-from cnnum.engines.opencl.rates import pads_states
-from cnnum.engines.opencl.strip_couplings import STATES, inputs_of
+from cnnum.engines.opencl.needs import has_history, pads_states
+from cnnum.engines.opencl.strip_couplings import STATES
 from cnnum.engines.opencl.strip_lanes import rim_text
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.strip_rows import NEW_STATES
-from cnnum.engines.opencl.text import indented
 from cnnum.engines.opencl.transients import TransientText
 
 OUTPUTS = ("strip_even", "strip_odd")
@@ -29,14 +27,7 @@ def padded_arrays(text: TransientText) -> tuple[str, ...]:
     """Return the arrays that couplings want beside outputs."""
     seen = SEEN if pads_states(text) else ()
     later = (LATER,) if has_history(text) else ()
-    return (*seen, *later, *(inputs_of(n) for n in _inputs_read(text)))
-
-
-def _inputs_read(text: TransientText) -> list[int]:
-    """Return the inputs that the cells go on reading."""
-    moving = [coupling for coupling in text.template.nonlinear if not coupling.static]
-    found = {coupling.source for coupling in moving if coupling.neighbour == "u"}
-    return sorted(found | {c.centre_source for c in moving if c.centre == "u"})
+    return (*seen, *later)
 
 
 def by_turns(apart: Mapping[str, int], names: tuple[str, str]) -> str:
@@ -81,24 +72,4 @@ def rim_texts(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) 
         "sides_states_at_first": of_states(f"all_sides{_SUFFIX}(states_of(x, 0), ROW(r));"),
         "upper_states": of_states(f"upper{_SUFFIX}(states_of(x, level));"),
         "lower_states": of_states(f"lower{_SUFFIX}(states_of(x, level));"),
-        "inputs": indented(_inputs(text, layout, apart), 2),
     }
-
-
-def _inputs(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) -> list[str]:
-    """Return the text that brings a strip's rows of inputs, and those beyond, to their lanes."""
-    found, radius = _inputs_read(text), text.radius
-    if not found:
-        return []
-    at = f"(r + {radius}) * {text.pitch}"
-    return [
-        f"const int high = begin == 0 ? -{radius} : begin;",
-        f"const int low = end == {text.shape[0]} ? end + {radius} : end;",
-        "for (int r = high; phase == 0 && r < low; ++r) {",
-        *(
-            f"    padded_to_lanes(x + {apart[inputs_of(n)]} + ROW(r) - {layout.head}, "
-            f"mine + {text.arena.places['u'] + n * text.padded} + {at});"
-            for n in found
-        ),
-        "}",
-    ]

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from cnnum.engines.opencl.rates import pads_states
+from cnnum.engines.opencl.needs import pads_states
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.transients import TransientText
 
@@ -43,12 +43,15 @@ class Rows:
     apart : mapping of str to int or str
         Numbers from the array of states to each of the arrays that are kept, or the name of the
         variable that holds them.
+    base : str
+        The variable that holds the first array.
     """
 
     text: TransientText
     layout: RowLayout
     scales: tuple[float, ...]
     apart: Mapping[str, int | str]
+    base: str = "x"
 
     def case(
         self, number: int, lines: list[str], head: Sequence[str] = (), tail: Sequence[str] = ()

@@ -4,7 +4,7 @@ A step then reads and writes half as much. Of the rows of a block a vector's nei
 registers from one vector to the next, so that each state is read, and its output made, once.
 """
 
-from cnnum.engines.opencl.drive import has_history
+from cnnum.engines.opencl.needs import has_history
 from cnnum.engines.opencl.strip_couplings import Kept, coupled
 from cnnum.engines.opencl.strip_kernel import (
     StripText,

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from cnnum.engines.opencl.drive import has_history
+from cnnum.engines.opencl.needs import has_history
 from cnnum.engines.opencl.strip_kernel import (
     SHOWN,
     StripText,

@@ -1,6 +1,7 @@
 """Filling kernel texts: real OpenCL C in `kernels/*.cl` with `$names`, filled strictly."""
 
 import re
+from collections.abc import Iterable
 from functools import cache
 from importlib import resources
 from string import Template as Text
@@ -52,3 +53,8 @@ def rename(expression: str, names: dict[str, str]) -> str:
         lambda word: f"({names[word[0]]})" if word[0] in names else word[0],
         expression,
     )
+
+
+def owned(text: str, names: Iterable[str], suffix: str) -> str:
+    """Return a text in which some names end with a suffix, so that they are its own."""
+    return re.sub(rf"\b({'|'.join(names)})\b", rf"\1_{suffix}", text)

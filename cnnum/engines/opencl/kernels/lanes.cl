@@ -59,40 +59,34 @@ static inline void keep_cells(__global scalar *const to, vec *const a, const int
     }
 }
 
-// A row's cells, times a factor, each piece to its lane; lanes without a cell hold 0. Pieces longer
-// than those of a row have the cells, too, that the lanes beside them begin and end with.
-static inline void spread(__global scalar *const to, __global const scalar *const from,
-                          const scalar factor, const int length, const int count)
+// Keeps a square of pieces of a row, times a factor, as vectors from `at` on.
+static inline void keep_lanes(__global scalar *const to, vec *const a, const int at,
+                              const scalar factor)
 {
-    for (int n = 0; n < length; n += $width) {
-        const int at = min(n, max(0, length - $width));
-        vec a[$width];
+    turned(a);
 #pragma unroll
-        for (int lane = 0; lane < $width; ++lane) {
-            const int start = lane * $length + at;
-            a[lane] = part_of(from + start, count - start);
-            SOON(from + start + count);
-        }
-        turned(a);
-#pragma unroll
-        for (int k = 0; k < $width; ++k) {
-            if (at + k < length) {
-                *(__global vec *)(to + (at + k) * $width) = (vec)(factor) * a[k];
-            }
+    for (int k = 0; k < $width; ++k) {
+        if (at + k < $length) {
+            *(__global vec *)(to + (at + k) * $width) = (vec)(factor) * a[k];
         }
     }
 }
 
+// A row's cells, times a factor, each piece to its lane; lanes without a cell hold 0.
 static void to_lanes(__global scalar *const to, __global const scalar *const from,
                      const scalar factor)
 {
-    spread(to, from, factor, $length, $cols);
-}
-
-// The same of a row with its virtual cells.
-static void padded_to_lanes(__global scalar *const to, __global const scalar *const from)
-{
-    spread(to, from, 1, $length + 2 * $radius, $cols + 2 * $radius);
+    for (int n = 0; n < $length; n += $width) {
+        const int at = min(n, $last);
+        vec a[$width];
+#pragma unroll
+        for (int lane = 0; lane < $width; ++lane) {
+            const int start = lane * $length + at;
+            a[lane] = part_of(from + start, $cols - start);
+            SOON(from + start + $cols);
+        }
+        keep_lanes(to, a, at, factor);
+    }
 }
 
 // The way back.

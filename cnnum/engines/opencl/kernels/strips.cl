@@ -138,7 +138,6 @@ $clear
         if (!$periodic && end == $rows) {
             rims_below(x, outputs_of(x, ahead), 0);
         }
-$inputs
     } else if (phase == 1) {
 $begin
         const int top = begin == 0 && !$periodic, bottom = end == $rows && !$periodic;
