@@ -82,6 +82,7 @@ OTHER_ORDER = (
 ones in other groups (`cnnum.engines.opencl.rows`), or a step's stages in another order
 (`cnnum.engines.opencl.strip_stages`, `cnnum.engines.opencl.strip_pair`)."""
 
+
 @pytest.mark.parametrize("name", CASES)
 def test_parts_give_the_bits_of_one_kernel(name, parted, monkeypatch):
     """Three frames of different size, so that adaptive steps and settling differ between them."""

@@ -59,6 +59,7 @@ def drive(text: TransientText) -> None:
             body += _delayed(text, layer)
         body.append(f"w[{text.at(layer)}] = sum;")
     text.over_grid(body)
+    _keep_inputs(text)
 
 
 def input_seen(text: TransientText, number: int, *, before: bool = False) -> Seen:

@@ -1,0 +1,95 @@
+"""What is summed once a run of a large array: its drive, and whether it rests at the end."""
+
+import numpy as np
+import pytest
+
+from cnnum import program, transient
+from cnnum.couplings import DelayedCoupling, NonlinearCoupling
+from cnnum.engine import Engine
+from cnnum.engines.opencl import kernel_text, lane_sums
+from cnnum.graph.nodes import RunSpec
+from cnnum.tables import Table
+from cnnum.template import Template
+
+RAMP = Table("linear", ((-1.0, -0.3), (0.4, 0.1), (1.1, 0.5)))
+
+CASES = {
+    # inputs, layers, radius, boundary of inputs, rows and columns, whether rows lie in lanes
+    "one input": (1, 1, 1, 0.3, (60, 47), True),
+    "few columns": (1, 1, 1, "zero-flux", (90, 5), True),
+    "two rows around": (2, 1, 2, "periodic", (37, 64), True),
+    "many rows around": (1, 1, 4, "zero-flux", (70, 33), True),
+    "layers": (2, 3, 1, 0.0, (33, 50), True),
+    "wide rows": (2, 2, 1, "zero-flux", (33, 50), False),
+}
+
+
+def program_of(template, spec):
+    """Return a program that gives all states, and whether they rest; it has a bias a layer."""
+    inputs, layers = range(template.inputs), range(template.layers)
+
+    @program
+    def states(frame):
+        maps = {"input": [frame.channel(f"u{n}") for n in inputs]}
+        maps["bias"] = [frame.channel("b") for _ in layers]
+        if template.delayed is not None:
+            maps["previous"] = [frame.channel("b") for _ in inputs]
+        found = transient(template, **maps, spec=spec)
+        return {f"x{n}": state for n, state in enumerate(found.states)} | {"settled": found.settled}
+
+    return states, (*(f"u{n}" for n in inputs), "b")
+
+
+@pytest.mark.parametrize("parted", [True, False], ids=["parted", "whole"])
+@pytest.mark.parametrize("name", CASES)
+def test_drives_of_large_arrays_are_sums(name, parted, monkeypatch):
+    """Inputs, nonlinear ones, what was before a delay, and a bias, all of them into every layer."""
+    if parted:
+        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+    monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
+    inputs, layers, radius, edge, shape, by_lanes = CASES[name]
+    if not by_lanes:
+        monkeypatch.setattr(lane_sums, "MOST_BYTES", 0)
+    rng = np.random.default_rng(list(CASES).index(name))
+    k = 2 * radius + 1
+    late = rng.normal(size=(layers, inputs, 3, 3))
+    template = Template(
+        "driven", np.zeros((layers, layers, 1, 1)), rng.normal(size=(layers, inputs, k, k)),
+        rng.normal(size=layers), tau=1.0 + 0.3 * np.arange(layers), input_boundary=edge,
+        nonlinear=[
+            NonlinearCoupling(rng.normal(size=(3, 3)), RAMP, "u", "u", to=layers - 1),
+            NonlinearCoupling(rng.normal(size=(3, 3)), RAMP, "u", "x", source=inputs - 1),
+        ],
+        delayed=DelayedCoupling(0.1, np.zeros((layers, layers, 1, 1)), late),
+    )  # fmt: skip
+    states, channels = program_of(template, RunSpec(duration=0.3, dt=0.05, method="heun"))
+    frames = rng.uniform(-1, 1, (2, *shape, len(channels)))
+    plan = Engine("opencl", precision="float64").compile(states, shape, channels=channels)
+    got, wanted = (
+        plan(frames),
+        Engine("reference").compile(states, shape, channels=channels)(frames),
+    )
+    assert ("scalar near[" in plan.source) == by_lanes
+    for layer in range(layers):
+        expected = wanted[f"x{layer}"]
+        # sums of at most 200 products of order 1
+        assert np.abs(got[f"x{layer}"] - expected).max() <= 1e-13 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("by_lanes", [True, False], ids=["lanes", "sweeps"])
+@pytest.mark.parametrize("method", ["euler", "auto"])
+def test_rest_of_large_arrays_is_seen(method, by_lanes, monkeypatch):
+    """Cells that their neighbours hold rest after 40 time constants, and do not after 2."""
+    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+    if not by_lanes:
+        monkeypatch.setattr(lane_sums, "MOST_BYTES", 0)
+    feedback = [[0.0, 0.1, 0.0], [0.1, 0.3, 0.1], [0.0, 0.1, 0.0]]
+    template = Template("resting", feedback, [[1.0]], 0.1, boundary="periodic", output="tanh")
+    u = np.random.default_rng(1).uniform(-1, 1, (40, 33))
+    step = {} if method == "auto" else {"dt": 0.1}
+    for engine in (Engine("opencl"), Engine("reference")):
+        found = [
+            engine.run(template, input=u, duration=duration, method=method, **step)
+            for duration in (2.0, 40.0)
+        ]
+        assert [bool(each.settled) for each in found] == [False, True]
