@@ -2,9 +2,10 @@
 
 from dataclasses import replace
 
-from cnnum.programs.fields import Field, where
+from cnnum.programs.fields import Field, maximum, where
 from cnnum.programs.loops import branch
-from cnnum.templates.tactile.least_squares import Felt
+from cnnum.templates.tactile.least_squares import TINY, Felt
+from cnnum.templates.tactile.loads import square
 from cnnum.templates.tactile.rims import Circle
 from cnnum.templates.tactile.rounds import MET, Round, pair_on, punch_on
 from cnnum.templates.tactile.whole import Whole
@@ -20,6 +21,10 @@ cells' under thin covers 0.27."""
 
 KNOWN = 0.12
 """Standard deviation of the flatness below which a frame may be called smooth."""
+
+MIDWAY = 0.3
+"""Flatness up to which two contacts are smooth together: half of the 0.6 that two uniform discs
+have at least."""
 
 NARROWEST = 1.4
 """Cells: contact radius from which it may; the flatness of smaller squares is anything."""
@@ -81,11 +86,28 @@ def is_pair(felt: Felt, load: Field, whole: Whole, asked: Field) -> Field:
     def judged(*values: Field) -> tuple[Field, ...]:
         _, normal, start = values
         pair = pair_on(replace(felt, normal=normal), start)
-        smooth = is_smooth(pair.first) & is_smooth(pair.second) & (pair.apart > APART)
+        smooth = _are_smooth(pair.first, pair.second) & (pair.apart > APART)
         return where(smooth, 1.0, 0.0), normal, start
 
     several = asked & (whole.left > SEVERAL)
     return branch(several, judged, felt.frame.constant(0.0), felt.normal, load)[0] > 0.5
+
+
+def _are_smooth(first: Whole, second: Whole) -> Field:
+    """Return whether two contacts are smooth.
+
+    Under thick covers noise hides how flat a small one is, but not how flat both are: each counts
+    by what is known of it, and neither may be flatter alone by more than its standard deviation.
+    """
+    both = (first, second)
+    weights = [1.0 / maximum(square(one.unsure), TINY) for one in both]
+    sure = weights[0] + weights[1]
+    flatness = (weights[0] * first.flatness + weights[1] * second.flatness) / sure
+    may = [
+        (one.left < SMOOTH) & (one.radius > NARROWEST) & (one.flatness - one.unsure < MIDWAY)
+        for one in both
+    ]
+    return may[0] & may[1] & (flatness < MIDWAY) & (sure > KNOWN**-2)
 
 
 def punch_of(felt: Felt, whole: Whole, circle: Circle, asked: Field) -> tuple[Field, Round]:

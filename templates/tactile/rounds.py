@@ -1,7 +1,7 @@
 """Round contacts, fitted to what all taxels read: a flat punch, or two spheres."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.loops import branch
@@ -19,7 +19,7 @@ from cnnum.templates.tactile.least_squares import (
 )
 from cnnum.templates.tactile.loads import square
 from cnnum.templates.tactile.sphere import Pushed, punched_by, pushed_by
-from cnnum.templates.tactile.whole import NARROW, SPREAD, START, Whole
+from cnnum.templates.tactile.whole import NARROW, Whole
 
 PUNCH_STEPS = 6
 """Gauss–Newton steps of a punch from the circle through its outline, which is up to a third of a
@@ -37,11 +37,26 @@ from three."""
 PAIR_STEPS = 6
 """The same of each of two spheres, in turn."""
 
+LOAD_STEPS = 2
+"""The same before them, to the load on the surface. What it is blurred by is a cell, whatever the
+cover, so that steps meet it from farther away than they meet what taxels under a thin cover read:
+in strain under 0.3 pitches 17 of 240 pairs were not met without them, 3 with them."""
+
+CELL = 12.0**-0.5
+"""Cover under which stress is as blurred as by the mean over a cell, to the second order in the
+wave number: 1 − (kz)²/2 for the one, 1 − k²/24 for the other."""
+
 TRIED, HOPELESS = 2, 0.15
 """Steps of each after which two spheres are given up, and share of the signal that they leave."""
 
 SPLITS = 3
 """Times that the load is shared out between two centres anew."""
+
+START, SPREAD = 0.2, 2.77
+"""Share of each half's largest load above which loads give its centre and radius, and square of the
+radius over the mean square way of what a Hertzian pressure has above it. Radii come out 0.05 to 0.1
+cells too small. From 0.3 cells too small, one pair in five in strain under 0.3 pitches was given
+up."""
 
 Shape = Callable[[Field, Field, float, Reads], Pushed]
 
@@ -117,14 +132,8 @@ def pair_on(felt: Felt, load: Field) -> Pair:
     load : Field
         On the surface, for the first guess.
     """
-    first, second = _halves(felt, load)
-    nearer = second.away(felt.frame) < first.away(felt.frame)
-    none = 0.0 * first.radius
-
-    def stepped(*values: Field) -> tuple[Field, ...]:
-        now, _, normal, left = _beside(felt, values)
-        # the other comes next: they change places
-        return (*values[3:6], *_numbers(now), normal - left, felt.share(left))
+    surface = replace(felt, normal=felt.inside * load, depth=CELL, reads="stress")
+    near = _in_turn(surface, *_halves(felt, load), LOAD_STEPS)
 
     def judged(*values: Field) -> tuple[Field, ...]:
         now, seen, normal, left = _beside(felt, values)
@@ -137,8 +146,7 @@ def pair_on(felt: Felt, load: Field) -> Pair:
     def both_judged(*values: Field) -> tuple[Field, ...]:
         return repeat(2, judged, *values)
 
-    start = (*_numbers(first), *_numbers(second), where(nearer, felt.normal, 0.0))
-    *last, left = repeat(2 * PAIR_STEPS, stepped, *start, none, stop=hopeless)
+    *last, left = _in_turn(felt, Round(*near[:3]), Round(*near[3:6]), PAIR_STEPS, hopeless)
     # what is given up leaves all
     blank = (0.0 * left, 0.0 * left, 0.0 * left + 1.0)
     found = branch(left < HOPELESS, both_judged, *last, *blank, *blank)
@@ -149,6 +157,28 @@ def pair_on(felt: Felt, load: Field) -> Pair:
         Whole(found[12], found[10], found[11], two.radius),
         away / (one.radius + two.radius),
     )
+
+
+def _in_turn(
+    felt: Felt,
+    first: Round,
+    second: Round,
+    steps: int,
+    stop: Callable[..., Field] | None = None,
+) -> tuple[Field, ...]:
+    """Return the numbers of two spheres after steps of each, what the second makes, what is left.
+
+    To begin with each makes what is felt nearer to it.
+    """
+    nearer = second.away(felt.frame) < first.away(felt.frame)
+
+    def stepped(*values: Field) -> tuple[Field, ...]:
+        now, _, normal, left = _beside(felt, values)
+        # the other comes next: they change places
+        return (*values[3:6], *_numbers(now), normal - left, felt.share(left))
+
+    start = (*_numbers(first), *_numbers(second), where(nearer, felt.normal, 0.0))
+    return repeat(2 * steps, stepped, *start, 0.0 * first.radius, stop=stop)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +246,7 @@ def _judged(felt: Felt, seen: _Seen, left: Field) -> tuple[Field, Field, Field]:
 def _halves(felt: Felt, load: Field) -> tuple[Round, Round]:
     """Return two contacts to start from: the load is cut across its length, and shared out."""
     frame = felt.frame
-    weight = felt.inside * maximum(load - START * load.max(), 0.0)
+    weight = _above(felt, load)
     whole = maximum(weight.sum(), TINY)
     row, column = (weight * frame.row).sum() / whole, (weight * frame.column).sum() / whole
     rows, columns = frame.row - row, frame.column - column
@@ -229,18 +259,24 @@ def _halves(felt: Felt, load: Field) -> tuple[Round, Round]:
     down = out * sqrt(0.5 - 0.5 * wide / turn) * where(slant > 0.0, 1.0, -1.0)
 
     def shared(*values: Field) -> tuple[Field, ...]:
-        one, two = Round(*values[:3]), Round(*values[3:])
-        mine = where(one.away(frame) < two.away(frame), weight, 0.0)
-        return (*_numbers(_about(felt, mine)), *_numbers(_about(felt, weight - mine)))
+        nearer = Round(*values[:3]).away(frame) < Round(*values[3:]).away(frame)
+        mine, others = where(nearer, load, 0.0), where(nearer, 0.0, load)
+        return (*_numbers(_about(felt, mine)), *_numbers(_about(felt, others)))
 
     start = (out, column - right, row - down, out, column + right, row + down)
     last = repeat(SPLITS, shared, *start)
     return Round(*last[:3]), Round(*last[3:])
 
 
-def _about(felt: Felt, weight: Field) -> Round:
+def _above(felt: Felt, load: Field) -> Field:
+    """Return by how much loads exceed a share of the largest."""
+    return felt.inside * maximum(load - START * load.max(), 0.0)
+
+
+def _about(felt: Felt, load: Field) -> Round:
     """Return a contact with the centre and the spread of a load."""
-    frame, whole = felt.frame, maximum(weight.sum(), TINY)
+    frame, weight = felt.frame, _above(felt, load)
+    whole = maximum(weight.sum(), TINY)
     row, column = (weight * frame.row).sum() / whole, (weight * frame.column).sum() / whole
     at = Round(row, column, row)
     away = (weight * at.away(frame)).sum() / whole
