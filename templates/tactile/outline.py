@@ -30,6 +30,11 @@ the second and third cell inside fall behind the rim, yet carry 0.4 of it, the l
 0.3 of what they lack. Both were set on punches of 1.5 to 2.8 cells."""
 
 
+LEVEL = 0.7
+"""Least load of the third cell inside over the second's if it is a punch's: at s cells from a
+straight rim, where loads go as 1/√s, it is √(s/(s + 1)), 0.82 at two cells, and more farther away.
+The hole of a ring and the far side of a narrow body leave less."""
+
 NEAREST = 1e-3
 """Share of the load of a cell and the next that is taken as the rest of nothing, so that the model
 of a punch's rim divides by none."""
@@ -105,7 +110,8 @@ def _climb(inside: Sequence[Field], outer: Field, high: Field) -> Field:
 def _hollow(inside: Sequence[Field], top: Field) -> Field:
     """Return what the second and third cell inside lack."""
     deep = minimum(inside[2], inside[3])
-    return where(deep > DEEP * top, minimum(1.0 - deep / top, HALF), 0.0)
+    punched = (deep > DEEP * top) & (inside[3] > LEVEL * inside[2])
+    return where(punched, minimum(1.0 - deep / top, HALF), 0.0)
 
 
 def _place(inside: Sequence[Field], outer: Field, share: Field, top: Field, floor: Field) -> Field:
