@@ -43,6 +43,10 @@ VOTERS = 3
 HOLLOW_VOTERS = 3
 """The same for whether a load is a punch's, along one side of it."""
 
+NEARER = 0.501
+"""Cells up to which the outline counts as nearest to the inner taxel of a link. A load that falls
+from all to nothing on one link is half midway, where rounding would choose."""
+
 HOLLOW = (0.2, 0.26)
 """Mean of what the inside lacks from which the load may be a punch's, and from which it is."""
 
@@ -180,8 +184,8 @@ def _nearest(links: tuple[Links, ...], ends: list[Field]) -> Field:
     """Return the taxels that the outline passes nearest to."""
     found: Field | None = None
     for link, end, (rows, cols) in zip(links, ends, WAYS, strict=True):
-        inner = end & (link.place <= 0.5)
-        here = inner | shift(end & (link.place > 0.5), rows, cols)
+        inner = end & (link.place <= NEARER)
+        here = inner | shift(end & (link.place > NEARER), rows, cols)
         found = here if found is None else found | here
     assert found is not None
     return found

@@ -279,6 +279,22 @@ def test_engines_and_shapes_agree(engine, run, shape):
     assert got["edge_column"][-1] == pytest.approx(near[:, 1].mean(), abs=1e-4)
 
 
+@pytest.mark.parametrize("engine", ["opencl", "reference"], indirect=True)
+def test_engines_agree_on_two_contacts(engine, numba, run):
+    """Smooth and uniform ones: fits of both are run."""
+    rng, program = np.random.default_rng(51), edges.bind(depth=0.3)
+    kinds = ("hertz", "uniform")
+    pairs = [pair for kind in kinds for pair in drawn_pairs(rng, 8, (1.5, 1.9), 3, kind)]
+    frames = pressed([pair.frame(8, 0.3, "strain") for pair in pairs])
+    names = ["edge_count", "edges", "edge_to_right", "edge_to_below"]
+    got, same = (run(each, program, frames, names) for each in (engine, numba))
+    assert (got["edge_count"][-1] > 0).tolist() == [False] * 3 + [True] * 3
+    assert np.array_equal(got["edges"][-1], same["edges"][-1])
+    for name in names[2:]:
+        # single precision, over a load that is known to 0.3 of its largest
+        np.testing.assert_allclose(got[name][-1], same[name][-1], atol=1e-5)
+
+
 def test_edge_load_is_the_pressure(opencl, run):
     """Inside a wide uniform load, and two cells outside it, to the noise and 7×7 weights."""
     body = Rectangle(6.0, 6.0)
