@@ -108,9 +108,10 @@ def _climb(inside: Sequence[Field], outer: Field, high: Field) -> Field:
 
 
 def _hollow(inside: Sequence[Field], top: Field) -> Field:
-    """Return what the second and third cell inside lack."""
+    """Return what the second and third cell inside lack, where the load falls inwards."""
     deep = minimum(inside[2], inside[3])
-    punched = (deep > DEEP * top) & (inside[3] > LEVEL * inside[2])
+    falls = inside[2] < maximum(inside[0], inside[1])
+    punched = (deep > DEEP * top) & (inside[3] > LEVEL * inside[2]) & falls
     return where(punched, minimum(1.0 - deep / top, HALF), 0.0)
 
 

@@ -8,10 +8,12 @@ import pytest
 from cnnum.bench.edge_errors import told_apart
 from cnnum.bench.smooth_edges import Two, drawn_pairs, drawn_pulls
 from cnnum.bench.surround import GAPS, beside, hat
+from cnnum.programs import program
 from cnnum.tactile.halfspace import SurfaceToDepth
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under, two_bars
 from cnnum.tactile.touches import readings
 from cnnum.templates.tactile.edges import edges
+from cnnum.templates.tactile.outline import links_of
 
 NOISE = 5e-3
 """Of one reading, as a share of the peak: 2.5 mV (Table 3.II) of 500 mV."""
@@ -293,6 +295,32 @@ def test_engines_agree_on_two_contacts(engine, numba, run):
     for name in names[2:]:
         # single precision, over a load that is known to 0.3 of its largest
         np.testing.assert_allclose(got[name][-1], same[name][-1], atol=1e-5)
+
+
+@program
+def hollows(frame):
+    """What the loads lack that end towards the right."""
+    least = frame.constant(0.1)
+    return {"hollow": links_of(frame, frame.normal, least)[0].hollow}
+
+
+@pytest.mark.parametrize(
+    ("inwards", "lacks"),
+    [
+        ((1.0, 0.75, 0.62, 0.58), 0.42),
+        # the hole of a ring, a narrow body's far side, and one whose near side is cut as well
+        ((1.0, 1.0, 1.0, 0.1), 0.0),
+        ((1.0, 1.0, 1.0, 0.5), 0.0),
+        ((0.80, 0.90, 1.0, 0.79), 0.0),
+    ],
+)
+def test_only_what_falls_inwards_and_stays_is_hollow(numba, run, inwards, lacks):
+    load = np.zeros((4, 4))
+    load[:] = inwards[::-1]
+    frames = np.zeros((1, 4, 4, 3))
+    frames[..., 2] = load
+    got = run(numba, hollows, frames, ["hollow"])["hollow"]
+    assert got[0, 0, 3] == pytest.approx(lacks, abs=1e-6)
 
 
 def test_edge_load_is_the_pressure(opencl, run):
