@@ -221,12 +221,19 @@ def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
 
 
 def _loaded(rows: Rows, array: str) -> Value:
-    return lambda *at: f"*(__global const vec *)({array} + {_place(rows, *at)})"
+    return lambda source, row, col: (
+        f"*(__global const vec *)({array} + {_place(rows, source, row, col)})"
+    )
 
 
 def _mixed(rows: Rows) -> Value:
     past, following = _loaded(rows, PAST), _loaded(rows, NEXT)
-    return lambda *at: f"({past(*at)} + {PART} * ({following(*at)} - {past(*at)}))"
+
+    def value(source: int, row: int, col: int) -> str:
+        before, after = (each(source, row, col) for each in (past, following))
+        return f"({before} + {PART} * ({after} - {before}))"
+
+    return value
 
 
 def _scatter(rows: Rows, block: list[At], through: Through) -> list[str]:
