@@ -5,12 +5,14 @@ for (int n = 0; n < $length; n += $width) {
         const int start = lane * $length + at, whole = $cols - start >= $width;
         scalar part[$width];
         if (whole) {
+#pragma clang loop vectorize(assume_safety) unroll(disable)
             for (int k = 0; k < $width; ++k) {
                 const int i = row * $cols + start + k;
                 real now; $value
                 part[k] = now;
             }
         } else {
+#pragma clang loop vectorize(disable) unroll(disable)
             for (int k = 0; k < $width; ++k) {
                 const int i = row * $cols + min(start + k, $cols - 1);
                 real now; $value

@@ -38,8 +38,10 @@ static inline vec part_of(__global const scalar *const from, const int count)
     return *(const vec *)found;
 }
 
+// This and what keeps lanes are not drawn into what calls them: compilers took half a second longer
+// for each.
 // Keeps a square of vectors, from the row's vector `at` on, as pieces of its cells.
-static inline void keep_cells(__global scalar *const to, vec *const a, const int at)
+static __attribute__((noinline)) void keep_cells(__global scalar *const to, vec *const a, const int at)
 {
     turned(a);
 #pragma unroll
@@ -60,7 +62,7 @@ static inline void keep_cells(__global scalar *const to, vec *const a, const int
 }
 
 // Keeps a square of pieces of a row, times a factor, as vectors from `at` on.
-static inline void keep_lanes(__global scalar *const to, vec *const a, const int at,
+static __attribute__((noinline)) void keep_lanes(__global scalar *const to, vec *const a, const int at,
                               const scalar factor)
 {
     turned(a);
