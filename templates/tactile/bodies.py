@@ -26,6 +26,10 @@ MIDWAY = 0.3
 """Flatness up to which two contacts are smooth together: half of the 0.6 that two uniform discs
 have at least."""
 
+BOTH_KNOWN = 0.5 * MIDWAY
+"""Standard deviation of their common flatness up to which they may be: midway is two of it from
+either."""
+
 NARROWEST = 1.4
 """Cells: contact radius from which it may; the flatness of smaller squares is anything."""
 
@@ -107,7 +111,7 @@ def _are_smooth(first: Whole, second: Whole) -> Field:
         (one.left < SMOOTH) & (one.radius > NARROWEST) & (one.flatness - one.unsure < MIDWAY)
         for one in both
     ]
-    return may[0] & may[1] & (flatness < MIDWAY) & (sure > KNOWN**-2)
+    return may[0] & may[1] & (flatness < MIDWAY) & (sure > BOTH_KNOWN**-2)
 
 
 def punch_of(felt: Felt, whole: Whole, circle: Circle, asked: Field) -> tuple[Field, Round]:
