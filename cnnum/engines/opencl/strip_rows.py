@@ -1,7 +1,4 @@
-"""The kernel text of what the rows of a strip do to each other, a vector of cells wide.
-
-An output that is loaded serves all the cells of the block that it is a neighbour of.
-"""
+"""The kernel text of what is kept of the rows of a strip, and read of them, a vector at a time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
