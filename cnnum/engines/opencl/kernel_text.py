@@ -61,6 +61,7 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
     size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
     whole = schedule.cells <= WHOLE_CELLS
+    tables.parted = not whole
     placed = {} if whole else _placed(schedule)
     # parts of a plan read out their own pieces, and a GPU's private arrays are far
     in_chains = arena.private and whole and tables.by_vectors

@@ -53,7 +53,8 @@ class Seen:
 
 def sums_by_lanes(text: TransientText, seen: int) -> bool:
     """Return whether lanes are for sums of so much that is seen: on processors, of large arrays."""
-    if not (text.tables.by_vectors and lanes_fit(text)):
+    # a kernel that is a whole plan would have the rows of all its sums on the stack
+    if not (text.tables.by_vectors and text.tables.parted and lanes_fit(text)):
         return False
     return seen * _row_bytes(text) * (LEAST_ROWS + 2 * text.radius) <= MOST_BYTES
 

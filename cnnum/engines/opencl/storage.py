@@ -70,6 +70,8 @@ class Tables:
         Cache of a core that keeps up with its arithmetic.
     by_vectors : bool
         Whether a work item's arithmetic goes by vectors, as a processor's does.
+    parted : bool
+        Whether every sweep is a kernel of its own.
     types : dict of str to str
         Texts of further types and functions that the kernel uses, by name.
     strips : dict of str to Strips
@@ -81,6 +83,7 @@ class Tables:
     width: int
     near_bytes: int
     by_vectors: bool
+    parted: bool = False
     types: dict[str, str] = field(default_factory=dict[str, str])
     strips: "dict[str, Strips]" = field(default_factory=dict[str, Strips])
     _tables: dict[str, str] = field(default_factory=dict[str, str])
