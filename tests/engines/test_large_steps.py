@@ -91,6 +91,43 @@ def test_strips_of_any_size_step_as_one_array(seed, monkeypatch):
     assert np.abs(got - wanted).max() <= 1e-13 * np.abs(wanted).max()
 
 
+# rows and columns, radius, boundary, method and time constants of a launch or two
+UNUSUAL = [
+    ((41, 70), 5, 0.3, "euler", 1.2),
+    ((30, 50), 6, "periodic", "heun", 0.3),
+    ((75, 31), 9, "zero-flux", "euler", 0.6),
+    ((1, 300), 1, "periodic", "heun", 0.3),
+    ((2, 170), 3, "zero-flux", "euler", 1.2),
+    ((3, 160), 2, "periodic", "euler", 1.2),
+    ((300, 2), 3, "periodic", "euler", 1.2),
+    ((300, 1), 1, 0.3, "heun", 0.3),
+    ((60, 11), 3, "zero-flux", "heun", 0.3),
+]
+
+
+@pytest.mark.parametrize("number", range(len(UNUSUAL)))
+def test_arrays_of_any_form_step_as_one(number, monkeypatch):
+    """Neighbourhoods wider than a block of rows, a row's piece, or the array itself.
+
+    Every other one is taken in parts: each is a kernel to build.
+    """
+    if number % 2:
+        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+    shape, radius, boundary, method, duration = UNUSUAL[number]
+    rng = np.random.default_rng(number)
+    template = random_template(rng, boundary, "standard", radius)
+    maps = {name: rng.uniform(-1, 1, (2, *shape)) for name in ("input", "state")}
+    runs = [
+        Engine(name, precision="float64").run(
+            template, method=method, duration=duration, dt=0.05, **maps
+        )
+        for name in ("opencl", "reference")
+    ]
+    got, wanted = (run.state for run in runs)
+    # up to 24 steps of values of order 1, each a sum of at most 361 products
+    assert np.abs(got - wanted).max() <= 1e-12 * np.abs(wanted).max()
+
+
 def test_discrete_time_goes_by_strips():
     """A thresholded sum a step, x⁺ = w + A ∗ sign(x), with nothing left of the state before."""
     rng = np.random.default_rng(7)

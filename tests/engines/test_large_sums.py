@@ -6,7 +6,7 @@ import pytest
 from cnnum import program, transient
 from cnnum.couplings import DelayedCoupling, NonlinearCoupling
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text, lane_sums
+from cnnum.engines.opencl import kernel_text, row_sums
 from cnnum.graph.nodes import RunSpec
 from cnnum.tables import Table
 from cnnum.template import Template
@@ -14,13 +14,16 @@ from cnnum.template import Template
 RAMP = Table("linear", ((-1.0, -0.3), (0.4, 0.1), (1.1, 0.5)))
 
 CASES = {
-    # inputs, layers, radius, boundary of inputs, rows and columns, whether rows lie in lanes
-    "one input": (1, 1, 1, 0.3, (60, 47), True),
-    "few columns": (1, 1, 1, "zero-flux", (90, 5), True),
-    "two rows around": (2, 1, 2, "periodic", (37, 64), True),
-    "many rows around": (1, 1, 4, "zero-flux", (70, 33), True),
-    "layers": (2, 3, 1, 0.0, (33, 50), True),
-    "wide rows": (2, 2, 1, "zero-flux", (33, 50), False),
+    # inputs, layers, radius, boundary of inputs, rows and columns, where rows are kept
+    "one input": (1, 1, 1, 0.3, (60, 47), "stack"),
+    "few columns": (1, 1, 1, "zero-flux", (90, 5), "whole"),
+    "two rows around": (2, 1, 2, "periodic", (37, 64), "stack"),
+    "more around than a vector": (1, 1, 9, "zero-flux", (70, 33), "scratch"),
+    "fewer columns than around": (1, 1, 3, "periodic", (150, 2), "stack"),
+    "one row": (1, 1, 2, "zero-flux", (1, 300), "whole"),
+    "layers": (2, 3, 1, 0.0, (33, 50), "stack"),
+    "layers of a whole plan": (2, 3, 1, "zero-flux", (33, 50), "whole"),
+    "wide rows": (2, 2, 1, "periodic", (33, 50), "scratch"),
 }
 
 
@@ -40,16 +43,17 @@ def program_of(template, spec):
     return states, (*(f"u{n}" for n in inputs), "b")
 
 
-@pytest.mark.parametrize("parted", [True, False], ids=["parted", "whole"])
 @pytest.mark.parametrize("name", CASES)
-def test_drives_of_large_arrays_are_sums(name, parted, monkeypatch):
-    """Inputs, nonlinear ones, what was before a delay, and a bias, all of them into every layer."""
-    if parted:
+def test_drives_of_large_arrays_are_sums(name, monkeypatch):
+    """Inputs, nonlinear ones, what was before a delay, and a bias, all of them into every layer.
+
+    Parts of a plan keep rows on the stack, or in scratch if they are long; a whole plan in scratch.
+    """
+    inputs, layers, radius, edge, shape, kept = CASES[name]
+    if kept != "whole":
         monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
-    monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
-    inputs, layers, radius, edge, shape, by_lanes = CASES[name]
-    if not by_lanes:
-        monkeypatch.setattr(lane_sums, "MOST_BYTES", 0)
+    if kept == "scratch":
+        monkeypatch.setattr(row_sums, "STACK_BYTES", 0)
     rng = np.random.default_rng(list(CASES).index(name))
     k = 2 * radius + 1
     late = rng.normal(size=(layers, inputs, 3, 3))
@@ -69,20 +73,22 @@ def test_drives_of_large_arrays_are_sums(name, parted, monkeypatch):
         plan(frames),
         Engine("reference").compile(states, shape, channels=channels)(frames),
     )
-    assert ("scalar near[" in plan.source) == (by_lanes and parted)
+    assert ("scalar near[" in plan.source) == (kept == "stack")
+    assert ("rows_near" in plan.source) == (kept != "stack")
     for layer in range(layers):
         expected = wanted[f"x{layer}"]
-        # sums of at most 200 products of order 1
+        # sums of at most 400 products of order 1
         assert np.abs(got[f"x{layer}"] - expected).max() <= 1e-13 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("by_lanes", [True, False], ids=["lanes", "sweeps"])
+@pytest.mark.parametrize("kept", ["stack", "scratch", "whole"])
 @pytest.mark.parametrize("method", ["euler", "auto"])
-def test_rest_of_large_arrays_is_seen(method, by_lanes, monkeypatch):
+def test_rest_of_large_arrays_is_seen(method, kept, monkeypatch):
     """Cells that their neighbours hold rest after 40 time constants, and do not after 2."""
-    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
-    if not by_lanes:
-        monkeypatch.setattr(lane_sums, "MOST_BYTES", 0)
+    if kept != "whole":
+        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+    if kept == "scratch":
+        monkeypatch.setattr(row_sums, "STACK_BYTES", 0)
     feedback = [[0.0, 0.1, 0.0], [0.1, 0.3, 0.1], [0.0, 0.1, 0.0]]
     template = Template("resting", feedback, [[1.0]], 0.1, boundary="periodic", output="tanh")
     u = np.random.default_rng(1).uniform(-1, 1, (40, 33))

@@ -1,9 +1,10 @@
 """The kernel text of what drives the cells from outside: w = B∗u + z + bias, once a frame."""
 
 from cnnum.engines.opencl.couplings import nonlinear
-from cnnum.engines.opencl.lane_sums import Seen, keep_rows, rows_near, sums_by_lanes, sweep_sums
 from cnnum.engines.opencl.needs import has_history, inputs_read, pads_inputs, reads_inputs
+from cnnum.engines.opencl.row_sums import Seen, rows_near, sums_by_rows, sweep_sums
 from cnnum.engines.opencl.strip_couplings import given, inputs_of, static_sums
+from cnnum.engines.opencl.strip_inputs import keep_rows
 from cnnum.engines.opencl.strip_lanes import lanes_fit
 from cnnum.engines.opencl.strip_rows import At
 from cnnum.engines.opencl.transients import TransientText
@@ -33,8 +34,8 @@ def drive(text: TransientText) -> None:
     seen = [input_seen(text, n) for n in range(template.inputs)]
     before = [input_seen(text, n, before=True) for n in range(template.inputs)]
     both = [*seen, *(before if has_history(text) else [])]
-    if pads_inputs(text) and sums_by_lanes(text, len(both)):
-        _drive_by_lanes(text, both)
+    if pads_inputs(text) and sums_by_rows(text):
+        _drive_by_rows(text, both)
         _keep_inputs(text)
         return
     if pads_inputs(text):
@@ -76,7 +77,7 @@ def inputs_before(number: int) -> str:
     return f"{inputs_of(number)}_before"
 
 
-def _drive_by_lanes(text: TransientText, seen: list[Seen]) -> None:
+def _drive_by_rows(text: TransientText, seen: list[Seen]) -> None:
     """Append the text that computes w, and what changes after a delay, from inputs in lanes."""
     template, layers = text.template, range(text.layers)
     rows = rows_near(text, len(seen), {one.name: place for place, one in enumerate(seen)})

@@ -7,8 +7,8 @@ import numpy as np
 
 from cnnum.engines.opencl.couplings import nonlinear, table
 from cnnum.engines.opencl.drive import drive_of, input_seen
-from cnnum.engines.opencl.lane_sums import Seen, rows_near, sums_by_lanes, sweep_sums
 from cnnum.engines.opencl.needs import delays_outputs, inputs_read, pads_outputs, pads_states
+from cnnum.engines.opencl.row_sums import Seen, rows_near, sums_by_rows, sweep_sums
 from cnnum.engines.opencl.strip_couplings import FROM, PAST, STATES, fed_back
 from cnnum.engines.opencl.strip_rows import At
 from cnnum.engines.opencl.text import rename
@@ -87,7 +87,7 @@ def rates_once(text: TransientText, state: str, then: list[str], instant: Instan
         _gains(text, instant)
         text.over_cells(_rate_lines(text, state, then, lambda _: []))
         return
-    if not once_by_lanes(text):
+    if not once_by_rows(text):
         outputs(text, [f"{state}[{text.at(layer)}]" for layer in range(text.layers)])
         rates(text, state, then, instant)
         return
@@ -101,9 +101,9 @@ def rates_once(text: TransientText, state: str, then: list[str], instant: Instan
     )
 
 
-def once_by_lanes(text: TransientText) -> bool:
+def once_by_rows(text: TransientText) -> bool:
     """Return whether `rates_once` needs no arrays of outputs."""
-    return sums_by_lanes(text, _sees(text))
+    return sums_by_rows(text)
 
 
 def _sees(text: TransientText) -> int:

@@ -10,7 +10,7 @@ from cnnum.engines.opencl.fused import fused_euler, fuses
 from cnnum.engines.opencl.rates import (
     Instant,
     declare_outputs,
-    once_by_lanes,
+    once_by_rows,
     rates_once,
     watch_change,
 )
@@ -60,7 +60,7 @@ def _run(text: TransientText) -> Figures:
             return {"time": time, "steps": "steps", "settled": "settled", "error": error}
         time = text.number(text.solver.duration)
         return {"time": time, "steps": text.number(scheme.count), "error": error}
-    if not (strips_fit(text, scheme) and once_by_lanes(text)):
+    if not (strips_fit(text, scheme) and once_by_rows(text)):
         declare_outputs(text)
     if isinstance(scheme, ChebyshevSteps):
         return chebyshev(text, scheme, by_strips=strips_fit(text, scheme))
@@ -79,7 +79,7 @@ def settled_now(text: TransientText) -> None:
     Delayed outputs are taken as those of now, as they are once nothing changes.
     """
     text.lines.append("real change = ZERO;")
-    if not once_by_lanes(text) and not _declares_outputs(text):
+    if not once_by_rows(text) and not _declares_outputs(text):
         declare_outputs(text)
     instant = Instant(text.number(text.solver.duration), _outputs_now(text))
     rates_once(text, "x", watch_change(text, "x"), instant)

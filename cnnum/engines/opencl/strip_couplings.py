@@ -109,8 +109,7 @@ class Kept:
         return [(layer, row) for layer in layers for row in range(-radius, self.block + radius)]
 
     def _made(self, source: int, row: int, col: int, start: str) -> str:
-        place = _place(self.rows, source, row, col, start)
-        state = f"*(__global const vec *)({FROM} + {place})"
+        state = self.rows.layout.loaded(FROM, source, row, col, start)
         output = self.rows.text.template.output
         return state if output.linear or output.limited else f"shown({state}, one)"
 
@@ -221,9 +220,7 @@ def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
 
 
 def _loaded(rows: Rows, array: str) -> Value:
-    return lambda source, row, col: (
-        f"*(__global const vec *)({array} + {_place(rows, source, row, col)})"
-    )
+    return lambda source, row, col: rows.layout.loaded(array, source, row, col)
 
 
 def _mixed(rows: Rows) -> Value:
@@ -285,11 +282,6 @@ def _gather(rows: Rows, block: list[At], through: Through) -> list[str]:
 
 def _weight(rows: Rows, through: Through, layer: int, weight: float) -> str:
     return f"{through.factor}{rows.vector(rows.scales[layer] * weight)}"
-
-
-def _place(rows: Rows, source: int, row: int, col: int, start: str = "p") -> str:
-    layout = rows.layout
-    return f"{row * layout.pitch + source * layout.span + col * layout.width} + {start}"
 
 
 def _nonlinear(rows: Rows, coupling: NonlinearCoupling, at: At) -> list[str]:

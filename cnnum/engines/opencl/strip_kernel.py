@@ -140,6 +140,7 @@ def strip_kernel(
         "layers": text.layers,
         "span": layout.span,
         "radius": radius,
+        "rim": min(radius, rows),
         "pitch": layout.pitch,
         "length": layout.vectors,
         "block": BLOCK_ROWS,

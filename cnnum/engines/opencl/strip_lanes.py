@@ -1,12 +1,14 @@
 """How a transient's rows lie in lanes, and the kernel text that brings them there and back."""
 
+import numpy as np
+
 from cnnum.boundary import Boundary
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 
 BLOCK_ROWS = 4
-"""Rows that are taken at once; virtual rows are set with the first and the last of them."""
+"""Rows that are taken at once."""
 
 OWN = (
     "vec", "ROW", "between", "turned", "part_of", "keep_lanes", "keep_cells", "to_lanes",
@@ -17,10 +19,8 @@ OWN = (
 
 
 def lanes_fit(text: TransientText) -> bool:
-    """Return whether an array is large enough for rows in lanes."""
-    radius = text.radius
-    enough = 0 < radius <= BLOCK_ROWS and min(text.shape) >= 4 * radius
-    return enough and not text.arena.private
+    """Return whether rows in lanes are for an array: for large ones whose cells have neighbours."""
+    return text.radius > 0 and not text.arena.private
 
 
 def row_layout(text: TransientText, boundary: Boundary | None = None) -> RowLayout:
@@ -66,11 +66,8 @@ def rim_text(text: TransientText, layout: RowLayout, suffix: str, fixed: float |
 
 def _rows_beyond(rows: int, layout: RowLayout, side: int, constant: str | None) -> list[str]:
     """Return the text that sets the virtual rows above (-1) or below (1) the array."""
-    lines, wraps = list[str](), layout.boundary.pad_mode == "wrap"
-    for n in range(layout.radius):
-        to, near, far = (-1 - n, n, rows - 1 - n) if side < 0 else (rows + n, rows - 1 - n, n)
-        if constant is None:
-            lines.append(f"copy_row(y, {to}, {far if wraps else near});")
-        else:
-            lines.append(f"fill_row(y, {to}, {constant});")
-    return lines
+    beyond = range(-layout.radius, 0) if side < 0 else range(rows, rows + layout.radius)
+    if constant is not None:
+        return [f"fill_row(y, {row}, {constant});" for row in beyond]
+    source = np.pad(np.arange(rows), layout.radius, mode=layout.boundary.pad_mode)
+    return [f"copy_row(y, {row}, {source[row + layout.radius]});" for row in beyond]

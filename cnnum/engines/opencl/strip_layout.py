@@ -7,6 +7,8 @@ loaded is aligned. Only at the ends of a row do lanes need what the lane beside 
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from cnnum.boundary import Boundary
 
 LEAST_VECTORS = 3
@@ -73,6 +75,11 @@ class RowLayout:
         """
         return (self.layers * self.span // self.width | 1) * self.width
 
+    def loaded(self, array: str, source: int, row: int, col: int, start: str = "p") -> str:
+        """Return the expression of the cells so many rows and columns from those at `start`."""
+        apart = row * self.pitch + source * self.span + col * self.width
+        return f"*(__global const vec *)({array} + {apart} + {start})"
+
     def place(self, col: int) -> int:
         """Return the place of a cell, counted from the row's first."""
         piece, at = divmod(col, self.vectors)
@@ -86,7 +93,7 @@ class RowLayout:
         # virtual cells right of the row, where the last piece has room for them
         within = min(self.radius, self.vectors * self.width - self.cols)
         lines = [
-            f"y[p + {self.place(self.cols + n)}] = {self._right(n, constant)};"
+            f"y[p + {self.place(self.cols + n)}] = {self._virtual(self.cols + n, constant)};"
             for n in range(within)
         ]
         for n in range(self.radius):
@@ -116,25 +123,22 @@ class RowLayout:
         last, ahead, behind = self.width - 1, DIGITS[: self.width - 1], DIGITS[1 : self.width]
         before = f"before.s{DIGITS[last]}{ahead}"
         after = f"after.s{behind}{DIGITS[last]}"
-        beyond = self.vectors * self.width + n - self.cols
-        virtual = f" after.s{DIGITS[last]} = {self._right(beyond, constant)};"
+        beyond, virtual = self.vectors * self.width + n, ""
+        if beyond < self.cols + self.radius:
+            virtual = f" after.s{DIGITS[last]} = {self._virtual(beyond, constant)};"
         first, final = n * self.width, (self.vectors - 1 - n) * self.width
         return [
             f"{{ vec before = *(__global const vec *)(y + p + {final});",
-            f"before = {before}; before.s0 = {self._left(n, constant)};",
+            f"before = {before}; before.s0 = {self._virtual(-1 - n, constant)};",
             f"*(__global vec *)(y + p - {first + self.width}) = before; }}",
             f"{{ vec after = *(__global const vec *)(y + p + {first});",
-            f"after = {after};{virtual if beyond < self.radius else ''}",
+            f"after = {after};{virtual}",
             f"*(__global vec *)(y + p + {self.vectors * self.width + first}) = after; }}",
         ]
 
-    def _left(self, n: int, constant: str | None) -> str:
-        """Return the n-th virtual cell left of the row."""
-        # the mirror lies between cells: the n-th cell beyond repeats the n-th within
-        wraps = self.boundary.pad_mode == "wrap"
-        return constant or f"y[p + {self.place(self.cols - 1 - n if wraps else n)}]"
-
-    def _right(self, n: int, constant: str | None) -> str:
-        """Return the n-th virtual cell right of the row."""
-        wraps = self.boundary.pad_mode == "wrap"
-        return constant or f"y[p + {self.place(n if wraps else self.cols - 1 - n)}]"
+    def _virtual(self, col: int, constant: str | None) -> str:
+        """Return a virtual cell beside the row."""
+        if constant is not None:
+            return constant
+        source = np.pad(np.arange(self.cols), self.radius, mode=self.boundary.pad_mode)
+        return f"y[p + {self.place(int(source[col + self.radius]))}]"

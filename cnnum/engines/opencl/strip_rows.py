@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cnnum.engines.opencl.needs import pads_states
+from cnnum.engines.opencl.plain_rows import PlainRows
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.transients import TransientText
 
@@ -34,7 +35,7 @@ class Rows:
     Attributes
     ----------
     text : TransientText
-    layout : RowLayout
+    layout : RowLayout or PlainRows
     scales : tuple of float
         What the couplings and the drive of each layer come with.
     apart : mapping of str to int or str
@@ -45,7 +46,7 @@ class Rows:
     """
 
     text: TransientText
-    layout: RowLayout
+    layout: RowLayout | PlainRows
     scales: tuple[float, ...]
     apart: Mapping[str, int | str]
     base: str = "x"

@@ -8,6 +8,7 @@ began, up to that step's end.
 from dataclasses import dataclass
 
 from cnnum.engines.opencl.strip_figures import CELLS, mark_cells
+from cnnum.engines.opencl.strip_lanes import row_layout
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.strip_rims import first_states
 from cnnum.engines.opencl.strip_rows import At, Rows
@@ -89,7 +90,7 @@ class Watch:
         lines = [f"for (int n = 0; piece == 0 && n < {size}; ++n) {{"]
         lines += [f"    x[{self.rows.apart[CHANGES]} + n] = 0;", "}"]
         if CELLS in self.rows.apart:
-            lines += mark_cells(self.rows.layout, int(self.rows.apart[CELLS]))
+            lines += mark_cells(row_layout(self.rows.text), int(self.rows.apart[CELLS]))
         return lines
 
     def begin(self) -> list[str]:

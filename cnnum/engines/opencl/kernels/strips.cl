@@ -117,7 +117,7 @@ $clear
         const int above = $periodic && begin == 0 ? $radius : 0;
         const int below = $periodic && end == $rows ? $radius : 0;
         for (int r = begin - above; r < end + below; ++r) {
-            const int row = (r + $rows) % $rows;
+            const int row = (r % $rows + $rows) % $rows;
             for (int layer = 0; layer < $layers; ++layer) {
                 const int at = row * $cols, cell = layer * $cells + at;
                 const int p = ROW(r) + layer * $span;
@@ -154,7 +154,7 @@ $begin
                         __global const scalar *const from = outputs_of(x, ahead + before);
                         __global scalar *const to = outputs_of(x, ahead + before + 1);
                         take_level(x, w, from, to, row, high, before, piece);
-                        if (row == 0 && top) {
+                        if (top && row < $rim && row + $block >= $rim) {
                             rims_above(x, to, before + 1);
                         }
                         if (row + $block >= $rows && bottom) {
@@ -168,8 +168,10 @@ $begin
         for (int n = 1; n <= count; ++n) {
             __global const scalar *const from = outputs_of(x, ahead + done + n - 1);
             __global scalar *const to = outputs_of(x, ahead + done + n);
-            for (int r = end - n * $radius; r < end + n * $radius; ++r) {
-                const int row = r < $rows ? r : r - $rows;
+            // all rows of an array that is lower than that
+            const int high = min(2 * n * $radius, $rows);
+            for (int r = end - n * $radius; r < end - n * $radius + high; ++r) {
+                const int row = (r % $rows + $rows) % $rows;
                 one_row(x, w, from, to, ROW(row), done + n - 1, piece);
             }
             if (end == $rows) {

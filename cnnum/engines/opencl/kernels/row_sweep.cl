@@ -1,5 +1,5 @@
 for (int r = 0; r < $blocks; ++r) {
-    scalar near[$size] __attribute__((aligned(64)));
+    $near
 $arrays
     const int top = r * $block, high = min($block, $rows - top);
     for (int own = -$radius; own < high + $radius; ++own) {
