@@ -6,7 +6,7 @@ import scipy.ndimage
 
 import cnnum
 from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.engines.opencl import executable, kernel_text, schemes, strip_lanes
+from cnnum.engines.opencl import drive, executable, kernel_text, rates, schemes, strips
 from cnnum.tables import Table
 
 SHAPE = (9, 11)
@@ -29,6 +29,11 @@ def layers():
         tau=[1.0, 2.0], boundary=-0.5, duration=2.0, output="tanh",
     )  # fmt: skip
 
+
+RULES = [
+    (strips, "lanes_fit"), (drive, "lanes_fit"), (drive, "sums_by_rows"), (rates, "sums_by_rows"),
+]  # fmt: skip
+"""What asks whether neighbours are to be read by vectors."""
 
 CASES = {
     "adaptive": (template(output="tanh"), {}),
@@ -89,8 +94,9 @@ def test_parts_give_the_bits_of_one_kernel(name, parted, monkeypatch):
     net, settings = CASES[name]
     rng = np.random.default_rng(1)
     maps = maps_for(net, rng)
-    if name not in OTHER_ORDER:  # as with radii that lanes do not take
-        monkeypatch.setattr(strip_lanes, "BLOCK_ROWS", 0)
+    if name not in OTHER_ORDER:  # sweeps, which add in one kernel's order: vectors of rows do not
+        for room, asked in RULES:
+            monkeypatch.setattr(room, asked, lambda _: False)
     if name == "adaptive":
         maps |= {"mask": rng.uniform(size=SHAPE) < 0.2, "bias": rng.uniform(-1, 1, SHAPE)}
     with pytest.MonkeyPatch.context() as patch:
