@@ -69,8 +69,8 @@ def schedule(graph: Graph, channels: Sequence[str], needs: Sequence[str] | None)
 def _left_out(
     graph: Graph, live: set[int], channels: Sequence[str], wanted: Sequence[str]
 ) -> tuple[LeftOut, ...]:
-    whole = reached(graph, graph.outputs.values())
-    dead = [node for node in graph.nodes if node.index in whole - live]
+    gone = reached(graph, graph.outputs.values()) - live
+    dead = [node for node in graph.nodes if node.index in gone]
     unread = {str(n.operation.channel) for n in dead if isinstance(n.operation, Input)}
     unread |= set(channels) - {
         n.operation.channel for n in graph.nodes if isinstance(n.operation, Input)
