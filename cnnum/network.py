@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
-from cnnum.boundary import Boundary, halo_sources
+from cnnum.boundary import halo_sources
 from cnnum.template import Template
 
 
@@ -80,13 +80,18 @@ class Network:
         template, n = self.template, self.cells
         matrix = np.zeros((self.states, self.states))
         rim = np.zeros(self.states)
+        radius = template.A.shape[-1] // 2
+        halo = halo_sources(template.boundary, self.shape, radius)
+        edge = template.boundary.constant or 0.0
         for layer in range(template.layers):
             rows = slice(layer * n, (layer + 1) * n)
             for tap in taps(template.A, layer):
                 columns = slice(tap.source * n, (tap.source + 1) * n)
-                coupling, outside = _shift(self.shape, template.boundary, tap.row, tap.col)
-                matrix[rows, columns] += tap.weight * coupling
-                rim[rows] += tap.weight * outside
+                top, left = radius + tap.row, radius + tap.col
+                seen = halo[top : top + self.shape[0], left : left + self.shape[1]].ravel()
+                inside = np.flatnonzero(seen >= 0)
+                matrix[rows, columns][inside, seen[inside]] += tap.weight
+                rim[rows] += np.where(seen < 0, tap.weight * edge, 0.0)
         rates = np.repeat(1.0 / template.tau, n)
         return LinearSystem((matrix - np.eye(self.states)) * rates[:, None], rates, rim)
 
@@ -116,17 +121,3 @@ class Network:
         for coupling in template.nonlinear:
             off[coupling.to] += coupling.stiffness
         return float(((1.0 + off) / template.tau).max())
-
-
-def _shift(shape: Shape, boundary: Boundary, row: int, col: int) -> tuple[Floats, Floats]:
-    """Return the matrix that fetches every cell's neighbour, and what the rim adds to it."""
-    radius = max(abs(row), abs(col))
-    sources = halo_sources(boundary, shape, radius)
-    window = sources[
-        radius + row : radius + row + shape[0], radius + col : radius + col + shape[1]
-    ].ravel()
-    inside = np.flatnonzero(window >= 0)
-    matrix = np.zeros((window.size, window.size))
-    matrix[inside, window[inside]] = 1.0
-    outside = np.where(window < 0, boundary.constant or 0.0, 0.0)
-    return matrix, outside
