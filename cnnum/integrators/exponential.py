@@ -65,12 +65,12 @@ class ExponentialMethod:
         """Evaluations of the couplings a step."""
         return self.order
 
-    def weights(self, step: float, tau: Floats) -> tuple[Floats, Floats, Floats]:
+    def weights(self, step: float | Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
         """Return what is kept of x, and the weights of A ∗ y + w: of the start, of the change.
 
         Parameters
         ----------
-        step : float
+        step : float, or (steps, 1) float
         tau : (layers,) float
         """
         z = -step / tau
@@ -102,9 +102,9 @@ class ExponentialMethod:
         rows = [0.0 * start, first, amid, first + two * beyond]
         return FollowedStep.of(self, rows, (4.0 * three - 2.0 * two) * bend)
 
-    def growth(self, step: float, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return the factor of a mode a step, where 1/τ = 1 and the mode of J is `values`."""
-        kept, first, second = (float(w[0]) for w in self.weights(step, np.ones(1)))
+    def growth(self, steps: Floats, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the factors of modes a step, (steps, modes), where 1/τ = 1 and J has `values`."""
+        kept, first, second = self.weights(steps[:, np.newaxis], np.ones(1))
         coupling = values + 1.0
         once = kept + first * coupling
         return once if self.order == 1 else once + second * coupling * (once - 1.0)

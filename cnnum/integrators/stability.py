@@ -125,7 +125,7 @@ def _exponential_step(method: ExponentialMethod, found: Spectrum, template: Temp
     tau = float(template.tau[0])
 
     def growth(steps: Floats, rates: Complexes) -> Complexes:
-        return np.stack([method.growth(step / tau, rates * tau) for step in steps.tolist()])
+        return method.growth(steps / tau, rates * tau)
 
     steps = tau * np.geomspace(1e-4, 60.0, 500)
     step = _first(_Growth(growth, found), steps)

@@ -56,7 +56,7 @@ def test_exponential_steps_have_their_order(method, order):
     mode = np.array([-0.6 + 0.8j])
     errors = []
     for count in (16, 32, 64):
-        factor = method.growth(1.0 / count, mode)[0] ** count
+        factor = method.growth(np.array([1.0 / count]), mode)[0, 0] ** count
         errors.append(abs(factor - np.exp(mode[0])))
     slopes = np.log2(np.array(errors[:-1]) / errors[1:])
     assert np.all(np.abs(slopes - order) < 0.1)
@@ -117,7 +117,7 @@ def _growth(method, step, values):
     from cnnum.integrators.tableau import TABLEAUX
 
     if method in EXPONENTIAL_METHODS:
-        return EXPONENTIAL_METHODS[method].growth(step, values)
+        return EXPONENTIAL_METHODS[method].growth(np.array([step]), values)[0]
     return TABLEAUX[method].growth(step * values)
 
 
@@ -260,7 +260,7 @@ def test_exponential_steps_tell_their_error(method, decay):
         for row in followed.a:
             slopes.append(z * (1 + sum(float(a) * k for a, k in zip(row, slopes, strict=True))))
         step = 1 + sum(float(a) * k for a, k in zip(followed.a[-1], slopes, strict=False))
-        growth = method.growth(decay, np.array([mode - 1.0 + 0j]))[0]
+        growth = method.growth(np.array([decay]), np.array([mode - 1.0 + 0j]))[0, 0]
         assert abs(step - growth) <= 1e-13
         (part,) = followed.truncation
         told = abs(sum(float(d) * k for d, k in zip(part, slopes, strict=True)))
