@@ -101,7 +101,7 @@ def bump_readings(
             part = influence[
                 :, :, reach - row : reach - row + rows, reach - col : reach - col + cols
             ]
-            seen += np.einsum("ijab,...j->...abi", part, loads[..., row, col, :])
+            seen += np.tensordot(loads[..., row, col, :], part.transpose(1, 2, 3, 0), axes=1)
     return seen
 
 

@@ -118,6 +118,7 @@ def sharpened(cells: Array, axes: tuple[int, int]) -> Array:
     for axis in axes:
         wide = np.pad(cells, [(int(axis == n),) * 2 for n in range(cells.ndim)], "edge")
         count = cells.shape[axis]
-        before, after = (wide.take(range(n, n + count), axis) for n in (0, 2))
-        cells = np.asarray(cells - (before - 2.0 * cells + after) / 12.0)
+        other = (slice(None),) * axis
+        before, after = (wide[(*other, slice(n, n + count))] for n in (0, 2))
+        cells = np.asarray((14.0 * cells - before - after) / 12.0)
     return cells
