@@ -13,9 +13,20 @@ BLOCKS = [
     for number, code in enumerate(re.findall(r"```python\n(.*?)```", page.read_text(), re.DOTALL))
 ]
 
+QUICKER = {"side, runs = 1024, 6": "side, runs = 257, 2"}
+"""Of code that times itself: an array of the least size that takes the same kernels, and once more
+than the first run. What it says of a size is for whoever runs it by hand."""
+
+
+def test_code_that_is_run_quicker_is_there():
+    for whole in QUICKER:
+        assert sum(whole in block.values[0] for block in BLOCKS) == 1
+
 
 @pytest.mark.parametrize("code", BLOCKS)
 def test_code_runs_as_shown(code, capsys):
+    for whole, quicker in QUICKER.items():
+        code = code.replace(whole, quicker)
     exec(compile(code, "page", "exec"), {"__name__": "page"})
 
 
