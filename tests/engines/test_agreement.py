@@ -45,6 +45,9 @@ def networks(draw):
         output=draw(st.sampled_from(["standard", "linear", "tanh", "full-range"])),
     )
     batch = draw(st.sampled_from([(), (1,), (2, 3), (17,)]))
+    # the reference takes long for 17 frames: three by turns, whose neighbours in lanes are others
+    places = np.arange(17) % 3 if batch == (17,) else ...
+    batch = (3,) if batch == (17,) else batch
     maps = {}
     if inputs:
         maps["input"] = rng.uniform(-1, 1, (*batch, *several(inputs), *shape))
@@ -54,7 +57,15 @@ def networks(draw):
         maps["bias"] = rng.uniform(-1, 1, (*several(layers), *shape))
     if draw(st.booleans()):
         maps["mask"] = rng.random(shape) < 0.3
-    return template, maps
+    return template, maps, places
+
+
+def placed(maps, places):
+    """Frames of a batch one after the other as said; bias and mask are those of all."""
+    return {
+        name: frames[places] if name in ("input", "state") else frames
+        for name, frames in maps.items()
+    }
 
 
 def tolerance(reference):
@@ -68,27 +79,27 @@ def tolerance(reference):
 @settings(max_examples=12, deadline=None, suppress_health_check=FIXTURES)
 @given(case=networks(), precision=st.sampled_from(["float32", "float64"]))
 def test_engines_agree_with_the_reference(engines, reference, case, precision):
-    template, maps = case
-    expected = reference.run(template, **maps)
+    template, maps, places = case
+    expected = reference.run(template, **maps).state[places]
     for name in ("opencl", "numba"):
-        got = engines[f"{name}-{precision}"].run(template, rtol=RTOL, atol=ATOL, **maps)
-        assert got.state.shape == expected.state.shape
-        assert np.abs(got.state - expected.state).max() <= tolerance(expected.state)
+        engine = engines[f"{name}-{precision}"]
+        got = engine.run(template, rtol=RTOL, atol=ATOL, **placed(maps, places))
+        assert got.state.shape == expected.shape
+        assert np.abs(got.state - expected).max() <= tolerance(expected)
 
 
 @settings(max_examples=6, deadline=None, suppress_health_check=FIXTURES)
 @given(case=networks(), method=st.sampled_from(["euler", "heun", "rk4"]))
 def test_fixed_steps_are_the_same_steps(engines, reference, case, method):
     """In float64 the same steps of the same method agree to rounding: 60 steps · 2⁻⁵² · values."""
-    template, maps = case
+    template, maps, places = case
     expected = reference.run(template, method=method, dt=0.05, **maps)
+    steps, state = expected.steps[places], expected.state[places]
     for label in ("opencl-float64", "numba-float64"):
-        got = engines[label].run(template, method=method, dt=0.05, **maps)
-        np.testing.assert_array_equal(got.steps, expected.steps)
+        got = engines[label].run(template, method=method, dt=0.05, **placed(maps, places))
+        np.testing.assert_array_equal(got.steps, steps)
         # 1e-10: full-range cells sit on a kink that one rounding can move by a step's change
-        assert np.abs(got.state - expected.state).max() <= 1e-10 * (
-            1 + np.abs(expected.state).max()
-        )
+        assert np.abs(got.state - state).max() <= 1e-10 * (1 + np.abs(state).max())
 
 
 @pytest.mark.parametrize("shape", [(33, 40), (70, 5)])

@@ -54,7 +54,7 @@ def test_error_covers_the_truth(name, precision):
     engine = Engine(name, precision=precision)
     covered: list[np.ndarray] = []
     loose: list[np.ndarray] = []
-    runs = sampled(11 if precision == "float32" else 12)
+    runs = sampled(11)  # the same networks for all: the reference takes seconds for them
     # kernels take a second or two to build, so that fewer networks are OpenCL's
     for template, maps, rtol, known in runs[::3] if name == "opencl" else runs:
         result = engine.run(template, rtol=rtol, atol=rtol, **maps)

@@ -57,7 +57,7 @@ def templates(draw):
     template=templates(),
     precision=st.sampled_from(["float32", "float64"]),
     shape=st.tuples(st.integers(2, 7), st.integers(2, 7)),
-    batch=st.sampled_from([(), (18,)]),
+    batch=st.sampled_from([(), (3,)]),
     seed=st.integers(0, 2**16),
 )
 def test_every_kind_of_coupling_agrees(engines, reference, template, precision, shape, batch, seed):
@@ -65,11 +65,16 @@ def test_every_kind_of_coupling_agrees(engines, reference, template, precision, 
     maps = {"input": rng.uniform(-1, 1, (*batch, *shape))}
     if template.delayed is not None:
         maps["previous"] = rng.uniform(-1, 1, (*batch, *shape))
-    expected = reference.run(template, **maps)
+    expected = reference.run(template, **maps).state
+    if batch:
+        # wider than any vector; the reference takes long for 18 frames: three by turns, whose
+        # neighbours in lanes are others
+        places = np.arange(18) % 3
+        maps, expected = {name: frames[places] for name, frames in maps.items()}, expected[places]
     # adaptive steps: some 20 of them, each within the tolerance, in a contracting array; a delay
     # is taken in Heun's steps of 0.05, whose global error is below h²/6 of the third derivative
-    largest = 1 + np.abs(expected.state).max()
+    largest = 1 + np.abs(expected).max()
     tolerance = 1e-3 * largest if template.delayed is not None else 20 * (ATOL + RTOL * largest)
     for name in ("opencl", "numba"):
         got = engines[f"{name}-{precision}"].run(template, rtol=RTOL, atol=ATOL, **maps)
-        assert np.abs(got.state - expected.state).max() <= tolerance
+        assert np.abs(got.state - expected).max() <= tolerance
