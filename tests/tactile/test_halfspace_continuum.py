@@ -1,5 +1,7 @@
 """Half-space by diffusion waves against closed forms on 8×8 taxels of 1, 2, 4 and 8 cells."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -25,21 +27,40 @@ def mirrored(function, x, y, at, periods=3):
     return total
 
 
+def cells_at(cells):
+    """Where the cells lie, as columns and rows."""
+    place = (np.arange(TAXELS * cells) + 0.5) * (PITCH / cells)
+    return place[None, :], place[:, None]
+
+
+@cache
+def exact_fields(closed, load_at, cells):
+    """Return (rows, cols, load, component) under each of the loads along the three axes.
+
+    All three at once, as they have their functions of the place in common.
+    """
+    x, y = cells_at(cells)
+    _, centre = load_at(x, y, PITCH / cells, cells)
+
+    def field(a, b):
+        return closed(a[..., None], b[..., None], THICKNESS, np.eye(3))[..., 2, :]
+
+    return mirrored(field, x, y, centre)
+
+
 def errors(numba, program, prefix, closed, axis, load_at):
     """Return the error of each number of cells, against the largest value of that field."""
     found = []
     for cells in CELLS if prefix == "stress" else CELLS[:-1]:
         h = PITCH / cells
-        place = (np.arange(TAXELS * cells) + 0.5) * h
-        x, y = place[None, :], place[:, None]
-        load, centre = load_at(x, y, h, cells)
+        load, _ = load_at(*cells_at(cells), h, cells)
         frame = np.zeros((*load.shape, 3))
         frame[..., axis] = load
         names = [f"{prefix}_{name}" for name in COMPONENTS]
         bound = program.bind(thickness=THICKNESS, pitch=PITCH, cells=cells)
         got = numba.compile(bound, load.shape, names)(frame)
-        exact = mirrored(lambda a, b: closed(a, b, THICKNESS, np.eye(3)[axis]), x, y, centre)
-        exact = exact[..., 2, :] - exact[..., 2, :].mean((0, 1))
+        exact = exact_fields(closed, load_at, cells)[..., axis, :]
+        exact = exact - exact.mean((0, 1))
         kept = [got[name] - got[name].mean() for name in names]
         worst = max(np.abs(k - exact[..., n]).max() for n, k in enumerate(kept))
         found.append(worst / np.abs(exact).max())
@@ -65,12 +86,16 @@ def falls_as_the_square(found):
     return (ratios[1:] >= 3.0).all() and (ratios[1:] <= 6.5).all() and ratios[0] >= 1.8
 
 
+def love(x, y, z, load):
+    return halfspace.rectangle_stress(x, y, z, load, size=(2 * PITCH, 2 * PITCH))
+
+
+def strain(x, y, z, force):
+    return halfspace.strain(x, y, z, force, youngs_modulus=E)
+
+
 @pytest.mark.parametrize("axis", [0, 1, 2], ids=["q_x", "q_y", "p"])
 def test_stress_nears_love_patches_as_the_square_of_the_cell(numba, axis):
-    def love(x, y, z, load):
-        size = (2 * PITCH, 2 * PITCH)
-        return halfspace.rectangle_stress(x, y, z, load, size=size)
-
     found = errors(numba, halfspace_stress, "stress", love, axis, patch)
     assert falls_as_the_square(found), found
     # (h/z)² is 1/256 at 8 cells a taxel, and its factor near 1
@@ -80,11 +105,10 @@ def test_stress_nears_love_patches_as_the_square_of_the_cell(numba, axis):
 @pytest.mark.parametrize("axis", [0, 1, 2], ids=["Q", "R", "F"])
 @pytest.mark.parametrize("kind", ["stress", "strain"])
 def test_point_loads_near_4_11_and_4_12(numba, axis, kind):
-    def closed(x, y, z, force):
-        modulus = {"youngs_modulus": E} if kind == "strain" else {}
-        return getattr(halfspace, kind)(x, y, z, force, **modulus)
-
-    program = halfspace_strain.bind(youngs_modulus=E) if kind == "strain" else halfspace_stress
+    program, closed = {
+        "stress": (halfspace_stress, halfspace.stress),
+        "strain": (halfspace_strain.bind(youngs_modulus=E), strain),
+    }[kind]
     found = errors(numba, program, kind, closed, axis, point)
     assert falls_as_the_square(found), found
     assert found[-1] <= 2 * (PITCH / CELLS[len(found) - 1] / THICKNESS) ** 2, found
