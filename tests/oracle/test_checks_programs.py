@@ -43,8 +43,14 @@ FORMS_HERE = [form for form in FORMS if form.name in {*WRONG, *WRONG_LAWS}]
 BUILT_LONG = {"slip", "twist", "tactile"}
 """Programs whose kernels take long to build; tests/tactile/test_sizes.py has their sizes."""
 
+OF_ONE_SIZE = {"outline-stress", "no-edge"}
+"""Forms of edges, for which as much is to be built: `outline-strain` has the other size, and
+tests/tactile/test_edges.py more of both."""
+
 RUNS = [(form, (8, 8)) for form in FORMS_HERE] + [
-    (form, (16, 16)) for form in FORMS_HERE if form.program not in BUILT_LONG
+    (form, (16, 16))
+    for form in FORMS_HERE
+    if form.program not in BUILT_LONG and form.name not in OF_ONE_SIZE
 ]
 
 

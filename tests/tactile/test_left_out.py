@@ -117,6 +117,12 @@ def whole():
     return load_scene("tactile")
 
 
+@pytest.fixture(scope="module")
+def scenes():
+    """Each scene loaded once: a plan is the same for all that is asked of it."""
+    return {name: load_scene(name) for name in SCENES}
+
+
 def texts_of(source):
     """What a kernel's text reads, keeps and gives: lines by where they go."""
     body = source[source.index("__kernel") :].splitlines()
@@ -133,9 +139,9 @@ def test_everything_is_everything(whole):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_scene_runs_what_it_wants_and_no_more(name, whole, opencl):
+def test_scene_runs_what_it_wants_and_no_more(name, whole, scenes):
     channels, maps, without = SCENES[name]
-    scene = load_scene(name, engine=opencl)
+    scene = scenes[name]
     plan, everything = scene.plan.explain(), whole.plan.explain()
     assert (plan.channels_read, plan.maps_read_back) == (channels, maps)
     numbers = len(scene.plan.schedule.outputs) - len(maps)
@@ -151,9 +157,9 @@ def test_scene_runs_what_it_wants_and_no_more(name, whole, opencl):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_kernel_and_buffers_hold_no_more_than_that(name, whole, opencl):
+def test_kernel_and_buffers_hold_no_more_than_that(name, whole, scenes):
     channels, maps, without = SCENES[name]
-    scene = load_scene(name, engine=opencl)
+    scene = scenes[name]
     text, everything = scene.plan.source, whole.plan.source
     lines, all_lines = texts_of(text), texts_of(everything)
     assert len(lines["input"]) == len(channels)
@@ -180,17 +186,17 @@ def test_values_that_travel_are_those_of_channels_that_are_read(opencl):
 
 
 @pytest.fixture(scope="module")
-def all_events():
-    return list(load_scene("tactile").events())
+def all_events(whole):
+    return list(whole.events())
 
 
 @pytest.mark.parametrize("name", ["contact", "slip", "twist"])
-def test_events_are_those_of_the_scene_that_wants_everything(name, opencl, all_events):
+def test_events_are_those_of_the_scene_that_wants_everything(name, scenes, all_events):
     """What is left out changes nothing of what is left."""
     kinds = {"contact": {"contact", "release"}}.get(name, {name})
     thin, full = (
         [(event.t, event.kind, event.phase) for event in events if event.kind in kinds]
-        for events in (load_scene(name, engine=opencl).events(), all_events)
+        for events in (scenes[name].events(), all_events)
     )
     assert thin
     assert thin == full
