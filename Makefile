@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint requirements.lock
 export PIP_CONSTRAINT := requirements.lock
 
-.PHONY: demo test lint bench lock clean
+.PHONY: demo test lint style mypy pyright bench lock clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html
@@ -16,11 +16,15 @@ demo: $(VENV)/run.stamp
 test: $(VENV)/dev.stamp
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --durations 20
 
-lint: $(VENV)/dev.stamp
+# `make --jobs 2 lint` has both type checkers at work at once, of which each takes one core
+lint: style mypy pyright
+
+style: $(VENV)/dev.stamp
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy
-	$(BIN)/pyright
+
+mypy pyright: $(VENV)/dev.stamp
+	$(BIN)/$@
 
 # a quick round of about a minute, with data, picture and page in bench-results/; the others of
 # `cnnum bench` (work-precision, scaling, peers) take minutes each
