@@ -1,6 +1,7 @@
 """Streams of frames from the simulated array, and programs run over them."""
 
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from cnnum.arrays import Floats
 from cnnum.drivers.simulated.array import SimulatedOptions
 from cnnum.drivers.simulated.script import Phase
 from cnnum.engine import Engine
+from cnnum.plan import Plan
 from cnnum.programs import Program
 
 ENGINES = {name: Engine(name) for name in ("opencl", "reference")}
@@ -72,16 +74,37 @@ def short_scene() -> Callable[[tuple[int, int]], Floats]:
     return scene
 
 
-@pytest.fixture
-def run() -> Run:
+Plans = Callable[[Engine, Program, tuple[int, ...], tuple[str, ...] | None], Plan]
+
+
+def compiled(
+    engine: Engine, program: Program, shape: tuple[int, ...], needs: tuple[str, ...] | None
+) -> Plan:
+    return engine.compile(program, shape, needs)
+
+
+def runs_on(plans: Plans) -> Run:
     """Stream frames (frames, [batch,] rows, cols, 3) through a program."""
 
     def stream(
         engine: Engine, program: Program, frames: Floats, needs: list[str] | None = None
     ) -> dict[str, Floats]:
-        plan = engine.compile(program, frames.shape[-3:-1], needs)
+        wanted = None if needs is None else tuple(needs)
+        plan = plans(engine, program, frames.shape[-3:-1], wanted)
         session = plan.stream(frames.shape[1:-3])
         outputs = [session.push(frame) for frame in frames]
         return {name: np.array([o[name] for o in outputs]) for name in outputs[0]}
 
     return stream
+
+
+@pytest.fixture(scope="session")
+def run() -> Run:
+    """Plans are kept for the runs that follow: streams of one know nothing of each other."""
+    return runs_on(lru_cache(maxsize=16)(compiled))
+
+
+@pytest.fixture
+def run_anew() -> Run:
+    """For tests that change what programs are made of: every run has a plan of its own."""
+    return runs_on(compiled)
