@@ -1,6 +1,6 @@
-"""How often smooth contacts have an edge: two spheres, and one that is pulled.
+"""How often smooth contacts have an edge: small ones, two spheres, and one that is pulled.
 
-`python -m cnnum.bench.smooth_edges` prints both tables. Spheres are Hertz's, pulls are Cattaneo's
+`python -m cnnum.bench.smooth_edges` prints all tables. Spheres are Hertz's, pulls are Cattaneo's
 and Mindlin's, readings are Hankel's, Love's and Cerruti's, with the noise of Table 3.II.
 """
 
@@ -12,8 +12,14 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.bench.edge_errors import DEPTHS, READINGS, run_loads
 from cnnum.engine import Engine
-from cnnum.tactile.indenters import Disc, Pressure, Reads, frame_under
+from cnnum.tactile.indenters import Disc, Indenter, Pressure, Reads, Rectangle, frame_under
 from cnnum.tactile.touches import Touch, readings
+
+SMALL = (0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8)
+"""Cells: small contacts on 8×8, and half of what is as wide and has an edge."""
+
+AMID = 1.5
+"""Cells that these lie from the middle at most, along rows and columns."""
 
 RADII = {8: ((1.5, 1.9), (1.7, 2.0)), 16: ((2.0, 3.5),)}
 """Cells: two contacts side by side, by the cells of a side."""
@@ -88,10 +94,45 @@ def drawn_pulls(rng: np.random.Generator, share: float, count: int) -> list[Touc
     ]
 
 
+def drawn_small(rng: np.random.Generator, kind: str, size: float, count: int) -> list[Indenter]:
+    """Draw small spheres, uniform discs or squares, squares at any angle."""
+    found: list[Indenter] = []
+    for _ in range(count):
+        at = (float(rng.uniform(-AMID, AMID)), float(rng.uniform(-AMID, AMID)))
+        if kind == "square":
+            angle = float(rng.uniform(0.0, np.pi))
+            found.append(Rectangle(2.0 * size, 2.0 * size, angle, at))
+        else:
+            found.append(Disc(size, at, "hertz" if kind == "sphere" else "uniform"))
+    return found
+
+
 def edged(engine: Engine, frames: Sequence[Floats], depth: float, reads: Reads) -> int:
     """Return how many frames have an edge."""
     got = run_loads(engine, np.stack(frames), depth, reads)
     return int((got["edge_count"] > 0).sum())
+
+
+def small(engine: Engine, count: int) -> None:
+    """Print how many small contacts have an edge, by depth."""
+    rng = np.random.default_rng(35)
+    for kind in ("sphere", "disc", "square"):
+        for size in SMALL:
+            bodies = drawn_small(rng, kind, size, count)
+            for reads in READINGS:
+                found = {
+                    depth: edged(
+                        engine,
+                        [frame_under(body, (8, 8), depth, reads) for body in bodies],
+                        depth,
+                        reads,
+                    )
+                    for depth in DEPTHS
+                }
+                print(
+                    f"8×8, a {kind} of {size} cells, {reads}: edges by depth, of {count}: {found}",
+                    flush=True,
+                )
 
 
 def pairs(engine: Engine, count: int) -> None:
@@ -138,6 +179,7 @@ def pulls(engine: Engine, count: int) -> None:
 def main(count: int = 60) -> None:
     """Print how often smooth contacts have an edge."""
     engine = Engine()
+    small(engine, count)
     pairs(engine, count)
     pulls(engine, count)
 

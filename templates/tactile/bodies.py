@@ -7,7 +7,7 @@ from cnnum.programs.loops import branch
 from cnnum.templates.tactile.least_squares import TINY, Felt
 from cnnum.templates.tactile.loads import square
 from cnnum.templates.tactile.rims import Circle
-from cnnum.templates.tactile.rounds import MET, Round, pair_on, punch_on
+from cnnum.templates.tactile.rounds import MET, Round, pair_on, punch_on, sphere_on
 from cnnum.templates.tactile.whole import Whole
 
 SMOOTH = 0.03
@@ -32,6 +32,15 @@ either."""
 
 NARROWEST = 1.4
 """Cells: contact radius from which it may; the flatness of smaller squares is anything."""
+
+SURE, UNKNOWN, FITS = 4.0, 0.2, 0.06
+"""Standard deviations that a narrow contact's flatness must lie above 0 for an edge; what they may
+be at most, and the share of the signal that its sphere may leave: 0.03 of a round contact in most
+cases, 0.1 in all. Steps that end beside it leave more, and tell nothing."""
+
+LEAST = 1.2
+"""Cells: radius of a load whose rim the array does not tell. That of a sphere of 1.2 cells comes
+out as 1.1 to 1.2, of a uniform disc of one cell as 1 to 1.2."""
 
 APART = 0.95
 """Distance of two spheres in sums of their radii from which they are two: the halves of an edged
@@ -62,6 +71,33 @@ def is_smooth(whole: Whole) -> Field:
     hertz = abs(whole.flatness) < FLAT + whole.unsure
     known = (whole.unsure < KNOWN) & (whole.radius > NARROWEST)
     return (whole.left < SMOOTH) & hertz & known
+
+
+def is_round(felt: Felt, load: Field, asked: Field) -> Field:
+    """Return whether the whole frame is a sphere, or a contact too narrow to tell from one.
+
+    An edge needs evidence: where noise or the distance between taxels hides how flat a load is, it
+    shows none.
+
+    Parameters
+    ----------
+    felt : Felt
+    load : Field
+        On the surface, for the first guess.
+    asked : Field
+        Flag: it is asked at all.
+    """
+
+    def judged(*values: Field) -> tuple[Field, ...]:
+        _, normal, start = values
+        sphere = sphere_on(replace(felt, normal=normal), start)
+        found = sphere.found
+        may = (found.left < SMOOTH) | (sphere.begun < LEAST)
+        flat = (found.flatness > MIDWAY) & (found.flatness > SURE * found.unsure)
+        flat = flat & (found.unsure < UNKNOWN) & (found.left < FITS)
+        return where(may & ~flat, 1.0, 0.0), normal, start
+
+    return branch(asked, judged, felt.frame.constant(0.0), felt.normal, load)[0] > 0.5
 
 
 def is_edged(felt: Felt, whole: Whole) -> Field:

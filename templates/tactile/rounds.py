@@ -1,4 +1,4 @@
-"""Round contacts, fitted to what all taxels read: a flat punch, or two spheres."""
+"""Round contacts, fitted to what all taxels read: a flat punch, a sphere, or two spheres."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -34,8 +34,8 @@ ones by half the depth. What taxels read of a rim is about as wide as the cover 
 from farther away may end beside it: under 0.3 pitches, in 13 of 240 from the circle alone, in none
 from three."""
 
-PAIR_STEPS = 6
-"""The same of each of two spheres, in turn."""
+SPHERE_STEPS = 6
+"""The same of a sphere, and of each of two, in turn."""
 
 LOAD_STEPS = 2
 """The same before them, to the load on the surface. What it is blurred by is a cell, whatever the
@@ -83,6 +83,14 @@ class Punch:
 
 
 @dataclass(frozen=True, slots=True)
+class Sphere:
+    """A sphere: what it is as a whole, and the radius of the load that its fit began with."""
+
+    found: Whole
+    begun: Field
+
+
+@dataclass(frozen=True, slots=True)
 class Pair:
     """Two spheres.
 
@@ -123,6 +131,30 @@ def punch_on(felt: Felt, guess: Round) -> Punch:
     return Punch(Round(*at), left)
 
 
+def sphere_on(felt: Felt, load: Field) -> Sphere:
+    """Return the sphere that explains a frame best.
+
+    Parameters
+    ----------
+    felt : Felt
+    load : Field
+        On the surface, for the first guess.
+    """
+
+    def steps_on(what: Felt, count: int, start: Round) -> Round:
+        def stepped(*values: Field) -> tuple[Field, ...]:
+            return _numbers(_moved(what, _seen(what, what.normal, Round(*values), pushed_by))[0])
+
+        return Round(*repeat(count, stepped, *_numbers(start)))
+
+    begun = _about(felt, load)
+    near = steps_on(_surface(felt, load), LOAD_STEPS, begun)
+    found = steps_on(felt, SPHERE_STEPS, near)
+    seen = _seen(felt, felt.normal, found, pushed_by)
+    flatness, unsure, left = _judged(felt, seen, felt.normal - seen.size * seen.signal)
+    return Sphere(Whole(left, flatness, unsure, found.radius), begun.radius)
+
+
 def pair_on(felt: Felt, load: Field) -> Pair:
     """Return the two spheres that explain a frame best, each fitted to what the other leaves.
 
@@ -132,8 +164,7 @@ def pair_on(felt: Felt, load: Field) -> Pair:
     load : Field
         On the surface, for the first guess.
     """
-    surface = replace(felt, normal=felt.inside * load, depth=CELL, reads="stress")
-    near = _in_turn(surface, *_halves(felt, load), LOAD_STEPS)
+    near = _in_turn(_surface(felt, load), *_halves(felt, load), LOAD_STEPS)
 
     def judged(*values: Field) -> tuple[Field, ...]:
         now, seen, normal, left = _beside(felt, values)
@@ -146,7 +177,7 @@ def pair_on(felt: Felt, load: Field) -> Pair:
     def both_judged(*values: Field) -> tuple[Field, ...]:
         return repeat(2, judged, *values)
 
-    *last, left = _in_turn(felt, Round(*near[:3]), Round(*near[3:6]), PAIR_STEPS, hopeless)
+    *last, left = _in_turn(felt, Round(*near[:3]), Round(*near[3:6]), SPHERE_STEPS, hopeless)
     # what is given up leaves all
     blank = (0.0 * left, 0.0 * left, 0.0 * left + 1.0)
     found = branch(left < HOPELESS, both_judged, *last, *blank, *blank)
@@ -157,6 +188,11 @@ def pair_on(felt: Felt, load: Field) -> Pair:
         Whole(found[12], found[10], found[11], two.radius),
         away / (one.radius + two.radius),
     )
+
+
+def _surface(felt: Felt, load: Field) -> Felt:
+    """Return the load on the surface as if it were felt."""
+    return replace(felt, normal=felt.inside * load, depth=CELL, reads="stress")
 
 
 def _in_turn(
