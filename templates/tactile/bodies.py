@@ -73,17 +73,20 @@ def is_smooth(whole: Whole) -> Field:
     return (whole.left < SMOOTH) & hertz & known
 
 
-def is_round(felt: Felt, load: Field, asked: Field) -> Field:
-    """Return whether the whole frame is a sphere, or a contact too narrow to tell from one.
+def is_round(felt: Felt, load: Field, whole: Whole, asked: Field) -> Field:
+    """Return whether the whole frame is a smooth contact, or one too narrow to tell from one.
 
     An edge needs evidence: where noise or the distance between taxels hides how flat a load is, it
-    shows none.
+    shows none. A sphere is fitted, for fewer numbers are known better; a contact that is pulled or
+    longer than wide is explained by what was fitted before.
 
     Parameters
     ----------
     felt : Felt
     load : Field
         On the surface, for the first guess.
+    whole : Whole
+        What the frame is as one contact.
     asked : Field
         Flag: it is asked at all.
     """
@@ -92,12 +95,18 @@ def is_round(felt: Felt, load: Field, asked: Field) -> Field:
         _, normal, start = values
         sphere = sphere_on(replace(felt, normal=normal), start)
         found = sphere.found
-        may = (found.left < SMOOTH) | (sphere.begun < LEAST)
-        flat = (found.flatness > MIDWAY) & (found.flatness > SURE * found.unsure)
-        flat = flat & (found.unsure < UNKNOWN) & (found.left < FITS)
-        return where(may & ~flat, 1.0, 0.0), normal, start
+        may = (found.left < SMOOTH) | (sphere.begun < LEAST) | unknown
+        smooth = may & ~(_is_flat(found) & (found.left < FITS))
+        return where(smooth, 1.0, 0.0), normal, start
 
+    unknown = (whole.left < SMOOTH) & ~_is_flat(whole)
     return branch(asked, judged, felt.frame.constant(0.0), felt.normal, load)[0] > 0.5
+
+
+def _is_flat(whole: Whole) -> Field:
+    """Return whether a load is known to be too flat for a smooth contact's."""
+    known = (whole.flatness > SURE * whole.unsure) & (whole.unsure < UNKNOWN)
+    return known & (whole.flatness > MIDWAY)
 
 
 def is_edged(felt: Felt, whole: Whole) -> Field:

@@ -132,7 +132,7 @@ def _on_rounds(
 ) -> tuple[tuple[Links, ...], list[Field]]:
     """Return links and where outlines end, if the whole frame is a flat punch or spheres."""
     found = (ends[0] | ends[1] | ends[2] | ends[3]).any()
-    ball = is_round(felt, load, found)
+    ball = is_round(felt, load, whole, found)
     punched, rim = punch_of(felt, whole, circle_through(felt, links, ends), found & ~ball)
     smooth = ball | is_pair(felt, load, whole, found & ~punched & ~ball)
     rims = [on_circle(felt.frame, link, way, rim) for link, way in zip(links, WAYS, strict=True)]
