@@ -1,11 +1,12 @@
-"""How often smooth contacts have an edge: small ones, two spheres, and one that is pulled.
+"""How often smooth contacts have an edge: small ones, several spheres, and one that is pulled.
 
 `python -m cnnum.bench.smooth_edges` prints all tables. Spheres are Hertz's, pulls are Cattaneo's
 and Mindlin's, readings are Hankel's, Love's and Cerruti's, with the noise of Table 3.II.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from cnnum.engine import Engine
 from cnnum.tactile.indenters import Disc, Indenter, Pressure, Reads, Rectangle, frame_under
 from cnnum.tactile.touches import Touch, readings
 
+PRESSURES: tuple[Pressure, ...] = ("hertz", "uniform")
 SMALL = (0.6, 0.8, 1.0, 1.2, 1.4, 1.6, 1.8)
 """Cells: small contacts on 8×8, and half of what is as wide and has an edge."""
 
@@ -24,11 +26,17 @@ AMID = 1.5
 RADII = {8: ((1.5, 1.9), (1.7, 2.0)), 16: ((2.0, 3.5),)}
 """Cells: two contacts side by side, by the cells of a side."""
 
+THREE_RADII = {8: ((1.5, 1.7),), 16: ((1.6, 2.4), (2.0, 3.0))}
+"""The same of three."""
+
 GAPS = {8: (0.5, 1.2), 16: (0.5, 3.0)}
 """Cells between them."""
 
-PULLED = (2.0, 3.3)
+PULLED = ((0.8, 1.2), (1.2, 1.6), (1.6, 2.0), (2.0, 3.3))
 """Cells: contacts that are pulled, on 8×8."""
+
+FINER = 15
+"""Cells of the surface to a pitch under them: readings of the narrowest are off by 0.3 %."""
 
 FRICTION = 0.7
 SHARES = (0.0, 0.3, 0.6, 0.9, 0.999)
@@ -39,19 +47,19 @@ SPARE = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Two:
-    """Two round contacts that do not overlap, and the second's mean pressure over the first's."""
+class Several:
+    """Round contacts that do not overlap, and their mean pressures over the first's."""
 
-    first: Disc
-    second: Disc
-    share: float
+    discs: tuple[Disc, ...]
+    shares: tuple[float, ...]
 
     def frame(self, cells: int, depth: float, reads: Reads) -> Floats:
-        """Return what a square array reads of both."""
-        one, two = (
-            frame_under(disc, (cells, cells), depth, reads) for disc in (self.first, self.second)
-        )
-        return np.asarray(one + self.share * two)
+        """Return what a square array reads of all."""
+        frames = [
+            share * frame_under(disc, (cells, cells), depth, reads)
+            for disc, share in zip(self.discs, self.shares, strict=True)
+        ]
+        return np.asarray(sum(frames))
 
 
 def drawn_pairs(
@@ -60,9 +68,9 @@ def drawn_pairs(
     radii: tuple[float, float],
     count: int,
     pressure: Pressure = "hertz",
-) -> list[Two]:
+) -> list[Several]:
     """Draw pairs in any direction, the second's pressure 0.5 to 1 of the first's."""
-    found: list[Two] = []
+    found: list[Several] = []
     while len(found) < count:
         sizes = rng.uniform(*radii, 2)
         away, angle = sizes.sum() + rng.uniform(*GAPS[cells]), rng.uniform(0.0, 2 * np.pi)
@@ -70,21 +78,48 @@ def drawn_pairs(
         middle, share = rng.uniform(-0.5, 0.5, 2), float(rng.uniform(0.5, 1.0))
         places = (middle + half, middle - half)
         reach = [np.abs(place).max() + size for place, size in zip(places, sizes, strict=True)]
-        if max(reach) > cells / 2 + SPARE:
-            continue
-        one, two = (
-            Disc(float(size), (float(place[0]), float(place[1])), pressure)
-            for place, size in zip(places, sizes, strict=True)
-        )
-        found.append(Two(one, two, share))
+        if max(reach) <= cells / 2 + SPARE:
+            found.append(Several(_discs(sizes, places, pressure), (1.0, share)))
     return found
 
 
-def drawn_pulls(rng: np.random.Generator, share: float, count: int) -> list[Touch]:
+def drawn_threes(
+    rng: np.random.Generator,
+    cells: int,
+    radii: tuple[float, float],
+    count: int,
+    pressure: Pressure = "hertz",
+) -> list[Several]:
+    """Draw three anywhere, each as near to another as pairs are, with pressures like theirs."""
+    found: list[Several] = []
+    near, far = GAPS[cells]
+    while len(found) < count:
+        sizes = rng.uniform(*radii, 3)
+        reach = cells / 2 + SPARE - sizes[:, None]
+        places = rng.uniform(-reach, reach, (3, 2))
+        away = np.linalg.norm(places[:, None] - places, axis=-1) - (sizes[:, None] + sizes)
+        gaps = np.sort(away[np.triu_indices(3, 1)])
+        if gaps[0] >= near and gaps[1] <= far:
+            first, second = rng.uniform(0.5, 1.0, 2)
+            shares = (1.0, float(first), float(second))
+            found.append(Several(_discs(sizes, places, pressure), shares))
+    return found
+
+
+def _discs(sizes: Floats, places: Iterable[Floats], pressure: Pressure) -> tuple[Disc, ...]:
+    return tuple(
+        Disc(float(size), (float(place[0]), float(place[1])), pressure)
+        for size, place in zip(sizes, places, strict=True)
+    )
+
+
+def drawn_pulls(
+    rng: np.random.Generator, radii: tuple[float, float], share: float, count: int
+) -> list[Touch]:
     """Draw spheres near the middle of the array, pulled by a share of what makes them slip."""
     return [
         Touch(
-            float(rng.uniform(*PULLED)),
+            float(rng.uniform(*radii)),
             (float(rng.uniform(-0.5, 0.5)), float(rng.uniform(-0.5, 0.5))),
             share * FRICTION,
             float(rng.uniform(0.0, 2 * np.pi)),
@@ -135,21 +170,27 @@ def small(engine: Engine, count: int) -> None:
                 )
 
 
-def pairs(engine: Engine, count: int) -> None:
-    """Print how many pairs of contacts have an edge, by depth."""
-    for cells, ranges in RADII.items():
-        for radii in ranges:
-            for pressure in ("hertz", "uniform"):
-                bodies = drawn_pairs(np.random.default_rng(31), cells, radii, count, pressure)
+def side_by_side(engine: Engine, count: int) -> None:
+    """Print how many frames of two and three contacts have an edge, by depth."""
+    for name, drawn, all_ranges in (
+        ("two", drawn_pairs, RADII),
+        ("three", drawn_threes, THREE_RADII),
+    ):
+        for cells, ranges in all_ranges.items():
+            for radii, pressure in product(ranges, PRESSURES):
+                bodies = drawn(np.random.default_rng(31), cells, radii, count, pressure)
                 for reads in READINGS:
                     found = {
                         depth: edged(
-                            engine, [two.frame(cells, depth, reads) for two in bodies], depth, reads
+                            engine,
+                            [body.frame(cells, depth, reads) for body in bodies],
+                            depth,
+                            reads,
                         )
                         for depth in DEPTHS
                     }
                     print(
-                        f"{cells}×{cells}, two of {radii[0]} to {radii[1]} cells, {pressure}, "
+                        f"{cells}×{cells}, {name} of {radii[0]} to {radii[1]} cells, {pressure}, "
                         f"{reads}: edges by depth, of {count}: {found}",
                         flush=True,
                     )
@@ -157,30 +198,29 @@ def pairs(engine: Engine, count: int) -> None:
 
 def pulls(engine: Engine, count: int) -> None:
     """Print how many pulled spheres have an edge, by depth."""
-    for reads in READINGS:
-        for share in SHARES:
-            touches = drawn_pulls(np.random.default_rng(33), share, count)
-            found = {
-                depth: edged(
-                    engine,
-                    [-readings(touch, 8, depth, reads)[..., 2] for touch in touches],
-                    depth,
-                    reads,
-                )
-                for depth in DEPTHS
-            }
-            print(
-                f"8×8, a sphere pulled by {share} of what makes it slip, {reads}: "
-                f"edges by depth, of {count}: {found}",
-                flush=True,
+    for radii, reads, share in product(PULLED, READINGS, SHARES):
+        touches = drawn_pulls(np.random.default_rng(33), radii, share, count)
+        found = {
+            depth: edged(
+                engine,
+                [-readings(touch, 8, depth, reads, FINER)[..., 2] for touch in touches],
+                depth,
+                reads,
             )
+            for depth in DEPTHS
+        }
+        print(
+            f"8×8, a sphere of {radii[0]} to {radii[1]} cells pulled by {share} of what makes it "
+            f"slip, {reads}: edges by depth, of {count}: {found}",
+            flush=True,
+        )
 
 
 def main(count: int = 60) -> None:
     """Print how often smooth contacts have an edge."""
     engine = Engine()
     small(engine, count)
-    pairs(engine, count)
+    side_by_side(engine, count)
     pulls(engine, count)
 
 

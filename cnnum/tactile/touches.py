@@ -1,6 +1,6 @@
 """Spheres pressed on a half-space and pulled, as an array under the cover reads them.
 
-Tractions are Hertz's and Cattaneo–Mindlin's, averaged over cells of a fifth of the pitch; readings
+Tractions are Hertz's and Cattaneo–Mindlin's, averaged over cells of a part of the pitch; readings
 are Love's and Cerruti's solutions for these cells.
 """
 
@@ -51,19 +51,32 @@ class Touch:
 
 
 @cache
-def _cover(cells: int, depth: float, reads: Reads) -> SurfaceToDepth:
+def _cover(cells: int, depth: float, reads: Reads, finer: int) -> SurfaceToDepth:
     # at E = 1.5 strain is in units of 2E/3: as large as the stress that it comes from
     modulus = 1.5 if reads == "strain" else None
-    side = cells * FINER
-    return SurfaceToDepth((side, side), 1.0 / FINER, depth, youngs_modulus=modulus)
+    side = cells * finer
+    return SurfaceToDepth((side, side), 1.0 / finer, depth, youngs_modulus=modulus)
 
 
-def readings(touch: Touch, cells: int, depth: float, reads: Reads) -> Array:
-    """Return what a square array reads, (cells, cells, 3), tension positive."""
-    side = cells * FINER
+def readings(touch: Touch, cells: int, depth: float, reads: Reads, finer: int = FINER) -> Array:
+    """Return what a square array reads, (cells, cells, 3), tension positive.
+
+    Parameters
+    ----------
+    touch : Touch
+    cells : int
+        Of a side.
+    depth : float
+        Pitches.
+    reads : "strain" or "stress"
+    finer : int
+        Cells of the surface to a pitch, an odd number. Under 0.3 pitches a contact of a pitch in
+        radius is off by 3 % with 5 of them (strain; stress 2 %), by 0.3 % with 15.
+    """
+    side = cells * finer
     traction, _ = sphere_traction(
         (side, side),
-        1.0 / FINER,
+        1.0 / finer,
         load=1.0,
         # a³ = 3PR/4E* at P = E* = 1
         sphere_radius=4.0 * touch.radius**3 / 3.0,
@@ -72,8 +85,8 @@ def readings(touch: Touch, cells: int, depth: float, reads: Reads) -> Array:
         centre=touch.centre,
         tangential=touch.pulls,
     )
-    seen = _cover(cells, depth, reads)(traction)
-    return seen[FINER // 2 :: FINER, FINER // 2 :: FINER]
+    seen = _cover(cells, depth, reads, finer)(traction)
+    return seen[finer // 2 :: finer, finer // 2 :: finer]
 
 
 def drawn(

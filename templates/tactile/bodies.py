@@ -1,13 +1,17 @@
 """What presses, by all that an array reads: smooth or edged, two spheres or a flat punch."""
 
+from collections.abc import Sequence
 from dataclasses import replace
+from functools import reduce
+from operator import add, and_
 
 from cnnum.programs.fields import Field, maximum, where
 from cnnum.programs.loops import branch
 from cnnum.templates.tactile.least_squares import TINY, Felt
 from cnnum.templates.tactile.loads import square
 from cnnum.templates.tactile.rims import Circle
-from cnnum.templates.tactile.rounds import MET, Round, pair_on, punch_on, sphere_on
+from cnnum.templates.tactile.rounds import MET, Round, punch_on, sphere_on
+from cnnum.templates.tactile.several import several_on
 from cnnum.templates.tactile.whole import Whole
 
 SMOOTH = 0.03
@@ -26,14 +30,14 @@ MIDWAY = 0.3
 """Flatness up to which two contacts are smooth together: half of the 0.6 that two uniform discs
 have at least."""
 
-BOTH_KNOWN = 0.5 * MIDWAY
+ALL_KNOWN = 0.5 * MIDWAY
 """Standard deviation of their common flatness up to which they may be: midway is two of it from
 either."""
 
 NARROWEST = 1.4
 """Cells: contact radius from which it may; the flatness of smaller squares is anything."""
 
-SURE, UNKNOWN, FITS = 4.0, 0.2, 0.06
+SURE, UNKNOWN, FITS = 5.0, 0.2, 0.06
 """Standard deviations that a narrow contact's flatness must lie above 0 for an edge; what they may
 be at most, and the share of the signal that its sphere may leave: 0.03 of a round contact in most
 cases, 0.1 in all. Steps that end beside it leave more, and tell nothing."""
@@ -45,6 +49,9 @@ out as 1.1 to 1.2, of a uniform disc of one cell as 1 to 1.2."""
 APART = 0.95
 """Distance of two spheres in sums of their radii from which they are two: the halves of an edged
 body overlap."""
+
+MOST = 3
+"""Smooth contacts that are told beside each other."""
 
 SEVERAL, HOLLOWED = 0.2, 1.0
 """Share of the signal that one ellipse leaves from which two spheres are looked for, and that or
@@ -118,8 +125,8 @@ def is_edged(felt: Felt, whole: Whole) -> Field:
     return flat | ((whole.left > low) & (whole.left < high))
 
 
-def is_pair(felt: Felt, load: Field, whole: Whole, asked: Field) -> Field:
-    """Return whether the whole frame is two smooth contacts.
+def are_spheres(felt: Felt, load: Field, whole: Whole, asked: Field) -> Field:
+    """Return whether the whole frame is two or three smooth contacts.
 
     Parameters
     ----------
@@ -131,32 +138,41 @@ def is_pair(felt: Felt, load: Field, whole: Whole, asked: Field) -> Field:
     asked : Field
         Flag: it is asked at all.
     """
+    found = felt.frame.constant(0.0), felt.frame.constant(1.0)
+    for number in range(2, _most(felt) + 1):
 
-    def judged(*values: Field) -> tuple[Field, ...]:
-        _, normal, start = values
-        pair = pair_on(replace(felt, normal=normal), start)
-        smooth = _are_smooth(pair.first, pair.second) & (pair.apart > APART)
-        return where(smooth, 1.0, 0.0), normal, start
+        def judged(*values: Field, number: int = number) -> tuple[Field, ...]:
+            normal, start = values[2:]
+            several = several_on(replace(felt, normal=normal), start, number)
+            smooth = _are_smooth(several.each) & (several.apart > APART)
+            return where(smooth, 1.0, 0.0), several.left, normal, start
 
-    several = asked & (whole.left > SEVERAL)
-    return branch(several, judged, felt.frame.constant(0.0), felt.normal, load)[0] > 0.5
+        # what so many explain is no more of them
+        more = asked & (whole.left > SEVERAL) & ~(found[1] < SMOOTH)
+        found = branch(more, judged, *found, felt.normal, load)[:2]
+    return found[0] > 0.5
 
 
-def _are_smooth(first: Whole, second: Whole) -> Field:
-    """Return whether two contacts are smooth.
+def _most(felt: Felt) -> int:
+    """Return how many smooth contacts an array may tell."""
+    return MOST if min(felt.frame.shape) > MOST * NARROWEST else MOST - 1
 
-    Under thick covers noise hides how flat a small one is, but not how flat both are: each counts
-    by what is known of it, and neither may be flatter alone by more than its standard deviation.
+
+def _are_smooth(each: Sequence[Whole]) -> Field:
+    """Return whether contacts are smooth.
+
+    Under thick covers noise hides how flat a small one is, but not how flat all are: each counts
+    by what is known of it, and none may be flatter alone by more than its standard deviation.
     """
-    both = (first, second)
-    weights = [1.0 / maximum(square(one.unsure), TINY) for one in both]
-    sure = weights[0] + weights[1]
-    flatness = (weights[0] * first.flatness + weights[1] * second.flatness) / sure
     may = [
         (one.left < SMOOTH) & (one.radius > NARROWEST) & (one.flatness - one.unsure < MIDWAY)
-        for one in both
+        for one in each
     ]
-    return may[0] & may[1] & (flatness < MIDWAY) & (sure > BOTH_KNOWN**-2)
+    weights = [1.0 / maximum(square(one.unsure), TINY) for one in each]
+    flat = [weight * one.flatness for weight, one in zip(weights, each, strict=True)]
+    sure = reduce(add, weights)
+    known = sure > ALL_KNOWN**-2
+    return reduce(and_, may) & known & (reduce(add, flat) < MIDWAY * sure)
 
 
 def punch_of(felt: Felt, whole: Whole, circle: Circle, asked: Field) -> tuple[Field, Round]:

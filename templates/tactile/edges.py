@@ -10,7 +10,7 @@ from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply, shift
 from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.bodies import is_edged, is_pair, is_round, is_smooth, punch_of
+from cnnum.templates.tactile.bodies import are_spheres, is_edged, is_round, is_smooth, punch_of
 from cnnum.templates.tactile.least_squares import Felt, felt_of
 from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of
 from cnnum.templates.tactile.outline import WAYS, Links, links_of
@@ -134,7 +134,7 @@ def _on_rounds(
     found = (ends[0] | ends[1] | ends[2] | ends[3]).any()
     ball = is_round(felt, load, whole, found)
     punched, rim = punch_of(felt, whole, circle_through(felt, links, ends), found & ~ball)
-    smooth = ball | is_pair(felt, load, whole, found & ~punched & ~ball)
+    smooth = ball | are_spheres(felt, load, whole, found & ~punched & ~ball)
     rims = [on_circle(felt.frame, link, way, rim) for link, way in zip(links, WAYS, strict=True)]
     return (
         tuple(

@@ -1,10 +1,9 @@
-"""Round contacts, fitted to what all taxels read: a flat punch, a sphere, or two spheres."""
+"""Round contacts, fitted to what all taxels read: a flat punch, or a sphere."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from cnnum.programs.fields import Field, maximum, sqrt, where
-from cnnum.programs.loops import branch
 from cnnum.programs.machine import FrameFields
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.least_squares import (
@@ -18,7 +17,7 @@ from cnnum.templates.tactile.least_squares import (
     without,
 )
 from cnnum.templates.tactile.loads import square
-from cnnum.templates.tactile.sphere import Pushed, punched_by, pushed_by
+from cnnum.templates.tactile.sphere import Pushed, pulled_by, punched_by, pushed_by
 from cnnum.templates.tactile.whole import NARROW, Whole
 
 PUNCH_STEPS = 6
@@ -35,7 +34,7 @@ from farther away may end beside it: under 0.3 pitches, in 13 of 240 from the ci
 from three."""
 
 SPHERE_STEPS = 6
-"""The same of a sphere, and of each of two, in turn."""
+"""The same of a sphere, and of each of several, in turn."""
 
 LOAD_STEPS = 2
 """The same before them, to the load on the surface. What it is blurred by is a cell, whatever the
@@ -46,17 +45,27 @@ CELL = 12.0**-0.5
 """Cover under which stress is as blurred as by the mean over a cell, to the second order in the
 wave number: 1 − (kz)²/2 for the one, 1 − k²/24 for the other."""
 
-TRIED, HOPELESS = 2, 0.15
-"""Steps of each after which two spheres are given up, and share of the signal that they leave."""
-
-SPLITS = 3
-"""Times that the load is shared out between two centres anew."""
-
 START, SPREAD = 0.2, 2.77
-"""Share of each half's largest load above which loads give its centre and radius, and square of the
-radius over the mean square way of what a Hertzian pressure has above it. Radii come out 0.05 to 0.1
-cells too small. From 0.3 cells too small, one pair in five in strain under 0.3 pitches was given
-up."""
+"""Share of the largest load above which loads give centre and radius, and square of the radius over
+the mean square way of what a Hertzian pressure has above it. Radii come out 0.05 to 0.1 cells too
+small. From 0.3 cells too small, one pair in five in strain under 0.3 pitches was given up."""
+
+STUCK = (1.0, 0.75, 0.5)
+"""Radii of what a pull shears, over that of the contact: all of it, and less what sticks."""
+
+NARROWER = 0.65
+"""Radius of each further start of a sphere, over that of the one before. In strain, which a pull
+changes as much as the push does, its load looks wider: of 60 spheres of 0.8 to 1.2 cells under 0.3
+pitches that slip, 12 are not met from one start, 4 from three."""
+
+ENOUGH = 36
+"""Taxels of an array that tells a pull, too: on 16 its numbers, beside the four of a push, explain
+uniform discs."""
+
+TOLD, EXPLAINED = 25.0, 0.1
+"""What a pull must explain: so many times the noise of one reading, as a power (by chance the six
+numbers of a pull take 6 ± 3.5), and all but a tenth of what the push leaves, or all but as much.
+Where half was enough, a square of 2.5 cells was taken for a pulled sphere."""
 
 Shape = Callable[[Field, Field, float, Reads], Pushed]
 
@@ -91,29 +100,42 @@ class Sphere:
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
-    """Two spheres.
+class Seen:
+    """What taxels feel of a contact, how much of it, and how that changes: maps.
 
     Attributes
     ----------
-    first, second : Whole
-        What each is, beside the other.
-    apart : Field
-        Distance of their centres, in sums of their radii: below 1 they would overlap.
+    at : Round
+    normal : Field
+        What the contact is fitted to.
+    away : Field
+        Square distance from the centre.
+    size : Field
+        Largest pressure.
+    signal : Field
+        What a pressure of 1 makes.
+    ways : tuple of Field
+        How that changes with radius, column and row, beside itself and what a pull adds.
+    pulls : tuple of Field
+        What a pull adds along columns and rows, of power 1 and apart; none where it is not asked.
     """
 
-    first: Whole
-    second: Whole
-    apart: Field
+    at: Round
+    normal: Field
+    away: Field
+    size: Field
+    signal: Field
+    ways: tuple[Field, ...]
+    pulls: tuple[Field, ...]
 
 
 def punch_on(felt: Felt, guess: Round) -> Punch:
     """Return the flat punch that explains a frame best, starting near it."""
 
     def stepped(*values: Field) -> tuple[Field, ...]:
-        seen = _seen(felt, felt.normal, Round(*values[:3]), punched_by)
-        now, left = _moved(felt, seen)
-        return (*_numbers(now), felt.share(left))
+        seen = seen_of(felt, felt.normal, Round(*values[:3]), punched_by)
+        now, left = moved(felt, seen)
+        return (*numbers(now), felt.share(left))
 
     def tried(*values: Field) -> tuple[Field, ...]:
         wider = values[0]
@@ -127,12 +149,12 @@ def punch_on(felt: Felt, guess: Round) -> Punch:
 
     none = 0.0 * guess.radius
     tries = TRIES if felt.depth < THIN else 1
-    _, *at, left = repeat(tries, tried, none, *_numbers(guess), none, stop=met)
+    _, *at, left = repeat(tries, tried, none, *numbers(guess), none, stop=met)
     return Punch(Round(*at), left)
 
 
 def sphere_on(felt: Felt, load: Field) -> Sphere:
-    """Return the sphere that explains a frame best.
+    """Return the sphere, pressed and pulled, that explains a frame best.
 
     Parameters
     ----------
@@ -140,178 +162,142 @@ def sphere_on(felt: Felt, load: Field) -> Sphere:
     load : Field
         On the surface, for the first guess.
     """
+    begun, above = about(felt, load), surface(felt, load)
+    many = felt.frame.shape[0] * felt.frame.shape[1] >= ENOUGH
 
-    def steps_on(what: Felt, count: int, start: Round) -> Round:
-        def stepped(*values: Field) -> tuple[Field, ...]:
-            return _numbers(_moved(what, _seen(what, what.normal, Round(*values), pushed_by))[0])
+    def nearer(*values: Field) -> tuple[Field, ...]:
+        return numbers(moved(above, seen_of(above, above.normal, Round(*values)))[0])
 
-        return Round(*repeat(count, stepped, *_numbers(start)))
+    def stepped(*values: Field) -> tuple[Field, ...]:
+        # in stress a pull is like a shift
+        seen = seen_of(felt, felt.normal, Round(*values), pulled=many and felt.reads == "strain")
+        return numbers(moved(felt, seen)[0])
 
-    begun = _about(felt, load)
-    near = steps_on(_surface(felt, load), LOAD_STEPS, begun)
-    found = steps_on(felt, SPHERE_STEPS, near)
-    seen = _seen(felt, felt.normal, found, pushed_by)
-    flatness, unsure, left = _judged(felt, seen, felt.normal - seen.size * seen.signal)
-    return Sphere(Whole(left, flatness, unsure, found.radius), begun.radius)
+    def tried(*values: Field) -> tuple[Field, ...]:
+        start, *best = values
+        at = Round(*repeat(SPHERE_STEPS, stepped, start, *near[1:]))
+        seen = seen_of(felt, felt.normal, at)
+        now = (at.radius, *(_pushed_or_pulled if many else judged)(felt, seen))
+        better = now[-1] < best[-1]
+        kept = (where(better, new, old) for new, old in zip(now, best, strict=True))
+        return (NARROWER * start, *kept)
 
+    def met(_: Field, *values: Field) -> Field:
+        return values[-1] < MET
 
-def pair_on(felt: Felt, load: Field) -> Pair:
-    """Return the two spheres that explain a frame best, each fitted to what the other leaves.
-
-    Parameters
-    ----------
-    felt : Felt
-    load : Field
-        On the surface, for the first guess.
-    """
-    near = _in_turn(_surface(felt, load), *_halves(felt, load), LOAD_STEPS)
-
-    def judged(*values: Field) -> tuple[Field, ...]:
-        now, seen, normal, left = _beside(felt, values)
-        found = _judged(felt, seen, left)
-        return (*values[3:6], *_numbers(now), normal - left, *values[10:13], *found)
-
-    def hopeless(count: Field, *values: Field) -> Field:
-        return (count > 2 * TRIED - 0.5) & (values[-1] > HOPELESS)
-
-    def both_judged(*values: Field) -> tuple[Field, ...]:
-        return repeat(2, judged, *values)
-
-    *last, left = _in_turn(felt, Round(*near[:3]), Round(*near[3:6]), SPHERE_STEPS, hopeless)
-    # what is given up leaves all
-    blank = (0.0 * left, 0.0 * left, 0.0 * left + 1.0)
-    found = branch(left < HOPELESS, both_judged, *last, *blank, *blank)
-    one, two = Round(*found[:3]), Round(*found[3:6])
-    away = sqrt(square(one.column - two.column) + square(one.row - two.row))
-    return Pair(
-        Whole(found[12], found[7], found[8], one.radius),
-        Whole(found[12], found[10], found[11], two.radius),
-        away / (one.radius + two.radius),
+    near = repeat(LOAD_STEPS, nearer, *numbers(begun))
+    tries = TRIES if felt.depth < THIN and felt.reads == "strain" else 1
+    none = 0.0 * begun.radius
+    _, radius, flatness, unsure, left = repeat(
+        tries, tried, near[0], none, none, none, none + 1.0, stop=met
     )
+    return Sphere(Whole(left, flatness, unsure, radius), begun.radius)
 
 
-def _surface(felt: Felt, load: Field) -> Felt:
+def _pushed_or_pulled(felt: Felt, seen: Seen) -> tuple[Field, ...]:
+    """Return flatness, its standard deviation, and what is left, with a pull if that is told."""
+    pushed, pulled = judged(felt, seen), judged(felt, _with_pulls(felt, seen))
+    power = square(felt.normal).sum()
+    before, after, least = power * square(pushed[-1]), power * square(pulled[-1]), TOLD * felt.noise
+    told = (before - after > least) & ((after < EXPLAINED * before) | (after < least))
+    return tuple(where(told, *both) for both in zip(pulled, pushed, strict=True))
+
+
+def _with_pulls(felt: Felt, seen: Seen) -> Seen:
+    """Return what is felt of a contact, and what pulls add to it, whatever part of it sticks."""
+    columns, rows = felt.frame.column - seen.at.column, felt.frame.row - seen.at.row
+    pulls = list[Field]()
+    for share in STUCK:
+        size = share * seen.at.radius
+        pull = felt.inside * pulled_by(seen.away, size, felt.depth, felt.reads)
+        pulls += [pull * columns, pull * rows]
+    return replace(seen, pulls=tuple(pulls))
+
+
+def surface(felt: Felt, load: Field) -> Felt:
     """Return the load on the surface as if it were felt."""
     return replace(felt, normal=felt.inside * load, depth=CELL, reads="stress")
 
 
-def _in_turn(
-    felt: Felt,
-    first: Round,
-    second: Round,
-    steps: int,
-    stop: Callable[..., Field] | None = None,
-) -> tuple[Field, ...]:
-    """Return the numbers of two spheres after steps of each, what the second makes, what is left.
-
-    To begin with each makes what is felt nearer to it.
-    """
-    nearer = second.away(felt.frame) < first.away(felt.frame)
-
-    def stepped(*values: Field) -> tuple[Field, ...]:
-        now, _, normal, left = _beside(felt, values)
-        # the other comes next: they change places
-        return (*values[3:6], *_numbers(now), normal - left, felt.share(left))
-
-    start = (*_numbers(first), *_numbers(second), where(nearer, felt.normal, 0.0))
-    return repeat(2 * steps, stepped, *start, 0.0 * first.radius, stop=stop)
-
-
-@dataclass(frozen=True, slots=True)
-class _Seen:
-    """What taxels feel of a contact, how much of it, and how that changes: maps."""
-
-    at: Round
-    normal: Field
-    away: Field
-    size: Field
-    signal: Field
-    ways: tuple[Field, ...]
-
-
-def _beside(felt: Felt, values: tuple[Field, ...]) -> tuple[Round, _Seen, Field, Field]:
-    """Return the first of two contacts after a step, what is felt of it, all, and what it leaves.
-
-    Values are the numbers of both, and what the second makes.
-    """
-    normal = felt.normal - values[6]
-    seen = _seen(felt, normal, Round(*values[:3]), pushed_by)
-    now, left = _moved(felt, seen)
-    return now, seen, normal, left
-
-
-def _numbers(at: Round) -> tuple[Field, Field, Field]:
+def numbers(at: Round) -> tuple[Field, Field, Field]:
+    """Return what a round contact is made of, in the order of its parts."""
     return at.radius, at.column, at.row
 
 
-def _seen(felt: Felt, normal: Field, at: Round, shape: Shape) -> _Seen:
+def seen_of(
+    felt: Felt, normal: Field, at: Round, shape: Shape = pushed_by, pulled: bool = False
+) -> Seen:
+    """Return what taxels feel of a contact.
+
+    Parameters
+    ----------
+    felt : Felt
+    normal : Field
+        What the contact is fitted to.
+    at : Round
+    shape : callable
+        What its load makes: a sphere's unless given.
+    pulled : bool
+        It may be pulled, too.
+    """
     columns, rows = felt.frame.column - at.column, felt.frame.row - at.row
     away = square(columns) + square(rows)
     seen = shape(away, at.radius, felt.depth, felt.reads)
     signal = felt.inside * seen.signal
     slope = -2.0 * felt.inside * seen.by_away
     raw = (felt.inside * seen.by_radius, slope * columns, slope * rows)
-    ways = tuple(way - part_of(way, signal) * signal for way in raw)
-    return _Seen(at, normal, away, maximum(part_of(normal, signal), TINY), signal, ways)
+    ways = [way - part_of(way, signal) * signal for way in raw]
+    pulls: list[Field] = []
+    if pulled:
+        pull = felt.inside * pulled_by(away, at.radius, felt.depth, felt.reads)
+        pulls = apart((pull * columns, pull * rows))
+        ways = [without(way, pulls) for way in ways]
+    size = maximum(part_of(normal, signal), TINY)
+    return Seen(at, normal, away, size, signal, tuple(ways), tuple(pulls))
 
 
-def _moved(felt: Felt, seen: _Seen) -> tuple[Round, Field]:
+def moved(felt: Felt, seen: Seen) -> tuple[Round, Field]:
     """Return the contact after a step, and what it leaves then.
 
     Each number is fitted to what those before it leave: on few taxels radius and centre are not
     independent.
     """
-    left = seen.normal - seen.size * seen.signal
-    far, moved = FAR * seen.at.radius, list[Field]()
-    for was, way in zip(_numbers(seen.at), seen.ways, strict=True):
+    left = without(seen.normal - seen.size * seen.signal, seen.pulls)
+    far, now = FAR * seen.at.radius, list[Field]()
+    for was, way in zip(numbers(seen.at), seen.ways, strict=True):
         much = part_of(left, way)
         left = left - much * way
-        moved.append(was + at_most(much / seen.size, far))
-    return Round(felt.within(moved[0]), moved[1], moved[2]), left
+        now.append(was + at_most(much / seen.size, far))
+    return Round(felt.within(now[0]), now[1], now[2]), left
 
 
-def _judged(felt: Felt, seen: _Seen, left: Field) -> tuple[Field, Field, Field]:
-    """Return flatness, its standard deviation, and the share of the signal that is left."""
+def judged(felt: Felt, seen: Seen, left: Field | None = None) -> tuple[Field, Field, Field]:
+    """Return flatness, its standard deviation, and the share of the signal that is left.
+
+    Parameters
+    ----------
+    felt : Felt
+    seen : Seen
+    left : Field, optional
+        What the contact leaves; if not given, all that its numbers and pulls cannot tell.
+    """
+    ways = apart((seen.signal, *seen.ways, *seen.pulls))
     narrow = pushed_by(seen.away, NARROW * seen.at.radius, felt.depth, felt.reads).signal
-    narrow = without(felt.inside * narrow, apart((seen.signal, *seen.ways)))
+    narrow = without(felt.inside * narrow, ways)
+    left = without(seen.normal, ways) if left is None else left
     much, unit = part_of(left, narrow), NARROW * seen.size
     unsure = sqrt(felt.noise / maximum(square(narrow).sum(), TINY)) / unit
     return -much / unit, unsure, felt.share(left - much * narrow)
 
 
-def _halves(felt: Felt, load: Field) -> tuple[Round, Round]:
-    """Return two contacts to start from: the load is cut across its length, and shared out."""
-    frame = felt.frame
-    weight = _above(felt, load)
-    whole = maximum(weight.sum(), TINY)
-    row, column = (weight * frame.row).sum() / whole, (weight * frame.column).sum() / whole
-    rows, columns = frame.row - row, frame.column - column
-    wide = (weight * (square(columns) - square(rows))).sum() / (2.0 * whole)
-    slant = (weight * columns * rows).sum() / whole
-    spread = (weight * (square(columns) + square(rows))).sum() / (2.0 * whole)
-    turn = maximum(sqrt(square(wide) + square(slant)), TINY)
-    out = sqrt(spread + turn)
-    right = out * sqrt(0.5 + 0.5 * wide / turn)
-    down = out * sqrt(0.5 - 0.5 * wide / turn) * where(slant > 0.0, 1.0, -1.0)
-
-    def shared(*values: Field) -> tuple[Field, ...]:
-        nearer = Round(*values[:3]).away(frame) < Round(*values[3:]).away(frame)
-        mine, others = where(nearer, load, 0.0), where(nearer, 0.0, load)
-        return (*_numbers(_about(felt, mine)), *_numbers(_about(felt, others)))
-
-    start = (out, column - right, row - down, out, column + right, row + down)
-    last = repeat(SPLITS, shared, *start)
-    return Round(*last[:3]), Round(*last[3:])
-
-
-def _above(felt: Felt, load: Field) -> Field:
+def risen(felt: Felt, load: Field) -> Field:
     """Return by how much loads exceed a share of the largest."""
     return felt.inside * maximum(load - START * load.max(), 0.0)
 
 
-def _about(felt: Felt, load: Field) -> Round:
+def about(felt: Felt, load: Field) -> Round:
     """Return a contact with the centre and the spread of a load."""
-    frame, weight = felt.frame, _above(felt, load)
+    frame, weight = felt.frame, risen(felt, load)
     whole = maximum(weight.sum(), TINY)
     row, column = (weight * frame.row).sum() / whole, (weight * frame.column).sum() / whole
     at = Round(row, column, row)

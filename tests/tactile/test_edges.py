@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from cnnum.bench.edge_errors import told_apart
-from cnnum.bench.smooth_edges import Two, drawn_pairs, drawn_pulls, drawn_small
+from cnnum.bench.smooth_edges import (
+    Several,
+    drawn_pairs,
+    drawn_pulls,
+    drawn_small,
+    drawn_threes,
+)
 from cnnum.bench.surround import GAPS, beside, hat
 from cnnum.programs import program
 from cnnum.tactile.halfspace import SurfaceToDepth
@@ -160,13 +166,27 @@ def test_two_smooth_contacts_have_no_edge(numba, run, reads, depth):
     assert edged["uniform"].all()
 
 
+@pytest.mark.parametrize(("reads", "depth"), [("strain", 0.3), ("stress", 0.75)])
+def test_three_smooth_contacts_have_no_edge(numba, run, reads, depth):
+    """Each alone is as narrow as what has an edge; three uniform loads have one."""
+    rng, edged = np.random.default_rng(46), {}
+    for pressure in ("hertz", "uniform"):
+        threes = drawn_threes(rng, 16, (1.6, 2.4), 16, pressure)
+        seen = [three.frame(16, depth, reads) for three in threes]
+        program = edges.bind(depth=depth, reads=reads)
+        edged[pressure] = run(numba, program, pressed(seen), ["edge_count"])["edge_count"][-1] > 0
+    assert not edged["hertz"].any()
+    assert edged["uniform"].all()
+
+
 @pytest.mark.parametrize("reads", ["strain", "stress"])
 def test_a_sphere_beside_a_disc_keeps_the_disc_s_edge(numba, run, reads):
     """One smooth contact does not make the other so."""
     pairs = drawn_pairs(np.random.default_rng(45), 8, (1.7, 2.0), 24)
+    discs = [(one, replace(two, pressure="uniform")) for one, two in (p.discs for p in pairs)]
     seen = [
-        Two(pair.first, replace(pair.second, pressure="uniform"), pair.share).frame(8, 0.75, reads)
-        for pair in pairs
+        Several(both, pair.shares).frame(8, 0.75, reads)
+        for both, pair in zip(discs, pairs, strict=True)
     ]
     got = run(numba, edges.bind(depth=0.75, reads=reads), pressed(seen), ["edge_count"])
     # one in 240 where the disc lies half beyond the array
@@ -193,7 +213,8 @@ def test_a_hole_three_cells_inside_is_no_punch_s(numba, run, reads, depth):
 @pytest.mark.parametrize("reads", ["strain", "stress"])
 def test_a_pulled_sphere_has_no_edge(numba, run, reads, share):
     """From partial to gross slip, by Cattaneo and Mindlin; it was up to 13 of 40."""
-    touches = drawn_pulls(np.random.default_rng(43), share, 24)
+    rng = np.random.default_rng(43)
+    touches = [*drawn_pulls(rng, (1.2, 2.0), share, 24), *drawn_pulls(rng, (2.0, 3.3), share, 24)]
     seen = [-readings(touch, 8, 1.0, reads)[..., 2] for touch in touches]
     got = run(numba, edges.bind(depth=1.0, reads=reads), pressed(seen), ["edge_count"])
     assert got["edge_count"].max() == 0
