@@ -16,8 +16,8 @@ REST, HELD = 18, 3
 DEPTH = 0.5
 
 TOLD = (1.4, 1.6)
-"""Cells: radii of the discs on arrays that narrower ones would fit. Under half a pitch a disc of
-1.4 cells is always told from a sphere, one of 1.2 not on each place (docs/programs/edges.md)."""
+"""Cells: radii of the discs on arrays that narrower ones would fit. Under half a pitch 319 of 320
+discs of these are told from a sphere, those of 1.2 not on each place (docs/programs/edges.md)."""
 
 FOUND = 0.5
 """Share of the links that an outline crosses on which a place must be found."""
