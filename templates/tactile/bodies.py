@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import reduce
-from operator import add, and_
+from operator import add
 
 from cnnum.programs.fields import Field, maximum, where
 from cnnum.programs.loops import branch
@@ -138,7 +138,7 @@ def are_spheres(felt: Felt, load: Field, whole: Whole, asked: Field) -> Field:
     asked : Field
         Flag: it is asked at all.
     """
-    found = felt.frame.constant(0.0), felt.frame.constant(1.0)
+    found: tuple[Field, ...] = (felt.frame.constant(0.0), felt.frame.constant(1.0))
     for number in range(2, _most(felt) + 1):
 
         def judged(*values: Field, number: int = number) -> tuple[Field, ...]:
@@ -172,7 +172,8 @@ def _are_smooth(each: Sequence[Whole]) -> Field:
     flat = [weight * one.flatness for weight, one in zip(weights, each, strict=True)]
     sure = reduce(add, weights)
     known = sure > ALL_KNOWN**-2
-    return reduce(and_, may) & known & (reduce(add, flat) < MIDWAY * sure)
+    smooth = reduce(lambda one, other: one & other, may)
+    return smooth & known & (reduce(add, flat) < MIDWAY * sure)
 
 
 def punch_of(felt: Felt, whole: Whole, circle: Circle, asked: Field) -> tuple[Field, Round]:
