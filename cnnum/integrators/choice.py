@@ -6,6 +6,7 @@ from numbers import Real
 
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec, Transient
+from cnnum.integrators.delays import delayed_rates, delayed_step, keeps_delays
 from cnnum.integrators.evaluations import Effort, chebyshev, effort, motion, pair
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
 from cnnum.integrators.propagator import DENSE_LIMIT, decay, propagator
@@ -185,12 +186,15 @@ class _Choice:
         method, preset, reason = _preset(template, self.spec)
         if method is None:
             return self._cheapest(found)
-        bound = tableau_step(method, found)
+        bound, about = tableau_step(method, found), found.reason
+        delayed = delayed_rates(template, self.shape)
+        if delayed is not None and keeps_delays(method):
+            bound, about = delayed_step(method, delayed), delayed.reason
         if preset is None and method.adaptive and template.delayed is None:
             return self._adaptive(method, bound, found), "steps follow the error estimate", False
         if preset is not None and self.spec.dt is None and preset > 0.5 * bound > 0.0:
             preset, reason = None, f"{reason}, in steps of half its stability bound"
-        step, forced = self._bounded(method.name, bound, found.reason, preset)
+        step, forced = self._bounded(method.name, bound, about, preset)
         fixed = _fixed(template, method, step, self.duration, self.settle)
         if forced:
             return fixed, f"{reason}, outside its stability bound", True
@@ -340,7 +344,7 @@ def _fixed(
 ) -> FixedSteps:
     """Return steps of that length at most; a delay is a whole number of them."""
     if template.delayed is not None:
-        if any(c not in (0, 1) for c in (sum(row) for row in method.a)):
+        if not keeps_delays(method):
             raise MethodError(
                 f"'{method.name}' needs outputs between the steps, which a delay does not keep: "
                 "use 'euler' or 'heun'."

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats, Shape, as_shape
 from cnnum.errors import name_error
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
+from cnnum.integrators.delays import delayed_rates, delayed_step
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.tableau import TABLEAUX, ButcherTableau
@@ -72,9 +73,17 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
     not known, so is a box around the field of values, which may leave Euler's and Heun's method
     no step. An array that saturates has rates that change with the cells: steps let none of them
     grow faster than the array itself could, e^{max(Re λ, 0) h}, be it without saturation or, by
-    Gershgorin's discs, with any. Delayed couplings are not in it.
+    Gershgorin's discs, with any. With a delay, a mode is what it is together with its past
+    (`cnnum.integrators.delays`), steps are whole parts of the delay, and only methods whose stages
+    lie at ends of steps have any.
     """
-    found = spectrum(template, as_shape(shape))
+    shape = as_shape(shape)
+    delayed = delayed_rates(template, shape)
+    if delayed is not None and method in METHODS:
+        tableau = TABLEAUX.get(method)
+        step = delayed_step(tableau, delayed) if tableau else 0.0
+        return StabilityBound(step, delayed.exact, delayed.reason)
+    found = spectrum(template, shape)
     if method in TABLEAUX:
         step = tableau_step(TABLEAUX[method], found)
     elif method == CHEBYSHEV:
