@@ -1,8 +1,10 @@
 """The engine as users see it: it runs single templates and compiles programs."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,6 +19,7 @@ from cnnum.graph.passes import schedule
 from cnnum.integrators.choice import check_spec, choose
 from cnnum.integrators.fusing import fuse
 from cnnum.integrators.linear_range import as_linear, stays_linear
+from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.fields import Field
@@ -26,6 +29,8 @@ from cnnum.template import Duration, Template
 
 MANY_CELLS = 256 * 256
 """Cells from which an engine may look at what it is given while it takes it."""
+
+NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 NEVER_SATURATES = "no cell leaves the linear range"
 
@@ -117,6 +122,10 @@ class Engine:
         needs: Sequence[str] | None = None,
         *,
         channels: Sequence[str] = FORCE_AXES,
+        method: str | None = None,
+        rtol: float | None = None,
+        atol: float | None = None,
+        dt: float | None = None,
     ) -> Plan:
         """Return a plan that runs what the wanted outputs need, and nothing else.
 
@@ -129,9 +138,13 @@ class Engine:
             Names of wanted outputs; all unless given.
         channels : sequence of str
             Channels of a frame, in the order of its last axis.
+        method, rtol, atol, dt : optional
+            As in `run`, for every transient of the program; each one's own unless given.
 
         Raises
         ------
+        MethodError
+            If a transient can not run by that method, or not in such steps.
         ProgramError
             If the program can not be traced.
         UnknownNameError
@@ -139,14 +152,26 @@ class Engine:
         NotSupportedError
             If this engine does not do something in it.
         """
-        return self._build(program.name, program.trace(shape, channels), channels, needs)
+        asked: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
+        asked = {name: value for name, value in asked.items() if value is not None}
+        return self._build(program.name, program.trace(shape, channels), channels, needs, asked)
 
     def _build(
-        self, name: str, graph: Graph, channels: Sequence[str], needs: Sequence[str] | None
+        self,
+        name: str,
+        graph: Graph,
+        channels: Sequence[str],
+        needs: Sequence[str] | None,
+        asked: Mapping[str, Any] = NOTHING,
     ) -> Plan:
         thinned = schedule(graph, channels, needs)
+
+        def chosen_for(transient: Transient) -> Solver:
+            spec = replace(transient.spec, **asked)
+            return choose(replace(transient, spec=spec), graph.shape)
+
         chosen = {
-            operation: self._backend.told(operation.template, choose(operation, graph.shape))
+            operation: self._backend.told(operation.template, chosen_for(operation))
             for operation in {node.operation for node in thinned.transients}
             if isinstance(operation, Transient)
         }

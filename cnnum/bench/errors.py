@@ -71,14 +71,15 @@ def truths(
     stream = Engine("reference").compile(get_program(name), shape, needs).stream()
     found: list[Answer] = []
     until = time.perf_counter() + seconds
-    for frame in _sized(shape, size):
+    for frame in streamed_frames(shape, size):
         if found and time.perf_counter() > until:
             break
         found.append(stream.push(frame))
     return found
 
 
-def _sized(shape: Shape, size: float) -> Floats:
+def streamed_frames(shape: Shape, size: float = 1.0) -> Floats:
+    """Return the frames of `touch`, multiplied with a size."""
     # in float64: single precision has no small numbers left to multiply
     return size * touch(shape=shape).astype(np.float64)
 
@@ -102,7 +103,7 @@ def stream_error(
         Answers whose largest values are to be divided by; the truth unless given.
     """
     stream = plan.stream()
-    got = [stream.push(frame) for frame in _sized(plan.schedule.shape, size)[: len(true)]]
+    got = [stream.push(frame) for frame in streamed_frames(plan.schedule.shape, size)[: len(true)]]
     first = TOUCHED if len(true) > TOUCHED else 0
     found: list[float] = [0.0]
     for name in true[0]:

@@ -1,29 +1,18 @@
 """Error against run time of PDE templates and tactile programs, by method, precision, engine."""
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache, partial
+from functools import partial
 from math import inf
 
-import numpy as np
-
-from cnnum.arrays import Floats
 from cnnum.bench.budget import shared_out
-from cnnum.bench.errors import (
-    REFERENCE_S,
-    SLOW_REFERENCE,
-    Answer,
-    form_error,
-    stream_error,
-    truths,
-)
-from cnnum.bench.samples import frames
-from cnnum.bench.timing import timed
+from cnnum.bench.errors import REFERENCE_S, SLOW_REFERENCE
+from cnnum.bench.program_rungs import WHOLE, ladder_of, program_rungs
 from cnnum.engine import Engine
 from cnnum.engines.backend import backend_names
 from cnnum.errors import CnnumError
 from cnnum.library import get_template, template_names
-from cnnum.program_library import get_program, program_names
-from cnnum.report.work_precision import EXACT, SINGLE, Rung, WorkPrecision, rungs
+from cnnum.program_library import program_names
+from cnnum.report.work_precision import EXACT, LEAST, SINGLE, Rung, WorkPrecision, rungs
 from cnnum.template import Template
 
 WAVES = (
@@ -57,8 +46,6 @@ QUICK_TIME_S = 45.0
 """s for all cases of a quick round, the builds of their kernels among them. A task that has begun
 is finished: a round ends within 60 s with empty caches. Others have no limit."""
 
-PROGRAM_SHAPE, PROGRAM_FRAMES = (8, 8), 64
-
 OMISSIONS = (
     "The reference engine is the truth, so it has no row of its own.",
     f"The truth is that of closed forms for checks of {', '.join(EXACT)}.",
@@ -68,21 +55,23 @@ OMISSIONS = (
     "steps.",
     "method='auto' has no row of its own: it is one of the methods shown.",
     f"Tolerances below {SINGLE:g} are not asked of float32, whose rounding is above them.",
-    "Tactile programs run with the method that is chosen for each of their templates; their rows "
-    "tell engines and precisions apart, not methods. Their error is that of a stream with a "
-    f"contact, as far as the reference engine gets in {REFERENCE_S:g} s (1 s with --quick): the "
-    "largest of the outputs, each over its largest value. Their time is that of a batch of "
-    f"{PROGRAM_FRAMES} frames.",
+    "A tactile program runs a stream with a contact, of as many frames as the reference engine "
+    f"gets through in {REFERENCE_S:g} s (1 s with --quick): time and error are of the same frames, "
+    "and its error is the largest of the outputs, flags among them, each over its largest value. "
+    "Its rungs run every transient by one method; programs without transients have one row, and so "
+    f"has '{WHOLE}', which runs what the others run. Where all transients are exact by themselves, "
+    "what is chosen for them is called the propagator.",
     f"{', '.join(SLOW_REFERENCE)}: a frame takes the reference engine more than ten seconds, and "
-    "the Numba engine up to a minute. They run on OpenCL alone, and their errors are those of "
-    "their checks, against closed forms.",
+    "the Numba engine up to a minute. They run on OpenCL alone, and time and error are those of "
+    "their checks' frames, against closed forms.",
     "Black-and-white templates are left out, DELAYED_WAVE among them: their answer is a decision, "
     "with no error but 0 or 2.",
     "Filters, EDGEGRAY and AVERGRAD are left out: cells that nothing couples go to a constant, as "
     "those of FILBLACK and FILWHITE do. MAX, MEDIAN and MIN, which pick one of their inputs by the "
     "signs of differences, are decisions too.",
     "A rung is timed no longer than 0.15 s (0.03 s with --quick), but twice at least; building "
-    "its kernel is not counted.",
+    "its kernel is not counted. A program's rung has 0.3 s.",
+    f"An error of 0 is drawn at {LEAST:g}: the axis has no 0.",
 )
 """What the plot does not show, and why."""
 
@@ -109,7 +98,14 @@ def engines_here(device: str | None, *, quick: bool = False) -> tuple[Engine, ..
     """Return every engine of this machine but the reference, in every precision it has.
 
     A quick round gets one of them.
+
+    Raises
+    ------
+    DeviceError
+        If there is no such OpenCL device.
     """
+    if device is not None:
+        Engine("opencl", device=device)
     found: list[Engine] = []
     for name in backend_names():
         for precision in ("float32", "float64"):
@@ -137,7 +133,10 @@ def count(names: Sequence[str], engines: Sequence[Engine], *, quick: bool = Fals
     programs = program_names("tactile")
     rungs = len(engines) * len(QUICK if quick else LADDER)
     return sum(
-        len(_compiling(name, engines, quick=quick)) if name in programs else rungs for name in names
+        len(_compiling(name, engines, quick=quick)) * len(ladder_of(name, quick=quick))
+        if name in programs
+        else rungs
+        for name in names
     )
 
 
@@ -181,41 +180,13 @@ def _tasks(
             budget=0.03 if quick else 0.15,
         )
         return
-    batch = np.abs(frames(PROGRAM_FRAMES, PROGRAM_SHAPE)).astype(np.float64)
     seconds = 1.0 if quick else REFERENCE_S
-    # once, and only if needed
-    truth = cache(lambda: truths(name, PROGRAM_SHAPE, seconds))
-    for engine in _compiling(name, engines, quick=quick):
-        yield f"{engine.name} {engine.precision}", partial(_program, name, engine, batch, truth)
+    yield from program_rungs(
+        name, _compiling(name, engines, quick=quick), quick=quick, seconds=seconds
+    )
 
 
 def _compiling(name: str, engines: Sequence[Engine], *, quick: bool) -> Sequence[Engine]:
     """Return the engines that run a program."""
     opencl = [engine for engine in engines if engine.name == "opencl"]
     return opencl if name in SLOW_REFERENCE or (quick and opencl) else engines
-
-
-def _program(
-    name: str, engine: Engine, batch: Floats, truth: Callable[[], list[Answer]]
-) -> WorkPrecision | None:
-    try:
-        plan = engine.compile(get_program(name), PROGRAM_SHAPE)
-    except CnnumError:  # the engine says why in `cnnum plan`
-        return None
-    slow = name in SLOW_REFERENCE
-    error = form_error(engine, name, PROGRAM_SHAPE).error if slow else stream_error(plan, truth())
-    plan(batch)  # the first run of a batch may still build a kernel
-    timing = timed(partial(plan, batch), budget=0.3)
-    return WorkPrecision(
-        case=name,
-        engine=engine.name,
-        precision=engine.precision,
-        method="auto",
-        tolerance=1e-4,
-        step=None,
-        error=error,
-        pictures=PROGRAM_FRAMES,
-        seconds=timing.least,
-        spread=timing.spread,
-        steps=0,
-    )

@@ -6,6 +6,8 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from cnnum.report.work_precision import LEAST
+
 Row = Mapping[str, object]
 Axes = Any
 Picture = Any
@@ -21,55 +23,39 @@ STYLES = {
     "dormand-prince": ("#2f6db5", "^"),
     "runge-kutta-chebyshev": ("#1d3557", "D"),
     "propagator": ("#000000", "*"),
+    "auto": ("#6b7280", "X"),
 }
 """Colour and marker of a method: circles for fixed steps, squares for exponential ones, triangles
-and diamonds for steps that follow the error, a star for none."""
-
-PROGRAM_MARKERS = "osD^v<>ph*Xd"
-PROGRAM_COLOURS = ("#2f6db5", "#d1495b", "#5b9a3c", "#7b4fa0", "#c27c0e")
-"""Of programs, in turn; no two of the library look the same. Names stand below all panels, as
-programs lie too near to each other for names beside them."""
+and diamonds for steps that follow the error, a star for none, a cross for each transient's own."""
 
 FEW_DECADES = 2.3
 """Decades of an axis up to which it also has room for ticks at 2 and 5."""
 
-LEAST = 1e-17
-"""Errors below it, 0 among them, are drawn at it: a logarithmic axis has no 0."""
-
 
 def work_precision(rows: Sequence[Row]) -> Picture:
-    """Return error over time: templates by method, then programs by engine."""
+    """Return error over time, by method: a row of panels a case."""
     places = list(dict.fromkeys(_place(row) for row in rows))
-    templates = list(dict.fromkeys(str(r["case"]) for r in rows if r["method"] in STYLES))
-    programs = [c for c in dict.fromkeys(str(r["case"]) for r in rows) if c not in templates]
-    lines = len(templates) + (1 if programs else 0)
+    cases = list(dict.fromkeys(str(row["case"]) for row in rows))
     figure: Picture = Figure(
-        figsize=(1.2 + 3.1 * len(places), _height(lines, len(programs), len(places))),
-        layout="constrained",
+        figsize=(1.2 + 3.1 * len(places), _height(len(cases), len(places))), layout="constrained"
     )
-    grid: Any = figure.subplots(lines, len(places), sharex="row", sharey="row", squeeze=False)
-    for line, case in enumerate(templates):
+    grid: Any = figure.subplots(len(cases), len(places), sharex="row", sharey="row", squeeze=False)
+    for line, case in enumerate(cases):
         for axes, place in zip(grid[line], places, strict=True):
             inside = [r for r in rows if r["case"] == case and _place(r) == place]
             _methods(axes, inside)
             _frame(axes, place if line == 0 else "", axes is grid[line][0], case)
-    if programs:
-        for axes, place in zip(grid[-1], places, strict=True):
-            _programs(axes, programs, [r for r in rows if _place(r) == place])
-            _frame(axes, "" if templates else place, axes is grid[-1][0], "tactile programs")
     for axes in grid.flat:
         _ticks(axes)
     for axes in grid[-1]:
-        axes.set_xlabel("µs a picture (programs: a frame)" if programs else "µs a picture")
-    _legend(figure, grid, list(STYLES), "outside upper center")
-    _legend(figure, grid, programs, "outside lower center")
+        axes.set_xlabel("µs a picture, or a frame of a stream")
+    _legend(figure, grid)
     return figure
 
 
-def _height(lines: int, programs: int, places: int) -> float:
-    """Return the height of so many panels and of the names above and below them, inches."""
-    columns = _columns(places)
-    return 0.5 + 2.15 * lines + 0.25 * (-(-len(STYLES) // columns) - (-programs // columns))
+def _height(lines: int, places: int) -> float:
+    """Return the height of so many panels and of the names above them, inches."""
+    return 0.5 + 2.15 * lines + 0.25 * -(-len(STYLES) // _columns(places))
 
 
 def _columns(places: int) -> int:
@@ -100,19 +86,6 @@ def _methods(axes: Axes, rows: Sequence[Row]) -> None:
             )  # fmt: skip
 
 
-def _programs(axes: Axes, names: Sequence[str], rows: Sequence[Row]) -> None:
-    for number, name in enumerate(names):
-        colour = PROGRAM_COLOURS[number % len(PROGRAM_COLOURS)]
-        marker = PROGRAM_MARKERS[number % len(PROGRAM_MARKERS)]
-        for row in (row for row in rows if row["case"] == name):
-            x, y = _point(row)
-            axes.plot(
-                [x], [y], color=colour, marker=marker, markersize=6, linestyle="none",
-                markerfacecolor="none", label=name,
-            )  # fmt: skip
-    axes.margins(x=0.1, y=0.2)
-
-
 def _frame(axes: Axes, title: str, first: bool, case: str) -> None:
     axes.set(xscale="log", yscale="log")
     axes.set_title(title, fontsize=10)
@@ -133,15 +106,19 @@ def _ticks(axes: Axes) -> None:
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def _legend(figure: Picture, grid: Any, names: Sequence[str], place: str) -> None:
+def _legend(figure: Picture, grid: Any) -> None:
     found = {
         text: line
         for axes in grid.flat
         for line, text in zip(*axes.get_legend_handles_labels(), strict=True)
     }
-    ordered = {name: found[name] for name in names if name in found}
+    ordered = {name: found[name] for name in STYLES if name in found}
     if ordered:
-        columns = min(len(ordered), _columns(grid.shape[1]))
         figure.legend(
-            ordered.values(), ordered.keys(), loc=place, ncols=columns, fontsize=8.5, frameon=False
+            ordered.values(),
+            ordered.keys(),
+            loc="outside upper center",
+            ncols=min(len(ordered), _columns(grid.shape[1])),
+            fontsize=8.5,
+            frameon=False,
         )

@@ -88,9 +88,12 @@ def run_program_check(
     size = as_shape(shape)
     case = form.cases(np.random.default_rng(seed), size)
     plan = engine.compile(program.bind(**case.parameters), size, form.needs)
-    frames, first = _streamed(plan, case)
-    seconds = statistics.median([_streamed(plan, case)[1] for _ in range(repeats)] or [first])
-    error = form.error(case, frames[-1] if form.compares == "last" else _stacked(frames))
+    begin = time.perf_counter()
+    frames = streamed(plan, case)
+    taken = [time.perf_counter() - begin]
+    if repeats:
+        taken = [_seconds(plan, case) for _ in range(repeats)]
+    error = judged(form, case, frames)
     return CheckResult(
         template=form.program,
         engine=engine.name,
@@ -99,18 +102,27 @@ def run_program_check(
         check=form.name,
         error=error,
         tolerance=form.tolerance,
-        seconds=seconds,
+        seconds=statistics.median(taken),
         passed=error <= form.tolerance,
         reason="a program runs every template by its own method",
     )
 
 
-def _streamed(plan: Plan, case: ProgramCase) -> tuple[list[Outputs], float]:
-    """Return the outputs of every frame, and the time of all."""
-    begin = time.perf_counter()
+def streamed(plan: Plan, case: ProgramCase) -> list[Outputs]:
+    """Return the outputs of every frame of a case, one after the other."""
     stream = plan.stream(case.batch)
-    outputs: list[Outputs] = [stream.push(frame) for frame in case.frames]
-    return outputs, time.perf_counter() - begin
+    return [stream.push(frame) for frame in case.frames]
+
+
+def judged(form: ProgramForm, case: ProgramCase, frames: Sequence[Outputs]) -> float:
+    """Return the largest error of the outputs of a case's frames."""
+    return form.error(case, frames[-1] if form.compares == "last" else _stacked(frames))
+
+
+def _seconds(plan: Plan, case: ProgramCase) -> float:
+    begin = time.perf_counter()
+    streamed(plan, case)
+    return time.perf_counter() - begin
 
 
 def _stacked(frames: Sequence[Outputs]) -> Outputs:

@@ -25,6 +25,9 @@ EXACT = ("delayed-coupling", "fading", "dominoes", "interpolation", "oscillator"
 delay, or with a coupling that changes in time, are no better than those they would judge, and the
 two others take it half a minute and more."""
 
+LEAST = 1e-17
+"""Errors below it, 0 among them, are drawn at it: a logarithmic axis has no 0."""
+
 SINGLE = 1e-6
 """Tightest tolerance that is asked of float32, whose rounding is not far below it."""
 
@@ -36,22 +39,22 @@ class WorkPrecision:
     Attributes
     ----------
     case : str
-        The template.
+        The template or program.
     engine, precision, method : str
     tolerance : float or None
         Relative tolerance asked for; None for a propagator, which has none.
     step : float or None
         Fixed step in time constants; None where the method takes its own.
     error : float
-        Largest absolute difference of any cell's output.
+        Largest absolute difference of any cell's output; a program's over the output's largest.
     pictures : int
-        In the batch.
+        In the batch; a program's frames in a stream.
     seconds : float
-        Least wall time of the whole batch, s.
+        Least wall time of all of them, s.
     spread : float
         From the first to the third quartile of the runs, s; 0 of a single one.
     steps : int
-        Taken, rejected ones counted.
+        Taken, rejected ones counted; not told of programs, 0.
     """
 
     case: str

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from cnnum.programs.fields import Field, maximum, where
+from cnnum.programs.fields import Field, where
 from cnnum.programs.loops import loop
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import shift
@@ -45,12 +45,16 @@ def patches_of(frame: FrameFields, inside: Field, weight: Field) -> Patches:
 
 
 def _labels(inside: Field, number: Field, cells: int) -> Field:
-    """Let the largest number of each patch spread over it, a cell a turn."""
+    """Let the largest number of each patch spread over it, a cell a turn.
+
+    Numbers are whole; what transients make of them is near enough to tell them apart.
+    """
 
     def spread(label: Field) -> Field:
         most = label
         for row, col in NEIGHBOURS:
-            most = maximum(most, shift(label, row, col))
+            other = shift(label, row, col)
+            most = where(other > most + 0.5, other, most)
         return where(inside, most, 0.0)
 
     return loop(spread, where(inside, number, 0.0), limit=cells).value
@@ -61,7 +65,7 @@ def _centroids(frame: FrameFields, label: Field, weight: Field) -> tuple[Field, 
     rows, cols = frame.shape
 
     def next_one(left: Field, row: Field, column: Field) -> tuple[Field, Field, Field]:
-        mine = left.equals(left.max()) & (left > 0.0)
+        mine = (left > left.max() - 0.5) & (left > 0.0)
         own = where(mine, weight, 0.0)
         whole = own.sum()
         row = where(mine, (own * frame.row).sum() / whole, row)

@@ -2,13 +2,11 @@
 
 import itertools
 
-import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 from cnnum.bench.charts import CHARTS
 from cnnum.bench.work_precision_chart import work_precision
-from cnnum.program_library import program_names
 
 PLACES = [("opencl", "float32"), ("opencl", "float64"), ("numba", "float32"), ("numba", "float64")]
 
@@ -22,20 +20,14 @@ def row(case, place, method, seconds, error):
 
 
 def rows_of(decades, places):
-    """A template whose methods differ by so many decades of time, and programs that do not."""
-    rng = np.random.default_rng(0)
-    methods = ("euler", "rk4", "propagator")
-    template = [
-        row("DIFFUS", place, method, 6e-6 * 10.0 ** (decades * n / 2), 10.0**-n)
+    """A template and programs whose methods differ by so many decades of time."""
+    methods = ("euler", "rk4", "propagator", "auto")
+    return [
+        row(case, place, method, 6e-6 * 10.0 ** (decades * n / 3), 10.0**-n)
+        for case in ("DIFFUS", "halfspace_equilibrium", "slip")
         for place in places
         for n, method in enumerate(methods)
     ]
-    programs = [
-        row(name, place, "auto", 2e-6 * 10.0 ** rng.uniform(0, decades), 1e-6)
-        for place in places
-        for name in program_names("tactile")
-    ]
-    return template + programs
 
 
 def drawn(figure):
@@ -63,7 +55,8 @@ def boxes(figure):
 def test_no_text_lies_on_another(decades, count):
     figure = work_precision(rows_of(decades, PLACES[:count]))
     seen = boxes(figure)
-    assert {name for name, _ in seen} >= set(program_names("tactile"))
+    told = " ".join(name for name, _ in seen)
+    assert all(name in told for name in ("DIFFUS", "halfspace_equilibrium", "slip", "auto", "rk4"))
     # boxes hold room for accents above: a pixel of theirs may be shared
     overlaps = [
         (one, other)
@@ -71,15 +64,6 @@ def test_no_text_lies_on_another(decades, count):
         if min(a.x1, b.x1) - max(a.x0, b.x0) > 1 and min(a.y1, b.y1) - max(a.y0, b.y0) > 1
     ]
     assert overlaps == []
-
-
-def test_programs_at_the_same_place_are_both_seen():
-    """Markers differ in shape and are hollow: one does not cover the other."""
-    figure = work_precision(rows_of(1.0, PLACES[:1]))
-    lines = [line for line in figure.axes[-1].get_lines() if line.get_label()[0] != "_"]
-    looks = {(line.get_marker(), line.get_color()) for line in lines}
-    assert len(lines) == len(looks) == len(program_names("tactile"))
-    assert {line.get_markerfacecolor() for line in lines} == {"none"}
 
 
 @pytest.mark.parametrize("name", ["latency", "scenes", "throughput", "compile"])

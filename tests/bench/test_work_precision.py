@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cnnum.bench import program_rungs
 from cnnum.bench import work_precision as bench
 from cnnum.checks import form_of
 from cnnum.engine import Engine
@@ -101,7 +102,7 @@ def test_a_quick_round_without_opencl_runs_on_numba(monkeypatch):
     monkeypatch.setattr(bench, "Engine", made)
     engines = bench.engines_here(None, quick=True)
     assert [(e.name, e.precision) for e in engines] == [("numba", "float64")]
-    assert bench.count(["contact"], engines, quick=True) == 1
+    assert bench.count(["contact"], engines, quick=True) == len(program_rungs.QUICK)
 
 
 def test_a_quick_round_names_every_case_that_it_does_not_run():
@@ -112,10 +113,41 @@ def test_a_quick_round_names_every_case_that_it_does_not_run():
     assert bench.omissions(bench.cases()) == bench.OMISSIONS
 
 
-def test_programs_that_are_slow_on_the_reference_have_rows_on_opencl_alone(opencl):
+def test_programs_that_are_slow_on_the_reference_have_rows_on_opencl_alone(opencl, monkeypatch):
     engines = [opencl, Engine("numba", precision="float64")]
-    assert bench.count(["surface_load"], engines) == 1
+    assert bench.count(["surface_load"], engines) == len(program_rungs.LADDER)
+    monkeypatch.setattr(program_rungs, "LADDER", (program_rungs.AUTO,))
     (row,) = bench.measure_cases(["surface_load"], engines)
     assert (row.case, row.engine) == ("surface_load", "opencl")
     # the tolerance of its check, against least squares
     assert 0.0 < row.error < 1e-4
+
+
+def test_a_program_climbs_its_ladder_to_the_truth(monkeypatch):
+    """Every transient by one method: its error falls with the tolerance, and with the step."""
+    rungs = (
+        program_rungs.AUTO,
+        Rung("dormand-prince", rtol=1e-3),
+        Rung("dormand-prince", rtol=1e-7),
+    )
+    monkeypatch.setattr(program_rungs, "LADDER", rungs)
+    engines = [Engine("numba", precision="float64")]
+    exact, loose, tight = bench.measure_cases(["localize"], engines)
+    assert [row.method for row in (exact, loose, tight)] == ["propagator", *2 * ["dormand-prince"]]
+    assert exact.error < 1e-12
+    # Loads of up to 4 taxels' worth, each over its largest: the transients' errors are relative to
+    # 1, and what is left at a run's end is e times its tolerance at most
+    assert 1e-5 < loose.error < 1e-2
+    assert tight.error < 1e-3 * loose.error
+    assert exact.pictures == loose.pictures > 18
+
+
+def test_a_program_without_transients_has_one_row():
+    engines = [Engine("numba", precision="float64")]
+    assert bench.count(["grasp_slip"], engines) == 1
+    assert bench.count(["slip"], engines) == len(program_rungs.LADDER)
+
+
+def test_a_device_that_is_not_there_is_told():
+    with pytest.raises(CnnumError, match="nosuch"):
+        bench.engines_here("nosuch")
