@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -40,6 +40,9 @@ np.savez(sys.argv[2], **found)
 """
 
 SHAPE = (8, 8)
+
+STARTS = 3
+"""Of a folder for caches: one that finds it empty, two that do not."""
 
 
 def picture() -> Floats:
@@ -82,20 +85,21 @@ class CompileTime:
     error: float
 
 
-def measure_compile(device: str, *, repeats: int = 3) -> CompileTime:
-    """Return the row of a plan of a dozen 8×8 templates on a device.
+def measure_compile(device: str, *, repeats: int = 3) -> Iterator[CompileTime | None]:
+    """Yield the row of a plan of a dozen 8×8 templates on a device, after None for each start.
 
-    Each start is a process of its own; the caches of PoCL and of cnnum lie in a folder that is
-    empty at first.
+    Each start is a process of its own, `STARTS` a repeat; the caches of PoCL and of cnnum lie in a
+    folder that is empty at first.
     """
     cold: list[_Start] = []
     warm: list[_Start] = []
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as cache:
-            cold.append(_start(device, Path(cache)))
-            warm += [_start(device, Path(cache)) for _ in range(2)]
+            for number in range(STARTS):
+                (warm if number else cold).append(_start(device, Path(cache)))
+                yield None
     true = Engine("reference").compile(dozen(), SHAPE)(picture())
-    return CompileTime(
+    yield CompileTime(
         "a dozen 8×8 templates",
         device,
         len(NAMES),

@@ -50,14 +50,16 @@ def write_report(
     folder.mkdir(parents=True, exist_ok=True)
     picture, data, page = (folder / f"{name}.{kind}" for kind in ("png", "json", "html"))
     save(CHARTS[name](rows), picture)
-    write_data(data, command or f"cnnum bench {name}", rows, device, omissions)
-    text = _html(name, rows, picture, data, device, omissions)
+    asked = command or f"cnnum bench {name}"
+    write_data(data, asked, rows, device, omissions)
+    text = _html(name, asked, rows, picture, data, device, omissions)
     write_whole(page, text.encode("utf-8"))
     return picture, data, page
 
 
 def _html(
     name: str,
+    command: str,
     rows: Sequence[Row],
     picture: Path,
     data: Path,
@@ -72,6 +74,7 @@ def _html(
     return (
         f"<!doctype html><html lang=en><meta charset=utf-8><title>cnnum bench {name}</title>"
         f"<style>{_STYLE}</style><h1>cnnum bench {name}</h1>"
+        f"<p><code>{escape(command)}</code></p>"
         f"<p>{escape(here.date)} · {escape(here.machine)} · {escape(here.device)} · "
         f"{escape(versions)}</p><img alt='{name}' src='data:image/png;base64,{image}'>"
         f"{_table(rows)}<h2>Omissions</h2><ul>{left_out}</ul>"

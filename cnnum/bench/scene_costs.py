@@ -1,6 +1,6 @@
 """What is left out, as time: scenes that want one thing beside the scene that wants everything."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -80,8 +80,12 @@ class SceneCost:
     compared: int
 
 
-def measure_scenes(engine: Engine, *, rounds: int = 8, every: int = EVERY) -> list[SceneCost]:
-    """Return a row a scene; every frame goes through all of them before the next one comes.
+def measure_scenes(
+    engine: Engine, *, rounds: int = 8, every: int = EVERY
+) -> Iterator[SceneCost | None]:
+    """Yield a row a scene, after None for each round and for the truth.
+
+    Every frame goes through all scenes before the next one comes.
 
     Parameters
     ----------
@@ -95,11 +99,16 @@ def measure_scenes(engine: Engine, *, rounds: int = 8, every: int = EVERY) -> li
     opened = {name: opened_scene(name, engine) for name in SCENES}
     with opened[WHOLE].driver as driver:
         frames = list(driver.frames())
-    seconds = _seconds(opened, frames * rounds)
-    some = compared(frames, every)
+    turns = _Turns(opened)
+    for _ in range(rounds):
+        turns.run(frames)
+        yield None
+    some, seconds = compared(frames, every), turns.seconds()
     true = answers(opened_scene(WHOLE, Engine("reference")), some)
-    errors = {name: error_of(scene, answers(scene, some), true) for name, scene in opened.items()}
-    return [_row(name, opened[name], seconds, errors[name], len(true), engine) for name in SCENES]
+    yield None
+    for name, scene in opened.items():
+        error = error_of(scene, answers(scene, some), true)
+        yield _row(name, scene, seconds, error, len(true), engine)
 
 
 def opened_scene(name: str, engine: Engine) -> Scene:
@@ -139,18 +148,28 @@ def _off(name: str, got: Sequence[Answer], true: Sequence[Answer]) -> Floats:
     return np.abs(ours - theirs)
 
 
-def _seconds(opened: dict[str, Scene], frames: list[Frame]) -> dict[str, NDArray[np.float64]]:
-    """Return (frames,) s by scene, of frames that run."""
-    ways = {name: scene.way() for name, scene in opened.items()}
-    taken: dict[str, list[float]] = {name: [] for name in opened}
-    order = list(ways)
-    for number, frame in enumerate(frames):
-        # another one goes first every time: it finds the caches as the whole scene left them
-        order.append(order.pop(0))
-        for name in order:
-            moment = ways[name].step(number, frame)
-            taken[name].append(moment.seconds if moment.values is not None else np.nan)
-    return {name: np.array(found)[np.isfinite(found)] for name, found in taken.items()}
+class _Turns:
+    """Scenes that take turns, a frame each."""
+
+    def __init__(self, opened: Mapping[str, Scene]) -> None:
+        self._ways = {name: scene.way() for name, scene in opened.items()}
+        self._taken: dict[str, list[float]] = {name: [] for name in opened}
+        self._order, self._number = list(self._ways), 0
+
+    def run(self, frames: Sequence[Frame]) -> None:
+        """Run more frames, after those that have been run."""
+        for frame in frames:
+            # another one goes first every time: it finds the caches as the whole scene left them
+            self._order.append(self._order.pop(0))
+            for name in self._order:
+                moment = self._ways[name].step(self._number, frame)
+                self._taken[name].append(moment.seconds if moment.values is not None else np.nan)
+            self._number += 1
+
+    def seconds(self) -> dict[str, NDArray[np.float64]]:
+        """Return (frames,) s by scene, of frames that ran."""
+        arrays = {name: np.array(found) for name, found in self._taken.items()}
+        return {name: found[np.isfinite(found)] for name, found in arrays.items()}
 
 
 def _row(

@@ -53,8 +53,15 @@ OMISSIONS = (
     "of an array that is not linear, Chebyshev steps of an array whose rates are not real, "
     "and of an array with a delay all steps but Euler's and Heun's, as it keeps no outputs between "
     "steps.",
-    "method='auto' has no row of its own: it is one of the methods shown.",
+    "method='auto' has no row of its own where it is one of the methods shown.",
     f"Tolerances below {SINGLE:g} are not asked of float32, whose rounding is above them.",
+    "A rung is timed no longer than 0.15 s (0.03 s with --quick; a program's 0.3 s), but twice at "
+    "least; building its kernel is not counted.",
+    f"An error of 0 is drawn at {LEAST:g}: the axis has no 0.",
+)
+"""What no run shows, and why."""
+
+PROGRAM_OMISSIONS = (
     "A tactile program runs a stream with a contact, of as many frames as the reference engine "
     f"gets through in {REFERENCE_S:g} s (1 s with --quick): time and error are of the same frames, "
     "and its error is the largest of the outputs, flags among them, each over its largest value. "
@@ -64,26 +71,31 @@ OMISSIONS = (
     f"{', '.join(SLOW_REFERENCE)}: a frame takes the reference engine more than ten seconds, and "
     "the Numba engine up to a minute. They run on OpenCL alone, and time and error are those of "
     "their checks' frames, against closed forms.",
+)
+"""What runs of tactile programs do not show, and why."""
+
+CASE_OMISSIONS = (
     "Black-and-white templates are left out, DELAYED_WAVE among them: their answer is a decision, "
     "with no error but 0 or 2.",
     "Filters, EDGEGRAY and AVERGRAD are left out: cells that nothing couples go to a constant, as "
     "those of FILBLACK and FILWHITE do. MAX, MEDIAN and MIN, which pick one of their inputs by the "
     "signs of differences, are decisions too.",
-    "A rung is timed no longer than 0.15 s (0.03 s with --quick), but twice at least; building "
-    "its kernel is not counted. A program's rung has 0.3 s.",
-    f"An error of 0 is drawn at {LEAST:g}: the axis has no 0.",
 )
-"""What the plot does not show, and why."""
+"""Which templates a run of everything does not show, and why."""
 
 
 def omissions(names: Sequence[str], *, quick: bool = False) -> tuple[str, ...]:
     """Return what a run of these cases does not show, and why."""
+    everything, programs = cases(), program_names("tactile")
+    told = OMISSIONS + (PROGRAM_OMISSIONS if any(name in programs for name in names) else ())
+    missing = [name for name in everything if name not in names]
+    if not missing:
+        return told + CASE_OMISSIONS
     if not quick:
-        return OMISSIONS
-    missing = ", ".join(name for name in cases() if name not in names)
+        return told
     return (
-        *OMISSIONS,
-        f"--quick does not run {missing or 'fewer cases here'}; it has fewer rungs, and one engine "
+        *told,
+        f"--quick does not run {', '.join(missing)}; it has fewer rungs, and one engine "
         "in one precision: building kernels takes longest, Numba's first half a minute.",
     )
 

@@ -12,7 +12,7 @@ from cnnum.cli.following import STOPPED
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, table
 from cnnum.cli.progress import progress
-from cnnum.cli.signals import stoppable
+from cnnum.cli.signals import stoppable, undisturbed
 
 if TYPE_CHECKING:
     from cnnum.engine import Engine
@@ -62,10 +62,11 @@ def _report(
     """Print rows as they come, and write the report of those that came.
 
     A string is something left out, None a step of which nothing is told, and a list are rows that
-    come at once. Ctrl-C and SIGTERM end
-    the benchmark, not the report.
+    come at once. Ctrl-C and SIGTERM end the benchmark, not the report.
     """
     output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
+    if out is not None:  # a folder that can not be made shall not fail after all has been measured
+        out.mkdir(parents=True, exist_ok=True)
     stopped = not _collect(name, found, total, output, rows, left_out, out)
     if stopped:
         left_out.append("It was stopped here: whatever comes later is missing.")
@@ -76,8 +77,9 @@ def _report(
     if out is not None and rows:
         from cnnum.bench.page import write_report
 
-        paths = write_report(out, name, rows, device, left_out, _asked(name))
-        (out / f"{name}.jsonl").unlink(missing_ok=True)
+        with undisturbed():
+            paths = write_report(out, name, rows, device, left_out, _asked(name))
+            (out / f"{name}.jsonl").unlink(missing_ok=True)
         output.show(f"Wrote {', '.join(str(path) for path in paths)}.")
     return STOPPED if stopped else 0
 
@@ -116,7 +118,7 @@ def _collect(
             with stoppable():
                 for item in found:
                     if isinstance(item, str):
-                        left_out.append(item)
+                        left_out += [] if item in left_out else [item]
                     elif item is not None:
                         several = cast("list[object]", item) if isinstance(item, list) else [item]
                         for row in several:
@@ -200,22 +202,24 @@ def latency(frames: int, device: str | None, quick: bool, out: Path | None, as_j
 @_options
 def scenes(rounds: int, device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
     """What a frame costs a scene that wants one thing, beside the scene that wants everything."""
-    from cnnum.bench.scene_costs import OMISSIONS, measure_scenes
+    from cnnum.bench.scene_costs import OMISSIONS, SCENES, measure_scenes
 
     engine = _engine(device)
-    rows = measure_scenes(engine, rounds=1 if quick else rounds)
-    return _report("scenes", rows, None, engine.device, out, as_json, OMISSIONS)
+    turns = 1 if quick else rounds
+    rows = measure_scenes(engine, rounds=turns)
+    total = turns + 1 + len(SCENES)
+    return _report("scenes", rows, total, engine.device, out, as_json, OMISSIONS)
 
 
 @command.command("compile")
 @_options
 def compile_time(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
     """Building a plan of a dozen 8×8 templates: from nothing, and from the caches."""
-    from cnnum.bench.compile_time import measure_compile
+    from cnnum.bench.compile_time import STARTS, measure_compile
 
-    engine = _engine(device)
-    rows = [measure_compile(engine.device, repeats=1 if quick else 3)]
-    return _report("compile", rows, 1, engine.device, out, as_json)
+    engine, repeats = _engine(device), 1 if quick else 3
+    rows = measure_compile(engine.device, repeats=repeats)
+    return _report("compile", rows, repeats * STARTS + 1, engine.device, out, as_json)
 
 
 @command.command("denormals")

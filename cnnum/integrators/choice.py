@@ -86,6 +86,8 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
             return Solver("propagator", reason, exact, duration, settle, spec.rtol, spec.atol)
         if spec.method == "propagator":
             raise MethodError(f"Template '{transient.template.name}' has no propagator: {reason}.")
+    if spec.method == "propagator":
+        raise MethodError("A propagator takes no steps: leave dt out.")
     asked = spec.method != "auto" or spec.dt is not None
     choice = _Choice(transient.template, shape, spec, duration, settle)
     stepping, reason, forced = choice.stepping()

@@ -13,7 +13,22 @@ from cnnum.template import Duration, Template
 
 @dataclass(frozen=True, slots=True)
 class Applied:
-    """What a template made of its maps: outputs and states by layer, and figures of the run."""
+    """What a template made of its maps: outputs and states by layer, and figures of the run.
+
+    Attributes
+    ----------
+    outputs, states : tuple of Field
+        A map a layer.
+    settled : Field
+        Flag: the array has come to rest.
+    error : Field
+        Estimated largest error of the states; −1 where nothing is known of it, for steps whose
+        error is not followed (`Result.error` is infinite then).
+    time : Field
+        Time constants reached.
+    steps : Field
+        Taken, rejected ones counted.
+    """
 
     outputs: tuple[Field, ...]
     states: tuple[Field, ...]

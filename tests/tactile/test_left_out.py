@@ -204,7 +204,8 @@ def test_events_are_those_of_the_scene_that_wants_everything(name, scenes, all_e
 
 def test_cost_of_scenes_tells_what_was_left_out_and_changes_no_answer(opencl):
     """How much time that saves is the benchmark's to say: a busy machine may not decide a test."""
-    rows = {row.case: row for row in measure_scenes(opencl, rounds=1, every=100)}
+    measured = measure_scenes(opencl, rounds=1, every=100)
+    rows = {row.case: row for row in measured if row is not None}
     assert rows["tactile"].share == 1.0
     assert rows["tactile"].saved_us == 0.0
     assert all(row.p99_us >= row.p50_us > 0.0 for row in rows.values())

@@ -7,6 +7,7 @@ import pytest
 
 from cnnum.engine import Engine
 from cnnum.engines.reference.equation import Given, StateEquation
+from cnnum.errors import MethodError
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_for
 from cnnum.integrators.evaluations import effort, motion, pair
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps
@@ -207,3 +208,10 @@ def test_any_array_has_a_choice(solver_for, output, duration):
             assert solver.reason
             if isinstance(solver.scheme, AdaptiveSteps):
                 assert math.isfinite(solver.scheme.longest)
+
+
+def test_a_propagator_takes_no_step():
+    with pytest.raises(MethodError, match="A propagator takes no steps: leave dt out"):
+        Engine("numba").run(
+            get_template("AVERAGE"), input=np.zeros((4, 4)), method="propagator", dt=0.1
+        )

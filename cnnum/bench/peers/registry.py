@@ -42,15 +42,19 @@ class Peer:
         Raises
         ------
         MissingExtraError
-            If its package is not installed.
+            If its package is not installed, or can not be imported.
         """
         try:
             module = import_module(f"cnnum.bench.peers.{self.module}")
-        except ImportError:
+        except ModuleNotFoundError:
             raise MissingExtraError(
                 f"Peer '{self.name}' needs '{self.package}': install it with "
                 "\"pip install 'cnnum[peers]'\"."
             ) from None
+        except ImportError as error:
+            raise MissingExtraError(
+                f"Peer '{self.name}': '{self.package}' can not be imported ({error})."
+            ) from error
         return cast(Run, module.run)
 
 
