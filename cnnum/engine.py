@@ -7,12 +7,11 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from cnnum.arrays import Floats, Shape, as_shape, finite, maps, real_numbers
+from cnnum.arrays import Floats, Shape
 from cnnum.engines.backend import open_backend
 from cnnum.engines.support import FUSING
-from cnnum.errors import ArrayError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
@@ -25,10 +24,8 @@ from cnnum.programs import Program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import Applied, transient
+from cnnum.run_arguments import as_frame, channels_and_lead, has_many_cells, maps_by_role
 from cnnum.template import Duration, Template
-
-MANY_CELLS = 256 * 256
-"""Cells from which an engine may look at what it is given while it takes it."""
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
@@ -250,8 +247,8 @@ class Engine:
             not run this template, or does not reach the end.
         """
         roles = {"input": input, "previous": previous, "state": state, "bias": bias, "mask": mask}
-        given, shape = _given(template, roles)
-        names, lead = _about(given)
+        given, shape = maps_by_role(template, roles)
+        names, lead = channels_and_lead(given)
         spec = RunSpec(duration, method, rtol, atol, dt, force=force, estimate=estimate)
         check_spec(spec)
         exact = dt is None and method in ("auto", "propagator")
@@ -260,9 +257,9 @@ class Engine:
         if key not in self._plans:
             self._plans[key] = self._transient_plan(ran, shape, names, spec)
         plan = self._plans[key]
-        outputs = plan.run_large(list(given.values()), lead) if _many(shape) else None
+        outputs = plan.run_large(list(given.values()), lead) if has_many_cells(shape) else None
         if outputs is None:
-            outputs = plan.run_finite(_stack(given, lead, np.dtype(self.precision)))
+            outputs = plan.run_finite(as_frame(given, lead, np.dtype(self.precision)))
         (solver,) = plan.solvers.values()
         if solver.forced:
             outputs |= {
@@ -288,88 +285,8 @@ class Engine:
         return self._build(template.name, graph, names, None)
 
 
-def _many(shape: Shape) -> bool:
-    return shape[0] * shape[1] > MANY_CELLS
-
-
-def _given(
-    template: Template, values: dict[str, ArrayLike | None]
-) -> tuple[dict[str, NDArray[np.floating]], Shape]:
-    """Return what was given as (..., maps, rows, cols) by role, in the order of a transient.
-
-    Numbers of few cells are finite; nobody has looked at those of many.
-    """
-    if template.inputs == 0 and template.initial == "input" and values["state"] is None:
-        values = {**values, "state": values["input"], "input": None}
-    if template.inputs == 0 and values["input"] is not None:
-        raise ArrayError(f"Template '{template.name}' has no control template: give no input.")
-    if template.inputs and values["input"] is None:
-        raise ArrayError(f"Template '{template.name}' needs an input.")
-    if template.initial == "input" and values["input"] is None and values["state"] is None:
-        raise ArrayError(f"Template '{template.name}' starts from its input: give input or state.")
-    shape = _common_shape([value for value in values.values() if value is not None])
-    counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
-    read = real_numbers if _many(shape) else finite
-    given = {
-        role: maps(role, read(role, value), shape, counts.get(role, template.layers))
-        for role, value in values.items()
-        if value is not None
-    }
-    return given, shape
-
-
-def _common_shape(values: Sequence[ArrayLike]) -> Shape:
-    if not values:
-        raise ArrayError("A run needs at least a state: its shape is the array's.")
-    shapes = {np.shape(value)[-2:] for value in values}
-    if len(shapes) != 1 or len(next(iter(shapes))) != 2:
-        raise ArrayError(
-            f"Input, state, bias and mask must share their rows and columns, got {sorted(shapes)}."
-        )
-    return as_shape(next(iter(shapes)))
-
-
-def _about(given: dict[str, NDArray[np.floating]]) -> tuple[tuple[str, ...], tuple[int, ...]]:
-    """Return channel names, and the leading axes that all maps broadcast to."""
-    try:
-        lead = np.broadcast_shapes(*(array.shape[:-3] for array in given.values()))
-    except ValueError:
-        shapes = {role: array.shape for role, array in given.items()}
-        raise ArrayError(f"The batches of {shapes} do not broadcast.") from None
-    names = [f"{role} {n}" for role, array in given.items() for n in range(array.shape[-3])]
-    return tuple(names), lead
-
-
-def _stack(
-    given: dict[str, NDArray[np.floating]], lead: tuple[int, ...], dtype: np.dtype[np.floating]
-) -> NDArray[np.floating]:
-    """Return all maps as one frame (..., rows, cols, channels) of finite numbers."""
-    shape = as_shape(next(iter(given.values())).shape[-2:])
-    # side by side in memory, where they can be copied as they are
-    count = sum(array.shape[-3] for array in given.values())
-    planes = np.empty((*lead, count, *shape), dtype)
-    at = 0
-    for role, array in given.items():
-        numbers = finite(role, array) if _many(shape) else array
-        _put(role, numbers, planes[..., at : at + array.shape[-3], :, :])
-        at += array.shape[-3]
-    axes = range(len(lead))
-    return planes.transpose(*axes, -2, -1, -3)
-
-
 def _outputs(template: Template) -> list[str]:
     return [f"output {layer}" for layer in range(template.layers)]
-
-
-def _put(role: str, array: NDArray[np.floating], planes: NDArray[np.floating]) -> None:
-    try:
-        with np.errstate(over="raise"):
-            planes[...] = array
-    except FloatingPointError:
-        raise ArrayError(
-            f"'{role}' reaches {np.abs(array).max():.3g}, more than {planes.dtype} holds: scale it "
-            "down, or take precision='float64'."
-        ) from None
 
 
 def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:

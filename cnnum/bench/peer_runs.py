@@ -19,6 +19,8 @@ TRIAL_STEP = 0.02
 """Euler's error is proportional to the step, so one trial tells which step meets an error."""
 
 TOLERANCES = tuple(10.0**-n for n in range(2, 11))
+WITHIN = tuple(10.0 ** (n / 4) for n in (3, 2, 1))
+"""Looser ones within the decade before the first that meets an error, the loosest first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,11 +206,13 @@ def _sharpened(race: Race, truth: Floats, peer: Peer, run: Callable[[Work], obje
     if peer.fixed:
         return work if race.wanted is None else replace(work, step=_step(race, truth))
     goal = race.wanted or _error(_euler_state(work), truth)
-    for tolerance in TOLERANCES:
-        work = replace(work, tolerance=tolerance)
-        if _error(np.asarray(run(work)), truth) <= goal:
-            break
-    return work
+
+    def meets(tolerance: float) -> bool:
+        return _error(np.asarray(run(replace(work, tolerance=tolerance))), truth) <= goal
+
+    found = next((each for each in TOLERANCES if meets(each)), TOLERANCES[-1])
+    looser = next((each * found for each in WITHIN if meets(each * found)), found)
+    return replace(work, tolerance=looser)
 
 
 def _step(race: Race, truth: Floats) -> float:

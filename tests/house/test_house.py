@@ -24,7 +24,7 @@ FLOORS = [
     ["programs"],
     ["tracing"],
     ["plan"],
-    ["engine"],
+    ["engine", "run_arguments"],
     ["checks"],
     ["templates"],
     ["program_library"],

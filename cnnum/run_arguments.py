@@ -1,0 +1,113 @@
+"""What a run is given: maps by role, checked, and side by side as one frame."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cnnum.arrays import Shape, as_shape, finite, maps, real_numbers
+from cnnum.errors import ArrayError
+from cnnum.template import Template
+
+MANY_CELLS = 256 * 256
+"""Cells from which an engine may look at what it is given while it takes it."""
+
+
+def has_many_cells(shape: Shape) -> bool:
+    """Return whether an array is too large to be looked at before it is taken."""
+    return shape[0] * shape[1] > MANY_CELLS
+
+
+def maps_by_role(
+    template: Template, values: dict[str, ArrayLike | None]
+) -> tuple[dict[str, NDArray[np.floating]], Shape]:
+    """Return what a run is given as (..., maps, rows, cols) by role, in the order of a transient.
+
+    Numbers of few cells are finite; nobody has looked at those of many.
+
+    Raises
+    ------
+    ArrayError
+        If something is missing or too much, or shapes do not fit.
+    """
+    if template.inputs == 0 and template.initial == "input" and values["state"] is None:
+        values = {**values, "state": values["input"], "input": None}
+    if template.inputs == 0 and values["input"] is not None:
+        raise ArrayError(f"Template '{template.name}' has no control template: give no input.")
+    if template.inputs and values["input"] is None:
+        raise ArrayError(f"Template '{template.name}' needs an input.")
+    if template.initial == "input" and values["input"] is None and values["state"] is None:
+        raise ArrayError(f"Template '{template.name}' starts from its input: give input or state.")
+    shape = _common_shape([value for value in values.values() if value is not None])
+    counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
+    read = real_numbers if has_many_cells(shape) else finite
+    found = {
+        role: maps(role, read(role, value), shape, counts.get(role, template.layers))
+        for role, value in values.items()
+        if value is not None
+    }
+    return found, shape
+
+
+def _common_shape(values: Sequence[ArrayLike]) -> Shape:
+    if not values:
+        raise ArrayError("A run needs at least a state: its shape is the array's.")
+    shapes = {np.shape(value)[-2:] for value in values}
+    if len(shapes) != 1 or len(next(iter(shapes))) != 2:
+        raise ArrayError(
+            f"Input, state, bias and mask must share their rows and columns, got {sorted(shapes)}."
+        )
+    return as_shape(next(iter(shapes)))
+
+
+def channels_and_lead(
+    given: dict[str, NDArray[np.floating]],
+) -> tuple[tuple[str, ...], tuple[int, ...]]:
+    """Return channel names, and the leading axes that all maps broadcast to.
+
+    Raises
+    ------
+    ArrayError
+        If their batches do not broadcast.
+    """
+    try:
+        lead = np.broadcast_shapes(*(array.shape[:-3] for array in given.values()))
+    except ValueError:
+        shapes = {role: array.shape for role, array in given.items()}
+        raise ArrayError(f"The batches of {shapes} do not broadcast.") from None
+    names = [f"{role} {n}" for role, array in given.items() for n in range(array.shape[-3])]
+    return tuple(names), lead
+
+
+def as_frame(
+    given: dict[str, NDArray[np.floating]], lead: tuple[int, ...], dtype: np.dtype[np.floating]
+) -> NDArray[np.floating]:
+    """Return all maps as one frame (..., rows, cols, channels) of finite numbers.
+
+    Raises
+    ------
+    ArrayError
+        If a number is not finite, or too large for the precision.
+    """
+    shape = as_shape(next(iter(given.values())).shape[-2:])
+    # side by side in memory, where they can be copied as they are
+    count = sum(array.shape[-3] for array in given.values())
+    planes = np.empty((*lead, count, *shape), dtype)
+    at = 0
+    for role, array in given.items():
+        numbers = finite(role, array) if has_many_cells(shape) else array
+        _put(role, numbers, planes[..., at : at + array.shape[-3], :, :])
+        at += array.shape[-3]
+    axes = range(len(lead))
+    return planes.transpose(*axes, -2, -1, -3)
+
+
+def _put(role: str, array: NDArray[np.floating], planes: NDArray[np.floating]) -> None:
+    try:
+        with np.errstate(over="raise"):
+            planes[...] = array
+    except FloatingPointError:
+        raise ArrayError(
+            f"'{role}' reaches {np.abs(array).max():.3g}, more than {planes.dtype} holds: scale it "
+            "down, or take precision='float64'."
+        ) from None
