@@ -66,6 +66,8 @@ def _record(scene: str, wants: tuple[str, ...], plan: "Explanation") -> dict[str
 
 
 def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation") -> None:
+    from cnnum.graph.schedule import grouped
+
     rows, cols = plan.shape
     output.show(
         facts(
@@ -88,7 +90,7 @@ def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation
     for text in plan.transients:
         runs.add_row(text)
     gone = table("Left out", "why", "saves a frame")
-    for item in plan.left_out:
+    for item in grouped(plan.left_out):
         gone.add_row(item.what, item.why, item.saves)
     output.show(*(part for part in (runs, gone) if part.row_count))
     if not plan.left_out:

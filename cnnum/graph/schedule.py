@@ -1,6 +1,6 @@
 """A schedule: the operations that run for one frame, in order, and what was left out."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from cnnum.arrays import Shape
@@ -39,6 +39,25 @@ class LeftOut:
         parts = [f"{self.bytes} B"] if self.bytes else []
         parts += [f"{self.flops} flops"] if self.flops else []
         return " and ".join(parts) or "a repeated run"
+
+
+def grouped(left_out: Sequence[LeftOut]) -> list[LeftOut]:
+    """Return outputs, channels and templates that are left out for one reason as one row each."""
+    found: dict[tuple[str, str], list[LeftOut]] = {}
+    for item in left_out:
+        kind, _, name = item.what.partition(" ")
+        found.setdefault((kind if name and kind.isalpha() else item.what, item.why), []).append(
+            item
+        )
+    return [
+        LeftOut(_names(kind, items), why, sum(x.bytes for x in items), sum(x.flops for x in items))
+        for (kind, why), items in found.items()
+    ]
+
+
+def _names(kind: str, items: Sequence[LeftOut]) -> str:
+    names = dict.fromkeys(item.what.removeprefix(f"{kind} ") for item in items)
+    return items[0].what if len(items) == 1 else f"{len(items)} {kind}s: {'; '.join(names)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)

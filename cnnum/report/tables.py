@@ -5,7 +5,7 @@ from math import degrees
 
 from cnnum.checks import CheckResult
 from cnnum.events import Event
-from cnnum.graph.schedule import LeftOut
+from cnnum.graph.schedule import grouped
 from cnnum.report.html import Cell, table
 from cnnum.report.plan_cost import PlanCost
 from cnnum.report.svg import micros, plain, scientific, si
@@ -48,28 +48,9 @@ def left_out_table(plan: PlanCost) -> str:
     """Return what a plan leaves out."""
     rows = (
         (False, (Cell(x.what, style="text"), Cell(x.why, style="text"), Cell(x.saves)))
-        for x in _grouped(plan.explanation.left_out)
+        for x in grouped(plan.explanation.left_out)
     )
     return table(("what", "why", "saves a frame"), rows, style="fold")
-
-
-def _grouped(left_out: Sequence[LeftOut]) -> list[LeftOut]:
-    """Return outputs, channels and templates that are left out for one reason as one row each."""
-    found: dict[tuple[str, str], list[LeftOut]] = {}
-    for item in left_out:
-        kind, _, name = item.what.partition(" ")
-        found.setdefault((kind if name and kind.isalpha() else item.what, item.why), []).append(
-            item
-        )
-    return [
-        LeftOut(_names(kind, items), why, sum(x.bytes for x in items), sum(x.flops for x in items))
-        for (kind, why), items in found.items()
-    ]
-
-
-def _names(kind: str, items: Sequence[LeftOut]) -> str:
-    names = dict.fromkeys(item.what.removeprefix(f"{kind} ") for item in items)
-    return items[0].what if len(items) == 1 else f"{len(items)} {kind}s: {', '.join(names)}"
 
 
 def _event_row(verdict: Verdict) -> Row:
