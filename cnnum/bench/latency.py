@@ -70,6 +70,9 @@ class Latency:
         Kernel launches a frame.
     p50_us, p99_us : float
         From a single frame of a stream, in host memory, to its events.
+    first_us : float
+        Median of the first frame after other work, which finds the caches full of that; it is in
+        neither of the two.
     empty_launch_us : float
         Median of a launch on the device that does nothing, with copies of as many bytes in and
         out.
@@ -97,6 +100,7 @@ class Latency:
     launches: int
     p50_us: float
     p99_us: float
+    first_us: float
     empty_launch_us: float
     ratio: float
     own_launch_us: float
@@ -178,7 +182,7 @@ def _measure(
     cost, source = plan.explain(), _Frames(plan, frames)
     empty = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out)
     own = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out, alone=True)
-    pushed, launched, alone = _turns((source.push, empty.run, own.run), count, budget)
+    (pushed, launched, alone), firsts = _turns((source.push, empty.run, own.run), count, budget)
     p50, p99 = (1e6 * float(np.percentile(pushed, p)) for p in (50, 99))
     idle, least = (1e6 * float(np.median(seconds)) for seconds in (launched, alone))
     judged = program_error(engine, plan, subject.program)
@@ -188,6 +192,7 @@ def _measure(
         launches=cost.launches,
         p50_us=p50,
         p99_us=p99,
+        first_us=1e6 * float(np.median(firsts)),
         empty_launch_us=idle,
         ratio=p50 / idle,
         own_launch_us=least,
@@ -209,10 +214,11 @@ def _tail(seconds: Sequence[float]) -> float:
 
 def _turns(
     calls: Sequence[Callable[[], object]], count: int, budget: float
-) -> tuple[list[float], ...]:
+) -> tuple[tuple[list[float], ...], list[float]]:
     """Return s of calls in turns of a hundred, so that all see the same disturbances.
 
-    Turns are shorter where the first call, a frame, is slow.
+    Turns are shorter where the first call, a frame, is slow. One more call begins each turn and is
+    not counted, as it comes after another's work; those of the frames are returned, too.
     """
     first = min(_times(calls[0], WARM_UP))
     for call in calls[1:]:
@@ -220,10 +226,13 @@ def _turns(
     turn = max(1, min(100, count, int(TURN_S / first)))
     until = perf_counter() + budget
     taken: tuple[list[float], ...] = tuple([] for _ in calls)
+    firsts: list[float] = []
     while len(taken[0]) < count and (perf_counter() < until or not taken[0]):
         for seconds, call in zip(taken, calls, strict=True):
+            begun = _times(call, 1)
+            firsts += begun if call is calls[0] else []
             seconds += _times(call, min(turn, count - len(seconds)))
-    return taken
+    return taken, firsts
 
 
 def _times(call: Callable[[], object], count: int) -> list[float]:

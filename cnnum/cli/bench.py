@@ -135,7 +135,7 @@ SPARE = (
     "peer_version", "compared", "steps", "pictures", "spread", "launches", "channels", "maps",
     "bytes_in", "bytes_out", "events", "saved_us", "launch_us", "ops", "peer_method",
     "host_to_host_per_s", "flops", "peak_flops", "precision", "ordinary_seconds", "seconds",
-    "peer_seconds", "method", "empty_tail",
+    "peer_seconds", "method", "empty_tail", "first_us",
 )  # fmt: skip
 """Columns that go first where a terminal has no room for all."""
 

@@ -58,7 +58,10 @@ def test_frames_go_as_far_as_their_events(opencl, monkeypatch):
     monkeypatch.setattr(latency.EventDetector, "update", slow)
     row = row_of(opencl, QUICK, count=200)
     assert row.p50_us >= 2000.0
-    assert seen == list(range(row.frames + latency.WARM_UP))
+    # one frame more begins each turn, of which there is at least one
+    assert seen == list(range(len(seen)))
+    assert len(seen) > row.frames + latency.WARM_UP
+    assert row.first_us >= 2000.0
 
 
 def test_all_that_the_scene_does_is_reported(opencl, simulated):
@@ -125,7 +128,26 @@ def test_errors_are_those_of_the_outputs_that_are_wanted(opencl, monkeypatch):
 def test_tails_of_launches_are_those_of_the_same_turns(opencl, monkeypatch):
     """Every fiftieth empty launch of 1 ms takes 9: p99 is nine medians, whatever frames take."""
     taken = ([1e-3] * 100, [1e-3] * 100, ([1e-3] * 49 + [9e-3]) * 2)
-    monkeypatch.setattr(latency, "_turns", lambda *_: taken)
+    monkeypatch.setattr(latency, "_turns", lambda *_: (taken, [2e-3]))
     row = row_of(opencl, QUICK)
     assert (row.tail, row.empty_tail) == (1.0, 1.0)
     assert row.own_tail == pytest.approx(9.0)
+
+
+def test_what_comes_after_other_work_is_told_apart(monkeypatch):
+    """By a clock of its own: a frame takes 1 ms, after another call 5."""
+    now, last = [0.0], ["other"]
+
+    def frame():
+        now[0] += 1e-3 if last[0] == "frame" else 5e-3
+        last[0] = "frame"
+
+    def other():
+        now[0] += 1e-4
+        last[0] = "other"
+
+    monkeypatch.setattr(latency, "perf_counter", lambda: now[0])
+    (frames, others), firsts = latency._turns((frame, other), 300, 20.0)
+    assert len(frames) == len(others) == 300
+    assert frames == pytest.approx(300 * [1e-3])
+    assert firsts == pytest.approx(3 * [5e-3])
