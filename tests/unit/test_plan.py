@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.errors import ArrayError, UnknownNameError
+from cnnum.errors import ArrayError, MethodError, UnknownNameError
 
 EDGE = cnnum.Template(
     "edge", [[0, 0, 0], [0, 1, 0], [0, 0, 0]], [[-1, -1, -1], [-1, 8, -1], [-1, -1, -1]], -1.0,
@@ -112,3 +112,25 @@ def test_engine_run_needs_what_the_template_needs():
         engine.run(decay, input=np.zeros((3, 3)))
     with pytest.raises(ArrayError, match="at least a state"):
         engine.run(decay)
+
+
+def test_all_transients_of_a_program_run_by_the_method_that_is_asked_for():
+    """Decay and diffusion by steps, as near the exact answer as asked; nothing beyond the bound."""
+    frame = np.random.default_rng(4).uniform(-1.0, 1.0, (6, 6, 3))
+    smooth, filtered = cnnum.get_template("tactile_diffusion"), cnnum.get_template("laplacian")
+
+    @cnnum.program
+    def both(frame):
+        spread = cnnum.apply(smooth, input=frame.normal)
+        return {"spread": spread, "bent": cnnum.apply(filtered, input=spread)}
+
+    engine = cnnum.Engine("numba", precision="float64")
+    exact = engine.compile(both, (6, 6))
+    steps = engine.compile(both, (6, 6), method="dormand-prince", rtol=1e-8, atol=1e-8)
+    assert {solver.method for solver in exact.solvers.values()} == {"propagator"}
+    assert {solver.method for solver in steps.solvers.values()} == {"dormand-prince"}
+    got, true = steps(frame), exact(frame)
+    # errors of 1e-8 a step; the Laplacian's weights take eight times those of what it sees
+    assert max(float(np.abs(got[name] - true[name]).max()) for name in true) < 1e-6
+    with pytest.raises(MethodError, match="outside the stability bound"):
+        engine.compile(both, (6, 6), method="euler", dt=50.0)
