@@ -11,7 +11,7 @@ from cnnum.engines.opencl.exchange import exchange_text
 from cnnum.engines.opencl.lowering import Lowering
 from cnnum.engines.opencl.parts import Parts
 from cnnum.engines.opencl.storage import PRIVATE_CELLS, Arena, Tables, Values, placed_name
-from cnnum.engines.opencl.text import fill, indented
+from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
 
@@ -19,9 +19,6 @@ WHOLE_CELLS = 256 * 256
 """Largest array that one work item runs the whole plan for. While other work had one of two cores,
 adaptive steps of 256×256 cells took so a third to half of the time that they take in parts, fixed
 steps two thirds; of 512×512 fixed steps took as long."""
-
-WIDE_BYTES = 64
-"""Vectors from this size on have no built-ins that every compiler can handle."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,7 +11,7 @@ from cnnum.engines.opencl.strip_lanes import BLOCK_ROWS, OWN, lane_text, size_of
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.strip_rims import OUTPUTS, first_states, padded_arrays, reads, rim_texts
 from cnnum.engines.opencl.strip_rows import HELD
-from cnnum.engines.opencl.text import fill, indented, owned
+from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented, owned
 from cnnum.engines.opencl.transients import TransientText
 
 LEVELS = 32
@@ -122,6 +122,13 @@ def levels_of(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) 
     return levels, max(1, rows // (2 * (levels + 1) * radius))
 
 
+def _shown(text: TransientText, layout: RowLayout) -> str:
+    """Return the outputs of a vector of states; built-ins of wide vectors go by halves."""
+    name = text.template.output.name
+    wide = layout.width * text.tables.dtype.itemsize >= WIDE_BYTES
+    return "(vec)(tanh(x.lo), tanh(x.hi))" if wide and name == "tanh" else SHOWN[name]
+
+
 def strip_kernel(
     text: TransientText, own: StripText, layout: RowLayout, size: tuple[int, int], count: int
 ) -> Strips:
@@ -154,7 +161,7 @@ def strip_kernel(
         "w": places[DRIVE],
         "outputs_of": own.outputs,
         "state": places["x"],
-        "shown": SHOWN[text.template.output.name],
+        "shown": _shown(text, layout),
         "drive": _drive(text, own.scales),
         "clear": indented(own.clear, 3),
         "rest": indented([*own.rest, *first_states(text)], 5).lstrip(),

@@ -8,6 +8,9 @@ from string import Template as Text
 
 import numpy as np
 
+WIDE_BYTES = 64
+"""Vectors from this size on have no built-ins that every compiler can handle."""
+
 
 @cache
 def _kernel_text(name: str) -> Text:
