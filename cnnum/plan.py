@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from threading import RLock
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -294,13 +295,17 @@ class Plan:
 
 @dataclass(slots=True, eq=False)
 class Stream:
-    """Frames of one array (or of a batch of arrays) in time; owns their memories."""
+    """Frames of one array (or of a batch of arrays) in time; owns their memories.
+
+    Threads that push to one stream take turns; streams of one plan know nothing of each other.
+    """
 
     plan: Plan
     batch: tuple[int, ...]
     frames: int = 0
     _memory: object = field(default=None)
     _one: OneFrame | None = field(default=None)
+    _turn: RLock = field(default_factory=RLock)
 
     def push(self, frame: ArrayLike) -> dict[str, Floats]:
         """Run the program on the next frame of every array and bring the memories up to date.
@@ -325,15 +330,16 @@ class Stream:
         values : (rows, cols, channels read) float
             In the order of `plan.schedule.channels_read`; finite.
         """
-        self._open(1)
-        one = self._one
-        if one is None:
-            return self._advance(values[np.newaxis], ())
-        outputs = one.run(values, first=self.frames == 0)
-        if not all_finite(one.packed):
-            self.plan._refuse_infinite(outputs)  # pyright: ignore[reportPrivateUsage]
-        self.frames += 1
-        return outputs
+        with self._turn:
+            self._open(1)
+            one = self._one
+            if one is None:
+                return self._advance(values[np.newaxis], ())
+            outputs = one.run(values, first=self.frames == 0)
+            if not all_finite(one.packed):
+                self.plan._refuse_infinite(outputs)  # pyright: ignore[reportPrivateUsage]
+            self.frames += 1
+            return outputs
 
     def _open(self, batch: int) -> None:
         """Take the memories when the first frame comes."""
@@ -343,9 +349,10 @@ class Stream:
             self._one = None if self.batch else executable.one(self._memory)
 
     def _advance(self, frames: NDArray[np.floating], lead: tuple[int, ...]) -> dict[str, Floats]:
-        self._open(len(frames))
-        outputs = self.plan._run(  # pyright: ignore[reportPrivateUsage]
-            frames, lead, self._memory, first=self.frames == 0
-        )
-        self.frames += 1
-        return outputs
+        with self._turn:
+            self._open(len(frames))
+            outputs = self.plan._run(  # pyright: ignore[reportPrivateUsage]
+                frames, lead, self._memory, first=self.frames == 0
+            )
+            self.frames += 1
+            return outputs

@@ -2,8 +2,12 @@
 
 import warnings
 from collections.abc import Sequence
+from threading import Lock
 
 import pyopencl as cl
+
+_TURN = Lock()
+"""Filters of warnings belong to the process: threads that set them take turns."""
 
 
 def build_program(context: cl.Context, source: str, options: Sequence[str] = ()) -> cl.Program:
@@ -17,7 +21,7 @@ def build_program(context: cl.Context, source: str, options: Sequence[str] = ())
     pyopencl.RuntimeError
         If the compiler refuses the source.
     """
-    with warnings.catch_warnings():
+    with _TURN, warnings.catch_warnings():
         warnings.simplefilter("ignore", cl.CompilerWarning)
         program: cl.Program = cl.Program(context, source).build(options=list(options))
     return program

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from threading import RLock
 
 import numpy as np
 import pyopencl as cl
@@ -62,6 +63,8 @@ class _Arrays:
 class OpenCLExecutable:
     """Runs a schedule as one kernel launch a batch; large arrays as a row of launches.
 
+    Threads take turns: what a launch reads and writes belongs to the plan.
+
     Attributes
     ----------
     schedule : Schedule
@@ -88,6 +91,7 @@ class OpenCLExecutable:
     _arrays: dict[int, _Arrays] = field(default_factory=dict[int, _Arrays])
     _no_memory: dict[bool, SharedArray] = field(default_factory=dict[bool, SharedArray])
     _bound: tuple[object, ...] = ()
+    _turn: RLock = field(default_factory=RLock)
 
     @property
     def launches(self) -> int:
@@ -122,13 +126,15 @@ class OpenCLExecutable:
 
     def new_memory(self, batch: int) -> object:
         """Return cleared memories on the device; the same for all where a plan has none."""
-        size, queue = batch * self._text(self.lanes_for(batch)).memory_size, self.queue_for(batch)
-        if size:
-            return self._array(size, queue)
-        alone = queue is self.own
-        if alone not in self._no_memory:
-            self._no_memory[alone] = self._array(0, queue)
-        return self._no_memory[alone]
+        with self._turn:
+            size = batch * self._text(self.lanes_for(batch)).memory_size
+            queue = self.queue_for(batch)
+            if size:
+                return self._array(size, queue)
+            alone = queue is self.own
+            if alone not in self._no_memory:
+                self._no_memory[alone] = self._array(0, queue)
+            return self._no_memory[alone]
 
     def queue_for(self, batch: int) -> cl.CommandQueue:
         """Return where so many frames run."""
@@ -140,8 +146,9 @@ class OpenCLExecutable:
         assert isinstance(memory, SharedArray)
         if self.schedule.cells > WIDE_CELLS:
             return None
-        queue, built = self.queue_for(1), self._kernel(1, alone=True)
-        arrays, schedule = self._new_arrays(1, built, queue), self.schedule
+        with self._turn:
+            queue, built = self.queue_for(1), self._kernel(1, alone=True)
+            arrays, schedule = self._new_arrays(1, built, queue), self.schedule
         return OneFrame(
             queue,
             cl.Kernel(built.program, "plan"),
@@ -159,6 +166,19 @@ class OpenCLExecutable:
     ) -> dict[str, Floats]:
         """Hand frames over, launch once, read what is wanted."""
         assert isinstance(memory, SharedArray)
+        with self._turn:
+            return self._run(frames, memory, first=first)
+
+    def run_large(
+        self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
+    ) -> tuple[dict[str, Floats], bool] | None:
+        """Let kernels read and write the host's arrays where the device can, None elsewhere."""
+        with self._turn:
+            return self._run_large(maps, lead)
+
+    def _run(
+        self, frames: NDArray[np.floating], memory: SharedArray, *, first: bool
+    ) -> dict[str, Floats]:
         batch = frames.shape[0]
         lanes, queue = self.lanes_for(batch), self.queue_for(batch)
         built = self._kernel(lanes, alone=queue is self.own)
@@ -180,10 +200,9 @@ class OpenCLExecutable:
             raise
         return self._unpack(built.text, arrays.output.host.reshape(batch, -1))
 
-    def run_large(
+    def _run_large(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
     ) -> tuple[dict[str, Floats], bool] | None:
-        """Let kernels read and write the host's arrays where the device can, None elsewhere."""
         if self._text(1).parts is None or not exchanges(self.queue.device):
             return None
         built, batch = self._kernel(1, alone=False), math.prod(lead)
