@@ -42,6 +42,25 @@ class DeviceError(CnnumError, RuntimeError):
     """No compute device, or not one as asked for."""
 
 
+class NoOpenCLError(DeviceError):
+    """No OpenCL device is there that works.
+
+    Attributes
+    ----------
+    reason, advice : str
+        Why, and how to get OpenCL here.
+    """
+
+    def __init__(self, reason: str, advice: str) -> None:
+        super().__init__(
+            f"OpenCL cannot be used because {reason}; {advice}; the engine 'numba' runs without it."
+        )
+        self.reason, self.advice = reason, advice
+
+    def __reduce__(self) -> tuple[type["NoOpenCLError"], tuple[str, str]]:
+        return type(self), (self.reason, self.advice)
+
+
 class NotSupportedError(CnnumError, RuntimeError):
     """An engine does not do what was asked; the sentence says why."""
 

@@ -1,5 +1,7 @@
 """`cnnum devices`: OpenCL devices, what they reach, and which one is used."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import click
@@ -11,6 +13,7 @@ from cnnum.cli.progress import progress
 if TYPE_CHECKING:
     from cnnum.engines.opencl.devices import Device
     from cnnum.engines.opencl.measure import Figures
+    from cnnum.engines.opencl.runtime.verdicts import Verdict
 
 
 @click.command("devices")
@@ -18,41 +21,98 @@ if TYPE_CHECKING:
 @click.option("--measure/--no-measure", default=True, help="Time kernels (seconds a device).")
 @json_option
 def command(device: str | None, measure: bool, as_json: bool) -> None:
-    """Show OpenCL platforms and devices, measure each, and say which one would be used.
+    """Show OpenCL devices, try and measure each, and say which one would be used.
+
+    Each first shows in a process of its own that it works; one that does not is listed as broken,
+    with the reason.
 
     The peak counts a single-precision multiply-add as two operations and is that of the best of
     several kernels; the bandwidth counts bytes read and written by a copy. Both are the best of
     several runs just now: a busy machine shows less.
     """
-    from cnnum.engines.opencl.devices import choose_device, list_devices
+    from cnnum.engines.backend import open_backend
+    from cnnum.errors import NoOpenCLError
+
+    output = Output(as_json)
+    try:
+        found = _tried(device, measure=measure, as_json=as_json)
+    except NoOpenCLError:
+        found = []
+    used = next((one for one in found if one.why), None)
+    for one in found:
+        output.record(_record(one))
+        output.show(facts(_facts(one)), "")
+    if used is None:
+        # it says why, or raises where a device was asked for by its name
+        host = open_backend(None, device, None)
+        why = "no OpenCL device works"
+        output.record({"engine": host.name, "device": host.device, "chosen": True, "why": why})
+        output.show(
+            facts([("CPU", host.device), ("used", f"yes, by the {host.name} engine: {why}")])
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Tried:
+    """An OpenCL device and what it showed.
+
+    Attributes
+    ----------
+    device : Device
+    verdict : Verdict
+    figures : Figures or None
+        None where it was not measured.
+    why : str
+        Why it is the one that is used; empty where it is not.
+    """
+
+    device: "Device"
+    verdict: "Verdict"
+    figures: "Figures | None"
+    why: str
+
+
+def _tried(asked: str | None, *, measure: bool, as_json: bool) -> list[_Tried]:
+    """Try every device anew, whatever it showed before; measure those that work."""
+    from cnnum.engines.opencl.devices import list_devices
     from cnnum.engines.opencl.measure import measure as measured
+    from cnnum.engines.opencl.runtime.selection import devices_named, verdict_on
 
-    output, found = Output(as_json), list_devices()
-    chosen = choose_device(device).handle
-    results: list[tuple[Device, Figures | None]] = []
+    found, named, tried = list_devices(), devices_named(asked), list[_Tried]()
     with progress("devices", len(found), as_json=as_json) as steps:
+        verdicts = {known.label: verdict_on(known, anew=True) for known in found}
+        working = [one for one in named if verdicts[one.label].works]
         for known in found:
-            results.append((known, measured(known) if measure else None))
+            verdict = verdicts[known.label]
+            is_used = bool(working) and known.handle == working[0].handle
+            why = _why(known, found, verdicts, asked) if is_used else ""
+            figures = measured(known) if measure and verdict.works else None
+            tried.append(_Tried(known, verdict, figures, why))
             steps.advance()
-    for known, figures in results:
-        is_chosen = known.handle == chosen
-        why = _why(known, found, device) if is_chosen else ""
-        output.record(_record(known, figures, why))
-        output.show(facts(_facts(known, figures, why)), "")
+    return tried
 
 
-def _why(chosen: "Device", found: "tuple[Device, ...]", asked: str | None) -> str:
+def _why(
+    chosen: "Device",
+    found: "Sequence[Device]",
+    verdicts: "Mapping[str, Verdict]",
+    asked: str | None,
+) -> str:
     promise = f"{chosen.units} units × {chosen.clock_mhz} MHz × vectors of {chosen.lanes}"
+    working = [device for device in found if verdicts[device.label].works]
     if len(found) == 1:
         return "the only device"
+    if len(working) == 1:
+        return "the only device that works"
     if asked is not None:
         return f"its name contains '{asked}'"
-    ties = [d for d in found if d is not chosen and d.promise == chosen.promise]
+    ties = [d for d in working if d is not chosen and d.promise == chosen.promise]
     more = ", and it is listed first of those that promise as much" if ties else ""
     return f"it promises most: {promise}{more}"
 
 
-def _record(device: "Device", figures: "Figures | None", why: str) -> dict[str, object]:
+def _record(tried: _Tried) -> dict[str, object]:
+    device, figures = tried.device, tried.figures
     record: dict[str, object] = {
         "platform": device.platform,
         "device": device.name,
@@ -62,8 +122,11 @@ def _record(device: "Device", figures: "Figures | None", why: str) -> dict[str, 
         "clock_mhz": device.clock_mhz,
         "lanes": device.lanes,
         "double": device.double,
-        "chosen": bool(why),
-        "why": why,
+        "works": tried.verdict.works,
+        "broken": tried.verdict.why,
+        "repaired": tried.verdict.target or "",
+        "chosen": bool(tried.why),
+        "why": tried.why,
     }
     if figures is not None:
         record |= {
@@ -77,7 +140,8 @@ def _record(device: "Device", figures: "Figures | None", why: str) -> dict[str, 
     return record
 
 
-def _facts(device: "Device", figures: "Figures | None", why: str) -> list[tuple[str, str]]:
+def _facts(tried: _Tried) -> list[tuple[str, str]]:
+    device, figures, verdict = tried.device, tried.figures, tried.verdict
     pairs = [
         (device.kind, device.name),
         ("platform", device.platform),
@@ -99,4 +163,9 @@ def _facts(device: "Device", figures: "Figures | None", why: str) -> list[tuple[
         ]
         if figures.failed:
             pairs.append(("note", f"its compiler gave up on the kernel '{figures.failed}'"))
-    return [*pairs, ("used", f"yes: {why}" if why else "no")]
+    if not verdict.works:
+        return [*pairs, ("broken", verdict.why), ("used", "no: it does not work")]
+    if verdict.target is not None:
+        text = f"its compiler does not know this processor, and takes it for '{verdict.target}'"
+        pairs.append(("repaired", text))
+    return [*pairs, ("used", f"yes: {tried.why}" if tried.why else "no")]

@@ -2,9 +2,10 @@
 
 import contextlib
 import difflib
+import logging
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from functools import partial
 from importlib import import_module
 from typing import Any, cast
@@ -81,7 +82,27 @@ class Root(click.Group):
             windows_expand_args=windows_expand_args,
             **extra,
         )
-        sys.exit(_exit_code(run))
+        with _notices():
+            code = _exit_code(run)
+        sys.exit(code)
+
+
+class _Notices(logging.Handler):
+    """Writes what the package logs as a sentence on standard error, as errors are written."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a sentence."""
+        _say(record.getMessage())
+
+
+@contextlib.contextmanager
+def _notices() -> Generator[None, None, None]:
+    logger, handler = logging.getLogger("cnnum"), _Notices(logging.WARNING)
+    logger.addHandler(handler)
+    try:
+        yield
+    finally:
+        logger.removeHandler(handler)
 
 
 def _exit_code(run: Callable[[], object]) -> int:

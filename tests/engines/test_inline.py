@@ -9,13 +9,18 @@ import pytest
 
 import cnnum
 from cnnum.engines.opencl import executable
-from cnnum.engines.opencl.devices import choose_device, list_devices
+from cnnum.engines.opencl.devices import list_devices
 from cnnum.engines.opencl.inline import VARIABLE, partner_of
+from cnnum.engines.opencl.runtime.selection import choose_device
 
-needs_partner = pytest.mark.skipif(
-    VARIABLE in os.environ or partner_of(choose_device(None).handle) is None,
-    reason="no device here runs kernels in the thread that asks",
-)
+
+@pytest.fixture
+def partner():
+    """The device that runs kernels in the thread that asks."""
+    found = partner_of(choose_device(None).handle)
+    if found is None or VARIABLE in os.environ:
+        pytest.skip("no device here runs kernels in the thread that asks")
+    return found
 
 
 @cnnum.program
@@ -35,17 +40,16 @@ def test_partners_are_not_listed():
     assert not [handle for handle in handles if partner_of(handle) in handles]
 
 
-@needs_partner
-def test_few_small_frames_run_elsewhere_and_what_fills_a_vector_does_not():
-    small = cnnum.Engine().compile(half, (4, 5)).executable
-    partner, device = partner_of(choose_device(None).handle), choose_device(None).handle
+def test_few_small_frames_run_elsewhere_and_what_fills_a_vector_does_not(opencl, partner):
+    small = opencl.compile(half, (4, 5)).executable
+    device = choose_device(None).handle
     assert small.queue_for(1).device == partner
     assert small.queue_for(3).device == partner
     assert small.queue_for(small.wide_lanes).device == device
-    medium = cnnum.Engine().compile(half, (16, 16)).executable
+    medium = opencl.compile(half, (16, 16)).executable
     assert medium.queue_for(1).device == partner
     assert medium.queue_for(2).device == device
-    large = cnnum.Engine().compile(half, (40, 40)).executable
+    large = opencl.compile(half, (40, 40)).executable
     assert large.queue_for(1).device == device
 
 

@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import pyopencl as cl
 
 from cnnum.engines.opencl.inline import asked_for, without_partners
-from cnnum.errors import DeviceError
+from cnnum.engines.opencl_advice import how_to_get_opencl
+from cnnum.errors import NoOpenCLError
 
-INSTALL = (
-    "No OpenCL platform was found: install PoCL with \"pip install 'pyopencl[pocl]'\", or run "
-    "without it: --engine numba, in Python cnnum.Engine('numba')."
-)
+NONE = "no OpenCL platform has a device"
 
 NEAR_BYTES = {"AuthenticAMD": 6 * 1024 * 1024 + 512 * 1024}
 """Cache of a core that keeps up with its arithmetic, by vendor. AMD's third level is that of a few
@@ -27,6 +25,7 @@ class Device:
     """An OpenCL device with what chooses between devices."""
 
     platform: str
+    platform_version: str
     name: str
     version: str
     driver: str
@@ -60,6 +59,7 @@ class Device:
 def _describe(platform: cl.Platform, device: cl.Device) -> Device:
     return Device(
         platform=str(platform.name),
+        platform_version=str(platform.version).strip(),
         name=str(device.name).strip(),
         version=str(device.version).strip(),
         driver=str(device.driver_version).strip(),
@@ -77,17 +77,17 @@ def list_devices() -> tuple[Device, ...]:
 
     Raises
     ------
-    DeviceError
+    NoOpenCLError
         If there is none; the sentence says what to install.
     """
     try:
         with asked_for():
-            platforms = cl.get_platforms()
+            listed = [(platform, _devices_of(platform)) for platform in cl.get_platforms()]
     except cl.Error:
-        raise DeviceError(INSTALL) from None
-    found = tuple(_describe(p, d) for p in platforms for d in _devices_of(p))
+        raise NoOpenCLError(NONE, how_to_get_opencl()) from None
+    found = tuple(_describe(platform, device) for platform, own in listed for device in own)
     if not found:
-        raise DeviceError(INSTALL)
+        raise NoOpenCLError(NONE, how_to_get_opencl())
     return found
 
 
@@ -96,21 +96,3 @@ def _devices_of(platform: cl.Platform) -> list[cl.Device]:
         return without_partners(list(platform.get_devices()))
     except cl.Error:  # a platform whose driver finds no hardware
         return []
-
-
-def choose_device(name: str | None) -> Device:
-    """Return the device whose platform or name contains `name`, or the one that promises most.
-
-    Raises
-    ------
-    DeviceError
-        If there is none of that name.
-    """
-    devices = list_devices()
-    if name is not None:
-        matching = [d for d in devices if name.lower() in d.label.lower()]
-        if not matching:
-            known = ", ".join(f"'{d.label}'" for d in devices)
-            raise DeviceError(f"No OpenCL device matches '{name}': there are {known}.")
-        devices = tuple(matching)
-    return max(devices, key=lambda device: device.promise)

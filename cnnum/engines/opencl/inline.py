@@ -14,8 +14,8 @@ from contextlib import contextmanager
 import pyopencl as cl
 
 VARIABLE = "POCL_DEVICES"
-"""PoCL reads it once, when its platform is listed first; names that it does not know are passed
-over. Whatever a user has set stands."""
+"""PoCL reads it once: 3.1 when its platform is listed first, 3.0 when its devices are. Names that
+it does not know are passed over. A value of the user's own stands."""
 
 KINDS = {"pthread-": "basic-", "cpu-": "cpu-minimal-"}
 """How the names of the two devices of a processor begin; the rest of the names is the same."""
@@ -25,7 +25,7 @@ _LOCK = threading.Lock()
 
 @contextmanager
 def asked_for() -> Generator[None]:
-    """List platforms within the block so that PoCL offers both devices of a processor."""
+    """List platforms and devices within the block: PoCL offers both devices of a processor."""
     if VARIABLE in os.environ:
         yield
         return

@@ -6,8 +6,6 @@ kernel and no more. The peak is that of the best kernel, because compilers diffe
 """
 
 import json
-import os
-import subprocess
 import sys
 import time
 from collections.abc import Iterator
@@ -15,6 +13,8 @@ from dataclasses import dataclass
 
 from cnnum.engines.opencl.devices import Device, list_devices
 from cnnum.engines.opencl.measure_kernels import Bench, arithmetic_kernels
+from cnnum.engines.opencl.runtime.child import run_child
+from cnnum.engines.opencl.runtime.selection import verdict_on
 from cnnum.errors import DeviceError
 
 PATIENCE_S = 60.0
@@ -82,19 +82,7 @@ def measure(device: Device, *, budget: float = 3.5) -> Figures:
 
 def _child(place: int, budget: float) -> str:
     """Return what the measuring process said before it ended, however it ended."""
-    command = [sys.executable, "-m", __spec__.name, str(place), str(budget)]
-    try:
-        done = subprocess.run(
-            command,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-            timeout=PATIENCE_S,
-            check=False,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
-        )
-    except subprocess.TimeoutExpired as late:
-        return (late.stdout or b"").decode()
-    return done.stdout.decode()
+    return run_child(__spec__.name, [str(place), str(budget)], PATIENCE_S).said
 
 
 def _lines(text: str) -> tuple[str, list[tuple[str, str, float]]]:
@@ -123,7 +111,10 @@ def _attempts(device: Device, budget: float) -> Iterator[tuple[str, str, float]]
 
 
 def _report(place: int, budget: float) -> None:
-    for attempt in _attempts(list_devices()[place], budget):
+    device = list_devices()[place]
+    if not verdict_on(device).works:
+        return
+    for attempt in _attempts(device, budget):
         print(json.dumps(attempt), flush=True)
 
 

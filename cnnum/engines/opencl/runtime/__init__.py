@@ -1,0 +1,1 @@
+"""Which OpenCL devices work: each shows it in a process of its own before it is used."""

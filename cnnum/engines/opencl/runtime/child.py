@@ -1,0 +1,54 @@
+"""Work on a device in a process of its own: some OpenCL compilers end the process they run in."""
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """How a child process ended.
+
+    Attributes
+    ----------
+    said : str
+        Its standard output.
+    complained : str
+        Its standard error.
+    code : int or None
+        Its exit code, less than 0 for a signal; None if it was late and was ended.
+    """
+
+    said: str
+    complained: str
+    code: int | None
+
+
+def run_child(module: str, arguments: list[str], patience: float) -> Ended:
+    """Run a module of this package in a process of its own.
+
+    Parameters
+    ----------
+    module : str
+        Its full name; it runs as a script.
+    arguments : list of str
+    patience : float
+        s after which it is ended.
+    """
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", module, *arguments],
+            capture_output=True,
+            stdin=subprocess.DEVNULL,
+            timeout=patience,
+            check=False,
+            env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        )
+    except subprocess.TimeoutExpired as late:
+        return Ended(_text(late.stdout), _text(late.stderr), None)
+    return Ended(_text(done.stdout), _text(done.stderr), done.returncode)
+
+
+def _text(raw: bytes | None) -> str:
+    return (raw or b"").decode(errors="replace")

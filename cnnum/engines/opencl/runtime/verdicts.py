@@ -1,0 +1,99 @@
+"""Verdicts on devices, kept from one process to the next: a device shows only once that it works.
+
+A verdict holds for one driver, device, processor and version of the packages. It is a small file
+in the user's cache folder; where none can be kept, every process tries its device anew.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import cast
+
+import platformdirs
+
+from cnnum import __version__
+from cnnum.engines.opencl.devices import Device
+from cnnum.engines.opencl.runtime.processor import processor
+
+PACKAGES = ("pyopencl", "pocl-binary-distribution")
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Whether a device works.
+
+    Attributes
+    ----------
+    why : str
+        Why it does not; empty where it does.
+    target : str or None
+        Name that its processor is given first (`pocl_wheel.py`); None where it needs none.
+    """
+
+    why: str
+    target: str | None
+
+    @property
+    def works(self) -> bool:
+        """Whether it works."""
+        return not self.why
+
+
+def subject_of(device: Device, target: str | None) -> Mapping[str, str]:
+    """Return all that a verdict depends on."""
+    here = processor()
+    flags = hashlib.sha256(" ".join(sorted(here.flags)).encode()).hexdigest()
+    return {
+        "cnnum": __version__,
+        **{package: _version(package) for package in PACKAGES},
+        "platform": device.platform_version,
+        "device": device.label,
+        "version": device.version,
+        "processor": f"{here.name}, family {here.family}, model {here.model}, {flags}",
+        "devices": os.environ.get("POCL_DEVICES", ""),
+        "target": target or "",
+    }
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return ""
+
+
+def _place(subject: Mapping[str, str]) -> Path:
+    name = hashlib.sha256(json.dumps(subject, sort_keys=True).encode()).hexdigest()[:24]
+    return platformdirs.user_cache_path("cnnum") / "devices" / f"{name}.json"
+
+
+def kept_verdict(subject: Mapping[str, str]) -> Verdict | None:
+    """Return the verdict that was kept; None where there is none, or none that can be read."""
+    try:
+        record = cast(object, json.loads(_place(subject).read_text(encoding="utf-8")))
+    except (OSError, ValueError):
+        return None
+    if not isinstance(record, dict):
+        return None
+    kept = cast(dict[str, object], record)
+    why, target = kept.get("why"), kept.get("target")
+    if kept.get("subject") != subject or not isinstance(why, str):
+        return None
+    return Verdict(why, target) if target is None or isinstance(target, str) else None
+
+
+def keep_verdict(subject: Mapping[str, str], verdict: Verdict) -> None:
+    """Keep a verdict, if there is a folder that can be written."""
+    place, text = _place(subject), json.dumps({"subject": subject, **asdict(verdict)}, indent=1)
+    with contextlib.suppress(OSError):
+        place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        # others that start at the same time read the whole of one verdict or of the other
+        with tempfile.NamedTemporaryFile("w", dir=place.parent, delete=False) as file:
+            file.write(text)
+        Path(file.name).replace(place)

@@ -1,0 +1,246 @@
+"""A device is used after it has shown that it works; the wheel of PoCL is repaired for that."""
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from cnnum.engines.opencl.runtime import pocl_wheel, selection, self_test, verdicts
+from cnnum.engines.opencl.runtime.child import Ended
+from cnnum.engines.opencl.runtime.processor import Processor, read_cpuinfo
+from cnnum.engines.opencl.runtime.verdicts import Verdict, keep_verdict, kept_verdict, subject_of
+from cnnum.errors import NoOpenCLError
+
+PLAYED = Path(__file__).parents[1] / "situations" / "generic_cpu"
+ZEN_5 = """processor	: 0
+vendor_id	: AuthenticAMD
+cpu family	: 26
+model		: 2
+model name	: AMD EPYC 9655
+flags		: {flags}
+
+processor	: 1
+model name	: another
+"""
+
+
+def python(code, tmp_path, **environment):
+    """Run code where the processor is "generic", with no verdict kept."""
+    given = {"PYTHONPATH": str(PLAYED), "XDG_CACHE_HOME": str(tmp_path), **environment}
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, **given},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+    )
+
+
+@pytest.fixture
+def device():
+    return selection.choose_device(None)
+
+
+@pytest.fixture
+def wheel():
+    """The wheel's device, which the repair is made for."""
+    found = [d for d in selection.working_devices() if pocl_wheel.is_wheel(d.handle)]
+    if not found:
+        pytest.skip("the wheel of PoCL is not here")
+    return found[0]
+
+
+@pytest.fixture
+def kept(device, tmp_path, monkeypatch):
+    """An empty folder for verdicts, and a process that knows none; count the trials."""
+    tried = []
+
+    def trial(device, target):
+        tried.append((device.label, target))
+        return kept.answer
+
+    kept = SimpleNamespace(tried=tried, answer=("", True), folder=tmp_path)
+    monkeypatch.setattr(verdicts.platformdirs, "user_cache_path", lambda name: tmp_path / name)
+    monkeypatch.setattr(selection, "try_in_child", trial)
+    monkeypatch.setattr(selection, "_KNOWN", {})
+    return kept
+
+
+def test_a_generic_processor_is_refused_by_the_compiler(wheel, tmp_path):
+    """What is played is real: without the repair PoCL builds nothing."""
+    code = (
+        "import pyopencl as cl\n"
+        "device = cl.get_platforms()[0].get_devices()[0]\n"
+        "cl.Program(cl.Context([device]), '__kernel void none() {}').build()\n"
+    )
+    done = python(code, tmp_path)
+    assert done.returncode == 1
+    assert "unknown target CPU 'generic'" in done.stderr
+
+
+def test_the_wheel_is_repaired(wheel, tmp_path):
+    code = (
+        "import cnnum, numpy as np\n"
+        "engine, picture = cnnum.Engine(), -np.ones((8, 8))\n"
+        "picture[2:6, 2:6] = 1\n"
+        "result = engine.run(cnnum.get_template('EDGE'), input=picture)\n"
+        "print(engine.name, (result.output > 0).sum())\n"
+    )
+    for _ in range(2):  # tried, and kept
+        done = python(code, tmp_path)
+        assert done.stdout.split() == ["opencl", "12"]  # black cells at the rim of 4×4, done.stderr
+        assert done.stderr == ""
+    (place,) = (tmp_path / "cnnum" / "devices").iterdir()
+    record = json.loads(place.read_text())
+    assert (record["why"], record["target"]) == ("", pocl_wheel.best_target(read_here()))
+    assert place.parent.stat().st_mode & 0o777 == 0o700
+
+
+def read_here() -> Processor:
+    return read_cpuinfo(Path("/proc/cpuinfo").read_text())
+
+
+def test_commands_name_the_repair_and_measure_in_it(wheel, tmp_path):
+    run = "import sys; from cnnum.cli import main; main(sys.argv[1:] or ['devices', '--json'])"
+    done = python(run, tmp_path)
+    assert done.returncode == 0, done.stderr
+    (found,) = map(json.loads, done.stdout.splitlines())
+    assert found["repaired"] == pocl_wheel.best_target(read_here())
+    assert found["works"] is True
+    assert found["chosen"] is True
+    assert found["peak_gflops"] > 0.01
+
+
+def test_a_device_that_cannot_be_repaired_is_listed_as_broken(wheel, tmp_path):
+    run = "from cnnum.cli import main; main(['devices', '--json'])"
+    done = python(run, tmp_path, CNNUM_PLAY="unrepairable")
+    assert done.returncode == 0, done.stderr
+    broken, host = map(json.loads, done.stdout.splitlines())
+    assert (broken["works"], broken["chosen"]) == (False, False)
+    assert "unknown target CPU 'generic'" in broken["broken"]
+    assert (host["engine"], host["chosen"]) == ("numba", True)
+    assert done.stderr.count("\n") == 1
+    assert "does not work: it refuses a small kernel" in done.stderr
+    code = "import cnnum; print(cnnum.Engine().name); cnnum.Engine('opencl')"
+    done = python(code, tmp_path, CNNUM_PLAY="unrepairable")
+    assert done.stdout.split() == ["numba"]
+    assert "NoOpenCLError: OpenCL cannot be used because" in done.stderr
+
+
+def test_the_repair_is_for_this_build_alone(wheel, monkeypatch):
+    assert pocl_wheel.remedy_for(wheel.handle) is None  # its own name is right here
+    monkeypatch.setattr(pocl_wheel, "BUILD", "OpenCL 3.0 PoCL 3.1")
+    assert not pocl_wheel.is_wheel(wheel.handle)
+    monkeypatch.undo()
+    monkeypatch.setattr(pocl_wheel, "LIBRARY", "libpocl-of-another-build.so")
+    assert not pocl_wheel.is_wheel(wheel.handle)
+
+
+def test_targets_have_no_instruction_that_the_processor_lacks():
+    wide = read_cpuinfo(ZEN_5.format(flags=" ".join(pocl_wheel.AVX512)))
+    assert (wide.name, wide.family, wide.model) == ("AMD EPYC 9655", "26", "2")
+    assert pocl_wheel.best_target(wide) == "skylake-avx512"
+    for missing in pocl_wheel.AVX512 - pocl_wheel.AVX2:
+        narrow = replace(wide, flags=wide.flags - {missing})
+        assert pocl_wheel.best_target(narrow) == "haswell"
+    assert pocl_wheel.best_target(replace(wide, flags=wide.flags - {"fma"})) is None
+    assert read_cpuinfo("").flags == frozenset()
+
+
+def test_a_verdict_is_kept(kept, device):
+    assert selection.verdict_on(device).works
+    selection._KNOWN.clear()  # the next process
+    assert selection.verdict_on(device).works
+    assert len(kept.tried) == 1
+    selection.verdict_on(device, anew=True)
+    assert len(kept.tried) == 2
+
+
+def test_a_late_device_is_tried_again(kept, device):
+    kept.answer = ("it gave no answer in 120 s", False)
+    for _ in range(2):
+        assert not selection.verdict_on(device).works
+        selection._KNOWN.clear()
+    assert len(kept.tried) == 2
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"why": 3}', "null", "\x00\xff"])
+def test_a_verdict_that_cannot_be_read_is_none(kept, device, text):
+    subject = subject_of(device, None)
+    keep_verdict(subject, Verdict("", None))
+    assert kept_verdict(subject) == Verdict("", None)
+    (place,) = (kept.folder / "cnnum" / "devices").iterdir()
+    place.write_text(text)
+    assert kept_verdict(subject) is None
+    assert selection.verdict_on(device).works
+    assert len(kept.tried) == 1
+
+
+def test_where_nothing_can_be_kept_devices_are_tried(kept, device):
+    (kept.folder / "cnnum").write_text("a file in the place of the folder")
+    assert selection.verdict_on(device).works
+    assert len(kept.tried) == 1
+
+
+def test_another_driver_is_tried_anew(kept, device):
+    selection.verdict_on(device)
+    selection._KNOWN.clear()
+    selection.verdict_on(replace(device, driver="another"))
+    assert len(kept.tried) == 2
+
+
+def test_a_broken_device_is_passed_over_with_one_line(kept, device, monkeypatch, caplog):
+    fast = replace(device, name="fast and broken", units=10 * device.units)
+    answers = {fast.label: ("it is broken", True), device.label: ("", True)}
+    monkeypatch.setattr(selection, "list_devices", lambda: (fast, device))
+    monkeypatch.setattr(selection, "try_in_child", lambda one, target: answers[one.label])
+    # the two stand for one handle here: only verdicts that are kept in files know them apart
+    monkeypatch.setattr(selection, "_KNOWN", Forgetful())
+    for _ in range(2):
+        assert selection.choose_device(None) is device
+    assert [record.message for record in caplog.records] == [
+        f"OpenCL device '{fast.label}' does not work: it is broken; it is passed over."
+    ]
+    with pytest.raises(NoOpenCLError, match="it is broken"):
+        selection.choose_device("fast and broken")
+
+
+class Forgetful(dict):
+    def __contains__(self, key):
+        return False
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 8, 16])
+def test_the_answer_is_known(device, lanes):
+    assert self_test.run_self_test(device.handle, lanes, double=device.double) == ""
+
+
+def test_wrong_numbers_are_seen(device, monkeypatch):
+    right = self_test._expected
+    monkeypatch.setattr(self_test, "_expected", lambda dtype, width: right(dtype, width) + 1)
+    why = self_test.run_self_test(device.handle, 4, double=False)
+    assert why == "a small kernel gives wrong numbers in float32"
+
+
+def test_a_refusal_has_its_reason(device, monkeypatch):
+    monkeypatch.setattr(self_test, "fill", lambda name, **values: "__kernel void self_test( {")
+    why = self_test.run_self_test(device.handle, 1, double=False)
+    assert why.startswith("it refuses a small kernel (")
+    assert "error" in why
+
+
+def test_how_a_child_ended_is_said():
+    assert self_test._why(Ended('""\n', "", 0)) == ""
+    assert self_test._why(Ended('"it refuses"\n', "", 0)) == "it refuses"
+    assert "no answer in 120 s" in self_test._why(Ended("", "", None))
+    said = self_test._why(Ended("", "LLVM ERROR: Cannot select: intrinsic\n", -6))
+    assert (
+        said == "it ended the process that tried it (Aborted: LLVM ERROR: Cannot select: intrinsic)"
+    )
+    assert "exit code 3" in self_test._why(Ended("", "", 3))
