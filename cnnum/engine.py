@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from threading import RLock
 from types import MappingProxyType
 from typing import Any
 
@@ -71,8 +72,9 @@ class Engine:
 
     Parameters
     ----------
-    name : str
-        "opencl" (the default), "numba" or "reference".
+    name : str, optional
+        "opencl", "numba" or "reference". Unless given, "opencl" where a device works; else "numba",
+        with one sentence on standard error.
     device : str, optional
         Part of a device's or platform's name; the fastest unless given.
     precision : str, optional
@@ -86,13 +88,18 @@ class Engine:
         If there is no such device.
     """
 
-    __slots__ = ("_backend", "_plans")
+    __slots__ = ("_backend", "_plans", "_turn")
 
     def __init__(
-        self, name: str = "opencl", *, device: str | None = None, precision: str | None = None
+        self,
+        name: str | None = None,
+        *,
+        device: str | None = None,
+        precision: str | None = None,
     ) -> None:
         self._backend = open_backend(name, device, precision)
         self._plans: dict[tuple[object, ...], Plan] = {}
+        self._turn = RLock()
 
     @property
     def name(self) -> str:
@@ -111,6 +118,17 @@ class Engine:
 
     def __repr__(self) -> str:
         return f"Engine('{self.name}', device='{self.device}', precision='{self.precision}')"
+
+    def with_precision(self, precision: str) -> "Engine":
+        """Return an engine of the same kind on the same device in another precision.
+
+        Raises
+        ------
+        DeviceError
+            If the device does not have it.
+        """
+        device = self.device if self.name == "opencl" else None
+        return Engine(self.name, device=device, precision=precision)
 
     def compile(
         self,
@@ -254,9 +272,7 @@ class Engine:
         exact = dt is None and method in ("auto", "propagator")
         ran = as_linear(template) if exact and stays_linear(template, given) else template
         key = (ran.digest, shape, names, spec)
-        if key not in self._plans:
-            self._plans[key] = self._transient_plan(ran, shape, names, spec)
-        plan = self._plans[key]
+        plan = self._plan_for(key, ran, shape, names, spec)
         outputs = plan.run_large(list(given.values()), lead) if has_many_cells(shape) else None
         if outputs is None:
             outputs = plan.run_finite(as_frame(given, lead, np.dtype(self.precision)))
@@ -271,6 +287,23 @@ class Engine:
             outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in _outputs(template)}
         reason = solver.reason if ran is template else f"{NEVER_SATURATES}; {solver.reason}"
         return _result(template, outputs, lead, solver.method, reason)
+
+    def _plan_for(
+        self,
+        key: tuple[object, ...],
+        template: Template,
+        shape: Shape,
+        names: tuple[str, ...],
+        spec: RunSpec,
+    ) -> Plan:
+        """Return the plan of a run, which is made once, whichever thread asks first."""
+        plan = self._plans.get(key)
+        if plan is None:
+            with self._turn:
+                plan = self._plans.get(key)
+                if plan is None:
+                    plan = self._plans[key] = self._transient_plan(template, shape, names, spec)
+        return plan
 
     def _transient_plan(
         self, template: Template, shape: Shape, names: tuple[str, ...], spec: RunSpec

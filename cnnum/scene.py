@@ -47,7 +47,7 @@ class SceneSpec:
     calibration: str = "driver"
     program: str = "tactile"
     parameters: Mapping[str, object] = field(default_factory=dict[str, object])
-    engine: str = "opencl"
+    engine: str | None = None
     device: str | None = None
     precision: str | None = None
     base: Path = Path()
@@ -128,7 +128,7 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         calibration=_text(scene, calibration, "file", _text(scene, calibration, "use", "driver")),
         program=_text(scene, tables["program"], "name", "tactile"),
         parameters=_table(scene, tables["program"], "parameters"),
-        engine=_text(scene, engine, "name", "opencl"),
+        engine=_text(scene, engine, "name", "") or None,
         device=_text(scene, engine, "device", "") or None,
         precision=_text(scene, engine, "precision", "") or None,
         base=base,

@@ -31,12 +31,12 @@ import sys, time
 from cnnum.bench.compile_time import SHAPE, dozen, picture
 from cnnum.engine import Engine
 import numpy as np
-engine, frame = Engine(device=sys.argv[1]), picture()
+engine, frame = Engine(sys.argv[1], device=sys.argv[2] or None), picture()
 begin = time.perf_counter()
 plan = engine.compile(dozen(), SHAPE)
 found = plan(frame)
 print(time.perf_counter() - begin)
-np.savez(sys.argv[2], **found)
+np.savez(sys.argv[3], **found)
 """
 
 SHAPE = (8, 8)
@@ -85,8 +85,8 @@ class CompileTime:
     error: float
 
 
-def measure_compile(device: str, *, repeats: int = 3) -> Iterator[CompileTime | None]:
-    """Yield the row of a plan of a dozen 8×8 templates on a device, after None for each start.
+def measure_compile(engine: Engine, *, repeats: int = 3) -> Iterator[CompileTime | None]:
+    """Yield the row of a plan of a dozen 8×8 templates on an engine, after None for each start.
 
     Each start is a process of its own, `STARTS` a repeat; the caches of PoCL and of cnnum lie in a
     folder that is empty at first.
@@ -96,12 +96,12 @@ def measure_compile(device: str, *, repeats: int = 3) -> Iterator[CompileTime | 
     for _ in range(repeats):
         with tempfile.TemporaryDirectory() as cache:
             for number in range(STARTS):
-                (warm if number else cold).append(_start(device, Path(cache)))
+                (warm if number else cold).append(_start(engine, Path(cache)))
                 yield None
     true = Engine("reference").compile(dozen(), SHAPE)(picture())
     yield CompileTime(
         "a dozen 8×8 templates",
-        device,
+        engine.device,
         len(NAMES),
         min(start.seconds for start in cold),
         min(start.seconds for start in warm),
@@ -122,12 +122,12 @@ class _Start:
     outputs: dict[str, NDArray[np.float64]]
 
 
-def _start(device: str, cache: Path) -> _Start:
+def _start(engine: Engine, cache: Path) -> _Start:
     names = ("POCL_CACHE_DIR", "XDG_CACHE_HOME", "CNNUM_CACHE")
     variables = dict.fromkeys(names, str(cache))
-    answers = cache / "answers.npz"
+    answers, device = cache / "answers.npz", engine.device if engine.name == "opencl" else ""
     done = subprocess.run(
-        [sys.executable, "-c", _CHILD, device, str(answers)],
+        [sys.executable, "-c", _CHILD, engine.name, device, str(answers)],
         capture_output=True,
         text=True,
         check=True,

@@ -94,9 +94,9 @@ COUNT = 2 * (len(CASES) + 1)
 
 
 def measure_denormals(engine: Engine, *, quick: bool = False) -> Iterator[Denormals]:
-    """Yield a row a case, of an OpenCL engine in float32 and in float64."""
+    """Yield a row a case, of an engine in float32 and in float64."""
     budget = 0.3 if quick else 3.0
-    engines = (engine, Engine(engine.name, device=engine.device, precision="float64"))
+    engines = (engine, engine.with_precision("float64"))
     for case in CASES:
         true = case_truths(case)
         for each in engines:

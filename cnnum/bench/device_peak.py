@@ -1,15 +1,15 @@
 """The peak of a device, measured again and again beside figures that are given as shares of it."""
 
+import math
 from collections.abc import Callable
 
 from cnnum.engine import Engine
-from cnnum.engines.opencl.devices import choose_device
-from cnnum.engines.opencl.measure import measure
-from cnnum.engines.opencl.measure_kernels import Bench, arithmetic_kernels
 
 
 class PeakMeter:
     """Measures the multiply-add peak of an engine's device; the best of a whole run counts.
+
+    Only OpenCL devices have kernels to measure it with: it is NaN on other engines.
 
     Attributes
     ----------
@@ -20,13 +20,18 @@ class PeakMeter:
     """
 
     def __init__(self, engine: Engine) -> None:
-        self._device = choose_device(engine.device)
-        self.best, self.kernel = 0.0, ""
+        self._name = engine.device if engine.name == "opencl" else None
+        self.best, self.kernel = (math.nan if self._name is None else 0.0), ""
 
     def measure(self, times: int = 1) -> None:
         """Measure all kernels so many times."""
+        if self._name is None:
+            return
+        from cnnum.engines.opencl.measure import measure
+        from cnnum.engines.opencl.runtime.selection import choose_device
+
         for _ in range(times):
-            found = measure(self._device)
+            found = measure(choose_device(self._name))
             if found.flops > self.best:
                 self.best, self.kernel = found.flops, found.kernel
 
@@ -35,5 +40,10 @@ class PeakMeter:
 
         It runs here, not in a process of its own, for it has run in one: `measure` comes first.
         """
+        if self._name is None:
+            return lambda: math.nan
+        from cnnum.engines.opencl.measure_kernels import Bench, arithmetic_kernels
+        from cnnum.engines.opencl.runtime.selection import choose_device
+
         (kernel,) = (known for known in arithmetic_kernels() if known.label == self.kernel)
-        return Bench(self._device).rate(kernel)
+        return Bench(choose_device(self._name)).rate(kernel)

@@ -1,5 +1,6 @@
 """The way of one frame, from host memory to host events, beside an empty launch with its copies."""
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import cycle
@@ -11,7 +12,6 @@ from cnnum.bench.errors import SLOW_REFERENCE, program_error
 from cnnum.bench.samples import scene_frames
 from cnnum.conversion import AsRead
 from cnnum.engine import Engine
-from cnnum.engines.opencl.empty import EmptyLaunch
 from cnnum.events import EVENT_RULES, EventDetector, EventRule
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.pipeline import Way
@@ -131,7 +131,6 @@ def measure_latency(
     Parameters
     ----------
     engine : Engine
-        On an OpenCL device.
     count : int
         Frames.
     chosen : sequence of Subject, optional
@@ -180,11 +179,10 @@ def _measure(
 ) -> Latency:
     plan = subject.plan(engine)
     cost, source = plan.explain(), _Frames(plan, frames)
-    empty = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out)
-    own = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out, alone=True)
-    (pushed, launched, alone), firsts = _turns((source.push, empty.run, own.run), count, budget)
+    (pushed, *idle), firsts = _turns((source.push, *_launches(engine, cost)), count, budget)
+    launched, alone = idle or ([math.nan], [math.nan])
     p50, p99 = (1e6 * float(np.percentile(pushed, p)) for p in (50, 99))
-    idle, least = (1e6 * float(np.median(seconds)) for seconds in (launched, alone))
+    empty, least = (1e6 * float(np.median(seconds)) for seconds in (launched, alone))
     judged = program_error(engine, plan, subject.program)
     return Latency(
         case=subject.name,
@@ -193,8 +191,8 @@ def _measure(
         p50_us=p50,
         p99_us=p99,
         first_us=1e6 * float(np.median(firsts)),
-        empty_launch_us=idle,
-        ratio=p50 / idle,
+        empty_launch_us=empty,
+        ratio=p50 / empty,
         own_launch_us=least,
         own_ratio=p50 / least,
         tail=p99 / p50,
@@ -205,6 +203,16 @@ def _measure(
         error=judged.error,
         truth=judged.truth,
     )
+
+
+def _launches(engine: Engine, cost: Explanation) -> tuple[Callable[[], None], ...]:
+    """Return a launch that does nothing, and one in the thread that asks; none without OpenCL."""
+    if engine.name != "opencl":
+        return ()
+    from cnnum.engines.opencl.empty import EmptyLaunch
+
+    copies = (engine.device, cost.bytes_in, cost.bytes_out)
+    return EmptyLaunch(*copies).run, EmptyLaunch(*copies, alone=True).run
 
 
 def _tail(seconds: Sequence[float]) -> float:
@@ -245,7 +253,11 @@ def _times(call: Callable[[], object], count: int) -> list[float]:
 
 
 def seconds_of_launch(engine: Engine, cost: Explanation, *, count: int = 1000) -> float:
-    """Return the median of empty launches where single frames run, with a plan's copies, s."""
-    empty = EmptyLaunch(engine.device, cost.bytes_in, cost.bytes_out, alone=True)
-    _times(empty.run, 100)
-    return float(np.median(_times(empty.run, count)))
+    """Return the median of empty launches where single frames run, with a plan's copies, s.
+
+    NaN on engines that launch nothing.
+    """
+    for launch in _launches(engine, cost)[1:]:
+        _times(launch, 100)
+        return float(np.median(_times(launch, count)))
+    return math.nan

@@ -237,7 +237,7 @@ def _against_euler(
     engine: Engine, race: Race, truth: Floats, own: Callable[[], Floats], method: str
 ) -> PeerRun:
     """Race this engine's chosen method against its own Euler steps at the same error."""
-    double = Engine("opencl", device=engine.device, precision="float64")
+    double = engine.with_precision("float64")
     work = race.work
 
     def euler(step: float) -> Callable[[], Floats]:

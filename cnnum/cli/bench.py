@@ -47,7 +47,7 @@ def _options(function: Function) -> Function:
 def _engine(device: str | None) -> "Engine":
     from cnnum.engine import Engine
 
-    return Engine("opencl", device=device)
+    return Engine(device=device)
 
 
 def _report(
@@ -218,7 +218,7 @@ def compile_time(device: str | None, quick: bool, out: Path | None, as_json: boo
     from cnnum.bench.compile_time import STARTS, measure_compile
 
     engine, repeats = _engine(device), 1 if quick else 3
-    rows = measure_compile(engine.device, repeats=repeats)
+    rows = measure_compile(engine, repeats=repeats)
     return _report("compile", rows, repeats * STARTS + 1, engine.device, out, as_json)
 
 

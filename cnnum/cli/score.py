@@ -74,7 +74,7 @@ def command(
     if out is not None and not out.parent.is_dir():
         raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
     request = _request(scenes, suite, count, seed, program)
-    used = Engine(engine or "opencl", device=device, precision=precision)
+    used = Engine(engine, device=device, precision=precision)
     total = len(request.cases()) + len(request.scenes) + len(request.trials())
     output = Output(as_json)
     with progress("scenes", total, as_json=as_json) as steps:

@@ -64,13 +64,7 @@ def check(
     NAMES are templates of the library, or tactile programs; all that have a check unless given.
     Exits with 1 if one fails.
     """
-    from cnnum.engine import Engine
-    from cnnum.engines.backend import backend_names
-
-    used = [
-        Engine(name, device=device if name == "opencl" else None, precision=precision)
-        for name in (backend_names() if "all" in engines or not engines else engines)
-    ]
+    used = _engines(engines, device, precision)
     jobs, left_out = _planned(names, used, shape, seed, method, repeats)
     for name in engines:
         if name != "all" and name not in {job.engine for job in jobs}:
@@ -87,6 +81,19 @@ def check(
     for item in left_out:
         click.echo(item.text, err=as_json)
     return CHECKS_FAILED if failed else 0
+
+
+def _engines(names: tuple[str, ...], device: str | None, precision: str | None) -> "list[Engine]":
+    """Return the engines of those names; of all where none is named, those that work here."""
+    from cnnum.engine import Engine
+    from cnnum.engines.backend import backend_names
+
+    if names and "all" not in names:
+        on = {name: device if name == "opencl" else None for name in names}
+        return [Engine(name, device=on[name], precision=precision) for name in names]
+    fast = Engine(device=device, precision=precision)
+    others = (name for name in backend_names() if name not in ("opencl", fast.name))
+    return [fast, *(Engine(name, precision=precision) for name in others)]
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.errors import name_error
+from cnnum.engines.notices import say_once
+from cnnum.engines.opencl_advice import how_to_get_opencl
+from cnnum.errors import NoOpenCLError, name_error
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.choice import Solver
 from cnnum.template import Template
@@ -178,17 +180,36 @@ def backend_names() -> tuple[str, ...]:
     return tuple(_FACTORIES)
 
 
-def open_backend(name: str, device: str | None, precision: str | None) -> Backend:
-    """Return the engine of that name.
+def open_backend(name: str | None, device: str | None, precision: str | None) -> Backend:
+    """Return the engine of that name; without one, "opencl" where a device works, else "numba".
 
     Raises
     ------
     UnknownNameError
         If there is no such engine.
     DeviceError
-        If its device can not be had.
+        If its device cannot be had.
     """
+    if name is not None:
+        return _opened(name, device, precision)
+    try:
+        return _opened("opencl", device, precision)
+    except NoOpenCLError as error:
+        if device is not None:  # who names a device wants no other
+            raise
+        say_once(f"The numba engine runs because {error.reason}; {error.advice}.")
+        return _opened("numba", None, precision)
+
+
+def _opened(name: str, device: str | None, precision: str | None) -> Backend:
     if name not in _FACTORIES:
         raise name_error("engine", name, _FACTORIES)
     module, factory = _FACTORIES[name]
-    return cast(Backend, getattr(import_module(module), factory)(device, precision))
+    try:
+        room = import_module(module)
+    except ImportError as error:
+        if name != "opencl":
+            raise
+        why = f"PyOpenCL cannot be imported ({error})"
+        raise NoOpenCLError(why, how_to_get_opencl()) from error
+    return cast(Backend, getattr(room, factory)(device, precision))

@@ -6,12 +6,6 @@ from typing import Any
 import pytest
 
 from cnnum.bench import errors
-from cnnum.engine import Engine
-
-
-@pytest.fixture(scope="session")
-def opencl() -> Engine:
-    return Engine("opencl")
 
 
 @pytest.fixture(scope="session")

@@ -1,6 +1,5 @@
 """What is wrong with the input is said in one sentence on standard error, with exit code 2."""
 
-import pyopencl
 import pytest
 
 
@@ -67,27 +66,6 @@ def test_recording_that_is_none(call, tmp_path):
         assert f"'{tmp_path / name}' is no NumPy archive" in said
     (tmp_path / "trial.csv").write_text("1,2\n")
     assert "is no recording" in sentence(call("replay", tmp_path / "trial.csv"))
-
-
-@pytest.mark.parametrize("command", [["devices"], ["plan", "demo"], ["templates", "check"]])
-def test_no_opencl_platform(call, monkeypatch, command):
-    def none() -> list:
-        raise pyopencl.LogicError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
-
-    monkeypatch.setattr(pyopencl, "get_platforms", none)
-    said = sentence(call(*command))
-    assert "No OpenCL platform" in said
-    assert "pip install 'pyopencl[pocl]'" in said
-    assert "--engine numba" in said
-
-
-def test_without_opencl_the_numba_engine_runs(call, monkeypatch):
-    def none() -> list:
-        raise pyopencl.LogicError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
-
-    monkeypatch.setattr(pyopencl, "get_platforms", none)
-    done = call("templates", "check", "EDGE", "--engine", "numba")
-    assert done.exit_code == 0, done.stderr
 
 
 def test_no_traceback_in_a_real_shell(shell):

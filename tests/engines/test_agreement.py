@@ -78,10 +78,10 @@ def tolerance(reference):
 
 @settings(max_examples=12, deadline=None, suppress_health_check=FIXTURES)
 @given(case=networks(), precision=st.sampled_from(["float32", "float64"]))
-def test_engines_agree_with_the_reference(engines, reference, case, precision):
+def test_engines_agree_with_the_reference(engines, names, reference, case, precision):
     template, maps, places = case
     expected = reference.run(template, **maps).state[places]
-    for name in ("opencl", "numba"):
+    for name in names:
         engine = engines[f"{name}-{precision}"]
         got = engine.run(template, rtol=RTOL, atol=ATOL, **placed(maps, places))
         assert got.state.shape == expected.shape
@@ -90,13 +90,15 @@ def test_engines_agree_with_the_reference(engines, reference, case, precision):
 
 @settings(max_examples=6, deadline=None, suppress_health_check=FIXTURES)
 @given(case=networks(), method=st.sampled_from(["euler", "heun", "rk4"]))
-def test_fixed_steps_are_the_same_steps(engines, reference, case, method):
+def test_fixed_steps_are_the_same_steps(engines, names, reference, case, method):
     """In float64 the same steps of the same method agree to rounding: 60 steps · 2⁻⁵² · values."""
     template, maps, places = case
     expected = reference.run(template, method=method, dt=0.05, **maps)
     steps, state = expected.steps[places], expected.state[places]
-    for label in ("opencl-float64", "numba-float64"):
-        got = engines[label].run(template, method=method, dt=0.05, **placed(maps, places))
+    for name in names:
+        got = engines[f"{name}-float64"].run(
+            template, method=method, dt=0.05, **placed(maps, places)
+        )
         np.testing.assert_array_equal(got.steps, steps)
         # 1e-10: full-range cells sit on a kink that one rounding can move by a step's change
         assert np.abs(got.state - state).max() <= 1e-10 * (1 + np.abs(state).max())

@@ -8,11 +8,11 @@ from scipy.ndimage import correlate
 
 from cnnum.engine import Engine
 from cnnum.engines.opencl import kernel_text
-from cnnum.engines.opencl.devices import list_devices
+from cnnum.engines.opencl.runtime.selection import working_devices
 from cnnum.template import Template
 
 REFERENCE = Engine("reference")
-DEVICES = [device.label for device in list_devices()]
+DEVICES = [device.label for device in working_devices()]
 
 # one work item; strips of odd heights; low and wide ones; more and fewer steps than a launch holds,
 # rows that narrower vectors take

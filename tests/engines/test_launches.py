@@ -27,8 +27,8 @@ def launches(monkeypatch):
 
 
 @pytest.mark.parametrize("batch", [(), (40,)])
-def test_slip_program_is_one_launch_a_frame(launches, batch):
-    plan = cnnum.Engine().compile(cnnum.get_program("slip"), (8, 8))
+def test_slip_program_is_one_launch_a_frame(launches, opencl, batch):
+    plan = opencl.compile(cnnum.get_program("slip"), (8, 8))
     stream = plan.stream(batch)
     for frame in np.random.default_rng(0).normal(0.0, 1e-3, (3, *batch, 8, 8, 3)):
         stream.push(frame)

@@ -60,7 +60,9 @@ def templates(draw):
     batch=st.sampled_from([(), (3,)]),
     seed=st.integers(0, 2**16),
 )
-def test_every_kind_of_coupling_agrees(engines, reference, template, precision, shape, batch, seed):
+def test_every_kind_of_coupling_agrees(
+    engines, names, reference, template, precision, shape, batch, seed
+):
     rng = np.random.default_rng(seed)
     maps = {"input": rng.uniform(-1, 1, (*batch, *shape))}
     if template.delayed is not None:
@@ -75,6 +77,6 @@ def test_every_kind_of_coupling_agrees(engines, reference, template, precision, 
     # is taken in Heun's steps of 0.05, whose global error is below h²/6 of the third derivative
     largest = 1 + np.abs(expected).max()
     tolerance = 1e-3 * largest if template.delayed is not None else 20 * (ATOL + RTOL * largest)
-    for name in ("opencl", "numba"):
+    for name in names:
         got = engines[f"{name}-{precision}"].run(template, rtol=RTOL, atol=ATOL, **maps)
         assert np.abs(got.state - expected).max() <= tolerance

@@ -6,9 +6,9 @@ import sys
 import numpy as np
 import pytest
 
-from cnnum.engines.opencl.devices import list_devices
+from cnnum.engines.opencl.runtime.selection import working_devices
 
-DEVICES = [device.label for device in list_devices()]
+DEVICES = [device.label for device in working_devices()]
 
 CHILD = """
 import sys

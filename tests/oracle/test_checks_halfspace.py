@@ -14,7 +14,7 @@ WRONG = {
     "halfspace_equilibrium": {"poisson": 0.4},
     "surface_load": {"likely": 3.1e3},
 }
-ENGINE = Engine("opencl")
+ENGINE = Engine()
 
 
 class Bent:
@@ -29,6 +29,10 @@ class Bent:
 
 @pytest.mark.parametrize("form", FORMS, ids=lambda form: form.program)
 def test_programs_pass_and_wrong_covers_fail(form):
+    if ENGINE.name not in form.engines:
+        pytest.skip(
+            f"no OpenCL device works here, and '{form.program}' is left out of {ENGINE.name}"
+        )
     program = get_program(form.program)
     right = run_program_check(form, program, ENGINE)
     assert right.passed, (right.error, right.tolerance)

@@ -13,7 +13,6 @@ from cnnum.engine import Engine
 from cnnum.plan import Plan
 from cnnum.programs import Program
 
-ENGINES = {name: Engine(name) for name in ("opencl", "reference")}
 NUMBA = Engine("numba")
 
 SHORT = (
@@ -31,14 +30,11 @@ SHORT = (
 Run = Callable[..., dict[str, Floats]]
 
 
-@pytest.fixture(params=ENGINES)
-def engine(request: pytest.FixtureRequest) -> Engine:
-    return NUMBA if request.param == "numba" else ENGINES[request.param]
-
-
-@pytest.fixture
-def opencl() -> Engine:
-    return ENGINES["opencl"]
+@pytest.fixture(params=["fast", "reference"])
+def engine(request: pytest.FixtureRequest, fast: Engine) -> Engine:
+    if request.param == "numba":
+        return NUMBA
+    return fast if request.param == "fast" else Engine(request.param)
 
 
 @pytest.fixture

@@ -58,14 +58,14 @@ def test_contact_is_what_numpy_says(engine, run, short_scene, shape):
     np.testing.assert_array_equal(got["contact_area"], inside.sum(axis=(1, 2)))
 
 
-def test_centroid_area_and_friction_used(opencl, run):
+def test_centroid_area_and_friction_used(fast, run):
     """A block of loads: everything can be counted by hand."""
     rng = np.random.default_rng(0)
     frames = 1e-3 * rng.normal(size=(60, 8, 8, 3))
     frames[30:, 2:5, 3:7, 2] -= 1.0
     frames[30:, 2:5, 3:7, 0] -= 0.3
     frames[30:, 2:5, 3:7, 1] += 0.4
-    got = run(opencl, COUNTED, frames)
+    got = run(fast, COUNTED, frames)
     last = {name: values[-1] for name, values in got.items()}
     # sums of 12 cells of noise 1e-3, each again in the rest that was learned from 30 frames
     assert last["contact_area"] == 12
@@ -77,9 +77,9 @@ def test_centroid_area_and_friction_used(opencl, run):
     assert last["friction_used"] == pytest.approx(0.5, abs=0.005)
 
 
-def test_contact_begins_and_ends_with_the_load(opencl, run, simulate):
+def test_contact_begins_and_ends_with_the_load(fast, run, simulate):
     strain, truth = simulate(seed=5)
-    got = run(opencl, contact, strain, ["contact"])["contact"] > 0
+    got = run(fast, contact, strain, ["contact"])["contact"] > 0
     true = truth["contact"] > 0
     assert (np.diff(got.astype(int)) != 0).sum() == 2  # one touch, one release, no chatter
     # 5 frames: what the load needs to rise above 6 standard deviations, with room
@@ -87,18 +87,18 @@ def test_contact_begins_and_ends_with_the_load(opencl, run, simulate):
     assert abs(int(got.sum()) - int(true.sum())) <= 5
 
 
-def test_a_push_of_either_sign(opencl, run, short_scene):
+def test_a_push_of_either_sign(fast, run, short_scene):
     strain = short_scene((8, 8))[:150]
-    plus = run(opencl, contact.bind(push=1.0), -strain)
-    minus = run(opencl, contact, strain)
+    plus = run(fast, contact.bind(push=1.0), -strain)
+    minus = run(fast, contact, strain)
     for name, values in plus.items():
         np.testing.assert_allclose(values, minus[name], rtol=1e-5, atol=1e-7)
 
 
-def test_gain_does_not_matter(opencl, run, short_scene):
+def test_gain_does_not_matter(fast, run, short_scene):
     strain = short_scene((8, 8))[:200]
-    small = run(opencl, contact, strain, ["contact", "contact_row"])
-    large = run(opencl, contact, 1024.0 * strain, ["contact", "contact_row"])
+    small = run(fast, contact, strain, ["contact", "contact_row"])
+    large = run(fast, contact, 1024.0 * strain, ["contact", "contact_row"])
     # a power of two: every float32 sum scales exactly, thresholds too
     np.testing.assert_array_equal(small["contact"], large["contact"])
     np.testing.assert_allclose(small["contact_row"], large["contact_row"], rtol=1e-5)
@@ -109,11 +109,11 @@ def test_a_constant_stream_is_no_contact(engine, run):
     assert not run(engine, contact, frames, ["contact"])["contact"].any()
 
 
-def test_a_batch_is_many_streams(opencl, run, short_scene):
+def test_a_batch_is_many_streams(fast, run, short_scene):
     strain = short_scene((8, 8))[:160]
     batch = np.stack([strain, 2.0 * strain, strain[:, ::-1]], axis=1)
-    got = run(opencl, contact, batch)
-    alone = run(opencl, contact, np.ascontiguousarray(strain[:, ::-1]))
+    got = run(fast, contact, batch)
+    alone = run(fast, contact, np.ascontiguousarray(strain[:, ::-1]))
     for name in ("contact", "contact_area", "load_normal", "contact_row"):
         np.testing.assert_allclose(got[name][:, 2], alone[name], rtol=1e-4, atol=1e-6)
     np.testing.assert_allclose(got["contact"][:, 0], got["contact"][:, 1])

@@ -36,10 +36,10 @@ def cover(cells, depth, reads):
     ("cells", "depth", "reads"),
     [(8, 0.5, "strain"), (8, 1.3, "strain"), (8, 1.0, "stress"), (16, 1.0, "strain")],
 )
-def test_loads_of_pulled_spheres(opencl, cells, depth, reads):
+def test_loads_of_pulled_spheres(fast, cells, depth, reads):
     """Radii from 1.5 cells to 0.4 of the array, half of them slipping at the rim."""
     touches = drawn(np.random.default_rng(7), (1.5, 4.0), cells, 16)
-    got = run_contact(opencl, touches, cells, depth, reads)
+    got = run_contact(fast, touches, cells, depth, reads)
     off = errors(touches, got, cells)
     # the filter gives pressure back to a few per cent, and the rim of the contact is cut cell by
     # cell: 8 % at most in 1000 touches of docs/programs/contact.md
@@ -57,11 +57,11 @@ def test_loads_of_pulled_spheres(opencl, cells, depth, reads):
 
 
 @pytest.mark.parametrize("reads", ["strain", "stress"])
-def test_narrow_contacts_weigh_what_their_readings_allow(opencl, reads):
+def test_narrow_contacts_weigh_what_their_readings_allow(fast, reads):
     """Half a cell to one in radius: between taxels, what these add up to is all that is known."""
     for depth, limit in ((0.75, 0.15), (1.0, 0.15)):
         touches = drawn(np.random.default_rng(12), (0.5, 1.0), 8, 24)
-        off = errors(touches, run_contact(opencl, touches, 8, depth, reads), 8)["load_normal"]
+        off = errors(touches, run_contact(fast, touches, 8, depth, reads), 8)["load_normal"]
         assert aliased(0.5, depth, reads) < 0.1
         # that, and twice the 5 % by which a sphere's shape is not that of loads on whole cells
         assert np.quantile(np.abs(off), 0.9) < limit
@@ -81,24 +81,24 @@ def test_readings_add_up_by_place(radius, depth):
     assert max(abs(each - 1.0) for each in sums) == pytest.approx(wanted, abs=2e-3)
 
 
-def test_a_pull_does_not_move_the_contact(opencl):
+def test_a_pull_does_not_move_the_contact(fast):
     """The normal strain alone is off by more than two cells; it must not be believed."""
     still, pulled = (Touch(5.0, (0.0, 0.0), pull, 0.0, 0.7) for pull in (0.0, 0.65))
     seen = -readings(pulled, 16, 0.5, "strain")[..., 2]
     raw = np.where(seen > 0.1 * seen.max(), seen, 0.0)
     assert np.abs((raw * np.arange(16)).sum() / raw.sum() - 7.5) > 2.0
-    got = run_contact(opencl, [still, pulled], 16, 0.5, "strain")
+    got = run_contact(fast, [still, pulled], 16, 0.5, "strain")
     # a seventh of the radius is what is left of it, and a quarter more load
     assert got["contact_column"] == pytest.approx(7.5, abs=0.7)
     assert got["load_normal"] == pytest.approx(1.0, abs=0.25)
 
 
 @pytest.mark.parametrize("shape", [(4, 4), (8, 8)])
-def test_newtons_of_a_simulated_hand(opencl, run, simulate, shape):
+def test_newtons_of_a_simulated_hand(fast, run, simulate, shape):
     """A sphere that presses, slips, twists and lets go, with offsets, noise and a converter."""
     strain, truth = simulate(shape=shape, script=TOUCH, start=(-0.4e-3, -0.3e-3), seed=3)
     program = contact.bind(depth=THICKNESS / PITCH, unit=2 / 3 * MODULUS * PITCH**2)
-    got = run(opencl, program, strain)
+    got = run(fast, program, strain)
     on = truth["normal_force"] > 0.25 * truth["normal_force"].max()
     load = truth["normal_force"][on]
     # contacts of 1 to 1.6 cells in radius: a cell more or less at the rim
@@ -112,13 +112,13 @@ def test_newtons_of_a_simulated_hand(opencl, run, simulate, shape):
 
 
 @pytest.mark.parametrize("reads", ["strain", "stress"])
-def test_other_bodies_weigh_what_they_carry(opencl, run, reads):
+def test_other_bodies_weigh_what_they_carry(fast, run, reads):
     """Their mean pressure is 1, so that the load is the area."""
     bodies = [Disc(2.5), Disc(2.5, pressure="punch"), Rectangle(3.0, 4.0, 0.4)]
     seen = np.stack([frame_under(body, (8, 8), 0.5, reads) for body in bodies])
     frames = 2.5e-3 * np.random.default_rng(0).normal(size=(23, 3, 8, 8, 3))
     frames[20:, ..., 2] -= seen
-    got = run(opencl, contact.bind(reads=reads), frames)
+    got = run(fast, contact.bind(reads=reads), frames)
     area = np.array([np.pi * 2.5**2, np.pi * 2.5**2, 12.0])
     # as of spheres
     assert got["load_normal"][-1] == pytest.approx(area, rel=0.1)

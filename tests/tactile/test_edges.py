@@ -280,8 +280,8 @@ def test_noise_does_not_hide_a_sphere_of_two_cells(reads):
     ("engine", "shape"),
     [
         # test_sizes.py has 4×4 on OpenCL, whose kernels take some seconds each to build
-        ("opencl", (8, 8)),
-        ("opencl", (16, 16)),
+        ("fast", (8, 8)),
+        ("fast", (16, 16)),
         ("numba", (4, 4)),
         ("numba", (16, 16)),
         # it solves every filter anew: two shapes are enough
@@ -304,7 +304,7 @@ def test_engines_and_shapes_agree(engine, run, shape):
     assert got["edge_column"][-1] == pytest.approx(near[:, 1].mean(), abs=1e-4)
 
 
-@pytest.mark.parametrize("engine", ["opencl", "reference"], indirect=True)
+@pytest.mark.parametrize("engine", ["fast", "reference"], indirect=True)
 def test_engines_agree_on_two_contacts(engine, numba, run):
     """Smooth and uniform ones: fits of both are run."""
     rng, program = np.random.default_rng(51), edges.bind(depth=0.3)
@@ -346,11 +346,11 @@ def test_only_what_falls_inwards_and_stays_is_hollow(numba, run, inwards, lacks)
     assert got[0, 0, 3] == pytest.approx(lacks, abs=1e-6)
 
 
-def test_edge_load_is_the_pressure(opencl, run):
+def test_edge_load_is_the_pressure(fast, run):
     """Inside a wide uniform load, and two cells outside it, to the noise and 7×7 weights."""
     body = Rectangle(6.0, 6.0)
     seen = frame_under(body, (16, 16), 0.5, "stress")
-    load = run(opencl, edges.bind(reads="stress"), pressed(seen), ["edge_load"])["edge_load"][-1]
+    load = run(fast, edges.bind(reads="stress"), pressed(seen), ["edge_load"])["edge_load"][-1]
     inner, outer = load[6:10, 6:10] * seen.max(), load[:3]
     assert np.abs(inner - 1.0).max() < 0.08
     assert np.abs(outer).max() < 0.05
@@ -370,20 +370,20 @@ def test_surround_of_bars_and_points():
 
 
 @pytest.mark.parametrize("depth", [0.5, 1.0])
-def test_surround_inhibition_is_the_covers(opencl, run, depth):
+def test_surround_inhibition_is_the_covers(fast, run, depth):
     """Beside a narrow load strain falls below rest as in the closed form; stress never does."""
     body = Disc(0.1)
     seen = frame_under(body, (9, 9), depth, "strain")
-    got = run(opencl, edges.bind(depth=depth), pressed(seen), ["surround_inhibition"])
+    got = run(fast, edges.bind(depth=depth), pressed(seen), ["surround_inhibition"])
     true = -seen.min() / seen.max()
     # the lowest of 81 noisy taxels lies up to 4 standard deviations lower; at 9×9 taxels the
     # hat of 1/56 is met between two of them
     if true > 4 * NOISE:
         assert got["surround_inhibition"][-1] == pytest.approx(true, abs=4 * NOISE)
     stress = pressed(frame_under(body, (9, 9), depth, "stress"))
-    none = run(opencl, edges.bind(depth=depth, reads="stress"), stress, ["surround_inhibition"])
+    none = run(fast, edges.bind(depth=depth, reads="stress"), stress, ["surround_inhibition"])
     assert none["surround_inhibition"][-1] < 5 * NOISE
     wide = frame_under(Disc(2.0), (9, 9), depth, "strain")
-    got = run(opencl, edges.bind(depth=depth), pressed(wide), ["surround_inhibition"])
+    got = run(fast, edges.bind(depth=depth), pressed(wide), ["surround_inhibition"])
     assert got["surround_inhibition"][-1] == pytest.approx(-wide.min() / wide.max(), abs=4 * NOISE)
     assert got["surround_inhibition"][-1] > 0.05

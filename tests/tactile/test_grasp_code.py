@@ -78,13 +78,13 @@ def test_motions_are_told_apart(engine, run, shape):
             assert abs(off) <= np.pi / 4 + 1e-3
 
 
-def test_all_codes_are_read(opencl, run):
+def test_all_codes_are_read(fast, run):
     """2¹⁶ grasps side by side: every code is what its shears say, and has at most one meaning."""
     codes = np.arange(1 << 16)
     bits = codes[:, None] >> np.arange(16) & 1
     signs = (2.0 * bits - 1.0).reshape(-1, 2, 2, 2, 2)  # finger, row, column, axis
     shear = 0.3 * np.concatenate([signs[:, 0], signs[:, 1]], axis=2)
-    got = run(opencl, grasp_code.bind(push=1.0), held(shear).astype(np.float32))
+    got = run(fast, grasp_code.bind(push=1.0), held(shear).astype(np.float32))
     np.testing.assert_array_equal(got["grasp_code"][-1], codes)
     assert got["code_known"][-1].all()
     flags = np.stack([got[name][-1] for name in NAMES])
@@ -97,12 +97,12 @@ def test_all_codes_are_read(opencl, run):
     assert 0.24 < flags.any(axis=0).mean() < 0.3
 
 
-def test_noise_and_one_finger_have_no_code(opencl, run):
+def test_noise_and_one_finger_have_no_code(fast, run):
     shear = rigid((4, 4), slip(0.3))
     frames = held(shear)
     frames[18:, :, 2:] -= np.array([0, 0, 1.0])  # the second finger lets go
     frames[18:, :, 2:, :2] -= shear[:, 2:]
-    got = run(opencl, grasp_code.bind(push=1.0), frames)
+    got = run(fast, grasp_code.bind(push=1.0), frames)
     assert not got["code_known"].any()
     assert not np.stack([got[name] for name in NAMES]).any()
 

@@ -76,14 +76,14 @@ def test_score_is_what_numpy_says(engine, run, pads, shape):
     assert got["slip_x"][110] > 0.95
 
 
-def test_two_trials_in_a_batch(opencl, run):
+def test_two_trials_in_a_batch(fast, run):
     one, two = (side_by_side(invented(np.random.default_rng(k), 2)) for k in (1, 2))
-    both = run(opencl, grasp_slip.bind(pads=2), np.stack([one, two], axis=1))
-    alone = run(opencl, grasp_slip.bind(pads=2), two)
+    both = run(fast, grasp_slip.bind(pads=2), np.stack([one, two], axis=1))
+    alone = run(fast, grasp_slip.bind(pads=2), two)
     np.testing.assert_allclose(both["slip_strength"][:, 1], alone["slip_strength"], rtol=1e-5)
 
 
-def test_a_pull_alone_or_noise_alone_is_no_slip(opencl, run):
+def test_a_pull_alone_or_noise_alone_is_no_slip(fast, run):
     rng = np.random.default_rng(3)
     counts = 16000 + rng.normal(0, 1.5, (150, 4, 4, 3))
     pulled = counts.copy()
@@ -91,13 +91,13 @@ def test_a_pull_alone_or_noise_alone_is_no_slip(opencl, run):
     shaken = counts.copy()
     shaken[45:] += rng.normal(0, 1.5, shaken[45:].shape)
     for frames in (counts, pulled, shaken):
-        assert not run(opencl, grasp_slip, np.round(frames), ["gross_slip"])["gross_slip"].any()
+        assert not run(fast, grasp_slip, np.round(frames), ["gross_slip"])["gross_slip"].any()
 
 
-def test_gain_and_offset_do_not_matter(opencl, run):
+def test_gain_and_offset_do_not_matter(fast, run):
     counts = side_by_side(invented(np.random.default_rng(5), 2))
-    one = run(opencl, grasp_slip.bind(pads=2), counts)["slip_strength"]
-    other = run(opencl, grasp_slip.bind(pads=2), 2.0 * (counts - 16000))["slip_strength"]
+    one = run(fast, grasp_slip.bind(pads=2), counts)["slip_strength"]
+    other = run(fast, grasp_slip.bind(pads=2), 2.0 * (counts - 16000))["slip_strength"]
     np.testing.assert_allclose(one, other, rtol=5e-3, atol=5e-3)
 
 
@@ -114,9 +114,9 @@ def auc(scores, labels):
 
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="CNNUM_RECORDINGS names no recordings")
 @pytest.mark.parametrize("repeats", [True, False], ids=["all rows", "new rows"])
-def test_real_trials(opencl, repeats):
+def test_real_trials(fast, repeats):
     """One setting for all: labelled onsets within 6 rows, nothing in the trials without slip."""
-    plan = opencl.compile(grasp_slip.bind(pads=2, rate=59.8), (4, 8))
+    plan = fast.compile(grasp_slip.bind(pads=2, rate=59.8), (4, 8))
     scores, labels = [], []
     for trial, wanted in TRIALS.items():
         with UskinCsvOptions(path=RECORDINGS / trial).open() as driver:

@@ -41,23 +41,23 @@ def test_slabs_converge_to_the_transform_as_their_order():
 
 
 @pytest.mark.parametrize("shape", [(4, 4), (8, 8)])
-def test_eight_layers_are_the_waves(opencl, shape):
+def test_eight_layers_are_the_waves(fast, shape):
     frame = load(shape)
     layers = halfspace_layers.bind(thickness=Z, pitch=1.0)
     waves = halfspace_stress.bind(thickness=Z, pitch=1.0)
-    got = opencl.compile(layers, shape, STRESS)(frame)
-    wanted = opencl.compile(waves, shape, STRESS)(frame)
+    got = fast.compile(layers, shape, STRESS)(frame)
+    wanted = fast.compile(waves, shape, STRESS)(frame)
     for name in STRESS:
         # order 4 at 8 slabs: 2e-5 of a wave at most, in a map of white noise
         assert np.abs(got[name] - wanted[name]).max() <= 3e-5 * np.abs(frame).max()
 
 
-def test_relaxation_ends_where_the_product_is(opencl):
+def test_relaxation_ends_where_the_product_is(fast):
     frame = load((4, 4))
     options = {"thickness": Z, "pitch": 1.0, "layers": 4, "order": 2}
-    exact = opencl.compile(halfspace_layers.bind(**options), (4, 4), STRESS)(frame)
+    exact = fast.compile(halfspace_layers.bind(**options), (4, 4), STRESS)(frame)
     relaxing = halfspace_layers.bind(**options, method="runge-kutta-chebyshev")
-    got = opencl.compile(relaxing, (4, 4), STRESS)(frame)
+    got = fast.compile(relaxing, (4, 4), STRESS)(frame)
     for name in STRESS:
         # 1e-6 a time constant, times the 1000 and more that the slowest wave takes, in float32
         assert np.abs(got[name] - exact[name]).max() <= 1e-3 * np.abs(frame).max()

@@ -89,9 +89,9 @@ def test_slip_and_twist_share_all_but_their_laws():
     assert both < one + other - loads
 
 
-def test_maps_are_read_back_only_where_wanted(opencl):
-    flags = opencl.compile(tactile, (8, 8), ["contact"]).explain()
-    maps = opencl.compile(tactile, (8, 8), ["contact", "contact_map"]).explain()
+def test_maps_are_read_back_only_where_wanted(fast):
+    flags = fast.compile(tactile, (8, 8), ["contact"]).explain()
+    maps = fast.compile(tactile, (8, 8), ["contact", "contact_map"]).explain()
     assert flags.maps_read_back == ()
     assert maps.maps_read_back == ("contact_map",)
     assert flags.bytes_out == 4
@@ -176,8 +176,8 @@ def test_kernel_and_buffers_hold_no_more_than_that(name, whole, scenes):
     assert len(one.packed) == 64 * len(maps) + numbers + 1
 
 
-def test_values_that_travel_are_those_of_channels_that_are_read(opencl):
-    scene = load_scene("edges", engine=opencl)
+def test_values_that_travel_are_those_of_channels_that_are_read(fast):
+    scene = load_scene("edges", engine=fast)
     frame = next(iter(scene.driver.frames()))
     way = scene.way()
     assert frame.values.shape == (8, 8, 4)
@@ -202,9 +202,9 @@ def test_events_are_those_of_the_scene_that_wants_everything(name, scenes, all_e
     assert thin == full
 
 
-def test_cost_of_scenes_tells_what_was_left_out_and_changes_no_answer(opencl):
+def test_cost_of_scenes_tells_what_was_left_out_and_changes_no_answer(fast):
     """How much time that saves is the benchmark's to say: a busy machine may not decide a test."""
-    measured = measure_scenes(opencl, rounds=1, every=100)
+    measured = measure_scenes(fast, rounds=1, every=100)
     rows = {row.case: row for row in measured if row is not None}
     assert rows["tactile"].share == 1.0
     assert rows["tactile"].saved_us == 0.0

@@ -81,7 +81,7 @@ def test_own_loads_come_back(run, name, cells, taxels):
 
 
 @pytest.mark.parametrize("taxels", COVERS)
-def test_every_pattern_of_contacts_is_told(opencl, run, taxels):
+def test_every_pattern_of_contacts_is_told(fast, run, taxels):
     """All 65,535 patterns of 4×4 bumps: each touched bump found, each free one left free.
 
     So contacts with one free bump between them are always two.
@@ -90,7 +90,7 @@ def test_every_pattern_of_contacts_is_told(opencl, run, taxels):
     touched = bits.reshape(-1, 4, 4) > 0
     readings = bump_readings(drawn(touched), taxels, *COVERS[taxels])
     frames = streamed(readings, 2e-3)
-    got = run(opencl, program_for(taxels), frames, ["bump_contact", "bump_patches"])
+    got = run(fast, program_for(taxels), frames, ["bump_contact", "bump_patches"])
     np.testing.assert_array_equal(got["bump_contact"][-1] > 0, touched)
     stacked = np.zeros((3, 3, 3))
     stacked[1] = 1.0  # patterns are apart along the first axis
@@ -102,7 +102,7 @@ def test_every_pattern_of_contacts_is_told(opencl, run, taxels):
 
 
 @pytest.mark.parametrize(("cells", "bumps"), [(9, 4), (21, 10)])
-def test_a_pad_of_pressure_taxels(opencl, run, cells, bumps):
+def test_a_pad_of_pressure_taxels(fast, run, cells, bumps):
     """From every pressure taxel's own stress to the bumps: (6.2) in between."""
     own = drawn(np.random.default_rng(2).random((bumps, bumps)) < 0.3)
     at = np.stack(np.meshgrid(1.5 * np.arange(cells), 1.5 * np.arange(cells)), axis=-1)
@@ -113,21 +113,21 @@ def test_a_pad_of_pressure_taxels(opencl, run, cells, bumps):
             ..., 2
         ]
     read = Pad.regular((cells, cells)).to_three_axial(pressure)
-    got = run(opencl, program_for("pad"), streamed(read, 2e-3))
+    got = run(fast, program_for("pad"), streamed(read, 2e-3))
     np.testing.assert_array_equal(got["bump_contact"][-1] > 0, own[..., 2] > 0)
     for k, name in enumerate(("bump_load_x", "bump_load_y", "bump_load_normal")):
         # as above
         assert np.abs(got[name][-1] - own[..., k]).max() < 0.05
 
 
-def test_without_unmixing_a_neighbour_would_pull(opencl, run):
+def test_without_unmixing_a_neighbour_would_pull(fast, run):
     """One pressed bump leaves its neighbours a shear reading of 23 % of a drag's own."""
     own = np.zeros((8, 8, 3))
     own[4, 4, 2] = 1.0
     read = bump_readings(own, "strain", 3.0, 1.0)
     assert np.abs(read[4, 5, 0]) > 0.2 * 0.044
     bound = localize.bind(bump_pitch=6.0, push=1.0)
-    got = run(opencl, bound, streamed(bump_readings(own, "strain", 6.0, 1.0), 1e-3))
+    got = run(fast, bound, streamed(bump_readings(own, "strain", 6.0, 1.0), 1e-3))
     assert got["bump_count"][-1] == 1
     assert abs(got["bump_load_x"][-1]).max() < 0.05
 

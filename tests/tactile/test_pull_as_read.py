@@ -42,7 +42,7 @@ def read(frame, *, skin):
 
 @pytest.mark.parametrize("dead", [(), (-1, 0)], ids=["whole", "dead"])
 @pytest.mark.parametrize("options", COVERS, ids=NAMES)
-def test_what_is_read_lags_behind_the_force(opencl, run, simulate, options, dead):
+def test_what_is_read_lags_behind_the_force(fast, run, simulate, options, dead):
     """By as much of s^(3/2) (1 − s), s = 1 − t/T, as the half-space under the cover says."""
     script = (*HELD, Phase("pull", 0.4, speed=1.2e-3, direction=0.7))
     scene = {"rate": 500.0, "friction": 0.6, "noise": 1e-4, "bits": 0, "seed": 81}
@@ -54,7 +54,7 @@ def test_what_is_read_lags_behind_the_force(opencl, run, simulate, options, dead
         strain[:, row, column] = 0.0
     depth = options.get("thickness", 0.7e-3) / PITCH
     skin = Skin(depth, "strain", options.get("cover", "flat"), 0.4)
-    got = run(opencl, read.bind(skin=skin), strain)
+    got = run(fast, read.bind(skin=skin), strain)
     slips = int(np.argmax(truth["slip"] > 0))
     pulled = np.hypot(truth["shear_x"], truth["shear_y"])
     begins = int(np.flatnonzero(pulled[:slips] == 0.0)[-1])
@@ -84,11 +84,11 @@ def test_what_is_read_lags_behind_the_force(opencl, run, simulate, options, dead
 
 
 @pytest.mark.parametrize("options", [{}, {"cover": "bumps-fem"}], ids=["flat", "bumps-fem"])
-def test_slip_is_told_within_five_frames_of_a_millisecond(opencl, run, simulate, options):
+def test_slip_is_told_within_five_frames_of_a_millisecond(fast, run, simulate, options):
     """A pull of a tenth of a second to slip; without the lag it was told 4 to 9 frames late."""
     script = (*HELD, Phase("pull", 0.4, speed=0.6e-3, direction=0.7))
     strain, truth = simulate(script=script, rate=1000.0, friction=0.6, seed=82, **options)
-    got = run(opencl, slip, strain, ["gross_slip"])
+    got = run(fast, slip, strain, ["gross_slip"])
     slips = int(np.argmax(truth["slip"] > 0))
     told = int(np.argmax(got["gross_slip"] > 0))
     assert truth["slip"][slips]
@@ -118,7 +118,7 @@ def test_far_below_the_lag_is_a_closed_form(radius, place):
     assert looked.turned == pytest.approx(0.0, abs=0.002)
 
 
-def test_who_knows_no_cover_takes_the_usual_lag(opencl, run, simulate):
+def test_who_knows_no_cover_takes_the_usual_lag(fast, run, simulate):
     strain, _ = simulate(script=HELD, rate=60.0, seed=83)
-    got = run(opencl, read.bind(skin=Skin(0.5, "force", "flat", 0.4)), strain, ["lag"])
+    got = run(fast, read.bind(skin=Skin(0.5, "force", "flat", 0.4)), strain, ["lag"])
     assert got["lag"] == pytest.approx(np.full(len(strain), NEARER))

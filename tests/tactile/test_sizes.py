@@ -211,7 +211,7 @@ def test_every_program_has_a_scene():
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_sizes_and_mirror_images_agree(opencl, name):
+def test_sizes_and_mirror_images_agree(fast, name):
     scene = SCENES[name]
     program = get_program(name).bind(**scene.parameters)
     needs = None if name in BUILT_ELSEWHERE else [same.name for same in scene.same]
@@ -219,7 +219,7 @@ def test_sizes_and_mirror_images_agree(opencl, name):
     for cells in SIZES:
         frames = scene.frames(cells)
         both = np.stack([frames, frames[:, :, ::-1] * MIRROR], axis=1)
-        plan = opencl.compile(program, (cells, cells), needs)
+        plan = fast.compile(program, (cells, cells), needs)
         got = last(plan, both, (2,))
         for same in scene.same:
             value = seen_from_middle(scene, same, cells, np.asarray(got[same.name]))

@@ -128,13 +128,13 @@ def measured(frame):
 
 
 @pytest.mark.parametrize("start", [(0.0, 0.0), (-0.9e-3, -0.4e-3), (0.4e-3, 0.7e-3)])
-def test_radius_of_a_contact_wherever_it_is(opencl, run, simulate, start):
+def test_radius_of_a_contact_wherever_it_is(fast, run, simulate, start):
     """Within 2 %, so that its cube is within 6 %: the simulation's own cells are 0.2 pitches."""
     script = (Phase("hold", 0.2), Phase("press", 0.2, load=0.8), Phase("hold", 0.3))
     strain, _ = simulate(script=script, seed=3, start=start)
     modulus = contact_modulus(Settings().youngs_modulus, 0.5)
     true = float(hertz(0.8, Settings().radius, modulus).contact_radius) / Settings().pitch
-    got = run(opencl, measured, strain, ["radius"])["radius"]
+    got = run(fast, measured, strain, ["radius"])["radius"]
     assert got[-20:] == pytest.approx(true, rel=0.02)
 
 
@@ -152,13 +152,13 @@ def seen_on_bumps(depth):
     return radius
 
 
-def test_radius_on_bumps_beyond_whose_reach_taxels_read(opencl, run, simulate):
+def test_radius_on_bumps_beyond_whose_reach_taxels_read(fast, run, simulate):
     """Within 2 %, as on a flat cover; taxels of a large array under a thick cover read 1 % of the
     largest load where the kernels of bumps end, by which it was 5 % too large."""
     script = (Phase("hold", 0.2), Phase("press", 0.2, load=0.5), Phase("hold", 0.2))
     options = {"thickness": 2e-3, "shape": (16, 16), "cover": "bumps-fem", "seed": 3}
     strain, truth = simulate(script=script, **options)
-    got = run(opencl, seen_on_bumps(2.0 / 1.5), strain, ["radius"])["radius"]
+    got = run(fast, seen_on_bumps(2.0 / 1.5), strain, ["radius"])["radius"]
     true = truth["contact_radius"][-1] / Settings().pitch
     assert got[-20:] == pytest.approx(true, rel=0.02)
 
@@ -173,13 +173,13 @@ def felt_beside(frame):
 
 
 @pytest.mark.parametrize("dead", [(4, 2), (3, 4)])
-def test_a_press_beside_a_dead_taxel_is_no_shear(opencl, run, simulate, dead):
+def test_a_press_beside_a_dead_taxel_is_no_shear(fast, run, simulate, dead):
     """As more and more taxels feel the contact, the one that is missing leaves their shear
     unbalanced; taken for a force, it would keep the radius from being followed, to 8 % less."""
     script = (Phase("hold", 0.2), Phase("press", 0.4, load=1.1), Phase("hold", 0.2))
     strain, truth = simulate(script=script, seed=3, rate=500.0, start=(-0.1e-3, 0.15e-3))
     strain[:, dead[0], dead[1]] = 0.0
-    got = run(opencl, felt_beside, strain)
+    got = run(fast, felt_beside, strain)
     assert not got["sheared"][-20:].any()
     true = truth["contact_radius"][-1] / Settings().pitch
     assert got["radius"][-20:] == pytest.approx(true, rel=0.02)
@@ -189,7 +189,7 @@ def test_a_press_beside_a_dead_taxel_is_no_shear(opencl, run, simulate, dead):
     ("thickness", "shape", "angle", "load"),
     [(0.7e-3, (8, 8), 0.2, 0.5), (1.4e-3, (8, 8), -0.12, 0.9), (2.0e-3, (16, 16), 0.3, 0.7)],
 )
-def test_rate_of_a_twist(opencl, run, simulate, thickness, shape, angle, load):
+def test_rate_of_a_twist(fast, run, simulate, thickness, shape, angle, load):
     """Within 10 % once half the radius slips, at 2.5 mV of noise and 200 frames a second."""
     lasts = 0.6
     script = (
@@ -200,7 +200,7 @@ def test_rate_of_a_twist(opencl, run, simulate, thickness, shape, angle, load):
     )
     strain, truth = simulate(script=script, thickness=thickness, shape=shape, seed=5)
     bound = twist.bind(depth=thickness / 1.5e-3)
-    got = run(opencl, bound, strain, ["twist", "twist_rate"])
+    got = run(fast, bound, strain, ["twist", "twist_rate"])
     turned = got["twist"] > 0
     assert turned.any()
     assert np.median(got["twist_rate"][turned]) == pytest.approx(angle / lasts, rel=0.1)
@@ -208,7 +208,7 @@ def test_rate_of_a_twist(opencl, run, simulate, thickness, shape, angle, load):
 
 
 @pytest.mark.parametrize("cover", ["bumpy", "bumps-fem"])
-def test_rate_of_a_twist_on_bumps(opencl, run, simulate, cover):
+def test_rate_of_a_twist_on_bumps(fast, run, simulate, cover):
     """Within 10 % where the program is told of the bumps, and nearer than without."""
     script = (
         Phase("hold", 0.2),
@@ -220,7 +220,7 @@ def test_rate_of_a_twist_on_bumps(opencl, run, simulate, cover):
     off = []
     for told in (cover, "flat"):
         bound = twist.bind(depth=1.0 / 1.5, cover=told, bump=0.4)
-        got = run(opencl, bound, strain, ["twist", "twist_rate"])
+        got = run(fast, bound, strain, ["twist", "twist_rate"])
         found = np.median(got["twist_rate"][got["twist"] > 0])
         off.append(abs(found / (0.2 / 0.6) - 1.0))
     assert off[0] <= 0.1
@@ -251,6 +251,6 @@ def test_bumps_that_are_none(cover, depth, radius):
         bumps_felt(cover, depth, radius)
 
 
-def test_covers_that_are_none(opencl):
+def test_covers_that_are_none(fast):
     with pytest.raises(UnknownNameError, match="felt"):
-        opencl.compile(twist.bind(cover="felt"), (4, 4))
+        fast.compile(twist.bind(cover="felt"), (4, 4))

@@ -44,21 +44,21 @@ def answer(engine, strain, **options):
 
 
 @pytest.mark.parametrize("shape", [(4, 4), (5, 6)])
-def test_the_network_is_least_squares(opencl, shape):
+def test_the_network_is_least_squares(fast, shape):
     strain = np.random.default_rng(2).normal(0.0, 3e-3, (2, *shape, 3))
-    got, _ = answer(opencl, strain, **LINEAR)
+    got, _ = answer(fast, strain, **LINEAR)
     cover, on_array = least_squares(shape)
     wanted = cover(strain.reshape(2, -1, 3), LIKELY).traction[on_array]
     # singular values feel loads on cells that are more than 7 away, too; without them see `dense`
     assert np.abs(got - wanted).max() <= 2e-2 * np.abs(wanted).max()
 
 
-def test_drags_are_as_likely_as_said(opencl):
+def test_drags_are_as_likely_as_said(fast):
     """By hand: with drags ten times less likely, a pressure is what strain comes from."""
     load, _ = two_contacts()
     load[..., :2] = 0.0
     cover = SurfaceToDepth((8, 8), PITCH, THICKNESS, youngs_modulus=E)
-    found = {d: answer(opencl, cover(load), rounds=0, drag=d)[0] for d in (1.0, 0.1)}
+    found = {d: answer(fast, cover(load), rounds=0, drag=d)[0] for d in (1.0, 0.1)}
     pressed = load[..., 2] > 0
     kept = {d: each[pressed, 2].mean() / load[pressed, 2].mean() for d, each in found.items()}
     pulled = {d: np.abs(each[..., :2]).max() for d, each in found.items()}
@@ -76,10 +76,10 @@ def two_contacts():
 
 
 @pytest.mark.parametrize("rounds", [0, 1, 3])
-def test_several_contacts_come_back_at_once(opencl, rounds):
+def test_several_contacts_come_back_at_once(fast, rounds):
     load, strain = two_contacts()
     noisy = strain + np.random.default_rng(3).normal(0.0, NOISE, strain.shape)
-    got, residual = answer(opencl, noisy, rounds=rounds)
+    got, residual = answer(fast, noisy, rounds=rounds)
     inside = load[..., 2] > 0
     pressure = got[..., 2]
     # without rounds, what is between contacts is the ground that they stand on
@@ -96,10 +96,10 @@ def test_several_contacts_come_back_at_once(opencl, rounds):
         assert not got[..., :2][pressure == 0.0].any()
 
 
-def test_no_drag_exceeds_friction(opencl):
+def test_no_drag_exceeds_friction(fast):
     load, strain = two_contacts()
-    free, _ = answer(opencl, strain, friction=10.0)
-    held, _ = answer(opencl, strain, friction=0.2)
+    free, _ = answer(fast, strain, friction=10.0)
+    held, _ = answer(fast, strain, friction=0.2)
     for found, friction in ((free, 10.0), (held, 0.2)):
         drag = np.hypot(found[..., 0], found[..., 1])
         # float32: the bound is divided by the drag, which it then scales
@@ -108,39 +108,39 @@ def test_no_drag_exceeds_friction(opencl):
     assert np.abs(free[pressed] - held[pressed])[:, :2].max() > 100.0
 
 
-def test_rounding_decides_about_no_load(opencl):
+def test_rounding_decides_about_no_load(fast):
     """Strains of order 1, ten thousand times the noise: the worst frames for whatever switches."""
     frames = np.random.default_rng(0).normal(size=(1024, 8, 8, 3))
-    plan = opencl.compile(surface_load.bind(), (8, 8), list(NAMES))
+    plan = fast.compile(surface_load.bind(), (8, 8), list(NAMES))
     fused, stepped = plan(frames), plan.unfused()(frames)
     for name in NAMES:
         # the bench finds 1.1e-4 in a thousand frames: float32 times the gain of the inverse
         assert np.abs(fused[name] - stepped[name]).max() <= 5e-4 * np.abs(stepped[name]).max()
 
 
-def test_noise_and_resolution_are_those_stated(opencl):
+def test_noise_and_resolution_are_those_stated(fast):
     rng = np.random.default_rng(4)
-    got, _ = answer(opencl, rng.normal(0.0, NOISE, (400, 8, 8, 3)), **LINEAR)
+    got, _ = answer(fast, rng.normal(0.0, NOISE, (400, 8, 8, 3)), **LINEAR)
     cover, on_array = least_squares((8, 8), beyond=4)
     stated = np.reshape(cover.noise_error(LIKELY), (16, 16, 3))[on_array] / 1.959964
     # 400 frames know a standard deviation to 1/√800 = 3.5 %; the worst of 192 is within four
     assert np.abs(got.std(axis=0) / stated - 1).max() <= 0.16
 
 
-def test_the_noise_of_an_endless_array_is_that_of_the_middle_of_a_large_one(opencl):
+def test_the_noise_of_an_endless_array_is_that_of_the_middle_of_a_large_one(fast):
     """From which on a drag is believed."""
     network = LoadNetwork(THICKNESS, PITCH, E, 1e-3, LIKELY, 0.3, 5)
     noise = np.random.default_rng(5).normal(0.0, 1e-3, (300, 14, 14, 3))
     options = {"noise": 1e-3, "reach": 5, "rounds": 0}
-    plan = opencl.compile(surface_load.bind(**options), (14, 14), ["load_normal"])
+    plan = fast.compile(surface_load.bind(**options), (14, 14), ["load_normal"])
     middle = plan(noise)["load_normal"][:, 6:8, 6:8]
     # 1200 numbers know it to 2 %, three of which; cells nearer to the rim are known less
     assert middle.std() == pytest.approx(network.noise_of_pressure, rel=0.08)
 
 
-def test_heights_are_true(opencl):
+def test_heights_are_true(fast):
     """The contacts of docs/programs/halfspace.md, and the figures given there."""
-    (_, true, _), _, (_, found, _) = contacts(opencl)
+    (_, true, _), _, (_, found, _) = contacts(fast)
     assert found.min() == 0.0
     for pressure, height in HEIGHTS.items():
         # as printed there, to its last digit
@@ -149,21 +149,21 @@ def test_heights_are_true(opencl):
 
 
 @pytest.mark.parametrize("thickness", [0.5e-3, 1.0e-3, 1.5e-3])
-def test_noise_dips_where_the_singular_values_say(opencl, thickness):
-    kept = inverse(opencl, PITCH, thickness)
+def test_noise_dips_where_the_singular_values_say(fast, thickness):
+    kept = inverse(fast, PITCH, thickness)
     cover = LoadMap(taxels((8, 8)), (16, 16), PITCH, thickness, E, NOISE)
     stated = np.reshape(cover.noise_error(LIKELY), (16, 16, 3))[8, 8, 2] / 1.959964
     # 200 frames know a standard deviation to 5 %: within two of these
     assert kept["noise"] == pytest.approx(stated, rel=0.1)
 
 
-def test_a_larger_array_takes_no_steps(opencl):
+def test_a_larger_array_takes_no_steps(fast):
     """Of 16×16 taxels with a reach of 7: K Pᵀ Kᵀ on the taxels alone is small enough for a product.
 
     Held to singular values whose loads lie up to 7 cells beyond the rim.
     """
     shape, noise = (16, 16), 1e-3
-    plan = opencl.compile(surface_load.bind(noise=noise, **LINEAR), shape, list(NAMES))
+    plan = fast.compile(surface_load.bind(noise=noise, **LINEAR), shape, list(NAMES))
     assert not any("steps" in how for how in plan.explain().transients)
     strain = np.random.default_rng(5).normal(0.0, 3e-3, (*shape, 3))
     got = plan(strain)
@@ -188,9 +188,9 @@ def dense(network, shape):
     return felt.reshape(3 * rows * cols, -1)
 
 
-def test_one_round_halves_the_error(opencl):
+def test_one_round_halves_the_error(fast):
     """Contacts anywhere on 16×16 taxels; see `python -m cnnum.bench.load_errors`."""
-    none, one = (load_errors.measure(opencl, 1e-4, rounds, count=40) for rounds in (0, 1))
+    none, one = (load_errors.measure(fast, 1e-4, rounds, count=40) for rounds in (0, 1))
     assert one.rms < 0.5 * none.rms
     assert abs(one.height - 1.0) < abs(none.height - 1.0)
     # 0.9 of all pressure is found, and a tenth of it is what edges lose

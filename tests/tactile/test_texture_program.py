@@ -40,23 +40,23 @@ def test_texture_is_the_closed_form(engine, run, shape, batch):
     assert got["texture_known"][-1].all()
 
 
-def test_a_constant_ratio_has_no_roughness(opencl, run):
+def test_a_constant_ratio_has_no_roughness(fast, run):
     rng = np.random.default_rng(1)
     frames = 1e-5 * rng.normal(size=(60, 4, 4, 3))
     load = 1.0 + 0.5 * np.sin(np.arange(40))
     frames[20:, ..., 2] += load[:, None, None]
     frames[20:, ..., 0] += 0.3 * load[:, None, None]
     frames[20:, ..., 1] -= 0.4 * load[:, None, None]
-    got = run(opencl, texture.bind(push=1.0, window=8), frames)
+    got = run(fast, texture.bind(push=1.0, window=8), frames)
     # noise of 1e-5 in loads above 0.5
     np.testing.assert_allclose(got["texture_friction"][-1], 0.5, atol=1e-3)
     assert got["texture_roughness"][-1].max() < 0.1
 
 
-def test_the_dissertations_window(opencl, run):
+def test_the_dissertations_window(fast, run):
     """T = 128, as in 6.5: two memories a frame and taxel."""
     frames = rubbed((4, 4), frames=140)
-    got = run(opencl, texture.bind(push=1.0, ratio=0.5), frames, ["texture_friction"])
+    got = run(fast, texture.bind(push=1.0, ratio=0.5), frames, ["texture_friction"])
     true = whole_recording(frames[20:], window=128)
     np.testing.assert_allclose(
         got["texture_friction"][-1], true.friction[-1] / 0.5, rtol=0.03, atol=0.02

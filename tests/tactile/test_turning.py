@@ -45,7 +45,7 @@ def feeling(depth, cover):
     return seen
 
 
-def turned(simulate, run, opencl, cover, load, angle=0.2, **options):
+def turned(simulate, run, fast, cover, load, angle=0.2, **options):
     """Return what the program knows before a twist, the moments in it, and plain ones."""
     lasts = 0.4
     script = (Phase("hold", 0.2), Phase("press", 0.2, load=load), Phase("hold", 0.2))
@@ -54,7 +54,7 @@ def turned(simulate, run, opencl, cover, load, angle=0.2, **options):
     strain, truth = simulate(script=script, cover=cover, **quiet, **options)
     depth = options.get("thickness", 1e-3) / Settings().pitch
     first = int(np.argmax(truth["twist_rate"] > 0))
-    known = run(opencl, feeling(depth, cover), strain[:first].astype(np.float32))
+    known = run(fast, feeling(depth, cover), strain[:first].astype(np.float32))
     last = {name: value[-1] for name, value in known.items()}
     rows, columns = np.indices((GRID, GRID))
     lever = np.stack([last["row"] - rows, columns - last["column"]], axis=-1)
@@ -70,12 +70,12 @@ def turned(simulate, run, opencl, cover, load, angle=0.2, **options):
     ("cover", "thickness", "load", "share"),
     [("bumps-fem", 2e-3, 0.35, 0.01), ("bumpy", 1e-3, 0.3, 0.025), ("flat", 0.7e-3, 0.3, 0.015)],
 )
-def test_moment_grows_by_the_law(simulate, run, opencl, cover, thickness, load, share):
+def test_moment_grows_by_the_law(simulate, run, fast, cover, thickness, load, share):
     """`share` of the last moment: the fitted radius is up to 0.5 % off, its cube three times that,
     and straight lines between eight knots leave up to 1 % on bumps."""
     radius = 25e-3
     options = {"thickness": thickness, "radius": radius, "friction": 0.6}
-    known, (moment, _), _, step = turned(simulate, run, opencl, cover, load, **options)
+    known, (moment, _), _, step = turned(simulate, run, fast, cover, load, **options)
     whole = Bounds(radius, load, 0.6, Settings().youngs_modulus)
     time = whole.turn() / step
     assert len(moment) > 1.2 * time
@@ -85,18 +85,18 @@ def test_moment_grows_by_the_law(simulate, run, opencl, cover, thickness, load, 
     assert np.abs(moment[: len(ages)] - told).max() <= share * told[-1]
 
 
-def test_lubkins_law_is_not_that_of_few_bumps(simulate, run, opencl):
+def test_lubkins_law_is_not_that_of_few_bumps(simulate, run, fast):
     """It leaves that of the array by twice of what that one is allowed to be off."""
     options = {"thickness": 2e-3, "friction": 0.6}
-    known, _, _, _ = turned(simulate, run, opencl, "bumps-fem", 0.35, **options)
+    known, _, _, _ = turned(simulate, run, fast, "bumps-fem", 0.35, **options)
     law, plain = np.ravel(known["law"]), 1.0 - np.exp(-np.polyval([*CURVE[::-1], 0.0], TIMES))
     assert np.abs(law - plain).max() > 0.08
 
 
 @pytest.mark.parametrize(("cover", "gain"), [("flat", 1.33), ("bumps-fem", 1.15)])
-def test_weights_tell_a_torque_from_noise(simulate, run, opencl, cover, gain):
+def test_weights_tell_a_torque_from_noise(simulate, run, fast, cover, gain):
     """Better than moments; the weights are those of a flat cover, on bumps they gain less."""
-    _, sums, noise, _ = turned(simulate, run, opencl, cover, 0.5)
+    _, sums, noise, _ = turned(simulate, run, fast, cover, 0.5)
     weighed, plain = (abs(part[-1]) / rms for part, rms in zip(sums, noise, strict=True))
     assert weighed > gain * plain
 
@@ -143,13 +143,13 @@ PULLED = (
 )
 
 
-def test_rate_after_a_pull(opencl, run_anew, simulate, monkeypatch):
+def test_rate_after_a_pull(fast, run_anew, simulate, monkeypatch):
     """Within 2 % at a tenth of the usual noise; without what is locked in it begins 2.3 % lower."""
     strain, truth = simulate(script=PULLED, seed=2, noise=2.5e-4, start=(-0.4e-3, -0.3e-3))
     rates = []
     for locked in (turning.LOCKED, (0.0, 0.0)):
         monkeypatch.setattr(turning, "LOCKED", locked)
-        got = run_anew(opencl, twist.bind(depth=1.0 / 1.5), strain, ["twist", "twist_rate"])
+        got = run_anew(fast, twist.bind(depth=1.0 / 1.5), strain, ["twist", "twist_rate"])
         rates.append(got["twist_rate"][got["twist"] > 0])
     assert rates[0] == pytest.approx(truth["twist_rate"][-1], rel=0.02)
     assert rates[1][0] < 0.985 * rates[0][0]
@@ -166,7 +166,7 @@ BESIDE = (
 )
 
 
-def test_a_force_beside_a_twist_is_no_torque(opencl, run_anew, simulate, monkeypatch):
+def test_a_force_beside_a_twist_is_no_torque(fast, run_anew, simulate, monkeypatch):
     """Six streams give rates within 2 % of each other, and within 5 % of the truth.
 
     What the pull left in the contact makes a force of 6 % of the load as it turns. About the
@@ -179,7 +179,7 @@ def test_a_force_beside_a_twist_is_no_torque(opencl, run_anew, simulate, monkeyp
         strain, truth = simulate(script=BESIDE, seed=seed, start=(-0.28e-3, 0.02e-3), **options)
         for astray, found in rates.items():
             monkeypatch.setattr(turning, "ASTRAY", astray)
-            got = run_anew(opencl, bound, strain, ["twist", "twist_rate"])
+            got = run_anew(fast, bound, strain, ["twist", "twist_rate"])
             rate = np.median(got["twist_rate"][got["twist"] > 0])
             found.append(float(rate / truth["twist_rate"][-1]))
     about_centre, about_centroid = rates.values()

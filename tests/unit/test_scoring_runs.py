@@ -55,7 +55,7 @@ script = [
 
 @pytest.fixture(scope="module")
 def engine():
-    return Engine("opencl")
+    return Engine()
 
 
 @pytest.fixture
