@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.errors import ProgramError
+from cnnum.expressions import check_expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +37,8 @@ class ElementOp:
     logic: bool = False
 
     def __post_init__(self) -> None:
-        missing = [letter for letter in "abc"[: self.arity] if letter not in self.opencl]
-        if missing:
-            raise ValueError(f"The OpenCL form of '{self.name}' does not use {missing}.")
+        what = f"The OpenCL form of '{self.name}'"
+        check_expression(what, self.opencl, "abc"[: self.arity], ProgramError)
 
 
 def _divide(a: Floats, b: Floats) -> Floats:
@@ -97,6 +98,11 @@ class ReduceOp:
     start: str
     step: str
     logic: bool = False
+
+    def __post_init__(self) -> None:
+        what = f"The OpenCL form of '{self.name}'"
+        check_expression(what, self.start, (), ProgramError)
+        check_expression(what, self.step, ("total", "a"), ProgramError)
 
 
 def _sum(a: Floats) -> Floats:

@@ -111,6 +111,6 @@ def choose_device(name: str | None) -> Device:
         matching = [d for d in devices if name.lower() in d.label.lower()]
         if not matching:
             known = ", ".join(f"'{d.label}'" for d in devices)
-            raise DeviceError(f"No OpenCL device matches '{name}': there are {known}.")
+            raise DeviceError(f"No OpenCL device matches {name!r:.60}: there are {known}.")
         devices = tuple(matching)
     return max(devices, key=lambda device: device.promise)
