@@ -1,7 +1,8 @@
 """What a cell at the rim sees where its neighbourhood leaves the array."""
 
 from dataclasses import dataclass
-from typing import Literal
+from numbers import Real
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,8 @@ class Boundary:
     constant: float | None = None
 
     def __post_init__(self) -> None:
+        if self.constant is not None and not isinstance(cast(object, self.constant), Real):
+            raise TemplateError(f"A fixed boundary needs a number, got {self.constant!r:.60}.")
         if self.pad_mode not in ("constant", "symmetric", "wrap"):
             raise TemplateError(
                 "The pad mode of a boundary is 'constant', 'symmetric' or 'wrap', got "

@@ -169,6 +169,7 @@ TABLE = Table("linear", ((0.0, 0.0), (1.0, 1.0)))
     "give",
     [
         lambda evil: Boundary(0.0, evil, 0.0),
+        lambda evil: Boundary(0.0, "constant", str(evil)),
         lambda evil: NonlinearCoupling([[1.0]], TABLE, evil or 1),
         lambda evil: NonlinearCoupling([[1.0]], TABLE, "u", to=evil),
         lambda evil: NonlinearCoupling([[1.0]], TABLE, "u", source=evil),
