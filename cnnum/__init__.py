@@ -110,3 +110,8 @@ def __getattr__(name: str) -> object:
     value = getattr(import_module(_HOME[name]), name)
     globals()[name] = value
     return value
+
+
+def __dir__() -> list[str]:
+    """Name what can be had, for completion; nothing is imported for it."""
+    return sorted({*globals(), *__all__})

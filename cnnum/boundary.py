@@ -1,7 +1,8 @@
 """What a cell at the rim sees where its neighbourhood leaves the array."""
 
 from dataclasses import dataclass
-from typing import Literal
+from numbers import Real
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,15 @@ class Boundary:
     name: str | float
     pad_mode: Literal["constant", "symmetric", "wrap"]
     constant: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.constant is not None and not isinstance(cast(object, self.constant), Real):
+            raise TemplateError(f"A fixed boundary needs a number, got {self.constant!r:.60}.")
+        if self.pad_mode not in ("constant", "symmetric", "wrap"):
+            raise TemplateError(
+                "The pad mode of a boundary is 'constant', 'symmetric' or 'wrap', got "
+                f"{self.pad_mode!r:.60}."
+            )
 
     def __str__(self) -> str:
         return self.name if isinstance(self.name, str) else f"{self.name:g}"
@@ -55,7 +65,7 @@ def parse_boundary(value: float | str | Boundary) -> Boundary:
     if isinstance(value, str):
         if value not in _NAMED:
             raise TemplateError(
-                f"Unknown boundary '{value}': expected a number, 'zero-flux' or 'periodic'."
+                f"Unknown boundary {value!r:.60}: expected a number, 'zero-flux' or 'periodic'."
             )
         return _NAMED[value]
     if not np.isfinite(value):

@@ -1,7 +1,8 @@
 """Couplings beyond linear A and B: nonlinear ones, delayed ones, and gains that vary in time."""
 
+import operator
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, SupportsIndex
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +27,22 @@ def kernel(name: str, value: ArrayLike) -> Floats:
     if array.ndim != 2 or array.shape[0] != array.shape[1] or array.shape[0] % 2 == 0:
         raise TemplateError(f"{name} must be (k, k) with k odd, got the shape {np.shape(value)}.")
     return frozen(array)
+
+
+def place(part: str, value: SupportsIndex) -> int:
+    """Return the number of a layer or input.
+
+    Raises
+    ------
+    TemplateError
+        If it is not a whole number.
+    """
+    try:
+        return int(operator.index(value))
+    except TypeError:
+        raise TemplateError(
+            f"'{part}' of a coupling is the whole number of a layer or input, got {value!r:.60}."
+        ) from None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +85,9 @@ class NonlinearCoupling:
         object.__setattr__(self, "weights", kernel("Weights of a nonlinear coupling", self.weights))
         for quantity in (self.neighbour, self.centre):
             if quantity not in ("x", "y", "u", None):
-                raise TemplateError(f"A coupling reads 'x', 'y' or 'u', got '{quantity}'.")
+                raise TemplateError(f"A coupling reads 'x', 'y' or 'u', got {quantity!r:.60}.")
+        for part in ("to", "source", "centre_source"):
+            object.__setattr__(self, part, place(part, getattr(self, part)))
 
     @property
     def sign(self) -> float:
@@ -131,6 +150,13 @@ class DelayedCoupling:
         Weighs y(t − delay); before the start, outputs were those of the initial state.
     B : (layers, inputs, k, k) float
         Weighs u(t − delay); before the start, inputs were the run's `previous` ones.
+
+    Raises
+    ------
+    TemplateError
+        If the delay is not positive, or A or B has another shape.
+    ArrayError
+        If A or B is not finite.
     """
 
     delay: float
@@ -140,11 +166,21 @@ class DelayedCoupling:
     def __post_init__(self) -> None:
         if not (np.isfinite(self.delay) and self.delay > 0):
             raise TemplateError(f"A delay must be above 0 time constants, got {self.delay}.")
+        for part in ("A", "B"):
+            object.__setattr__(self, part, _delayed(part, getattr(self, part)))
 
     @property
     def physics(self) -> tuple[object, ...]:
         """All that changes a run."""
         return (self.delay, self.A, self.B)
+
+
+def _delayed(part: str, value: ArrayLike) -> Floats:
+    weights = finite(f"delayed {part}", value)
+    shape = weights.shape
+    if len(shape) != 4 or shape[2] != shape[3] or shape[3] % 2 == 0:
+        raise TemplateError(f"Delayed {part} must be (to, from, k, k) with k odd, got {shape}.")
+    return frozen(weights)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,3 +198,7 @@ class Gain:
     to: int
     source: int
     table: Table
+
+    def __post_init__(self) -> None:
+        for part in ("to", "source"):
+            object.__setattr__(self, part, place(part, getattr(self, part)))

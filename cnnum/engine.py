@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from threading import RLock
 from types import MappingProxyType
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Floats, Shape
 from cnnum.engines.backend import open_backend
 from cnnum.engines.support import FUSING
+from cnnum.errors import ProgramError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
@@ -161,12 +162,17 @@ class Engine:
         MethodError
             If a transient can not run by that method, or not in such steps.
         ProgramError
-            If the program can not be traced.
+            If it is no program, or can not be traced.
         UnknownNameError
             If a need is not among its outputs.
         NotSupportedError
             If this engine does not do something in it.
         """
+        if not isinstance(cast(object, program), Program):
+            raise ProgramError(
+                f"An engine compiles a program, got {type(program).__name__}: put @cnnum.program "
+                "above the function, and run a template with engine.run."
+            )
         asked: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
         asked = {name: value for name, value in asked.items() if value is not None}
         return self._build(program.name, program.trace(shape, channels), channels, needs, asked)

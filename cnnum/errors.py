@@ -106,4 +106,4 @@ def name_error(kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
         The valid names.
     """
     choices = ", ".join(f"'{item}'" for item in known)
-    return UnknownNameError(f"Unknown {kind} '{name}': expected one of {choices}.")
+    return UnknownNameError(f"Unknown {kind} {name!r:.60}: expected one of {choices}.")

@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import name_error
+from cnnum.errors import TemplateError, name_error
+from cnnum.expressions import check_expression
+from cnnum.names import checked_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,13 +22,19 @@ class OutputFunction:
     numpy : callable
         f on an array.
     opencl : str
-        f as an OpenCL C expression of `x`; `ONE` is 1 in the kernel's own type.
+        f as an OpenCL C expression of `x`; `ONE` is 1 in the kernel's own type, `R(0.5)` another
+        number.
     linear : bool
         f(x) = x everywhere, so that the array is a linear system.
     limited : bool
         The state itself is kept within [−1, 1] (full-range model).
     discrete : bool
         The array runs in discrete time, one step a time constant (DT-CNN).
+
+    Raises
+    ------
+    TemplateError
+        If the name is not one line of plain signs, or the OpenCL form no expression of x.
     """
 
     name: str
@@ -37,8 +45,17 @@ class OutputFunction:
     discrete: bool = False
 
     def __post_init__(self) -> None:
-        if "x" not in self.opencl:
-            raise ValueError(f"The OpenCL form of '{self.name}' must be an expression of x.")
+        checked_name("an output function", self.name, TemplateError)
+        what = f"The OpenCL form of the output function '{self.name}'"
+        check_expression(what, self.opencl, ("x",), TemplateError)
+
+    @property
+    def physics(self) -> tuple[object, ...]:
+        """All that changes a run: of the house's own, the name says it."""
+        if OUTPUT_FUNCTIONS.get(self.name) is self:
+            return (self.name,)
+        kind = (self.linear, self.limited, self.discrete)
+        return (self.name, self.opencl, id(self.numpy), *kind)
 
 
 def _clip(x: Floats) -> Floats:
@@ -67,14 +84,22 @@ _ALL = (
 OUTPUT_FUNCTIONS = {function.name: function for function in _ALL}
 
 
-def output_function(name: str) -> OutputFunction:
-    """Return the output function of that name.
+def output_function(value: str | OutputFunction) -> OutputFunction:
+    """Return the output function of that name, or one of a caller's own.
 
     Raises
     ------
     UnknownNameError
         If there is none.
+    TemplateError
+        If one of a caller's own has the name of another, by which engines know it.
     """
-    if name not in OUTPUT_FUNCTIONS:
-        raise name_error("output function", name, OUTPUT_FUNCTIONS)
-    return OUTPUT_FUNCTIONS[name]
+    if isinstance(value, OutputFunction):
+        if OUTPUT_FUNCTIONS.get(value.name, value) != value:
+            raise TemplateError(
+                f"There is an output function '{value.name}' already: give yours another name."
+            )
+        return OUTPUT_FUNCTIONS.get(value.name, value)
+    if value not in OUTPUT_FUNCTIONS:
+        raise name_error("output function", value, OUTPUT_FUNCTIONS)
+    return OUTPUT_FUNCTIONS[value]

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from cnnum.errors import SceneError, name_error
+from cnnum.names import LONGEST, checked_name, tidied
 
 _TABLES = ("array", "calibration", "program", "engine")
 _KEYS = ("name", "wants", *_TABLES)
@@ -38,6 +39,11 @@ class SceneSpec:
     engine, device, precision : str or None
     base : Path
         Folder that relative paths start from: the file's own.
+
+    Raises
+    ------
+    SceneError
+        If nothing is wanted, or a name is not one line of plain signs.
     """
 
     name: str
@@ -53,8 +59,15 @@ class SceneSpec:
     base: Path = Path()
 
     def __post_init__(self) -> None:
+        checked_name("a scene", self.name, SceneError)
         if not self.wants:
             raise SceneError(f"Scene '{self.name}': 'wants' must name at least one event or field.")
+        for want in self.wants:
+            checked_name(f"a want of scene '{self.name}'", want, SceneError)
+        for part in ("driver", "program", "engine"):
+            name = getattr(self, part)
+            if name is not None:
+                checked_name(f"the {part} of scene '{self.name}'", name, SceneError)
 
 
 def scene_names() -> tuple[str, ...]:
@@ -121,7 +134,7 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
     array = dict(tables["array"])
     calibration, engine = tables["calibration"], tables["engine"]
     return SceneSpec(
-        name=_text(scene, table, "name", Path(scene).stem),
+        name=_text(scene, table, "name", tidied(Path(scene).stem)[:LONGEST]),
         wants=_wants(scene, table),
         driver=_text(scene, array, "driver", None),
         driver_options={key: value for key, value in array.items() if key != "driver"},

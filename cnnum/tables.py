@@ -38,7 +38,7 @@ class Table:
     def __post_init__(self) -> None:
         if self.interpolation not in ("constant", "linear"):
             raise TemplateError(
-                f"A function table is 'constant' or 'linear', got '{self.interpolation}'."
+                f"A function table is 'constant' or 'linear', got {self.interpolation!r:.60}."
             )
         places = [v for v, _ in self.points]
         if not places or any(b <= a for a, b in pairwise(places)):

@@ -18,6 +18,7 @@ from cnnum.arrays import Floats, digest, finite, frozen
 from cnnum.boundary import Boundary, parse_boundary
 from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.errors import TemplateError
+from cnnum.names import checked_name
 from cnnum.outputs import OutputFunction, output_function
 
 Duration = float | Literal["settle"]
@@ -41,6 +42,7 @@ class Template:
     Parameters
     ----------
     name : str
+        One line of letters, digits and signs such as "shift 1 down, 2 right".
     A : (k, k) or (layers, layers, k, k) float
         Feedback, as [to, from]; k odd. Correlation: element (0, 0) weighs the north-west neighbour.
     B : (k, k) or (layers, inputs, k, k) float, optional
@@ -115,6 +117,7 @@ class Template:
         source: str = "",
         check: Check | None = None,
     ) -> None:
+        checked_name("a template", name, TemplateError)
         feedback = _couplings(name, "A", A)
         layers = feedback.shape[0]
         if feedback.shape[1] != layers:
@@ -135,7 +138,7 @@ class Template:
             ),
             "initial": _initial(name, initial),
             "duration": _duration(name, duration),
-            "output": output if isinstance(output, OutputFunction) else output_function(output),
+            "output": output_function(output),
             "nonlinear": tuple(nonlinear),
             "delayed": delayed,
             "gains": tuple(gains),
@@ -194,7 +197,7 @@ class Template:
             self.input_boundary,
             self.initial,
             self.duration,
-            self.output.name,
+            *self.output.physics,
             *(part for coupling in self.nonlinear for part in coupling.physics),
             *(self.delayed.physics if self.delayed else ()),
             self.gains,

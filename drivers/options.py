@@ -34,7 +34,7 @@ def read_options(record: type[Record], table: Mapping[str, object], base: Path) 
     for key in table:
         if key not in known:
             choices = ", ".join(f"'{name}'" for name in known)
-            raise SceneError(f"Unknown option '{key}': expected one of {choices}.")
+            raise SceneError(f"Unknown option {key!r:.60}: expected one of {choices}.")
     for name, field in known.items():
         required = field.default is MISSING and field.default_factory is MISSING
         if required and name not in table:

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.errors import ProgramError
+from cnnum.expressions import check_expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +37,8 @@ class ElementOp:
     logic: bool = False
 
     def __post_init__(self) -> None:
-        missing = [letter for letter in "abc"[: self.arity] if letter not in self.opencl]
-        if missing:
-            raise ValueError(f"The OpenCL form of '{self.name}' does not use {missing}.")
+        what = f"The OpenCL form of '{self.name}'"
+        check_expression(what, self.opencl, "abc"[: self.arity], ProgramError)
 
 
 def _divide(a: Floats, b: Floats) -> Floats:
@@ -47,6 +48,12 @@ def _divide(a: Floats, b: Floats) -> Floats:
 
 def _root(a: Floats) -> Floats:
     return np.sqrt(np.maximum(a, 0.0))
+
+
+def _power(a: Floats, b: Floats) -> Floats:
+    # as for the root and for division: 0 where there is no such number
+    zeros = np.zeros(np.broadcast_shapes(a.shape, b.shape))
+    return np.power(a, b, out=zeros, where=a > 0)
 
 
 def _invert(a: Floats) -> Floats:
@@ -65,6 +72,7 @@ NEGATE = ElementOp("negate", 1, np.negative, "-a")
 ABSOLUTE = ElementOp("absolute", 1, np.abs, "fabs(a)")
 ROOT = ElementOp("root", 1, _root, "sqrt(fmax(a, ZERO))")
 EXPONENTIAL = ElementOp("exponential", 1, np.exp, "exp(a)")
+POWER = ElementOp("power", 2, _power, "PICK(a > ZERO, pow(fmax(a, ZERO), b), ZERO)")
 MINIMUM = ElementOp("minimum", 2, np.minimum, "fmin(a, b)")
 MAXIMUM = ElementOp("maximum", 2, np.maximum, "fmax(a, b)")
 GREATER = ElementOp("greater", 2, np.greater, "PICK(a > b, ONE, ZERO)", logic=True)
@@ -97,6 +105,11 @@ class ReduceOp:
     start: str
     step: str
     logic: bool = False
+
+    def __post_init__(self) -> None:
+        what = f"The OpenCL form of '{self.name}'"
+        check_expression(what, self.start, (), ProgramError)
+        check_expression(what, self.step, ("total", "a"), ProgramError)
 
 
 def _sum(a: Floats) -> Floats:

@@ -17,8 +17,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import brentq
-from scipy.special import lambertw
 
 from cnnum.arrays import Floats, Shape
 from cnnum.integrators.enclosure import Discs, discs, torus_coupling
@@ -207,6 +205,8 @@ def _exponential(growth: float, count: int) -> float:
 
 def _allowed(method: ButcherTableau, rates: DelayedRates, around: Discs, count: int) -> float:
     """Return how much a bound may grow in a step: as the array itself may, exactly or in steps."""
+    from scipy.optimize import brentq  # imported late: it takes longer than all of the engine
+
     step = rates.delay / count
     # what decays within a step is no excuse for a step that is too long
     rightmost = max(float(around.points.real.max()), -1.0 / step)
@@ -225,6 +225,8 @@ def _halanay(around: Discs, reach: float, delay: float) -> float:
 
     Halanay, Differential Equations: Stability, Oscillations, Time Lags (1966), ch. 4.
     """
+    from scipy.optimize import brentq
+
     now = float(around.points.real.max())
     if now + reach <= 0.0:
         return 0.0
@@ -233,6 +235,8 @@ def _halanay(around: Discs, reach: float, delay: float) -> float:
 
 def _lambert(now: Complexes, late: Complexes, delay: float) -> Complexes:
     """Return σ − λ."""
+    from scipy.special import lambertw
+
     exponent = np.minimum(-now.real * delay, STEEPEST) - 1j * now.imag * delay
     argument = np.asarray(late * delay * np.exp(exponent), dtype=np.complex128)
     return lambertw(argument, 0, 1e-14) / delay

@@ -7,7 +7,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm, solve
 
 from cnnum.arrays import Floats
 from cnnum.network import Network
@@ -58,6 +57,8 @@ def propagator(network: Network, duration: float) -> Propagator | None:
 
     An infinite duration asks for the equilibrium, which exists where every mode decays.
     """
+    from scipy.linalg import expm, solve  # imported late: it takes longer than all of the engine
+
     system = network.linear_system()
     n = network.states
     if math.isinf(duration):

@@ -9,7 +9,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import expm
 
 from cnnum.arrays import Floats, Shape
 from cnnum.boundary import Boundary
@@ -155,6 +154,8 @@ def _after(rates: Floats, inverse_tau: Floats, duration: float) -> tuple[Floats,
         small = np.abs(growth) < 1e-12
         gained = np.where(small, duration, np.expm1(growth) / np.where(small, 1.0, rates))
         return np.exp(growth), gained * inverse_tau
+    from scipy.linalg import expm  # imported late: it takes longer than all of the engine
+
     block = np.zeros((*rates.shape[:2], 2 * layers, 2 * layers))
     block[..., :layers, :layers] = rates
     block[..., :layers, layers:] = inverse_tau

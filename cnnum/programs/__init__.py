@@ -15,6 +15,7 @@ from cnnum.arrays import as_shape
 from cnnum.errors import ProgramError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph
+from cnnum.names import checked_name
 from cnnum.programs.fields import Field, as_field
 from cnnum.programs.machine import FrameFields
 
@@ -32,11 +33,19 @@ class Program:
     name : str
     parameters : tuple of (str, value)
         Keyword parameters given with `bind`.
+
+    Raises
+    ------
+    ProgramError
+        If the name is not one line of plain signs.
     """
 
     function: Traced
     name: str
     parameters: tuple[tuple[str, object], ...] = ()
+
+    def __post_init__(self) -> None:
+        checked_name("a program", self.name, ProgramError)
 
     def bind(self, **parameters: object) -> "Program":
         """Return the program with keyword parameters of its function set."""
@@ -53,7 +62,8 @@ class Program:
         Raises
         ------
         ProgramError
-            If the function returns no mapping of names to maps and numbers.
+            If a channel's name is not one line of plain signs, or the function returns no mapping
+            of such names to maps and numbers.
         """
         graph = Graph(as_shape(shape))
         frame = FrameFields(graph, channels)
@@ -64,6 +74,8 @@ class Program:
                 f"Program '{self.name}' must return a dict of named fields, got "
                 f"{type(returned).__name__}."
             )
+        for name, _ in items:
+            checked_name(f"an output of program '{self.name}'", name, ProgramError)
         fields = {name: as_field(graph, value) for name, value in items}
         for name, field in fields.items():
             if field.maps > 1:
@@ -76,5 +88,21 @@ class Program:
 
 
 def program(function: Traced) -> Program:
-    """Make an analogic program of a function; it is traced when an engine compiles it."""
-    return Program(function, getattr(function, "__name__", "program"))
+    """Make an analogic program of a function; it is traced when an engine compiles it.
+
+    Raises
+    ------
+    ProgramError
+        If it is no function, or a lambda, which has no name of its own.
+    """
+    if not callable(function):
+        raise ProgramError(
+            f"cnnum.program makes a program of a function, got {type(function).__name__}."
+        )
+    name = getattr(function, "__name__", "program")
+    if name == "<lambda>":
+        raise ProgramError(
+            "A lambda has no name that a program could go by: write 'def' with a name, and "
+            "@cnnum.program above it."
+        )
+    return Program(function, name)

@@ -1,6 +1,6 @@
 """Fields: the maps and numbers of a program under trace; they record what is asked of them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NoReturn
 
 import numpy as np
@@ -16,11 +16,12 @@ class Field:
 
     It can be a stack of several maps, too (`maps`): local operations take all of them at once, with
     numbers or with stacks of as many, and global ones read them all.
+
+    Arithmetic and comparisons go cell by cell, `==` and `!=` as well. NumPy's functions of the same
+    meaning take fields, too: `numpy.sqrt(field)`.
     """
 
     __slots__ = ("_graph", "_node")
-    # numpy must not take a Field for an array of objects: let the Field's own operator run
-    __array_ufunc__ = None
 
     def __init__(self, graph: Graph, node: Node) -> None:
         self._graph = graph
@@ -56,6 +57,18 @@ class Field:
             "A program is traced once and has no values yet: use cnnum.where(condition, a, b) "
             "instead of 'if', and & | ~ instead of 'and', 'or', 'not'."
         )
+
+    def __array_ufunc__(
+        self, ufunc: np.ufunc, method: str, *operands: object, **options: object
+    ) -> "Field":
+        if method != "__call__" or options or ufunc not in _UFUNCS:
+            asked = ufunc.__name__ if method == "__call__" else f"{ufunc.__name__}.{method}"
+            raise _unknown_to_fields(f"{asked}({', '.join(options)})" if options else asked)
+        graph = graph_of(operands)
+        return _UFUNCS[ufunc](*(as_field(graph, operand) for operand in operands))
+
+    def __array_function__(self, function: Callable[..., object], *_: object) -> NoReturn:
+        raise _unknown_to_fields(function.__name__)
 
     def __add__(self, other: object) -> "Field":
         return combine(op.ADD, self, other)
@@ -99,9 +112,24 @@ class Field:
     def __le__(self, other: object) -> "Field":
         return combine(op.AT_LEAST, other, self)
 
-    def equals(self, other: object) -> "Field":
-        """Return where the values are exactly equal (`==` is Python's own identity)."""
+    def __eq__(self, other: object) -> "Field":  # type: ignore[override]
         return combine(op.EQUAL, self, other)
+
+    def __ne__(self, other: object) -> "Field":  # type: ignore[override]
+        return ~(self == other)
+
+    # a field is a key by what it is, not by its values, which it has not got yet
+    __hash__ = object.__hash__
+
+    def equals(self, other: object) -> "Field":
+        """Return where the values are exactly equal, as `==` does."""
+        return self == other
+
+    def __pow__(self, exponent: object) -> "Field":
+        return _raised(self, exponent)
+
+    def __rpow__(self, base: object) -> "Field":
+        return _raised(base, self)
 
     def __and__(self, other: object) -> "Field":
         return combine(op.AND, self, other)
@@ -268,3 +296,53 @@ def constant(graph: Graph, values: object) -> Field:
         )
     below = array.reshape(-1, array.shape[-1])
     return Field(graph, graph.add(ConstantMap.of(below), maps=len(below) // graph.shape[0]))
+
+
+def _raised(base: object, exponent: object) -> Field:
+    from cnnum.programs.powers import power  # it works on fields itself
+
+    return power(base, exponent)
+
+
+def _squared(a: Field) -> Field:
+    return a * a
+
+
+_UFUNCS: Mapping[np.ufunc, Callable[..., Field]] = {
+    np.add: Field.__add__,
+    np.subtract: Field.__sub__,
+    np.multiply: Field.__mul__,
+    np.divide: Field.__truediv__,
+    np.power: Field.__pow__,
+    np.square: _squared,
+    np.negative: Field.__neg__,
+    np.absolute: Field.__abs__,
+    np.fabs: Field.__abs__,
+    np.sqrt: sqrt,
+    np.exp: exp,
+    np.minimum: minimum,
+    np.maximum: maximum,
+    np.greater: Field.__gt__,
+    np.greater_equal: Field.__ge__,
+    np.less: Field.__lt__,
+    np.less_equal: Field.__le__,
+    np.equal: Field.__eq__,
+    np.not_equal: Field.__ne__,
+    np.logical_and: Field.__and__,
+    np.logical_or: Field.__or__,
+    np.logical_xor: Field.__xor__,
+    np.logical_not: Field.__invert__,
+    np.bitwise_and: Field.__and__,
+    np.bitwise_or: Field.__or__,
+    np.bitwise_xor: Field.__xor__,
+    np.invert: Field.__invert__,
+}
+"""What NumPy's functions come to; all their operands are fields."""
+
+
+def _unknown_to_fields(asked: str) -> ProgramError:
+    known = ", ".join(sorted(ufunc.__name__ for ufunc in _UFUNCS))
+    return ProgramError(
+        f"NumPy's '{asked}' does not take a field of a program: expected one of {known}, or "
+        "cnnum.where and the field's own sum, mean, max, min, any, all."
+    )

@@ -2,11 +2,15 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from numbers import Integral
 
 from cnnum.errors import ProgramError
 from cnnum.graph.nodes import Graph, Loop, Node, Parameter, Pick
 from cnnum.graph.passes import reached
 from cnnum.programs.fields import Field, as_field, graph_of
+
+LONGEST_LOOP = 2**31 - 1
+"""Rounds that kernels can count."""
 
 Until = Callable[..., object]
 Body = Callable[..., Field | Sequence[Field]]
@@ -103,14 +107,16 @@ def _loop(
     limit: int,
     until: Until | None,
 ) -> Looped:
-    if limit < 1:
-        raise ProgramError(f"A loop's limit must be 1 or more, got {limit}.")
+    if not isinstance(limit, Integral) or not 1 <= limit <= LONGEST_LOOP:
+        raise ProgramError(
+            f"A loop's limit must be a whole number from 1 to {LONGEST_LOOP}, got {limit!r:.60}."
+        )
     inner = graph.body()
     parameters = [Field(inner, inner.like(v.node, Parameter(k))) for k, v in enumerate(values)]
     results = _results(inner, body(*parameters), values)
     again = _again(inner, until, results)
     nodes = _thinned(inner, [result.node for result in results], again)
-    operation = Loop(nodes, tuple(result.node for result in results), again, limit)
+    operation = Loop(nodes, tuple(result.node for result in results), again, int(limit))
     captured = [inner.captured[place] for place in sorted(inner.captured)]
     node = graph.add(operation, start, *(v.node for v in values), *captured)
     return _looped(graph, node, values)

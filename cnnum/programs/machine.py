@@ -1,6 +1,7 @@
 """What a program sees of the machine: the frame's channels, its geometry, and local memories."""
 
 from collections.abc import Sequence
+from numbers import Integral
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -8,6 +9,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Shape
 from cnnum.errors import ProgramError, name_error
 from cnnum.graph.nodes import FirstFrame, Graph, Input, Memory, Node, Read
+from cnnum.names import checked_name
 from cnnum.programs.fields import Field, constant, where
 
 
@@ -19,6 +21,8 @@ class LocalMemory:
     def __init__(
         self, graph: Graph, name: str, *, scalar: bool, logic: bool, maps: int = 1
     ) -> None:
+        if name:
+            checked_name("a memory", name, ProgramError)
         self._graph = graph
         self._number = len(graph.memories)
         read = graph.add(Read(self._number, name), scalar=scalar, logic=logic, maps=maps)
@@ -59,7 +63,7 @@ class FrameFields:
 
     def __init__(self, graph: Graph, channels: Sequence[str]) -> None:
         self._graph = graph
-        self.channels = tuple(channels)
+        self.channels = tuple(checked_name("a channel", c, ProgramError) for c in channels)
 
     def __getattr__(self, name: str) -> Field:
         if name.startswith("_") or name not in self.channels:
@@ -111,8 +115,15 @@ class FrameFields:
             It is a local logic memory: 0 or 1.
         maps : int
             How many maps it holds: more than one for a stack.
+
+        Raises
+        ------
+        ProgramError
+            If the name is not one line of plain signs, or `maps` not a whole number from 1 up.
         """
-        return LocalMemory(self._graph, name, scalar=scalar, logic=logic, maps=maps)
+        if not isinstance(maps, Integral) or maps < 1:
+            raise ProgramError(f"A memory holds 1 map or more, a whole number, got {maps!r:.60}.")
+        return LocalMemory(self._graph, name, scalar=scalar, logic=logic, maps=int(maps))
 
     def previous(self, value: Field) -> Field:
         """Return what `value` was on the frame before; on the first frame, what it is."""

@@ -3,15 +3,27 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from cnnum.errors import TemplateError
+from cnnum.names import checked_name
 from cnnum.template import Template
 
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A template and the other names it goes by."""
+    """A template and the other names it goes by.
+
+    Raises
+    ------
+    TemplateError
+        If an alias is not one line of plain signs.
+    """
 
     template: Template
     aliases: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for alias in self.aliases:
+            checked_name("an alias of a template", alias, TemplateError)
 
 
 @dataclass(frozen=True, slots=True)

@@ -126,7 +126,8 @@ def _one(
     for name in found:
         if name not in readers:
             raise TemplateError(
-                f"'{file}': unknown key '{key}.{name}', expected one of {', '.join(readers)}."
+                f"'{file}': unknown key {f'{key}.{name}'!r:.60}, expected one of "
+                f"{', '.join(readers)}."
             )
     for name in needed:
         if name not in found:

@@ -56,14 +56,18 @@ def _read(content: str, file: str) -> Entry:
     except RecursionError:
         raise TemplateError(f"'{file}' must be TOML, got brackets nested too deep.") from None
     aliases = names(file, "aliases", table.pop("aliases", []))
-    return Entry(_template(file, table), aliases)
+    template = _template(file, table)
+    try:
+        return Entry(template, aliases)
+    except TemplateError as error:
+        raise TemplateError(f"'{file}': {error}") from None
 
 
 def _template(file: str, table: dict[str, object]) -> Template:
     for key in table:
         if key not in _READERS:
             raise TemplateError(
-                f"'{file}': unknown key '{key}', expected one of "
+                f"'{file}': unknown key {key!r:.60}, expected one of "
                 f"{', '.join([*_READERS, 'aliases'])}."
             )
     for key in _REQUIRED:

@@ -277,11 +277,11 @@ def test_a_frame_is_the_same_alone_and_in_a_batch():
 def test_only_what_saves_arithmetic_is_fused():
     engine = cnnum.Engine()
     edge = linear("edge", [[0]], EDGE, boundary=0.0, duration="settle")
-    once = cnnum.program(lambda frame: {"a": cnnum.apply(edge, input=frame.a) + frame.b})
+    once = cnnum.Program(lambda frame: {"a": cnnum.apply(edge, input=frame.a) + frame.b}, "one")
     assert not products(engine.compile(once, (8, 8), channels=("a", "b")))
     for shape, count in (((8, 8), 1), ((16, 16), 1), ((16, 17), 0)):
         # twenty diffusions take 20 · 6 · 256 · 32 operations on 16×16 cells, a product 2 · 256²
-        many = cnnum.program(lambda f: {"a": repeated(f.a, 20)})
+        many = cnnum.Program(lambda f: {"a": repeated(f.a, 20)}, "one")
         assert len(products(engine.compile(many, shape, channels=("a",)))) == count
 
 

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 # A room may import from rooms on its own floor or below, never from above.
 FLOORS = [
     ["errors"],
-    ["arrays", "files"],
+    ["arrays", "expressions", "files", "names"],
     ["boundary", "outputs", "frame", "tables"],
     ["couplings"],
     ["template"],
@@ -116,14 +116,45 @@ def test_every_room_has_a_floor():
     assert {room_of(relative) for _, relative in sources()} <= set(FLOOR)
 
 
+def loaded_by(code):
+    """Top-level libraries, and their submodules, that Python loads for some code of a user's."""
+    printed = f"import sys; before = set(sys.modules); {code}; print(*set(sys.modules) - before)"
+    command = [sys.executable, "-c", printed]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    *_, loaded = done.stdout.splitlines()
+    ours = {*sys.stdlib_module_names, "cnnum"}
+    return {module for module in loaded.split() if module.split(".")[0] not in ours}
+
+
+def libraries(code):
+    return {module.split(".")[0] for module in loaded_by(code)}
+
+
 def test_import_is_light():
     """`import cnnum` and naming public things needs NumPy alone."""
-    code = "import cnnum, sys; dir(cnnum); print(*sys.modules)"
-    loaded = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    ).stdout.split()
-    heavy = {"scipy", "pyopencl", "numba", "matplotlib", "serial", "click", "rich"}
-    assert not heavy & {module.split(".")[0] for module in loaded}
+    assert libraries("import cnnum; dir(cnnum); assert cnnum.__all__") <= {"numpy"}
+    assert libraries("import cnnum; cnnum.Template") == {"numpy"}
+    # this would see what is heavy
+    assert {"scipy", "numpy"} <= libraries("import cnnum; import scipy.optimize")
+
+
+def test_naming_the_engine_is_light():
+    """The engine that is asked for brings its own libraries, and no other's."""
+    assert libraries("import cnnum; cnnum.Engine, cnnum.Plan, cnnum.program") == {"numpy"}
+    reference = libraries("import cnnum; cnnum.Engine('reference')")
+    assert "scipy" in reference
+    assert not reference & {"pyopencl", "numba", "matplotlib", "click", "rich", "serial"}
+
+
+def test_public_names_are_named():
+    import cnnum
+
+    code = "import cnnum; print(*dir(cnnum))"
+    command = [sys.executable, "-c", code]
+    named = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT).stdout
+    assert set(cnnum.__all__) <= set(named.split())
+    assert {"Engine", "Template", "program", "tactile", "__version__"} <= set(named.split())
+    assert set(cnnum._HOME) | {"tactile", "__version__"} == set(cnnum.__all__)
 
 
 def test_public_names_can_all_be_had():

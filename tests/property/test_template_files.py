@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
+from cnnum.names import SIGNS
 from cnnum.outputs import OUTPUT_FUNCTIONS
 from cnnum.tables import Table
 from cnnum.template import Check, Template
@@ -17,6 +18,11 @@ from cnnum.template_files import load_entry, save_template
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+NAMES = st.text(
+    st.one_of(st.characters(categories=["L", "Nd"]), st.sampled_from(SIGNS)),
+    min_size=1,
+    max_size=20,
+)
 BOUNDARIES = st.one_of(NUMBERS, st.sampled_from(["zero-flux", "periodic"]))
 CHECKS = st.builds(
     Check,
@@ -76,7 +82,7 @@ def templates(draw: Any) -> Template:
     output = draw(st.sampled_from(sorted(OUTPUT_FUNCTIONS)))
     starts = st.floats(-1.0, 1.0) if OUTPUT_FUNCTIONS[output].limited else NUMBERS
     return Template(
-        draw(TEXTS),
+        draw(NAMES),
         A=draw(arrays(np.float64, (layers, layers, k, k), elements=NUMBERS)),
         B=draw(arrays(np.float64, (layers, inputs, m, m), elements=NUMBERS)) if inputs else None,
         z=draw(per_layer),
@@ -95,7 +101,7 @@ def templates(draw: Any) -> Template:
     )
 
 
-@given(templates(), st.lists(TEXTS, max_size=3))
+@given(templates(), st.lists(NAMES, max_size=3))
 @settings(deadline=None, max_examples=80)
 def test_load_of_save_is_the_same_template(template: Template, aliases: list[str]) -> None:
     with tempfile.TemporaryDirectory() as folder:

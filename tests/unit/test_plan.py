@@ -88,13 +88,13 @@ def test_zero_weights_never_reach_the_text(engine):
     """A shift has one weight that is not zero: one product in the text."""
     template = cnnum.Template("east", [[0]], [[0, 0, 0], [0, 0, 2.5], [0, 0, 0]], duration="settle")
     plan = engine.compile(
-        cnnum.program(lambda frame: {"a": cnnum.apply(template, input=frame.normal)}), (4, 5)
+        cnnum.Program(lambda frame: {"a": cnnum.apply(template, input=frame.normal)}, "one"), (4, 5)
     )
     assert plan.source.count("sum +=") == 1
 
 
 def test_output_that_is_not_finite_is_never_handed_out(engine):
-    overflow = cnnum.program(lambda frame: {"a": cnnum.exp(frame.normal * 1000.0)})
+    overflow = cnnum.Program(lambda frame: {"a": cnnum.exp(frame.normal * 1000.0)}, "one")
     with pytest.raises(ArrayError, match="'a'"):
         engine.compile(overflow, (2, 2))(np.ones((2, 2, 3)))
 

@@ -16,7 +16,7 @@ EDGE = cnnum.Template(
 
 
 def traced(function, shape=(4, 4)):
-    return cnnum.program(function).trace(shape)
+    return cnnum.Program(function, "traced").trace(shape)
 
 
 def count(nodes, kind):

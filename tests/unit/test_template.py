@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cnnum import get_template, template_names
+from cnnum.couplings import DelayedCoupling
 from cnnum.errors import ArrayError, CnnumError, TemplateError, UnknownNameError
 from cnnum.template import Check, Template
 
@@ -49,6 +50,26 @@ def test_arrays_are_copies_that_can_not_be_written() -> None:
     assert template.A[0, 0, 1, 1] == 1.0
     with pytest.raises(ValueError, match="read-only"):
         template.A[0, 0, 1, 1] = 2.0
+
+
+def test_delayed_weights_are_copies_that_can_not_be_written() -> None:
+    weights = np.full((1, 1, 3, 3), 0.5)
+    late = DelayedCoupling(1.0, weights, weights)
+    digest = Template("t", A=CENTRE, B=CENTRE, delayed=late).digest
+    weights[...] = 7.0
+    assert (late.A == 0.5).all()
+    assert (late.B == 0.5).all()
+    assert Template("t", A=CENTRE, B=CENTRE, delayed=late).digest == digest
+    with pytest.raises(ValueError, match="read-only"):
+        late.A[0, 0, 1, 1] = 2.0
+
+
+@pytest.mark.parametrize("shape", [(3, 3), (1, 1, 2, 2), (1, 1, 1, 3)])
+def test_delayed_weights_have_their_shape(shape: tuple[int, ...]) -> None:
+    fits = np.zeros((1, 1, 3, 3))
+    for parts in ((np.zeros(shape), fits), (fits, np.zeros(shape))):
+        with pytest.raises(TemplateError, match="with k odd"):
+            DelayedCoupling(1.0, *parts)
 
 
 def test_digest_depends_on_all_that_changes_a_run_and_on_nothing_else() -> None:

@@ -239,7 +239,7 @@ def test_saving_replaces_the_file_whole_and_leaves_nothing_else(tmp_path: Path) 
 def test_failed_saving_leaves_the_old_file(tmp_path: Path) -> None:
     path = write(tmp_path, GOOD)
     with pytest.raises(TemplateError, match="surrogates not allowed"):
-        save_template(Template("\ud800", A=[[1.0]]), path)
+        save_template(Template("t", A=[[1.0]], description="\ud800"), path)
     with pytest.raises(TemplateError, match="none of them 'name'"):
         save_template(Template("t", A=[[1.0]], check=Check("x", (("name", 1.0),))), path)
     assert path.read_text(encoding="utf-8") == GOOD

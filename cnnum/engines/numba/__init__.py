@@ -30,7 +30,7 @@ class NumbaBackend:
 
     def __init__(self, device: str | None, precision: str | None) -> None:
         if device is not None:
-            raise DeviceError(f"The numba engine runs on the host, got device='{device}'.")
+            raise DeviceError(f"The numba engine runs on the host, got device={device!r:.60}.")
         self.precision = precision or "float32"
         if self.precision not in _TYPES:
             raise name_error("precision", self.precision, _TYPES)

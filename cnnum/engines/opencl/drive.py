@@ -7,6 +7,7 @@ from cnnum.engines.opencl.strip_couplings import given, inputs_of, static_sums
 from cnnum.engines.opencl.strip_inputs import keep_rows
 from cnnum.engines.opencl.strip_lanes import lanes_fit
 from cnnum.engines.opencl.strip_rows import At
+from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.network import taps
 
@@ -26,7 +27,7 @@ def drive_of(text: TransientText, layer: int) -> str:
 
 def drive(text: TransientText) -> None:
     """Append the text that computes w, where it is not just z."""
-    text.lines.append(f"// {text.template.name}: w = B * u + z")
+    text.lines.append(comment(f"{text.template.name}: w = B * u + z"))
     if constant_drive(text) is not None:
         return
     template = text.template

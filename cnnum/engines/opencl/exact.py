@@ -5,6 +5,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.engines.opencl.drive import constant_drive, drive_of
 from cnnum.engines.opencl.start import start, start_of
+from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.spectral import Spectral
@@ -12,7 +13,7 @@ from cnnum.integrators.spectral import Spectral
 
 def exact(text: TransientText, scheme: Decay | Propagator | Spectral) -> dict[str, str]:
     """Append the text that sets the states `x` to their end and return the figures of the run."""
-    text.lines.append(f"// exact after {text.solver.duration:g}")
+    text.lines.append(comment(f"exact after {text.solver.duration:g}"))
     text.lines.append("real largest = ZERO;")
     if isinstance(scheme, Decay):
         terms, gain = _decay(text, scheme), 1.0

@@ -7,13 +7,14 @@ import numpy as np
 
 from cnnum.engines.opencl.drive import drive_of
 from cnnum.engines.opencl.start import start_of
+from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.separate import ROUNDED, STEEPEST, Separate
 
 
 def separate(text: TransientText, scheme: Separate) -> dict[str, str]:
     """Append the text that sets the states `x` to their end and return the figures of the run."""
-    text.lines.append(f"// exact after {text.solver.duration:g}: no cell sees another")
+    text.lines.append(comment(f"exact after {text.solver.duration:g}: no cell sees another"))
     text.lines.append("real largest = ZERO;")
     text.array("x", text.layers * text.cells)
     for layer in range(text.layers):

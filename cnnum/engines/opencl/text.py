@@ -8,6 +8,8 @@ from string import Template as Text
 
 import numpy as np
 
+from cnnum.errors import ArrayError
+
 WIDE_BYTES = 64
 """Vectors from this size on have no built-ins that every compiler can handle."""
 
@@ -34,9 +36,26 @@ def fill(name: str, **values: object) -> str:
     return text.substitute({key: str(value) for key, value in values.items()})
 
 
+def comment(words: str) -> str:
+    """Return a comment: a line of signs that end none, and neither open nor close a bracket."""
+    return f"// {re.sub('[^A-Za-z0-9 _.,:+*=-]', '_', words)}"
+
+
 def number(value: float, dtype: np.dtype[np.floating]) -> str:
-    """Return the shortest literal that is exactly the value rounded to the kernel's type."""
-    rounded = dtype.type(value)
+    """Return the shortest literal that is exactly the value rounded to the kernel's type.
+
+    Raises
+    ------
+    ArrayError
+        If the value is not finite, or too large for the type.
+    """
+    with np.errstate(over="ignore"):
+        rounded = dtype.type(value)
+    if not np.isfinite(rounded):
+        raise ArrayError(
+            f"A kernel holds finite numbers of {dtype.name}, got {float(value):g}: scale what the "
+            "number is of, or use precision='float64'."
+        )
     digits = repr(float(value)) if dtype == np.float64 else repr(float(str(rounded)))
     if "." not in digits and "e" not in digits:
         digits += ".0"

@@ -258,7 +258,7 @@ class ReferenceBackend:
 
     def __init__(self, device: str | None, precision: str | None) -> None:
         if device is not None:
-            raise DeviceError(f"The reference engine runs on the host, got device='{device}'.")
+            raise DeviceError(f"The reference engine runs on the host, got device={device!r:.60}.")
         if precision not in (None, "float64"):
             raise name_error("precision", str(precision), ("float64",))
 

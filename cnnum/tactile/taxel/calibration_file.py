@@ -49,7 +49,9 @@ def load(path: Path) -> dict[str, Any]:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise CalibrationError(f"Calibration '{path}' can not be read: {error.strerror}.") from None
+        raise CalibrationError(
+            f"Calibration {str(path)!r} can not be read: {error.strerror}."
+        ) from None
     except ValueError as error:
         raise CalibrationError(f"Calibration '{path}' is not a TOML file: {error}.") from None
     _check_keys(path, data)

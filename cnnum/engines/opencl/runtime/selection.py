@@ -65,7 +65,7 @@ def devices_named(name: str | None) -> list[Device]:
     matching = [d for d in devices if name is None or name.lower() in d.label.lower()]
     if not matching:
         known = ", ".join(f"'{d.label}'" for d in devices)
-        raise DeviceError(f"No OpenCL device matches '{name}': there are {known}.")
+        raise DeviceError(f"No OpenCL device matches {name!r:.60}: there are {known}.")
     return sorted(matching, key=lambda device: -device.promise)
 
 
