@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Floats, Shape, all_finite, finite
 from cnnum.engines.backend import Backend, Executable, OneFrame, Solvers
 from cnnum.errors import ArrayError, MethodError
-from cnnum.graph.nodes import Constant, ConstantMap, Pick, Transient
+from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import LeftOut, Schedule
-from cnnum.integrators.cost import operation_flops
+from cnnum.integrators.cost import work
 from cnnum.tracing import TraceStep, everything_kept, trace_steps
 
 
@@ -25,7 +25,9 @@ class Explanation:
     program, engine, device, precision : str
     shape : (rows, cols)
     ops : int
-        Operations that run.
+        Operations that run, those in bodies of loops and branches counted once.
+    ops_most : int
+        The same with every loop at its limit; the limits of nested loops multiply.
     launches : int
         Kernel launches a batch.
     channels_read : tuple of str
@@ -34,7 +36,9 @@ class Explanation:
     transients : tuple of str
         Every template with its method and why it was chosen.
     flops : int
-        Arithmetic a frame; a transient of adaptive steps counts one step.
+        Arithmetic a frame, bodies counted once; a transient of adaptive steps counts one step.
+    flops_most : int
+        The same with every loop at its limit.
     bytes_in, bytes_out : int
         Traffic to and from the device a frame.
     private_bytes, local_bytes, scratch_bytes : int
@@ -49,11 +53,13 @@ class Explanation:
     precision: str
     shape: Shape
     ops: int
+    ops_most: int
     launches: int
     channels_read: tuple[str, ...]
     maps_read_back: tuple[str, ...]
     transients: tuple[str, ...]
     flops: int
+    flops_most: int
     bytes_in: int
     bytes_out: int
     private_bytes: int
@@ -65,8 +71,8 @@ class Explanation:
         lines = [
             f"{self.program} on {self.shape[0]}×{self.shape[1]} cells, {self.engine} "
             f"({self.precision}) on {self.device}",
-            f"  {self.ops} operations in {self.launches} launch(es), {self.flops} flops, "
-            f"{self.bytes_in} B in, {self.bytes_out} B out a frame; "
+            f"  {self.ops} operations in {self.launches} launch(es), {self.flops} flops"
+            f"{self._most()}, {self.bytes_in} B in, {self.bytes_out} B out a frame; "
             f"{self.private_bytes} B of private, {self.local_bytes} B of local and "
             f"{self.scratch_bytes} B of scratch memory",
             f"  reads {', '.join(self.channels_read) or 'no channel'}; "
@@ -75,6 +81,12 @@ class Explanation:
         lines += [f"  runs {text}" for text in self.transients]
         lines += [f"  leaves out {x.what}: {x.why}, saves {x.saves}" for x in self.left_out]
         return "\n".join(lines)
+
+    def _most(self) -> str:
+        """Return in words what loops at their limits take, where there are any."""
+        if (self.ops_most, self.flops_most) == (self.ops, self.flops):
+            return ""
+        return f" (with loops at their limits {self.ops_most} operations, {self.flops_most} flops)"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -257,8 +269,7 @@ class Plan:
     def explain(self) -> Explanation:
         """Return what runs, what was left out and why, and what it costs."""
         schedule, cells = self.built, self.built.cells
-        free = (Constant, ConstantMap, Pick)
-        runs = [node for node in schedule.nodes if not isinstance(node.operation, free)]
+        done = work(schedule.nodes, self.solvers, schedule.shape)
         maps = tuple(name for name, node in schedule.outputs.items() if not node.scalar)
         numbers = len(schedule.outputs) - len(maps)
         width = 8 if self.precision == "float64" else 4
@@ -268,12 +279,14 @@ class Plan:
             device=self.device,
             precision=self.precision,
             shape=schedule.shape,
-            ops=len(runs),
+            ops=done.ops,
+            ops_most=done.ops_most,
             launches=self.executable.launches,
             channels_read=schedule.channels_read,
             maps_read_back=maps,
             transients=tuple(self._transients()),
-            flops=sum(operation_flops(n, self.solvers.get(n.index), schedule.shape) for n in runs),
+            flops=done.flops,
+            flops_most=done.flops_most,
             bytes_in=width * cells * len(schedule.channels_read),
             bytes_out=width * (cells * len(maps) + numbers),
             private_bytes=self.executable.private_bytes,
