@@ -14,6 +14,10 @@ class ArrayError(CnnumError, ValueError):
     """An array has the wrong shape, type or content (NaN, infinity)."""
 
 
+class SizeError(CnnumError, MemoryError):
+    """An array needs more memory than the machine or the device has."""
+
+
 class TemplateError(CnnumError, ValueError):
     """A template is not well formed."""
 

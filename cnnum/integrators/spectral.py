@@ -14,10 +14,14 @@ from scipy.linalg import expm
 from cnnum.arrays import Floats, Shape
 from cnnum.boundary import Boundary
 from cnnum.network import Network
+from cnnum.room import refuse_on_host
 from cnnum.template import Template
 
 MODE_LIMIT = 512
 """Rows or columns above which products with all modes of an axis cost more than time steps."""
+
+RATE_BYTES = 56
+"""Held at once for a mode of one layer: its rate, its eigenvalue and their copies."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +114,14 @@ def symbol(kernels: Floats, rows: Floats, cols: Floats) -> Floats:
 
 
 def mode_rates(template: Template, shape: Shape) -> Floats:
-    """Return S(A − 1) of each mode, (rows, cols, layers, layers) in 1/time."""
+    """Return S(A − 1) of each mode, (rows, cols, layers, layers) in 1/time.
+
+    Raises
+    ------
+    SizeError
+        If they do not fit into memory.
+    """
+    refuse_on_host("The rates of an array", shape, RATE_BYTES * template.layers**2)
     rows, cols = (wave_numbers(template.boundary, n) for n in shape)
     coupling = np.moveaxis(symbol(template.A, rows, cols), (0, 1), (2, 3))
     rates = (coupling - np.eye(template.layers)) / template.tau[:, np.newaxis]
