@@ -62,6 +62,10 @@ class RecordingError(CnnumError, OSError):
     """A recording can not be read or written."""
 
 
+class RecordingWarning(UserWarning):
+    """A recording is read, but not all of it; the sentence counts what is left out."""
+
+
 class ReportError(CnnumError, OSError):
     """A report can not be written."""
 

@@ -1,9 +1,13 @@
-"""The root of the commands: the one place where an error becomes a sentence and an exit code."""
+"""The root of the commands: the one place where an error becomes a sentence and an exit code.
+
+Warnings of recordings are sentences on standard error, too, and change no exit code.
+"""
 
 import contextlib
 import difflib
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
@@ -13,7 +17,7 @@ import click
 
 from cnnum import __version__
 from cnnum.cli.registry import COMMANDS
-from cnnum.errors import CnnumError
+from cnnum.errors import CnnumError, RecordingWarning
 
 CHECKS_FAILED, WRONG_INPUT, STOPPED, PIPE_CLOSED = 1, 2, 130, 141
 """Exit codes; the last two are those of a shell for a command that a signal has ended."""
@@ -81,7 +85,24 @@ class Root(click.Group):
             windows_expand_args=windows_expand_args,
             **extra,
         )
-        sys.exit(_exit_code(run))
+        with warnings.catch_warnings():
+            warnings.showwarning = _showing(warnings.showwarning)
+            code = _exit_code(run)
+        sys.exit(code)
+
+
+def _showing(usual: Callable[..., None]) -> Callable[..., None]:
+    """Return what shows a warning of a recording as a sentence, and any other as usual."""
+
+    def show(
+        message: Warning | str, category: type[Warning], *where: object, **more: object
+    ) -> None:
+        if issubclass(category, RecordingWarning):
+            click.echo(f"cnnum: {message}", err=True)
+        else:
+            usual(message, category, *where, **more)
+
+    return show
 
 
 def _exit_code(run: Callable[[], object]) -> int:
