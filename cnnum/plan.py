@@ -146,7 +146,7 @@ class Plan:
         return self.run_finite(self._finite(frame))
 
     def run_finite(self, frame: NDArray[np.floating]) -> dict[str, Floats]:
-        """Run the program on a frame or a batch whose shape and numbers have been checked.
+        """Run the program on a frame or a batch whose numbers have been checked.
 
         Parameters and errors are those of a call.
         """
@@ -206,21 +206,18 @@ class Plan:
         return self._read(self._finite(frame))
 
     def _finite(self, frame: ArrayLike) -> Floats:
-        """Return a frame or a batch of the shape promised, of finite numbers."""
+        """Return a frame or a batch of finite numbers, with an axis of its channels."""
         array, channels = finite("frame", frame), self.schedule.channels
         shape = self.schedule.shape
         if len(channels) == 1 and array.shape[-2:] == shape and array.shape[-3:] != (*shape, 1):
             array = array[..., np.newaxis]
-        if array.shape[-3:] != (*shape, len(channels)):
-            raise ArrayError(
-                f"A frame for this plan has the shape (..., {shape[0]}, {shape[1]}, "
-                f"{len(channels)}) with the channels {', '.join(channels)}, got {array.shape}."
-            )
         return array
 
     def _read(self, array: NDArray[np.floating]) -> tuple[NDArray[np.floating], tuple[int, ...]]:
         """Return the channels that are read, as (batch, rows, cols, channels), and leading axes."""
         lead, channels = array.shape[:-3], self.schedule.channels
+        if array.shape[-3:] != (*self.schedule.shape, len(channels)):
+            raise self._misshapen("(..., ", channels, array.shape)
         frames = array.reshape(-1, *array.shape[-3:])
         if len(frames) == 0:
             raise ArrayError("A batch needs at least one frame, got none.")
@@ -228,6 +225,17 @@ class Plan:
         if len(read) == len(channels):
             return frames, lead
         return frames[..., [channels.index(name) for name in read]], lead
+
+    def _misshapen(
+        self, opening: str, channels: Sequence[str], shape: tuple[int, ...]
+    ) -> ArrayError:
+        """Return the error of a frame of another shape than the plan's."""
+        rows, cols = self.schedule.shape
+        names = f"the channels {', '.join(channels)}" if channels else "no channel"
+        return ArrayError(
+            f"A frame for this plan has the shape {opening}{rows}, {cols}, {len(channels)}) with "
+            f"{names}, got {shape}."
+        )
 
     def _run(
         self, frames: NDArray[np.floating], lead: tuple[int, ...], memory: object, *, first: bool
@@ -337,7 +345,17 @@ class Stream:
         ----------
         values : (rows, cols, channels read) float
             In the order of `plan.schedule.channels_read`; finite.
+
+        Raises
+        ------
+        ArrayError
+            If they have another shape.
         """
+        schedule = self.plan.schedule
+        if values.shape != (*schedule.shape, len(schedule.channels_read)):
+            raise self.plan._misshapen(  # pyright: ignore[reportPrivateUsage]
+                "(", schedule.channels_read, values.shape
+            )
         self._open(1)
         one = self._one
         if one is None:
