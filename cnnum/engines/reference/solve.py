@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.integrate import DOP853, OdeSolution
+from scipy.integrate import DOP853, DenseOutput, OdeSolution
 
 from cnnum.arrays import Floats
 from cnnum.engines.reference.adaptive import march_adaptive
@@ -127,7 +127,8 @@ def _stretch(
 
     # solve_ivp would keep the state of every step, which fills the memory where cells are many
     solver = DOP853(right, time, x.ravel(), time + length, rtol=PRECISION, atol=PRECISION)
-    times, pieces = [time], []
+    times = [time]
+    pieces: list[DenseOutput[np.float64]] = []
     while solver.status == "running":
         message = solver.step()
         if message is not None:
