@@ -52,14 +52,16 @@ def real_numbers(name: str, value: ArrayLike) -> NDArray[np.floating]:
 
 
 def _real(name: str, value: ArrayLike, dtype: type[np.floating]) -> NDArray[np.floating]:
-    if np.iscomplexobj(value):
-        raise ArrayError(f"'{name}' must hold real numbers, got complex ones: give a part of them.")
     try:
-        return np.asarray(value, dtype=dtype)
-    except (TypeError, ValueError):
+        is_complex = np.iscomplexobj(value)
+        array = np.zeros(0, dtype) if is_complex else np.asarray(value, dtype=dtype)
+    except (TypeError, ValueError):  # of lists, rows of different lengths too
         raise ArrayError(
             f"'{name}' must be an array of real numbers, got {type(value).__name__}."
         ) from None
+    if is_complex:
+        raise ArrayError(f"'{name}' must hold real numbers, got complex ones: give a part of them.")
+    return array
 
 
 def all_finite(array: NDArray[np.floating]) -> bool:

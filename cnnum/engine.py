@@ -26,6 +26,7 @@ from cnnum.programs import Program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import Applied, transient
+from cnnum.room import refuse_on_host
 from cnnum.run_arguments import as_frame, channels_and_lead, has_many_cells, maps_by_role
 from cnnum.template import Duration, Template
 
@@ -167,6 +168,8 @@ class Engine:
             If a need is not among its outputs.
         NotSupportedError
             If this engine does not do something in it.
+        SizeError
+            If the machine has less memory than one frame needs.
         """
         if not isinstance(cast(object, program), Program):
             raise ProgramError(
@@ -186,6 +189,8 @@ class Engine:
         asked: Mapping[str, Any] = NOTHING,
     ) -> Plan:
         thinned = schedule(graph, channels, needs)
+        maps = len(thinned.channels_read) + sum(not n.scalar for n in thinned.outputs.values())
+        refuse_on_host("A frame and its results", graph.shape, 8 * maps)
 
         def chosen_for(transient: Transient) -> Solver:
             spec = replace(transient.spec, **asked)
@@ -269,6 +274,8 @@ class Engine:
         MethodError
             If the duration, a tolerance or the step is not a number of its range, or the method can
             not run this template, or does not reach the end.
+        SizeError
+            If the machine or the device has less memory than the array needs.
         """
         roles = {"input": input, "previous": previous, "state": state, "bias": bias, "mask": mask}
         given, shape = maps_by_role(template, roles)

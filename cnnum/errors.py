@@ -14,6 +14,10 @@ class ArrayError(CnnumError, ValueError):
     """An array has the wrong shape, type or content (NaN, infinity)."""
 
 
+class SizeError(CnnumError, MemoryError):
+    """An array needs more memory than the machine or the device has."""
+
+
 class TemplateError(CnnumError, ValueError):
     """A template is not well formed."""
 
@@ -75,6 +79,10 @@ class PortError(CnnumError, OSError):
 
 class RecordingError(CnnumError, OSError):
     """A recording can not be read or written."""
+
+
+class RecordingWarning(UserWarning):
+    """A recording is read, but not all of it; the sentence counts what is left out."""
 
 
 class ReportError(CnnumError, OSError):

@@ -9,12 +9,12 @@ from typing import cast
 
 import numpy as np
 
-from cnnum.arrays import Floats
+from cnnum.arrays import Floats, Shape
 from cnnum.conversion import Conversion, Reader, conversion_for
 from cnnum.drivers.driver import Counters, Driver
 from cnnum.drivers.registry import open_driver
 from cnnum.engine import Engine
-from cnnum.errors import SceneError, name_error
+from cnnum.errors import ArrayError, SceneError, name_error
 from cnnum.events import EVENT_RULES, Event, EventDetector, EventRule
 from cnnum.frame import BAD, Frame, Quality
 from cnnum.plan import Plan, Stream
@@ -77,12 +77,13 @@ class Way:
         Raises
         ------
         ArrayError
-            If the frame holds NaN or infinity.
+            If the frame is not of the array's shape, or holds NaN or infinity.
         """
         started = time.perf_counter()
         # a good frame has no flags, and is asked no more: flags are slow to take apart
         if frame.quality and frame.quality & REFUSED:
             return Moment(number, frame, None, {}, (), 0.0)
+        _refuse_other_shape(frame, self.stream.plan.schedule.shape)
         values = self.read(frame)
         outputs = self.stream.push_read(values)
         events = self.detector.update(frame.time, number, outputs)
@@ -208,6 +209,8 @@ class Scene:
         with self.driver:
             for at, frame in enumerate(self.driver.frames()):
                 runs = not frame.quality & REFUSED
+                if runs:
+                    _refuse_other_shape(frame, plan.schedule.shape)
                 outputs = stream.push_read(read(frame)) if runs else {}
                 if at == number and runs:
                     return tuple(trace_steps(self.plan.schedule, outputs))
@@ -225,6 +228,15 @@ class Scene:
             counters=self.driver.counters,
             p50_us=float(np.percentile(micros, 50)),
             p99_us=float(np.percentile(micros, 99)),
+        )
+
+
+def _refuse_other_shape(frame: Frame, shape: Shape) -> None:
+    """Raise if a frame is not of its array's shape: a calibration would stretch a single row."""
+    if frame.shape != shape:
+        raise ArrayError(
+            f"A frame of this array has {shape[0]}×{shape[1]} taxels, got "
+            f"{frame.shape[0]}×{frame.shape[1]} in frame {frame.sequence}."
         )
 
 

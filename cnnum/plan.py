@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Floats, Shape, all_finite, finite
 from cnnum.engines.backend import Backend, Executable, OneFrame, Solvers
 from cnnum.errors import ArrayError, MethodError
-from cnnum.graph.nodes import Constant, ConstantMap, Pick, Transient
+from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import LeftOut, Schedule
-from cnnum.integrators.cost import operation_flops
+from cnnum.integrators.cost import work
 from cnnum.tracing import TraceStep, everything_kept, trace_steps
 
 
@@ -26,7 +26,9 @@ class Explanation:
     program, engine, device, precision : str
     shape : (rows, cols)
     ops : int
-        Operations that run.
+        Operations that run, those in bodies of loops and branches counted once.
+    ops_most : int
+        The same with every loop at its limit; the limits of nested loops multiply.
     launches : int
         Kernel launches a batch.
     channels_read : tuple of str
@@ -35,7 +37,9 @@ class Explanation:
     transients : tuple of str
         Every template with its method and why it was chosen.
     flops : int
-        Arithmetic a frame; a transient of adaptive steps counts one step.
+        Arithmetic a frame, bodies counted once; a transient of adaptive steps counts one step.
+    flops_most : int
+        The same with every loop at its limit.
     bytes_in, bytes_out : int
         Traffic to and from the device a frame.
     private_bytes, local_bytes, scratch_bytes : int
@@ -50,11 +54,13 @@ class Explanation:
     precision: str
     shape: Shape
     ops: int
+    ops_most: int
     launches: int
     channels_read: tuple[str, ...]
     maps_read_back: tuple[str, ...]
     transients: tuple[str, ...]
     flops: int
+    flops_most: int
     bytes_in: int
     bytes_out: int
     private_bytes: int
@@ -66,8 +72,8 @@ class Explanation:
         lines = [
             f"{self.program} on {self.shape[0]}×{self.shape[1]} cells, {self.engine} "
             f"({self.precision}) on {self.device}",
-            f"  {self.ops} operations in {self.launches} launch(es), {self.flops} flops, "
-            f"{self.bytes_in} B in, {self.bytes_out} B out a frame; "
+            f"  {self.ops} operations in {self.launches} launch(es), {self.flops} flops"
+            f"{self._most()}, {self.bytes_in} B in, {self.bytes_out} B out a frame; "
             f"{self.private_bytes} B of private, {self.local_bytes} B of local and "
             f"{self.scratch_bytes} B of scratch memory",
             f"  reads {', '.join(self.channels_read) or 'no channel'}; "
@@ -76,6 +82,12 @@ class Explanation:
         lines += [f"  runs {text}" for text in self.transients]
         lines += [f"  leaves out {x.what}: {x.why}, saves {x.saves}" for x in self.left_out]
         return "\n".join(lines)
+
+    def _most(self) -> str:
+        """Return in words what loops at their limits take, where there are any."""
+        if (self.ops_most, self.flops_most) == (self.ops, self.flops):
+            return ""
+        return f" (with loops at their limits {self.ops_most} operations, {self.flops_most} flops)"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -135,7 +147,7 @@ class Plan:
         return self.run_finite(self._finite(frame))
 
     def run_finite(self, frame: NDArray[np.floating]) -> dict[str, Floats]:
-        """Run the program on a frame or a batch whose shape and numbers have been checked.
+        """Run the program on a frame or a batch whose numbers have been checked.
 
         Parameters and errors are those of a call.
         """
@@ -195,21 +207,18 @@ class Plan:
         return self._read(self._finite(frame))
 
     def _finite(self, frame: ArrayLike) -> Floats:
-        """Return a frame or a batch of the shape promised, of finite numbers."""
+        """Return a frame or a batch of finite numbers, with an axis of its channels."""
         array, channels = finite("frame", frame), self.schedule.channels
         shape = self.schedule.shape
         if len(channels) == 1 and array.shape[-2:] == shape and array.shape[-3:] != (*shape, 1):
             array = array[..., np.newaxis]
-        if array.shape[-3:] != (*shape, len(channels)):
-            raise ArrayError(
-                f"A frame for this plan has the shape (..., {shape[0]}, {shape[1]}, "
-                f"{len(channels)}) with the channels {', '.join(channels)}, got {array.shape}."
-            )
         return array
 
     def _read(self, array: NDArray[np.floating]) -> tuple[NDArray[np.floating], tuple[int, ...]]:
         """Return the channels that are read, as (batch, rows, cols, channels), and leading axes."""
         lead, channels = array.shape[:-3], self.schedule.channels
+        if array.shape[-3:] != (*self.schedule.shape, len(channels)):
+            raise self._misshapen("(..., ", channels, array.shape)
         frames = array.reshape(-1, *array.shape[-3:])
         if len(frames) == 0:
             raise ArrayError("A batch needs at least one frame, got none.")
@@ -217,6 +226,17 @@ class Plan:
         if len(read) == len(channels):
             return frames, lead
         return frames[..., [channels.index(name) for name in read]], lead
+
+    def _misshapen(
+        self, opening: str, channels: Sequence[str], shape: tuple[int, ...]
+    ) -> ArrayError:
+        """Return the error of a frame of another shape than the plan's."""
+        rows, cols = self.schedule.shape
+        names = f"the channels {', '.join(channels)}" if channels else "no channel"
+        return ArrayError(
+            f"A frame for this plan has the shape {opening}{rows}, {cols}, {len(channels)}) with "
+            f"{names}, got {shape}."
+        )
 
     def _run(
         self, frames: NDArray[np.floating], lead: tuple[int, ...], memory: object, *, first: bool
@@ -258,8 +278,7 @@ class Plan:
     def explain(self) -> Explanation:
         """Return what runs, what was left out and why, and what it costs."""
         schedule, cells = self.built, self.built.cells
-        free = (Constant, ConstantMap, Pick)
-        runs = [node for node in schedule.nodes if not isinstance(node.operation, free)]
+        done = work(schedule.nodes, self.solvers, schedule.shape)
         maps = tuple(name for name, node in schedule.outputs.items() if not node.scalar)
         numbers = len(schedule.outputs) - len(maps)
         width = 8 if self.precision == "float64" else 4
@@ -269,12 +288,14 @@ class Plan:
             device=self.device,
             precision=self.precision,
             shape=schedule.shape,
-            ops=len(runs),
+            ops=done.ops,
+            ops_most=done.ops_most,
             launches=self.executable.launches,
             channels_read=schedule.channels_read,
             maps_read_back=maps,
             transients=tuple(self._transients()),
-            flops=sum(operation_flops(n, self.solvers.get(n.index), schedule.shape) for n in runs),
+            flops=done.flops,
+            flops_most=done.flops_most,
             bytes_in=width * cells * len(schedule.channels_read),
             bytes_out=width * (cells * len(maps) + numbers),
             private_bytes=self.executable.private_bytes,
@@ -329,7 +350,17 @@ class Stream:
         ----------
         values : (rows, cols, channels read) float
             In the order of `plan.schedule.channels_read`; finite.
+
+        Raises
+        ------
+        ArrayError
+            If they have another shape.
         """
+        schedule = self.plan.schedule
+        if values.shape != (*schedule.shape, len(schedule.channels_read)):
+            raise self.plan._misshapen(  # pyright: ignore[reportPrivateUsage]
+                "(", schedule.channels_read, values.shape
+            )
         with self._turn:
             self._open(1)
             one = self._one

@@ -38,21 +38,22 @@ def maps_by_role(
         raise ArrayError(f"Template '{template.name}' needs an input.")
     if template.initial == "input" and values["input"] is None and values["state"] is None:
         raise ArrayError(f"Template '{template.name}' starts from its input: give input or state.")
-    shape = _common_shape([value for value in values.values() if value is not None])
+    given = {role: real_numbers(role, v) for role, v in values.items() if v is not None}
+    shape = _common_shape(list(given.values()))
     counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
-    read = real_numbers if has_many_cells(shape) else finite
+    if not has_many_cells(shape):
+        given = {role: finite(role, array) for role, array in given.items()}
     found = {
-        role: maps(role, read(role, value), shape, counts.get(role, template.layers))
-        for role, value in values.items()
-        if value is not None
+        role: maps(role, array, shape, counts.get(role, template.layers))
+        for role, array in given.items()
     }
     return found, shape
 
 
-def _common_shape(values: Sequence[ArrayLike]) -> Shape:
+def _common_shape(values: Sequence[NDArray[np.floating]]) -> Shape:
     if not values:
         raise ArrayError("A run needs at least a state: its shape is the array's.")
-    shapes = {np.shape(value)[-2:] for value in values}
+    shapes = {value.shape[-2:] for value in values}
     if len(shapes) != 1 or len(next(iter(shapes))) != 2:
         raise ArrayError(
             f"Input, state, bias and mask must share their rows and columns, got {sorted(shapes)}."
@@ -68,13 +69,15 @@ def channels_and_lead(
     Raises
     ------
     ArrayError
-        If their batches do not broadcast.
+        If their batches do not broadcast, or are empty.
     """
     try:
         lead = np.broadcast_shapes(*(array.shape[:-3] for array in given.values()))
     except ValueError:
         shapes = {role: array.shape for role, array in given.items()}
         raise ArrayError(f"The batches of {shapes} do not broadcast.") from None
+    if 0 in lead:
+        raise ArrayError("A batch needs at least one array, got none.")
     names = [f"{role} {n}" for role, array in given.items() for n in range(array.shape[-3])]
     return tuple(names), lead
 

@@ -23,7 +23,8 @@ class Counters:
         Packets or rows whose check failed.
     dropped : int
         Scans that never arrived whole, as the device's own numbers show; the bad ones are among
-        them, and so are those that a full queue pushed out.
+        them, and so are those that a full queue pushed out. Of a recording, rows of its scans too
+        that another of its files lacks.
     repeated : int
         Scans that came again and were marked so.
     skipped : int

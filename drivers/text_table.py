@@ -3,7 +3,7 @@
 import csv
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -45,6 +45,10 @@ class TextTable:
             for j, place in enumerate(places):
                 values[i, j] = self._number(row[place], i, columns[j])
         return values
+
+    def first(self, rows: int) -> "TextTable":
+        """Return the table with as many rows at the most."""
+        return replace(self, rows=self.rows[:rows], lines=self.lines[:rows])
 
     def _place(self, column: str) -> int:
         if column not in self.header:

@@ -2,10 +2,12 @@
 
 The layout is that of the public data set of imanlab/proactive-slip-control: a folder a trial,
 with ``xela_sensor1.csv`` and ``xela_sensor2.csv`` (raw counts of 4×4 three-axial taxels, one
-after the other, row by row), ``robot_state.csv`` (its last column is the time in s),
-``slip_label.csv`` (slip, fail) and ``meta_data.csv`` (the rate).
+after the other, row by row), ``robot_state.csv`` (its column ``time`` is the time in s),
+``slip_label.csv`` (slip, fail) and ``meta_data.csv`` (the rate). The first rows of all files belong
+together; logs do not always end in the same row.
 """
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +19,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters
 from cnnum.drivers.options import require
 from cnnum.drivers.text_table import TextTable, read_table
-from cnnum.errors import CodecError, RecordingError
+from cnnum.errors import CodecError, RecordingError, RecordingWarning
 from cnnum.frame import FORCE_AXES, Frame, Quality, Truth
 
 SIDE = 4
@@ -25,6 +27,17 @@ SIDE = 4
 
 HEADER = tuple(f"txl{n}_{axis}" for n in range(1, SIDE * SIDE + 1) for axis in "xyz")
 """Columns of a pad's file."""
+
+PAD_FILES = ("xela_sensor1.csv", "xela_sensor2.csv")
+STATES, LABELS, META = "robot_state.csv", "slip_label.csv", "meta_data.csv"
+
+MOST_ROWS, MOST_SHARE = 5, 0.01
+"""Rows by which a file may be longer or shorter than the first pad's: as many as pass while logs
+are closed one after the other (0.08 s), and no more than 1 %, but one. Files that differ by more
+lack rows in between or are of two trials: their rows would not belong together."""
+
+LISTED = 4
+"""Trials that are named where a folder of trials is given instead of one."""
 
 ENDS = (0.0, 65535.0)
 """Range of a count: unsigned, 16 bits."""
@@ -45,7 +58,7 @@ class UskinCsvOptions:
         that reaches over the seam between the columns 3 and 4 means nothing there, nor does a sum
         of both pads' shear. Name one pad where that matters.
     rate : float, optional
-        Hz, for a trial that has neither ``robot_state.csv`` nor ``meta_data.csv``.
+        Hz, for a trial that has neither times in ``robot_state.csv`` nor ``meta_data.csv``.
     """
 
     path: Path
@@ -66,10 +79,16 @@ class UskinCsvOptions:
         Raises
         ------
         RecordingError
-            If a file is missing or can not be read.
+            If a file is missing or can not be read, or the folder is one of several trials.
         CodecError
             If a file is not what it should be; the sentence names the file and the line.
+
+        Warns
+        -----
+        RecordingWarning
+            If files end in different rows; it counts the rows that are left out.
         """
+        _refuse_several(self.path)
         return UskinCsv(self)
 
 
@@ -77,17 +96,21 @@ class UskinCsv(Closing):
     """A trial, read whole; every row becomes a frame, a row that repeats the last one too.
 
     The log is faster than the sensor: such a row is flagged `Quality.REPEATED`, keeps the
-    sequence number of the scan that it repeats, and is counted apart.
+    sequence number of the scan that it repeats, and is counted apart. Rows at the end that not all
+    files have are no frames: those of a pad are counted as dropped when the last frame is read.
     """
 
     def __init__(self, options: UskinCsvOptions) -> None:
-        pads = (1, 2) if options.pad == "both" else (options.pad,)
-        tables = [read_table(options.path / f"xela_sensor{pad}.csv") for pad in pads]
-        rows = len(tables[0].rows)
-        self._values = np.concatenate([_counts(t) for t in _same_length(tables, rows)], axis=2)
+        names = PAD_FILES if options.pad == "both" else (PAD_FILES[options.pad - 1],)
+        pads = [read_table(options.path / name) for name in names]
+        states, labels = _states(options.path), _known(options.path / LABELS)
+        used = [*pads, *(table for table in (states, labels) if table is not None)]
+        rows = _common_rows(used)
+        self._dropped = max(len(table.rows) for table in pads) - rows
+        self._values = np.concatenate([_counts(t.first(rows)) for t in pads], axis=2)
         self._repeats = _repeats(self._values)
-        self._times, self.rate = _clock(options, rows)
-        self._truths = _labels(options.path / "slip_label.csv", rows)
+        self._times, self.rate = _clock(options, states, rows)
+        self._truths = [] if labels is None else _truths(labels.first(rows))
         self.shape: Shape = (SIDE, SIDE * len(pads))
         self.channels = FORCE_AXES
         self.unit = "count"
@@ -118,6 +141,7 @@ class UskinCsv(Closing):
                 quality=_quality(values, again=again),
                 truth=self._truths[row] if self._truths else None,
             )
+        self._counters = replace(self._counters, dropped=self._dropped)
 
 
 def _counts(table: TextTable) -> Floats:
@@ -130,14 +154,51 @@ def _counts(table: TextTable) -> Floats:
     return table.numbers(HEADER).reshape(-1, SIDE, SIDE, len(FORCE_AXES))
 
 
-def _same_length(tables: list[TextTable], rows: int) -> list[TextTable]:
+def _refuse_several(folder: Path) -> None:
+    """Raise if a folder is no trial, but has trials in it."""
+    if any((folder / name).exists() for name in PAD_FILES):
+        return
+    found = sorted({file.parent.name for name in PAD_FILES for file in folder.glob(f"*/{name}")})
+    if found:
+        names = ", ".join(f"'{name}'" for name in found[:LISTED])
+        more = f" and {len(found) - LISTED} more" if len(found) > LISTED else ""
+        raise RecordingError(
+            f"'{folder}' is a folder of {len(found)} trial(s), not one: name one of them "
+            f"({names}{more})."
+        )
+
+
+def _known(path: Path) -> TextTable | None:
+    return read_table(path) if path.exists() else None
+
+
+def _states(folder: Path) -> TextTable | None:
+    """Return the table with the times of rows, None where there is none."""
+    table = _known(folder / STATES)
+    return table if table is not None and "time" in table.header else None
+
+
+def _common_rows(tables: list[TextTable]) -> int:
+    """Return how many rows all files have, and warn of the rows that this leaves out."""
+    rows = len(tables[0].rows)
+    most = min(MOST_ROWS, max(1, int(MOST_SHARE * rows)))
     for table in tables:
-        if len(table.rows) != rows:
+        if abs(len(table.rows) - rows) > most:
             raise CodecError(
-                f"'{table.path}', line {table.lines[-1]}: expected {rows} rows as in the other "
-                f"files of the trial, got {len(table.rows)}."
+                f"'{table.path}', line {table.lines[-1]}: expected {rows} rows as in "
+                f"'{tables[0].path.name}', at most {most} more or fewer, got {len(table.rows)}."
             )
-    return tables
+    common = min(len(table.rows) for table in tables)
+    out = {table.path.name: len(table.rows) - common for table in tables}
+    if any(out.values()):
+        counted = ", ".join(f"{count} of '{name}'" for name, count in out.items() if count)
+        warnings.warn(
+            f"The files of '{tables[0].path.parent}' end in different rows: {common} rows are "
+            f"read, and the last rows of the longer files are left out ({counted}).",
+            RecordingWarning,
+            stacklevel=2,
+        )
+    return common
 
 
 def _repeats(values: Floats) -> np.ndarray:
@@ -152,21 +213,20 @@ def _quality(values: Floats, *, again: bool) -> Quality:
     return flags | Quality.REPEATED if again else flags
 
 
-def _clock(options: UskinCsvOptions, rows: int) -> tuple[Floats, float]:
+def _clock(options: UskinCsvOptions, states: TextTable | None, rows: int) -> tuple[Floats, float]:
     """Return the rows' times from the first one (s), and the rate (Hz)."""
-    states, meta = options.path / "robot_state.csv", options.path / "meta_data.csv"
-    if states.exists():
-        (table,) = _same_length([read_table(states)], rows)
-        times = table.numbers(table.header[-1:])[:, 0]
+    meta = options.path / META
+    if states is not None:
+        times = states.first(rows).numbers(["time"])[:, 0]
         if (np.diff(times) < 0).any():
-            line = table.lines[int(np.argmax(np.diff(times) < 0)) + 1]
-            raise CodecError(f"'{states}', line {line}: expected a time after the one before.")
+            line = states.lines[int(np.argmax(np.diff(times) < 0)) + 1]
+            raise CodecError(f"'{states.path}', line {line}: expected a time after the one before.")
         return times - times[0], _rate(options, meta, times)
     rate = _rate(options, meta, np.zeros(1))
     if rate == 0.0:
         raise RecordingError(
-            f"'{options.path}' has neither 'robot_state.csv' nor 'meta_data.csv' to tell the "
-            "time from: give the option 'rate'."
+            f"'{options.path}' has no times, neither as a column 'time' of '{STATES}' nor from a "
+            f"rate in '{META}': give the option 'rate'."
         )
     return np.arange(rows) / rate, rate
 
@@ -185,10 +245,7 @@ def _rate(options: UskinCsvOptions, meta: Path, times: Floats) -> float:
     return (len(times) - 1) / span if span > 0 else 0.0
 
 
-def _labels(path: Path, rows: int) -> list[Truth]:
-    """Return a truth a row, or none where nobody labelled the trial."""
-    if not path.exists():
-        return []
-    (table,) = _same_length([read_table(path)], rows)
+def _truths(table: TextTable) -> list[Truth]:
+    """Return a truth a row."""
     names = ("slip", "fail")
     return [Truth(dict(zip(names, row.tolist(), strict=True))) for row in table.numbers(names)]

@@ -48,7 +48,7 @@ class SceneCost:
     launch_us : float
         Median of a launch that does nothing where frames run, with as many bytes in and out.
     ops, channels, maps : int
-        That run, are read, and are read back.
+        That run (those in loop bodies counted once), are read, and are read back.
     bytes_in, bytes_out : int
         To the device and back.
     frames : int

@@ -48,11 +48,13 @@ def _record(scene: str, wants: tuple[str, ...], plan: "Explanation") -> dict[str
         "program": plan.program,
         "shape": plan.shape,
         "ops": plan.ops,
+        "ops_most": plan.ops_most,
         "launches": plan.launches,
         "channels_read": plan.channels_read,
         "maps_read_back": plan.maps_read_back,
         "transients": plan.transients,
         "flops": plan.flops,
+        "flops_most": plan.flops_most,
         "bytes_in": plan.bytes_in,
         "private_bytes": plan.private_bytes,
         "local_bytes": plan.local_bytes,
@@ -81,6 +83,7 @@ def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation
                     f"{quantity(plan.flops, 'flop')}, "
                     f"{quantity(plan.bytes_in, 'B')} in, {quantity(plan.bytes_out, 'B')} out",
                 ),
+                *_most(plan),
                 ("channels read", ", ".join(plan.channels_read) or "none"),
                 ("maps read back", ", ".join(plan.maps_read_back) or "none"),
             )
@@ -95,3 +98,11 @@ def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation
     output.show(*(part for part in (runs, gone) if part.row_count))
     if not plan.left_out:
         output.show("Nothing is left out.")
+
+
+def _most(plan: "Explanation") -> tuple[tuple[str, str], ...]:
+    """Return the line of what loops at their limits take, where there are any."""
+    if (plan.ops_most, plan.flops_most) == (plan.ops, plan.flops):
+        return ()
+    most = f"{plan.ops_most} operations, {quantity(plan.flops_most, 'flop')}"
+    return (("at the loops' limits", most),)

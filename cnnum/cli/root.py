@@ -1,10 +1,14 @@
-"""The root of the commands: the one place where an error becomes a sentence and an exit code."""
+"""The root of the commands: the one place where an error becomes a sentence and an exit code.
+
+Warnings of recordings are sentences on standard error, too, and change no exit code.
+"""
 
 import contextlib
 import difflib
 import logging
 import os
 import sys
+import warnings
 from collections.abc import Callable, Generator, Sequence
 from functools import partial
 from importlib import import_module
@@ -14,7 +18,7 @@ import click
 
 from cnnum import __version__
 from cnnum.cli.registry import COMMANDS
-from cnnum.errors import CnnumError
+from cnnum.errors import CnnumError, RecordingWarning
 
 CHECKS_FAILED, WRONG_INPUT, STOPPED, PIPE_CLOSED = 1, 2, 130, 141
 """Exit codes; the last two are those of a shell for a command that a signal has ended."""
@@ -97,12 +101,29 @@ class _Notices(logging.Handler):
 
 @contextlib.contextmanager
 def _notices() -> Generator[None, None, None]:
+    """Show what the package logs, and its warnings of recordings, as sentences."""
     logger, handler = logging.getLogger("cnnum"), _Notices(logging.WARNING)
     logger.addHandler(handler)
     try:
-        yield
+        with warnings.catch_warnings():
+            warnings.showwarning = _showing(warnings.showwarning)
+            yield
     finally:
         logger.removeHandler(handler)
+
+
+def _showing(usual: Callable[..., None]) -> Callable[..., None]:
+    """Return what shows a warning of a recording as a sentence, and any other as usual."""
+
+    def show(
+        message: Warning | str, category: type[Warning], *where: object, **more: object
+    ) -> None:
+        if issubclass(category, RecordingWarning):
+            _say(str(message))
+        else:
+            usual(message, category, *where, **more)
+
+    return show
 
 
 def _exit_code(run: Callable[[], object]) -> int:

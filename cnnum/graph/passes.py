@@ -4,8 +4,8 @@ from collections.abc import Iterable, Sequence
 
 from cnnum.errors import name_error
 from cnnum.graph.cost import node_flops
-from cnnum.graph.nodes import Apply, Constant, Graph, Input, Node, Read, Reduce, Transient
-from cnnum.graph.schedule import LeftOut, Schedule
+from cnnum.graph.nodes import Apply, Constant, Graph, Input, Loop, Node, Read, Reduce, Transient
+from cnnum.graph.schedule import LeftOut, Schedule, everything
 
 
 def reached(graph: Graph, roots: Iterable[Node]) -> set[int]:
@@ -88,10 +88,13 @@ def _left_out(
     ]
     items += [
         LeftOut(
-            str(node.operation), "no wanted output reaches it", 0, node_flops(node, graph.shape)
+            str(node.operation),
+            "no wanted output reaches it",
+            0,
+            sum(node_flops(inner, graph.shape) for inner in everything([node])),
         )
         for node in dead
-        if isinstance(node.operation, Transient)
+        if isinstance(node.operation, Transient | Loop)
     ]
     local = [node for node in dead if isinstance(node.operation, Apply | Reduce)]
     if local:

@@ -25,7 +25,7 @@ class LeftOut:
     bytes : int
         Traffic to or from the device that is saved a frame.
     flops : int
-        Arithmetic that is saved a frame; for a transient, of one step.
+        Arithmetic that is saved a frame; for a transient, of one step, for a loop, of one round.
     """
 
     what: str

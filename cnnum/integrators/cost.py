@@ -1,19 +1,63 @@
-"""What operations cost by the way they run: arithmetic of answers without time steps."""
+"""What operations cost by the way they run: answers without time steps, and loops."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from cnnum.arrays import Shape
 from cnnum.graph.cost import node_flops
-from cnnum.graph.nodes import Node, Transient
+from cnnum.graph.nodes import Constant, ConstantMap, Loop, Node, Parameter, Pick, Transient
 from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.spectral import Spectral
 from cnnum.template import Template
 
+FREE = (Constant, ConstantMap, Parameter, Pick)
+"""What only names a value and does not run."""
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """What nodes do for one frame.
+
+    A loop is an operation itself, and so is each in its body; a branch is a loop of one round.
+    What ends a loop where no carried value changes is not counted as arithmetic.
+
+    Attributes
+    ----------
+    ops, flops : int
+        Operations and arithmetic, every body counted once.
+    ops_most, flops_most : int
+        With every loop at its limit; the limits of nested loops multiply.
+    """
+
+    ops: int
+    ops_most: int
+    flops: int
+    flops_most: int
+
+
+def work(nodes: Iterable[Node], solvers: Mapping[int, Solver], shape: Shape) -> Work:
+    """Return what nodes and the bodies of their loops do for one frame."""
+    ops = ops_most = flops = flops_most = 0
+    for node in nodes:
+        if isinstance(node.operation, FREE):
+            continue
+        own = operation_flops(node, solvers.get(node.index), shape)
+        ops, ops_most = ops + 1, ops_most + 1
+        flops, flops_most = flops + own, flops_most + own
+        if isinstance(node.operation, Loop):
+            body = work(node.operation.nodes, solvers, shape)
+            ops, ops_most = ops + body.ops, ops_most + node.operation.limit * body.ops_most
+            flops += body.flops
+            flops_most += node.operation.limit * body.flops_most
+    return Work(ops, ops_most, flops, flops_most)
+
 
 def operation_flops(node: Node, solver: Solver | None, shape: Shape) -> int:
-    """Return the arithmetic of an operation a frame.
+    """Return the arithmetic of an operation a frame; of a loop, without its body.
 
     Steps that follow the error, and whole pieces of a cell's way, count as one Euler step.
     """

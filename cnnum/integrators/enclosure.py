@@ -15,12 +15,16 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.integrators.estimate import error_growth
 from cnnum.network import Network
+from cnnum.room import refuse_on_host
 from cnnum.template import Template
 
 Complexes = NDArray[np.complex128]
 
 POINTS = 400
 """Points a side of a box or a quarter of a circle."""
+
+MODE_BYTES = 80
+"""Held at once for a Fourier mode of one layer: its coupling, its eigenvalues and their copies."""
 
 SAMPLE_LIMIT = 800
 """States of the small array whose rows stand for those of a large one; more take seconds."""
@@ -145,7 +149,14 @@ def _row_box(network: Network) -> Box:
 
 
 def torus_coupling(template: Template, shape: tuple[int, int]) -> Complexes:
-    """Return A of every Fourier mode of a torus, (rows, cols, layers, layers)."""
+    """Return A of every Fourier mode of a torus, (rows, cols, layers, layers).
+
+    Raises
+    ------
+    SizeError
+        If they do not fit into memory.
+    """
+    refuse_on_host("The modes of an array", shape, MODE_BYTES * template.layers**2)
     radius = int(template.A.shape[-1]) // 2
     offsets = np.arange(-radius, radius + 1)
     waves = [2j * np.pi * np.outer(np.arange(n) / n, offsets) for n in shape]

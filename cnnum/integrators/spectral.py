@@ -13,26 +13,14 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.boundary import Boundary
 from cnnum.network import Network
+from cnnum.room import refuse_on_host
 from cnnum.template import Template
 
 MODE_LIMIT = 512
 """Rows or columns above which products with all modes of an axis cost more than time steps."""
 
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Modes:
-    """Orthonormal modes of one axis, and the wave number of each.
-
-    Attributes
-    ----------
-    matrix : (n, n) float
-        One mode a row.
-    wave : (n,) float
-        Radians a cell.
-    """
-
-    matrix: Floats
-    wave: Floats
+RATE_BYTES = 56
+"""Held at once for a mode of one layer: its rate, its eigenvalue and their copies."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,22 +44,32 @@ class Spectral:
     constant: Floats
 
 
-def axis_modes(boundary: Boundary, n: int) -> Modes:
-    """Return the modes of an axis of n cells."""
+def wave_numbers(boundary: Boundary, n: int) -> Floats:
+    """Return the wave number of every mode of an axis of n cells, (n,), radians a cell."""
+    k = np.arange(n)
+    if boundary.pad_mode == "symmetric":
+        return np.asarray(np.pi * k / n, dtype=np.float64)
+    if boundary.pad_mode == "constant":
+        return np.asarray(np.pi * (k + 1) / (n + 1), dtype=np.float64)
+    return np.asarray(2.0 * np.pi * k / n, dtype=np.float64)
+
+
+def axis_modes(boundary: Boundary, n: int) -> Floats:
+    """Return the orthonormal modes of an axis of n cells, (n, n), one a row.
+
+    Rates need the wave numbers only: a long axis never asks for this matrix.
+    """
     cells, k = np.arange(n), np.arange(n)[:, np.newaxis]
     if boundary.pad_mode == "symmetric":
         matrix = np.cos(np.pi * k * (cells + 0.5) / n)
-        wave = np.pi * k / n
     elif boundary.pad_mode == "constant":
         matrix = np.sin(np.pi * (k + 1) * (cells + 1) / (n + 1))
-        wave = np.pi * (k + 1) / (n + 1)
     else:
         # cosines up to n/2, then the sines of the same wave numbers
         angle = 2.0 * np.pi * k * cells / n
         matrix = np.where(k <= n // 2, np.cos(angle), np.sin(angle))
-        wave = 2.0 * np.pi * k / n
     norms = np.sqrt((matrix**2).sum(axis=1, keepdims=True))
-    return Modes(matrix / norms, wave[:, 0])
+    return np.asarray(matrix / norms, dtype=np.float64)
 
 
 def even(kernels: Floats) -> bool:
@@ -115,9 +113,16 @@ def symbol(kernels: Floats, rows: Floats, cols: Floats) -> Floats:
 
 
 def mode_rates(template: Template, shape: Shape) -> Floats:
-    """Return S(A − 1) of each mode, (rows, cols, layers, layers) in 1/time."""
-    rows, cols = (axis_modes(template.boundary, n) for n in shape)
-    coupling = np.moveaxis(symbol(template.A, rows.wave, cols.wave), (0, 1), (2, 3))
+    """Return S(A − 1) of each mode, (rows, cols, layers, layers) in 1/time.
+
+    Raises
+    ------
+    SizeError
+        If they do not fit into memory.
+    """
+    refuse_on_host("The rates of an array", shape, RATE_BYTES * template.layers**2)
+    rows, cols = (wave_numbers(template.boundary, n) for n in shape)
+    coupling = np.moveaxis(symbol(template.A, rows, cols), (0, 1), (2, 3))
     rates = (coupling - np.eye(template.layers)) / template.tau[:, np.newaxis]
     return np.asarray(rates, dtype=np.float64)
 
@@ -140,7 +145,7 @@ def spectral(network: Network, duration: float) -> Spectral | None:
         drive = np.asarray(-np.linalg.solve(rates, inverse_tau), dtype=np.float64)
     else:
         state, drive = _after(rates, inverse_tau, duration)
-    rows, cols = (axis_modes(template.boundary, n).matrix for n in shape)
+    rows, cols = (axis_modes(template.boundary, n) for n in shape)
     state, drive = (np.moveaxis(factor, (2, 3), (0, 1)).copy() for factor in (state, drive))
     constant = _through(rows, cols, drive, network.rim())
     return Spectral(rows, cols, state, drive, constant)

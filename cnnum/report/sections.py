@@ -229,6 +229,8 @@ def plans(number: int, data: ReportData) -> str:
     words = (
         "A scene names the events it wants; operations that nothing wanted reaches do not run, "
         "channels that nothing reads are neither decoded nor copied, and equal operations run once."
+        " Operations and arithmetic are a frame's with every loop's body counted once; “at most” "
+        "is with every loop at its limit."
     )
     if not data.plans:
         note = paragraph("No plan was timed in this run.", "note")

@@ -84,6 +84,8 @@ def test_settings_reach_the_scene(call, records, scene):
 def test_plan_of_the_scene(call, records, scene):
     (record,) = records(call("plan", scene, "--json").stdout)
     assert record["ops"] > 0
+    assert record["ops_most"] >= record["ops"]
+    assert record["flops_most"] >= record["flops"] > 0
     assert record["launches"] == 1
     assert "normal" in record["channels_read"]
     assert record["maps_read_back"] == []

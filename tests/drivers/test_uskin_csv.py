@@ -1,13 +1,15 @@
 """Replay of uSkin trials: small ones made here, and the real ones where they are."""
 
 import os
+import re
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cnnum.drivers import Driver, open_driver
-from cnnum.errors import CodecError, RecordingError, SceneError
+from cnnum.errors import CodecError, RecordingError, RecordingWarning, SceneError
 from cnnum.frame import Quality
 
 HEADER = ",".join(f"txl{n}_{axis}" for n in range(1, 17) for axis in "xyz")
@@ -35,6 +37,10 @@ def trial(tmp_path: Path) -> Path:
     )
     write(tmp_path / "meta_data.csv", "dropped,notes,frequency_hz", [[0, "some text", 59.8]])
     return tmp_path
+
+
+def lines_of(path: Path) -> list[str]:
+    return path.read_text(encoding="utf-8").splitlines()
 
 
 def replay(trial: Path, **options: object) -> Driver:
@@ -93,6 +99,97 @@ def test_without_robot_state_the_time_comes_from_the_rate(trial: Path) -> None:
         replay(trial)
 
 
+def test_states_without_a_time_leave_it_to_the_rate(trial: Path) -> None:
+    """Their last column, which grows too, is another quantity."""
+    write(trial / "robot_state.csv", "joint,v_y", [[0.5, 0.1 * n] for n in range(6)])
+    assert list(replay(trial).frames())[5].time == pytest.approx(5 / 59.8, rel=1e-12)
+    assert list(replay(trial, rate=100).frames())[5].time == pytest.approx(0.05, rel=1e-12)
+    (trial / "meta_data.csv").unlink()
+    with pytest.raises(RecordingError, match=r"column 'time' of 'robot_state.csv'.*option 'rate'"):
+        replay(trial)
+
+
+def test_the_time_may_stand_in_any_column(trial: Path) -> None:
+    write(trial / "robot_state.csv", "time,v_y", [[3.0 + 0.02 * n, 0.5] for n in range(6)])
+    assert list(replay(trial).frames())[5].time == pytest.approx(0.1, rel=1e-9)
+
+
+PARTS = ("xela_sensor1.csv", "xela_sensor2.csv", "robot_state.csv", "slip_label.csv")
+
+
+def shorten(file: Path, rows: int) -> None:
+    file.write_text("\n".join(lines_of(file)[:-rows]) + "\n", encoding="utf-8")
+
+
+@pytest.mark.parametrize("shorter", PARTS)
+def test_rows_at_the_end_that_a_file_lacks_are_left_out_and_counted(
+    trial: Path, shorter: str
+) -> None:
+    whole = list(replay(trial).frames())
+    shorten(trial / shorter, 1)
+    longer = ", ".join(f"1 of '{name}'" for name in PARTS if name != shorter)
+    with pytest.warns(RecordingWarning, match=f"5 rows are read, .*{re.escape(longer)}") as caught:
+        driver = replay(trial)
+    assert len(caught) == 1
+    frames = list(driver.frames())
+    assert driver.counters.dropped == 1
+    assert driver.counters.frames + driver.counters.repeated == len(frames) == 5
+    for got, expected in zip(frames, whole, strict=False):
+        np.testing.assert_array_equal(got.values, expected.values)
+        assert (got.time, got.sequence, got.truth) == (
+            expected.time,
+            expected.sequence,
+            expected.truth,
+        )
+
+
+def test_rows_that_no_pad_has_are_no_lost_scans(trial: Path) -> None:
+    shorten(trial / "xela_sensor1.csv", 1)
+    with pytest.warns(RecordingWarning, match=r"\(1 of 'robot_state.csv', 1 of 'slip_label.csv'\)"):
+        driver = replay(trial, pad=1)
+    assert len(list(driver.frames())) == 5
+    assert driver.counters.dropped == 0
+
+
+def test_a_file_that_is_not_used_drops_no_rows(trial: Path) -> None:
+    shorten(trial / "xela_sensor2.csv", 3)
+    driver = replay(trial, pad=1)
+    assert len(list(driver.frames())) == 6
+    assert driver.counters.dropped == 0
+
+
+@pytest.mark.parametrize(("rows", "most"), [(6, 1), (250, 2), (400, 4), (900, 5)])
+def test_files_differ_by_a_few_rows_at_the_most(tmp_path: Path, rows: int, most: int) -> None:
+    """By 1 % of them and by 5, and one in a short trial."""
+    one, two = counts(1, rows), counts(2, rows)
+    write(tmp_path / "xela_sensor1.csv", HEADER, one)
+    write(tmp_path / "xela_sensor2.csv", HEADER, two[:-most])
+    with pytest.warns(RecordingWarning, match=f"{most} of 'xela_sensor1.csv'"):
+        driver = replay(tmp_path, rate=60)
+    assert len(list(driver.frames())) == rows - most
+    assert driver.counters.dropped == most
+    write(tmp_path / "xela_sensor2.csv", HEADER, two[: -most - 1])
+    with pytest.raises(CodecError, match=f"at most {most} more or fewer, got {rows - most - 1}"):
+        replay(tmp_path, rate=60)
+
+
+@pytest.mark.parametrize(
+    ("count", "words"),
+    [
+        (1, r"1 trial\(s\), not one: name one of them \('trial 0'\)"),
+        (6, r"6 trial\(s\).*'trial 3' and 2 more\)"),
+    ],
+)
+def test_a_folder_of_trials_is_refused_with_their_names(
+    tmp_path: Path, count: int, words: str
+) -> None:
+    for number in range(count):
+        (tmp_path / f"trial {number}").mkdir()
+        write(tmp_path / f"trial {number}" / "xela_sensor1.csv", HEADER, counts(number))
+    with pytest.raises(RecordingError, match=words):
+        replay(tmp_path)
+
+
 def test_without_labels_there_is_no_truth(trial: Path) -> None:
     (trial / "slip_label.csv").unlink()
     assert all(frame.truth is None for frame in replay(trial).frames())
@@ -112,10 +209,6 @@ def test_a_count_at_its_end_is_saturated(trial: Path) -> None:
     assert [bool(f.quality & Quality.SATURATED) for f in replay(trial).frames()] == [
         n == 2 for n in range(6)
     ]
-
-
-def lines_of(path: Path) -> list[str]:
-    return path.read_text(encoding="utf-8").splitlines()
 
 
 @pytest.mark.parametrize(
@@ -194,3 +287,30 @@ def test_a_real_trial(name: str) -> None:
     # raw counts: x and y near 16,000, z near 38,000
     means = np.mean([f.values for f in frames], axis=(0, 1, 2))
     np.testing.assert_allclose(means, [16_000, 16_400, 37_900], rtol=0.02)
+
+
+@real
+def test_a_real_trial_whose_label_lacks_a_row_and_whose_states_lack_the_time(
+    tmp_path: Path,
+) -> None:
+    name = "02-22-15-15-00"
+    source, trial = Path(RECORDINGS) / "uskin_grasp" / name, tmp_path / name
+    shutil.copytree(source, trial)
+    shorten(trial / "slip_label.csv", 1)
+    states = [line.rpartition(",")[0] for line in lines_of(trial / "robot_state.csv")]
+    (trial / "robot_state.csv").write_text("\n".join(states) + "\n", encoding="utf-8")
+    with pytest.warns(RecordingWarning, match="258 rows are read") as caught:
+        driver = replay(trial)
+    assert "(1 of 'xela_sensor1.csv', 1 of 'xela_sensor2.csv')" in str(caught[0].message)
+    frames, whole = list(driver.frames()), list(replay(source).frames())
+    assert (len(frames), len(whole), driver.counters.dropped) == (258, 259, 1)
+    assert all((a.values == b.values).all() for a, b in zip(frames, whole, strict=False))
+    assert [f.truth for f in frames] == [f.truth for f in whole[:-1]]
+    # one hundredth of the 4.3 s: the clock of the log is about the rate that it gives
+    assert abs(frames[-1].time - whole[-2].time) < 0.043
+
+
+@real
+def test_the_folder_of_the_real_trials_is_refused_with_their_names() -> None:
+    with pytest.raises(RecordingError, match=r"4 trial\(s\).*02-21-14-10-49.*02-22-15-15-00"):
+        replay(Path(RECORDINGS) / "uskin_grasp")

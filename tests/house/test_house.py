@@ -13,6 +13,7 @@ ROOT = Path(__file__).parents[2]
 FLOORS = [
     ["errors"],
     ["arrays", "expressions", "files", "names"],
+    ["room"],
     ["boundary", "outputs", "frame", "tables"],
     ["couplings"],
     ["template"],

@@ -76,6 +76,77 @@ def test_explanation_counts_what_runs_and_what_does_not(engine):
     assert "leaves out channel shear_x" in str(less)
 
 
+def explained(body, shape=(4, 5)):
+    """Return what the reference engine would run for a program of one output."""
+    program = cnnum.program(lambda frame: {"a": body(frame)})
+    return cnnum.Engine("reference").compile(program, shape).explain()
+
+
+def test_body_of_a_loop_counts_once_and_at_most_as_often_as_its_limit():
+    """Of 20 cells: halve, add, the largest, and two on one number to compare it and turn it."""
+    plan = explained(
+        lambda frame: (
+            cnnum.loop(
+                lambda a: 0.5 * a + frame.shear_x,
+                frame.normal,
+                limit=7,
+                until=lambda a: a.max() < 0.1,
+            ).value
+        )
+    )
+    body, flops = 5, 3 * 20 + 2
+    assert (plan.ops, plan.ops_most) == (2 + 1 + body, 2 + 1 + 7 * body)  # channels and the loop
+    assert (plan.flops, plan.flops_most) == (flops, 7 * flops)
+    assert f"{plan.ops} operations" in str(plan)
+    assert f"{plan.ops_most} operations, {plan.flops_most} flops" in str(plan)
+
+
+def test_limits_of_nested_loops_multiply():
+    def inner(a):
+        return cnnum.loop(lambda b: 0.5 * b, a - 1.0, limit=3).value
+
+    plan = explained(lambda frame: cnnum.loop(inner, frame.normal, limit=4).value)
+    # the channel and the loop; of a round of it one difference and a loop; of a round of that one
+    assert (plan.ops, plan.ops_most) == (2 + 2 + 1, 2 + 4 * (2 + 3 * 1))
+    assert (plan.flops, plan.flops_most) == (20 + 20, 4 * (20 + 3 * 20))
+
+
+def test_body_of_a_branch_counts_once():
+    def halved(frame):
+        return cnnum.branch(frame.normal.max() > 0.1, lambda a: 0.5 * a, frame.normal)[0]
+
+    plan = explained(halved)
+    # the channel, its largest, the comparison, the branch and its body
+    assert (plan.ops, plan.flops) == (plan.ops_most, plan.flops_most) == (5, 20 + 1 + 20)
+    assert "limits" not in str(plan)
+
+
+def test_skeleton_counts_its_round_of_eight_templates():
+    """64 for the picture, and a round of 168 a cell: 2 to start and to read, 18 or 20 a template.
+
+    `SKELBW1`, 3, 5 and 7 have a B of 6 weights, the others of 7; the A of one takes 6 a step.
+    """
+    program = cnnum.get_program("skeleton")
+    plan = cnnum.Engine("reference").compile(program, (8, 8), channels=("picture",)).explain()
+    a_round = 64 * (8 * 2 + 4 * (2 * 6 + 6) + 4 * (2 * 7 + 6))
+    assert (plan.flops, plan.flops_most) == (64 + a_round, 64 + 65 * a_round) == (10_816, 698_944)
+    # channel, comparison and loop; of each template two operations and itself
+    assert (plan.ops, plan.ops_most) == (3 + 24, 3 + 65 * 24)
+
+
+def test_loop_that_nothing_wanted_reaches_is_left_out_with_its_body():
+    program = cnnum.program(
+        lambda frame: {
+            "sum": frame.normal.sum(),
+            "a": cnnum.loop(lambda a: 0.5 * a, frame.normal, limit=7).value,
+        }
+    )
+    plan = cnnum.Engine("reference").compile(program, (4, 5), ["sum"]).explain()
+    assert (plan.ops, plan.ops_most) == (2, 2)
+    left = {item.what: item.flops for item in plan.left_out}
+    assert left["loop of at most 7"] == 20
+
+
 def test_source_is_what_was_built(engine):
     less = engine.compile(grip, (4, 5), ["contact"]).source
     full = engine.compile(grip, (4, 5)).source

@@ -21,6 +21,7 @@ from cnnum.engines.opencl.shared import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.storage import Tables
 from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
+from cnnum.room import refuse_beyond
 
 WIDE_CELLS = 256
 """Largest array whose frames lie side by side in lanes; the compiler vectorises along the
@@ -285,11 +286,18 @@ class OpenCLExecutable:
     def _new_arrays(self, batch: int, built: _Built, queue: cl.CommandQueue) -> _Arrays:
         cells_read = self.schedule.cells * len(self.schedule.channels_read)
         # a vector may be read over the end
-        scratch = (batch * built.text.scratch + MOST_LANES) * self.dtype.itemsize
+        scratch = batch * built.text.scratch + MOST_LANES
+        largest = max(scratch, batch * max(cells_read, built.text.output_size))
+        refuse_beyond(
+            f"A batch of {batch} frame(s)",
+            largest * self.dtype.itemsize,
+            queue.device.max_mem_alloc_size,
+            "a block of the device",
+        )
         return _Arrays(
             self._array(batch * cells_read, queue),
             self._array(batch * built.text.output_size, queue),
-            cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, scratch),
+            cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, scratch * self.dtype.itemsize),
             None if built.parted is None else built.parted.new_arrays(batch),
         )
 

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.integrate import OdeSolution, solve_ivp
+from scipy.integrate import DOP853, DenseOutput, OdeSolution
 
 from cnnum.arrays import Floats
 from cnnum.engines.reference.adaptive import march_adaptive
@@ -125,18 +125,19 @@ def _stretch(
         seen = None if past is None else past(t)
         return equation.rate(drive, flat.reshape(x.shape), seen, t).ravel()
 
-    solution = solve_ivp(
-        right,
-        (time, time + length),
-        x.ravel(),
-        method="DOP853",
-        rtol=PRECISION,
-        atol=PRECISION,
-        dense_output=past is not None,
-    )
-    if not solution.success:
-        raise MethodError(f"The reference solver stopped: {solution.message}")
-    return solution.y[:, -1].reshape(x.shape), len(solution.t) - 1, solution.sol
+    # solve_ivp would keep the state of every step, which fills the memory where cells are many
+    solver = DOP853(right, time, x.ravel(), time + length, rtol=PRECISION, atol=PRECISION)
+    times = [time]
+    pieces: list[DenseOutput[np.float64]] = []
+    while solver.status == "running":
+        message = solver.step()
+        if message is not None:
+            raise MethodError(f"The reference solver stopped: {message}")
+        times.append(solver.t)
+        if past is not None:
+            pieces.append(solver.dense_output())
+    dense = None if past is None else OdeSolution(times, pieces)
+    return solver.y.reshape(x.shape), len(times) - 1, dense
 
 
 def _integrate(equation: StateEquation, solver: Solver) -> Answer:

@@ -159,7 +159,8 @@ def test_plans_are_compared(reader: Reader, data: ReportData) -> None:
     full, _ = data.plans
     assert reader.row("demo")[1:3] == [f"{full.p50_us:.0f} µs", f"{full.p99_us:.0f} µs"]
     row = reader.row("contact only")
-    assert row[1:4] == ["61.0 µs", "93.0 µs", "21 1 launch"]
+    assert row[1:4] == ["61.0 µs", "93.0 µs", "21 at most 210, 1 launch"]
+    assert row[4] == "12.3 kflops at most 67.9 kflops"
     assert row[-1] == "normal"
     assert reader.row("channel shear_x") == ["channel shear_x", "nothing reads it", "48 B"]
     assert f"{100 * 61 / full.p50_us:.0f} % of" in reader.text["p"]
