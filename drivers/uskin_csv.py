@@ -32,9 +32,10 @@ PAD_FILES = ("xela_sensor1.csv", "xela_sensor2.csv")
 STATES, LABELS, META = "robot_state.csv", "slip_label.csv", "meta_data.csv"
 
 MOST_ROWS, MOST_SHARE = 5, 0.01
-"""Rows by which a file may be longer or shorter than the first pad's: as many as pass while logs
-are closed one after the other (0.08 s), and no more than 1 %, but one. Files that differ by more
-lack rows in between or are of two trials: their rows would not belong together."""
+"""Rows by which a file may be longer or shorter than the first pad's; one row in a short trial.
+
+Five rows pass in 0.08 s, while the logs are closed one after the other. Files that differ by more
+lack rows in between, or are of two trials: their rows would not belong together."""
 
 LISTED = 4
 """Trials that are named where a folder of trials is given instead of one."""
@@ -79,7 +80,7 @@ class UskinCsvOptions:
         Raises
         ------
         RecordingError
-            If a file is missing or can not be read, or the folder is one of several trials.
+            If a file is missing or cannot be read, or the folder is one of several trials.
         CodecError
             If a file is not what it should be; the sentence names the file and the line.
 

@@ -16,7 +16,7 @@ FEW_MAPS = 125 * 8 * CELLS
 """125 maps of float64, more than the stages of any method; one matrix of the side is 66,000."""
 
 SHORT = 0.05
-"""Time constants: the reference engine takes seconds for more of so many cells."""
+"""Time constants: the reference engine takes seconds for a longer run of these cells."""
 
 NAMES = ("EDGE", "AVERAGE", "DIFFUS", "HOLE")
 
