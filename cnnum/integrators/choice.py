@@ -26,9 +26,9 @@ from cnnum.integrators.tableau import (
     BOGACKI_SHAMPINE,
     DORMAND_PRINCE,
     EULER,
-    FOLLOWED,
     HEUN,
     ButcherTableau,
+    followed,
     tableau,
 )
 from cnnum.network import Network
@@ -212,7 +212,13 @@ class _Choice:
                 f"'{self.template.name}' without estimate=True."
             )
         self._refuse_many(fixed.count)
-        return AdaptiveSteps((FOLLOWED[fixed.tableau.name],), fixed.step, self.settle, fixed.step)
+        steps = followed(fixed.tableau)
+        if not steps.truncation:
+            raise MethodError(
+                f"The stages of '{steps.name}' do not tell its error: run template "
+                f"'{self.template.name}' without estimate=True."
+            )
+        return AdaptiveSteps((steps,), fixed.step, self.settle, fixed.step)
 
     def _refuse_many(self, count: int) -> None:
         if count > MAX_STEPS and not self.settle:
