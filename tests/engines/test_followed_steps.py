@@ -163,7 +163,11 @@ def test_what_is_not_followed_is_refused_in_a_sentence(engines):
     limited = Template("limited", [[0.5]], [[1]], output="full-range", duration=2)
     for template, how, why in (
         (late, {}, "steps with a delay is not followed"),
-        (limited, {"method": "etd-rk2", "dt": 0.1}, "where the state is limited"),
+        (
+            limited,
+            {"method": "etd-rk2", "dt": 0.1},
+            "'etd-rk2' with a limited state is not followed",
+        ),
         (limited, {"dt": 1e-5}, "at most 100000 steps is followed, and these are 200000"),
     ):
         with pytest.raises(MethodError, match=why):
@@ -201,7 +205,7 @@ def test_a_method_that_is_added_is_followed(engines, label, monkeypatch):
 def test_stages_that_tell_nothing_are_refused(engines, monkeypatch):
     monkeypatch.setitem(TABLEAUX, "apart", APART)
     template, start = Template("plain", [[0.5]], output="tanh", duration=1.0), np.ones((2, 3))
-    with pytest.raises(MethodError, match="The stages of 'apart' do not tell its error"):
+    with pytest.raises(MethodError, match="The error of 'apart', whose stages do not tell it"):
         engines["numba-float64"].run(template, state=start, method="apart", estimate=True)
 
 
