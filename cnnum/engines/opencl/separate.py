@@ -46,11 +46,18 @@ def _cell(text: TransientText, scheme: Separate, layer: int) -> list[str]:
         f"const real g = {slope} * now + drive;",
         "const real b = PICK(g < ZERO, -ONE, ONE);",
         f"const real at_b = {slope} * b + drive;",
-        *(_at_rest(slope) if math.isinf(time) else _on_time(text, own - 1.0, time)),
+        *_inside(text, own - 1.0, time),
         f"const real to = {to};",
         f"x[{text.at(layer)}] = to;",
         *_rounded(text, own, time),
     ]
+
+
+def _inside(text: TransientText, slope: float, time: float) -> list[str]:
+    """Return where cells are at the end that are in the middle piece at first, or enter it."""
+    if math.isinf(time):
+        return _at_rest(text.number(slope))
+    return _weight_of_two(text, time) if slope == 1.0 else _on_time(text, slope, time)
 
 
 def _at_rest(slope: str) -> list[str]:
@@ -61,8 +68,19 @@ def _at_rest(slope: str) -> list[str]:
     ]
 
 
+def _weight_of_two(text: TransientText, time: float) -> list[str]:
+    """Return where they are on time for m = 1, as most templates have it: e^t = 1/d is at hand."""
+    d, grown = text.number(math.exp(-time)), text.number(growth(1.0, time))
+    return [
+        f"const real left = PICK(edge > {d}, {d} / edge, {d}), ends = g / at_b;",
+        "const real crosses = PICK(b * at_b > ZERO && left < ends, ONE, ZERO);",
+        "const real over = b + at_b * (ONE - left / ends);",
+        f"const real between = now + g * ({grown} * PICK(edge > {d}, edge, ONE) - ONE);",
+    ]
+
+
 def _on_time(text: TransientText, slope: float, time: float) -> list[str]:
-    """Return where cells are at the end that are in the middle piece at first, or enter it."""
+    """Return where they are on time for any m."""
     m, d = text.number(slope), text.number(math.exp(-time))
     if slope == 0.0:
         ends, entered = "(b - now) / g", "left"
