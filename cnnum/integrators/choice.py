@@ -214,7 +214,7 @@ class _Choice:
         self._refuse_many(fixed.count)
         steps = followed(fixed.tableau)
         if not steps.truncation:
-            self._refuse(f"'{steps.name}', whose stages do not tell it,")
+            self._refuse(f"'{steps.name}', whose stages do not show it,")
         return AdaptiveSteps((steps,), fixed.step, self.settle, fixed.step)
 
     def _refuse(self, steps: str) -> NoReturn:

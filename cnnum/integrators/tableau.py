@@ -256,7 +256,7 @@ _FOLLOWED_HEUN = ButcherTableau(
 
 
 def followed(method: ButcherTableau) -> ButcherTableau:
-    """Return the same steps with stages that tell their error: the last one is at the end.
+    """Return the same steps with stages that show their error: the last one is at the end.
 
     The error estimate is 0, as it refuses no step.
     """

@@ -202,10 +202,10 @@ def test_a_method_that_is_added_is_followed(engines, label, monkeypatch):
     assert np.all(run.error <= 100.0 * off)
 
 
-def test_stages_that_tell_nothing_are_refused(engines, monkeypatch):
+def test_stages_that_show_nothing_are_refused(engines, monkeypatch):
     monkeypatch.setitem(TABLEAUX, "apart", APART)
     template, start = Template("plain", [[0.5]], output="tanh", duration=1.0), np.ones((2, 3))
-    with pytest.raises(MethodError, match="The error of 'apart', whose stages do not tell it"):
+    with pytest.raises(MethodError, match="The error of 'apart', whose stages do not show it"):
         engines["numba-float64"].run(template, state=start, method="apart", estimate=True)
 
 
