@@ -117,12 +117,6 @@ class NonlinearCoupling:
         return self.function.interpolation == "constant" and not self.static
 
     @property
-    def jump(self) -> float:
-        """A bound on what all its steps together can change a rate by."""
-        spread = 2.0 * self.function.largest * float(np.abs(self.weights).sum())
-        return spread * (max(abs(v) for v, _ in self.function.points) if self.times_argument else 1)
-
-    @property
     def stiffness(self) -> float:
         """A bound on what the coupling adds to a row of the Jacobian, centre and neighbours.
 

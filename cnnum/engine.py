@@ -18,6 +18,7 @@ from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
 from cnnum.integrators.choice import check_spec, choose
+from cnnum.integrators.estimate import LOST
 from cnnum.integrators.fusing import fuse
 from cnnum.integrators.linear_range import as_linear, stays_linear
 from cnnum.integrators.solver import Solver
@@ -50,8 +51,9 @@ class Result:
         Whether |dx/dt|·τ is below the tolerance in every cell.
     error : (...) float
         Estimated error of the state: the sum of the steps' local errors and roundings, times a
-        safety factor; of an exact answer, its roundings. Fixed steps whose error is not followed
-        (`estimate=True`) give infinity, as NaN would hide it.
+        safety factor; of an exact answer, its roundings. Infinity means that nothing is known of
+        it: so it is of steps of a fixed length, or in discrete time, which are not followed unless
+        `estimate=True`; of steps that were forced; and where an estimate grew beyond 1e30.
     method : str
     reason : str
         Why this method: what makes the array exact, or about how many evaluations of the rates it
@@ -293,7 +295,7 @@ class Engine:
         if solver.forced:
             outputs |= {
                 "settled": np.zeros_like(outputs["settled"]),
-                "error": np.full_like(outputs["error"], -1.0),
+                "error": np.full_like(outputs["error"], LOST),
             }
         if ran is not template:
             # rounding may lie beyond 1
@@ -369,7 +371,7 @@ def _result(
         time=outputs["time"],
         steps=outputs["steps"].astype(np.int64),
         settled=outputs["settled"].astype(bool),
-        error=np.where(error < 0, math.inf, error),
+        error=np.where(error < LOST, error, math.inf),
         method=method,
         reason=reason,
     )

@@ -16,7 +16,8 @@ from cnnum.template import Template
 CHATTER = 0.1
 CHATTER_REASON = (
     "a cell slides along a jump of its rate: Euler steps of 0.01 that such templates run in leave "
-    "it within 0.08, the bound that a run reports, and the table's jump lies up to 0.01 beside 0"
+    "it within 0.08, as eight neighbours change it by in a step, and the table's jump lies up to "
+    "0.01 from 0"
 )
 _SPREAD = 0.02
 _SPREAD_REASON = (

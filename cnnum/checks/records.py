@@ -92,6 +92,9 @@ class ClosedForm:
         Parameters that a template may give it besides.
     compares : "output" or "state"
         What of a run is compared.
+    rtol : float
+        Asked of the engine, and a tenth of it as the absolute error of a step; smaller than an
+        engine's own where the errors of steps are never forgotten and add up.
     """
 
     name: str
@@ -103,6 +106,7 @@ class ClosedForm:
     needs: tuple[str, ...] = ()
     takes: tuple[str, ...] = ()
     compares: Literal["output", "state"] = "output"
+    rtol: float = 1e-4
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,6 +62,8 @@ class Engine(Protocol):
         mask: Floats | None = None,
         duration: Duration | None = None,
         method: str = "auto",
+        rtol: float = 1e-4,
+        atol: float = 1e-5,
     ) -> Result:
         """Run a template."""
         ...
@@ -106,8 +108,8 @@ def run_check(
     """
     form = form_of(template)
     case = form.cases(template, np.random.default_rng(seed), as_shape(shape))
-    result, first = _timed(template, engine, case, method)
-    others = [_timed(template, engine, case, method)[1] for _ in range(repeats)]
+    result, first = _timed(template, engine, case, method, form.rtol)
+    others = [_timed(template, engine, case, method, form.rtol)[1] for _ in range(repeats)]
     seconds = statistics.median(others or [first])
     error = _error(getattr(result, form.compares), form.expected(template, case))
     return CheckResult(
@@ -124,7 +126,9 @@ def run_check(
     )
 
 
-def _timed(template: Template, engine: Engine, case: Case, method: str) -> tuple[Result, float]:
+def _timed(
+    template: Template, engine: Engine, case: Case, method: str, rtol: float
+) -> tuple[Result, float]:
     begin = time.perf_counter()
     result = engine.run(
         template,
@@ -135,6 +139,8 @@ def _timed(template: Template, engine: Engine, case: Case, method: str) -> tuple
         mask=case.mask,
         duration=case.duration,
         method=method,
+        rtol=rtol,
+        atol=0.1 * rtol,
     )
     return result, time.perf_counter() - begin
 

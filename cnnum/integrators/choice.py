@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 from numbers import Real
+from typing import NoReturn
 
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec, Transient
@@ -26,9 +27,9 @@ from cnnum.integrators.tableau import (
     BOGACKI_SHAMPINE,
     DORMAND_PRINCE,
     EULER,
-    FOLLOWED,
     HEUN,
     ButcherTableau,
+    followed,
     tableau,
 )
 from cnnum.network import Network
@@ -177,8 +178,10 @@ class _Choice:
         """Return the steps, why they are taken, and whether they were forced."""
         template = self.template
         if template.output.discrete:
+            if self.spec.estimate:
+                self._refuse("discrete time, where a rounding may turn a sign,")
             count = math.ceil(self.duration - 1e-9)
-            whole = FixedSteps(EULER, 1.0, count, self.settle, 1.0, error=0.0)
+            whole = FixedSteps(EULER, 1.0, count, self.settle, 1.0)
             return whole, "it runs in discrete time", False
         found = spectrum(template, self.shape)
         if self.spec.method == CHEBYSHEV:
@@ -203,16 +206,22 @@ class _Choice:
         return (self._followed(fixed) if self.spec.estimate else fixed), reason, False
 
     def _followed(self, fixed: FixedSteps) -> Stepping:
-        """Return the same steps with an estimate of their error, where nothing is known of it."""
-        if math.isfinite(fixed.error):
-            return fixed
+        """Return the same steps with an estimate of their error."""
         if self.template.delayed is not None:
-            raise MethodError(
-                f"The error of steps with a delay is not followed: run template "
-                f"'{self.template.name}' without estimate=True."
-            )
+            self._refuse("steps with a delay")
+        if any(coupling.jumps for coupling in self.template.nonlinear):
+            self._refuse("rates that jump")
         self._refuse_many(fixed.count)
-        return AdaptiveSteps((FOLLOWED[fixed.tableau.name],), fixed.step, self.settle, fixed.step)
+        steps = followed(fixed.tableau)
+        if not steps.truncation:
+            self._refuse(f"'{steps.name}', whose stages do not show it,")
+        return AdaptiveSteps((steps,), fixed.step, self.settle, fixed.step)
+
+    def _refuse(self, steps: str) -> NoReturn:
+        raise MethodError(
+            f"The error of {steps} is not followed: run template '{self.template.name}' without "
+            "estimate=True."
+        )
 
     def _refuse_many(self, count: int) -> None:
         if count > MAX_STEPS and not self.settle:
@@ -307,10 +316,7 @@ class _Choice:
             return ExponentialSteps(method, even, count, self.settle), reason, forced
         self._refuse_many(count)
         if method.order > 1 and self.template.output.limited:
-            raise MethodError(
-                f"The error of '{method.name}' is not followed where the state is limited: run "
-                f"template '{self.template.name}' without estimate=True."
-            )
+            self._refuse(f"'{method.name}' with a limited state")
         taus = self.template.tau.tolist()
         rows = tuple(method.followed(even, tau) for tau in taus)
         return AdaptiveSteps(rows, even, self.settle, even), reason, forced
@@ -357,5 +363,4 @@ def _fixed(
     else:
         count = max(1, math.ceil(duration / step - 1e-9)) if duration > 0 else 0
         step = last = duration / count if count else step
-    error = sum(step * coupling.jump for coupling in template.nonlinear if coupling.jumps)
-    return FixedSteps(method, step, count, settle, last, error=float(error) or math.inf)
+    return FixedSteps(method, step, count, settle, last)

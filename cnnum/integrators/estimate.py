@@ -23,8 +23,8 @@ SAFETY = 2.0
 their error, and an error may grow in a direction in which the state does not move."""
 
 LOST = 1e30
-"""An error that says that nothing is known any more: on a cycle that never rests it grows without
-end. Twice as much is still a number in float32."""
+"""An error that says that nothing is known of it: of fixed steps, or any more, as on a cycle that
+never rests it grows without end. Above every tolerance, and twice as much is a float32, too."""
 
 ROUNDINGS = 4.0
 """Of a step: those of its sum and of the rates in it, as parts of the state."""

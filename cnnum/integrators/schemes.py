@@ -1,6 +1,5 @@
 """Ways to step: by a tableau, by Chebyshev's stages, or exponentially."""
 
-import math
 from dataclasses import dataclass
 
 from cnnum.integrators.exponential import ExponentialMethod
@@ -23,8 +22,6 @@ class FixedSteps:
     settle: bool
     last: float
     """Length of the last step, so that the run ends on time."""
-    error: float = math.inf
-    """What is known of the error beforehand; infinite where nothing is."""
 
 
 @dataclass(frozen=True, slots=True)

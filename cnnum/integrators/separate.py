@@ -1,15 +1,18 @@
 """No time stepping where cells see only themselves: three linear pieces, one after the other.
 
 τ x' = −x + a f(x) + w with f(x) = (|x + 1| − |x − 1|)/2 is linear below −1, between, and above 1.
-A state moves one way only, so that it passes each piece once at most, and all is said with
-d = e^{−t/τ}, what is left of a decay:
+A state moves one way only, so that it passes each piece once at most. Times are in τ:
 
-* outside, towards e = w + a s (s = ±1 the side): x = e + (x₀ − e) d. It comes to s, if e lies
-  inside of s, when d = (s − e)/(x₀ − e).
-* between, with the rate g(x) = (a − 1) x + w: x = x₀ + g(x₀) (d^{1−a} − 1)/(a − 1). It comes to
-  b = sign g, if g(b) has g's sign, when d = (g(x₀)/g(b))^{1/(a−1)}; for a = 1, e^{−(b−x₀)/g}.
+* outside, towards e = w + a s (s = ±1 the side): x = e + (x₀ − e) d, d = e^{−t}. It comes to s,
+  if e lies inside of s, when d = (s − e)/(x₀ − e).
+* between, with the slope m = a − 1 and the rate g(x) = m x + w: x = x₀ + g(x₀) (e^{mt} − 1)/m. It
+  comes to b = sign g, if g(b) has g's sign, at t = ln(1 + m (b − x₀)/g(x₀))/m.
+
+Both quotients by m are those of `expm1` and `log1p`, as they cancel where a is near 1; for m = 0
+they are t and (b − x₀)/g(x₀).
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +29,7 @@ STEEPEST = 1e30
 unless it began nearer to its rest than any number but 0 is."""
 
 ROUNDED = 8
-"""Rounded operations from one end of a cell's way to the other, at the most."""
+"""Rounded operations from one end of a cell's way to the other, at the most; the drive apart."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,12 +40,12 @@ class Separate:
     ----------
     own : (layers,) float
         a of every layer.
-    left : (layers,) float
-        e^{−t/τ} at the end of every layer; 0 at equilibrium.
+    time : (layers,) float
+        t/τ at the end of every layer; infinite at equilibrium.
     """
 
     own: Floats
-    left: Floats
+    time: Floats
 
 
 def separate(template: Template, duration: float) -> Separate | None:
@@ -61,44 +64,70 @@ def separate(template: Template, duration: float) -> Separate | None:
         not settles and duration > LONGEST * template.tau.min()
     ):
         return None
-    with np.errstate(under="ignore"):
-        return Separate(own, np.exp(-duration / template.tau))
+    return Separate(own, duration / template.tau)
 
 
-def evaluate(scheme: Separate, start: Floats, drive: Floats) -> Floats:
-    """Return x(t) of (..., layers, rows, cols) initial states and drives."""
-    end = np.empty_like(start)
+def roundings(template: Template) -> float:
+    """Return how many roundings there are at most, those of its drive counted."""
+    return float(ROUNDED + np.count_nonzero(template.B))
+
+
+def growth(slope: float, time: float) -> float:
+    """Return e^{mt}, by which a cell goes away from its rest between; `STEEPEST` at the most."""
+    return math.exp(min(slope * time, math.log(STEEPEST))) if math.isfinite(time) else 1.0
+
+
+def moved(slope: float, time: float) -> float:
+    """Return (e^{mt} − 1)/m, by which a rate between moves its cell."""
+    return math.expm1(min(slope * time, math.log(STEEPEST))) / slope if slope else time
+
+
+def evaluate(scheme: Separate, start: Floats, drive: Floats) -> tuple[Floats, Floats]:
+    """Return x(t) of (..., layers, rows, cols) initial states and drives, and what is rounded.
+
+    Roundings of that size are made up to `roundings` times: of the numbers in a rate, which grow
+    along the way as the rate does, of time, and of the end.
+    """
+    end, rounded = np.empty_like(start), np.empty_like(start)
     with np.errstate(all="ignore"):  # of what is computed for all cells, some have no use
-        for layer, (own, left) in enumerate(zip(scheme.own, scheme.left, strict=True)):
-            x, w = start[..., layer, :, :], drive[..., layer, :, :]
-            end[..., layer, :, :] = _end(float(own), float(left), x, w)
-    return end
+        for layer, (own, time) in enumerate(zip(scheme.own, scheme.time, strict=True)):
+            at = (..., layer, slice(None), slice(None))
+            end[at], rounded[at] = _end(float(own), float(time), start[at], drive[at])
+    return end, rounded
 
 
-def _end(own: float, left: float, start: Floats, drive: Floats) -> Floats:
+def _end(own: float, time: float, start: Floats, drive: Floats) -> tuple[Floats, Floats]:
     side = np.sign(start) * (np.abs(start) > 1.0)
-    target = drive + own * side
+    target, left = drive + own * side, math.exp(-time)
     # d when it comes to its edge; 0 where it never does, or is within it
     edge = np.where(side * target < side * side, (side - target) / (start - target), 0.0)
-    inner = np.where(edge > left, left / edge, left)
     away = (side != 0.0) & (edge <= left)
-    inside = _from_inside(own, inner, np.clip(start, -1.0, 1.0), drive, rests=left == 0.0)
-    return np.where(away, target + left * (start - target), inside)
+    entered = np.where(edge > left, edge, 1.0)
+    now = np.clip(start, -1.0, 1.0)
+    inside = _from_inside(own - 1.0, time, entered, now, drive)
+    end = np.where(away, target + left * (start - target), inside)
+    slope, seen = own - 1.0, np.clip(end, -1.0, 1.0)
+    before, after = slope * now + drive, np.abs(slope * seen + drive + (seen - end))
+    grown = np.where(before == 0.0, growth(slope, time), after / np.abs(before))
+    rounded = np.abs(drive) + np.abs(start) + np.abs(own * now)
+    late = 0.0 if left == 0.0 else time * after
+    return end, np.abs(end) + np.where(away, left, grown) * rounded + late
 
 
-def _from_inside(own: float, left: Floats, now: Floats, drive: Floats, *, rests: bool) -> Floats:
-    """Return the end of cells that are in the middle piece while `left` is 1."""
-    slope = own - 1.0
+def _from_inside(slope: float, time: float, entered: Floats, now: Floats, drive: Floats) -> Floats:
+    """Return the end of cells in the middle piece, which they entered when d was `entered`."""
     rate = slope * now + drive
     to = np.where(rate < 0.0, -1.0, 1.0)
     rate_there = slope * to + drive
     leaves = to * rate_there > 0.0
-    if rests:
+    if math.isinf(time):
         return np.where(leaves, to + rate_there, np.where(rate == 0.0, now, -drive / slope))
+    # as a quotient of decays, which is exact where the end is near
+    left = np.where(entered < 1.0, np.log(entered / math.exp(-time)), time)
     if slope == 0.0:
-        ends, moved = np.exp((now - to) / rate), -rate * np.log(left)
+        ends, along = (to - now) / rate, left
     else:
-        ends = (rate / rate_there) ** (1.0 / slope)
-        moved = rate * (np.minimum(left**-slope, STEEPEST) - 1.0) / slope
-    over = to + rate_there * (1.0 - left / ends)
-    return np.where(leaves & (left < ends), over, now + moved)
+        ends = np.log1p(slope * (to - now) / rate) / slope
+        along = np.expm1(np.minimum(slope * left, math.log(STEEPEST))) / slope
+    over = to + rate_there * (1.0 - np.exp(ends - left))
+    return np.where(leaves & (ends < left), over, now + rate * along)

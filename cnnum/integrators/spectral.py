@@ -156,8 +156,8 @@ def _after(rates: Floats, inverse_tau: Floats, duration: float) -> tuple[Floats,
     layers = rates.shape[-1]
     if layers == 1:
         growth = rates * duration
-        small = np.abs(growth) < 1e-12
-        gained = np.where(small, duration, np.expm1(growth) / np.where(small, 1.0, rates))
+        still = rates == 0.0
+        gained = np.where(still, duration, np.expm1(growth) / np.where(still, 1.0, rates))
         return np.exp(growth), gained * inverse_tau
     from scipy.linalg import expm  # imported late: it takes longer than all of the engine
 

@@ -244,10 +244,8 @@ DORMAND_PRINCE = ButcherTableau(
 
 TABLEAUX = {t.name: t for t in (EULER, HEUN, RK4, BOGACKI_SHAMPINE, DORMAND_PRINCE)}
 
-# The same steps, with the stages that tell their error: one at the end, and for Heun's method one
-# amid the step (Shu & Osher 1988), as its own do not see a rate that bends between them. Their
-# error estimate is 0, as it refuses no step.
-_FOLLOWED_EULER = ButcherTableau("euler", (_row(""), _row("1")), _row("1 0"), 1, _row("0 0"))
+# Heun's own stages do not see a rate that bends between them: one more lies amid the step (Shu &
+# Osher 1988)
 _FOLLOWED_HEUN = ButcherTableau(
     "heun",
     (_row(""), _row("1"), _row("1/4 1/4"), _row("1/2 1/2 0")),
@@ -255,16 +253,18 @@ _FOLLOWED_HEUN = ButcherTableau(
     2,
     error=_row("0 0 0 0"),
 )
-_FOLLOWED_RK4 = ButcherTableau(
-    "rk4",
-    (*RK4.a, _row("1/6 1/3 1/3 1/6")),
-    _row("1/6 1/3 1/3 1/6 0"),
-    4,
-    error=_row("0 0 0 0 0"),
-)
-FOLLOWED = {t.name: t for t in (_FOLLOWED_EULER, _FOLLOWED_HEUN, _FOLLOWED_RK4)} | {
-    t.name: replace(t, error=_row("0 " * t.stages)) for t in (BOGACKI_SHAMPINE, DORMAND_PRINCE)
-}
+
+
+def followed(method: ButcherTableau) -> ButcherTableau:
+    """Return the same steps with stages that show their error: the last one is at the end.
+
+    The error estimate is 0, as it refuses no step.
+    """
+    if method == HEUN:
+        return _FOLLOWED_HEUN
+    if not method.adaptive:
+        method = replace(method, a=(*method.a, method.b), b=(*method.b, Fraction(0)))
+    return replace(method, error=(Fraction(0),) * method.stages)
 
 
 def tableau(name: str) -> ButcherTableau:

@@ -22,8 +22,8 @@ class Applied:
     settled : Field
         Flag: the array has come to rest.
     error : Field
-        Estimated largest error of the states; −1 where nothing is known of it, for steps whose
-        error is not followed (`Result.error` is infinite then).
+        Estimated largest error of the states; 1e30 or more where nothing is known of it, as for
+        steps whose error is not followed (`Result.error` is infinite then).
     time : Field
         Time constants reached.
     steps : Field

@@ -150,7 +150,7 @@ def test_matcnn_sign_is_the_other_way_round(engine):
     assert np.ptp(results[0]) > 0.1
 
 
-def test_median_within_the_stated_chatter(engine):
+def test_median_within_its_chatter(engine):
     table = Table("constant", ((0.01, 0.5), (2.5, -0.5)))
     template = cnnum.Template(
         "median", centre(1), boundary="zero-flux", initial="input", duration=20.0,
@@ -158,9 +158,10 @@ def test_median_within_the_stated_chatter(engine):
     )  # fmt: skip
     u = np.random.default_rng(3).uniform(-0.9, 0.9, (4, 5))
     got = engine.run(template, input=u)
-    # the table's own threshold lies 0.01 beside 0
-    assert np.abs(got.output - median_filter(u, size=3, mode="nearest")).max() <= got.error + 0.01
-    assert got.error < 0.1
+    # nine neighbours change it by 0.09 in a step, and the table's own threshold lies at 0.01
+    assert np.abs(got.output - median_filter(u, size=3, mode="nearest")).max() <= 0.09 + 0.01
+    # which is no bound on the error: random networks of such tables were off by more
+    assert np.isinf(got.error)
 
 
 def test_discrete_time_takes_whole_steps_of_the_sign(engine):

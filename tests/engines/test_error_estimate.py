@@ -59,8 +59,8 @@ def test_error_covers_the_truth(name, precision):
     for template, maps, rtol, known in runs[::3] if name == "opencl" else runs:
         result = engine.run(template, rtol=rtol, atol=rtol, **maps)
         error = np.abs(result.state - known.state).max(axis=(-2, -1))
-        # the reference has an error of its own, which exact answers in float64 are below
-        covered.append(result.error + 20.0 * known.error >= error)
+        # the reference states an error of its own, which exact answers in float64 are below
+        covered.append(result.error + known.error >= error)
         if result.method != "propagator":
             loose.append(result.error / np.maximum(error, 1e-12))
     assert np.concatenate(covered).mean() >= 0.99
@@ -114,7 +114,7 @@ def test_every_adaptive_method_covers_the_truth(name):
             continue
         known = reference.run(template, input=frames, state=start)
         error = np.abs(result.state - known.state).max(axis=tuple(range(1, start.ndim)))
-        # the reference has an error of its own
-        covered.append(result.error + 20.0 * known.error >= error)
+        # the reference states an error of its own
+        covered.append(result.error + known.error >= error)
     assert len(covered) >= (6 if name == "opencl" else 16)
     assert np.concatenate(covered).mean() >= 0.99

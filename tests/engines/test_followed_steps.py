@@ -1,6 +1,7 @@
 """Fixed steps whose error is followed: the same steps, and an error that covers the true one."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -19,7 +20,9 @@ from cnnum.engine import Engine
 from cnnum.engines.opencl import kernel_text
 from cnnum.errors import MethodError
 from cnnum.integrators.estimate import SAFETY
+from cnnum.integrators.stability import METHODS as EVERY_METHOD
 from cnnum.integrators.stability import stability_bound
+from cnnum.integrators.tableau import TABLEAUX, ButcherTableau
 from cnnum.template import Template
 
 REFERENCE = Engine("reference")
@@ -160,11 +163,69 @@ def test_what_is_not_followed_is_refused_in_a_sentence(engines):
     limited = Template("limited", [[0.5]], [[1]], output="full-range", duration=2)
     for template, how, why in (
         (late, {}, "steps with a delay is not followed"),
-        (limited, {"method": "etd-rk2", "dt": 0.1}, "where the state is limited"),
+        (
+            limited,
+            {"method": "etd-rk2", "dt": 0.1},
+            "'etd-rk2' with a limited state is not followed",
+        ),
         (limited, {"dt": 1e-5}, "at most 100000 steps is followed, and these are 200000"),
     ):
         with pytest.raises(MethodError, match=why):
             engine.run(template, input=u, estimate=True, **how)
+
+
+ONE = Fraction(1)
+SSP3 = ButcherTableau(  # Shu & Osher 1988: a method that is not in the house
+    "ssp3", ((), (ONE,), (ONE / 4, ONE / 4)), (ONE / 6, ONE / 6, 4 * ONE / 6), 3
+)
+APART = ButcherTableau(  # the third stage does not see the second, so that none reaches z³
+    "apart", ((), (ONE / 2,), (ONE, 0 * ONE)), (0 * ONE, ONE, 0 * ONE), 2
+)
+
+
+ROW = np.array([[0.0, 0.0, 0.0], [0.0, 0.3, 0.9], [0.0, 0.0, 0.0]])
+
+
+@pytest.mark.parametrize("label", LABELS)
+def test_a_method_that_is_added_is_followed(engines, label, monkeypatch):
+    monkeypatch.setitem(TABLEAUX, "ssp3", SSP3)
+    template = Template("added", ROW, [[1.0]], duration=2.0)
+    rng = np.random.default_rng(3)
+    maps = {name: rng.uniform(-1.5, 1.5, (2, 4, 5)) for name in ("input", "state")}
+    engine = (engines | {"reference": REFERENCE})[label]
+    run = engine.run(template, method="ssp3", dt=0.1, estimate=True, **maps)
+    assert (run.method, run.steps.tolist()) == ("ssp3", [20, 20])
+    off = np.abs(run.state - REFERENCE.run(template, **maps).state).max(axis=(1, 2))
+    assert np.all(off > 1e-6)
+    assert np.all(run.error >= off)
+    # as loose as that of the methods of the house
+    assert np.all(run.error <= 100.0 * off)
+
+
+def test_stages_that_show_nothing_are_refused(engines, monkeypatch):
+    monkeypatch.setitem(TABLEAUX, "apart", APART)
+    template, start = Template("plain", [[0.5]], output="tanh", duration=1.0), np.ones((2, 3))
+    with pytest.raises(MethodError, match="The error of 'apart', whose stages do not show it"):
+        engines["numba-float64"].run(template, state=start, method="apart", estimate=True)
+
+
+@pytest.mark.parametrize("method", EVERY_METHOD)
+@pytest.mark.parametrize("dt", [None, 0.05])
+def test_every_method_is_followed_or_says_why_not(engines, method, dt):
+    feedback = np.array([[0.0, 0.2, 0.0], [0.2, 0.3, 0.2], [0.0, 0.2, 0.0]])
+    rng = np.random.default_rng(4)
+    maps = {name: rng.uniform(-1, 1, (4, 5)) for name in ("input", "state")}
+    for output in OUTPUTS:
+        template = Template("each", feedback, [[1.0]], 0.1, output=output, duration=1.0)
+        how = {"method": method, "dt": dt, "estimate": True}
+        limited = method in ("etd-rk2", "runge-kutta-chebyshev") and template.output.limited
+        if limited or (method == "runge-kutta-chebyshev" and dt):
+            with pytest.raises(MethodError, match=r"\.$"):
+                engines["numba-float64"].run(template, **how, **maps)
+            continue
+        run = engines["numba-float64"].run(template, **how, **maps)
+        off = np.abs(run.state - REFERENCE.run(template, **maps).state).max()
+        assert off <= run.error < math.inf
 
 
 def test_forced_steps_stay_marked(engines):

@@ -142,7 +142,7 @@ def test_discrete_time_goes_by_strips():
     assert np.abs(got.state - x).max() <= 1e-14
     assert np.abs(x).min() > 1e-9
     np.testing.assert_array_equal(got.output, np.where(x >= 0, 1.0, -1.0))
-    assert got.error == 0.0
+    assert got.error == np.inf  # a rounding may turn a sign: nothing is known beforehand
 
 
 @pytest.mark.parametrize("device", DEVICES)

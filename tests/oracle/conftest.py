@@ -65,6 +65,8 @@ class Simulator:
         mask: Floats | None = None,
         duration: Duration | None = None,
         method: str = "auto",
+        rtol: float = 1e-4,
+        atol: float = 1e-5,
     ) -> Run:
         x = start(template, input, state)
         u, before = (layered(maps, template.inputs) for maps in (input, previous))

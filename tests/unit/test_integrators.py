@@ -19,9 +19,9 @@ from cnnum.integrators.stability import METHODS, stability_bound
 from cnnum.integrators.tableau import (
     BOGACKI_SHAMPINE,
     DORMAND_PRINCE,
-    FOLLOWED,
     TABLEAUX,
     ButcherTableau,
+    followed,
 )
 from cnnum.library import get_template
 from cnnum.network import Network
@@ -186,6 +186,12 @@ def test_spectral_solves_the_heat_equation():
     assert np.abs(got.ravel() - wanted).max() < 1e-13
 
 
+ONE, HALF, QUARTER, SIXTH = (Fraction(1, n) for n in (1, 2, 4, 6))
+SSP3 = ButcherTableau(  # Shu & Osher 1988: a method that is not in the house
+    "ssp3", ((), (ONE,), (QUARTER, QUARTER)), (SIXTH, SIXTH, 4 * SIXTH), 3
+)
+METHODS_FOLLOWED = {**TABLEAUX, "ssp3": SSP3}
+FOLLOWED = {name: followed(method) for name, method in METHODS_FOLLOWED.items()}
 TOLD = {"pair": [BOGACKI_SHAMPINE, DORMAND_PRINCE], "followed": [*FOLLOWED.values()]}
 
 
@@ -217,6 +223,7 @@ def test_truncation_is_the_error_of_a_linear_step(method):
         (FOLLOWED["euler"], 1.0),
         (FOLLOWED["heun"], 0.66),
         (FOLLOWED["rk4"], 0.4),
+        (FOLLOWED["ssp3"], 0.5),
     ],
     ids=lambda it: getattr(it, "name", ""),
 )
@@ -231,13 +238,13 @@ def test_truncation_sees_corners(method, least):
         assert parts >= least * error
 
 
-@pytest.mark.parametrize("name", TABLEAUX)
+@pytest.mark.parametrize("name", METHODS_FOLLOWED)
 def test_followed_steps_are_the_methods_own(name):
     """The same R(z), and no estimate that could refuse a step."""
-    followed, z = FOLLOWED[name], np.array([-0.7 + 0.4j, 0.3j, -2.0])
-    np.testing.assert_allclose(followed.growth(z), TABLEAUX[name].growth(z), rtol=1e-14)
-    assert followed.order == TABLEAUX[name].order
-    assert not any(followed.error)
+    steps, z = FOLLOWED[name], np.array([-0.7 + 0.4j, 0.3j, -2.0])
+    np.testing.assert_allclose(steps.growth(z), METHODS_FOLLOWED[name].growth(z), rtol=1e-14)
+    assert steps.order == METHODS_FOLLOWED[name].order
+    assert not any(steps.error)
 
 
 def test_an_error_of_another_state_than_the_last_stage_is_refused():

@@ -13,7 +13,7 @@ from cnnum.engines.numba.cells import add
 from cnnum.engines.numba.compiling import ROOM, kept
 from cnnum.engines.numba.records import Real, Reals
 from cnnum.integrators.propagator import Decay, Propagator
-from cnnum.integrators.separate import ROUNDED, Separate, evaluate
+from cnnum.integrators.separate import Separate, evaluate, roundings
 from cnnum.integrators.solver import Exact
 from cnnum.integrators.spectral import Spectral
 from cnnum.template import Template
@@ -62,8 +62,8 @@ class ExactEnd:
             kept = scheme.kept[:, np.newaxis, np.newaxis]
             end = np.where(kept == 0.0, drive, drive + kept * (state - drive))
         elif isinstance(scheme, Separate):
-            end = evaluate(scheme, state.astype(np.float64), drive.astype(np.float64))
-            largest = _largest(_sensitivity(scheme, state, drive, end))
+            end, rounded = evaluate(scheme, state.astype(np.float64), drive.astype(np.float64))
+            largest = _largest(rounded)
         elif isinstance(scheme, Propagator):
             end = _propagated(scheme, state, drive)
         else:
@@ -74,16 +74,6 @@ class ExactEnd:
 
 def _largest(maps: Reals) -> Floats:
     return np.asarray(np.abs(maps).max(axis=(1, 2, 3)), dtype=np.float64)
-
-
-def _sensitivity(scheme: Separate, start: Reals, drive: Reals, end: Floats) -> Floats:
-    """Return what is rounded in every cell: along its way an error grows as its rate does."""
-    own = scheme.own[:, np.newaxis, np.newaxis]
-    before: Floats = own * np.clip(start, -1.0, 1.0) + drive - start
-    after: Floats = own * np.clip(end, -1.0, 1.0) + drive - end
-    grown = np.where(before == 0.0, 1.0, np.abs(after / before))
-    rounded = np.abs(end) + grown * (np.abs(drive) + np.abs(start) + np.abs(own))
-    return np.asarray(rounded, dtype=np.float64)
 
 
 def _propagated(scheme: Propagator, start: Reals, drive: Reals) -> Reals:
@@ -142,7 +132,7 @@ def _roundings(template: Template, shape: Shape, scheme: Exact) -> float:
     A sum of n rounded products is off by at most n roundings of its largest value.
     """
     if isinstance(scheme, Separate):
-        return float(ROUNDED)
+        return roundings(template)
     if isinstance(scheme, Decay):
         return float(np.count_nonzero(template.B)) + 4.0
     gains = (float(np.abs(part).sum(axis=1).max()) for part in (scheme.state, scheme.drive))

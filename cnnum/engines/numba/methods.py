@@ -1,6 +1,5 @@
 """From a solver to the settings of the compiled functions."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -8,7 +7,7 @@ import numpy as np
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.records import Real
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
-from cnnum.integrators.estimate import ROUNDINGS, SAFETY, error_growth
+from cnnum.integrators.estimate import LOST, ROUNDINGS, SAFETY, error_growth
 from cnnum.integrators.schemes import (
     MAX_STEPS,
     AdaptiveSteps,
@@ -50,7 +49,7 @@ def _fixed(template: Template, scheme: FixedSteps) -> dict[str, Any]:
         "count": scheme.count,
         "step": scheme.step,
         "last": scheme.last,
-        "error": -1.0 if math.isinf(scheme.error) else scheme.error,
+        "error": LOST,
         "lag": round(template.delayed.delay / scheme.step) if template.delayed else 0,
     }
 
@@ -62,7 +61,7 @@ def _exponential(scheme: ExponentialSteps) -> dict[str, Any]:
         "count": scheme.count,
         "step": scheme.step,
         "last": scheme.step,
-        "error": -1.0,
+        "error": LOST,
     }
 
 

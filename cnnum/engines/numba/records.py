@@ -40,7 +40,7 @@ SETTINGS = np.dtype(
         ("reach", "f8"),
         ("most", "i8"),
         ("duration", "f8"),
-        # steps that are taken at most, the delay in steps, what is known of the error (−1: nothing)
+        # steps that are taken at most, the delay in steps, what is said of the error
         ("count", "i8"),
         ("lag", "i8"),
         ("error", "f8"),

@@ -6,6 +6,7 @@ from cnnum.arrays import Floats
 from cnnum.engines.opencl.rates import Instant, outputs, rates, watch_change
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
+from cnnum.integrators.estimate import LOST
 from cnnum.integrators.schemes import ExponentialSteps
 
 
@@ -39,10 +40,11 @@ def exponential(text: TransientText, scheme: ExponentialSteps) -> dict[str, str]
         h=text.number(scheme.step),
         step_text=indented(step, 3),
     ).splitlines()
+    error = text.number(LOST)
     if scheme.settle:
-        return {"time": "time", "steps": "steps", "settled": "settled", "error": "-ONE"}
+        return {"time": "time", "steps": "steps", "settled": "settled", "error": error}
     time = text.number(text.solver.duration)
-    return {"time": time, "steps": text.number(scheme.count), "error": "-ONE"}
+    return {"time": time, "steps": text.number(scheme.count), "error": error}
 
 
 def _per_layer(text: TransientText, values: Floats) -> str:

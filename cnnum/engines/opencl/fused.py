@@ -18,6 +18,7 @@ from cnnum.engines.opencl.rows import fits_rows, row_steps
 from cnnum.engines.opencl.text import fill, indented, rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
+from cnnum.integrators.estimate import LOST
 from cnnum.network import Tap, taps
 
 BLOCK_COLUMNS = 10
@@ -65,7 +66,7 @@ def fused_euler(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
 
 
 def _figures(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
-    error = "-ONE" if np.isinf(scheme.error) else text.number(scheme.error)
+    error = text.number(LOST)
     if scheme.settle:
         return {"time": "time", "steps": "steps", "settled": "settled", "error": error}
     time = text.number(text.solver.duration)

@@ -1,7 +1,5 @@
 """The kernel text of each way to bring a transient to its end."""
 
-import math
-
 from cnnum.engines.opencl.chebyshev import chebyshev
 from cnnum.engines.opencl.drive import drive
 from cnnum.engines.opencl.exact import exact
@@ -23,13 +21,14 @@ from cnnum.engines.opencl.strips import strip_steps, strips_fit
 from cnnum.engines.opencl.text import rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
+from cnnum.integrators.estimate import LOST
 from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
 from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
 
 Figures = dict[str, str]
-"""Expressions for the figures of a run: time, steps, settled, error (−1: not known)."""
+"""Expressions for the figures of a run: time, steps, settled, error."""
 
 
 def run(text: TransientText) -> Figures:
@@ -39,7 +38,7 @@ def run(text: TransientText) -> Figures:
     """
     figures = _run(text)
     if text.solver.forced:
-        figures |= {"settled": "ZERO", "error": "-ONE"}
+        figures |= {"settled": "ZERO", "error": text.number(LOST)}
     return figures
 
 
@@ -53,8 +52,7 @@ def _run(text: TransientText) -> Figures:
     start(text)
     if isinstance(scheme, FixedSteps | ExponentialSteps) and strips_fit(text, scheme):
         strip_steps(text, scheme)
-        known = scheme.error if isinstance(scheme, FixedSteps) else math.inf
-        error = text.number(known) if math.isfinite(known) else "-ONE"
+        error = text.number(LOST)
         if scheme.settle:
             time = f"fmin(steps * {text.number(scheme.step)}, {text.number(text.solver.duration)})"
             return {"time": time, "steps": "steps", "settled": "settled", "error": error}

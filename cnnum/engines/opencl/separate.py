@@ -3,13 +3,15 @@
 The formulas, and what d is, stand in `cnnum.integrators.separate`.
 """
 
+import math
+
 import numpy as np
 
 from cnnum.engines.opencl.drive import drive_of
 from cnnum.engines.opencl.start import start_of
 from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients import TransientText
-from cnnum.integrators.separate import ROUNDED, STEEPEST, Separate
+from cnnum.integrators.separate import STEEPEST, Separate, growth, moved, roundings
 
 
 def separate(text: TransientText, scheme: Separate) -> dict[str, str]:
@@ -19,7 +21,7 @@ def separate(text: TransientText, scheme: Separate) -> dict[str, str]:
     text.array("x", text.layers * text.cells)
     for layer in range(text.layers):
         text.over_cells(_cell(text, scheme, layer))
-    rounding = text.number(float(np.finfo(text.tables.dtype).eps) * ROUNDED)
+    rounding = text.number(float(np.finfo(text.tables.dtype).eps) * roundings(text.template))
     figures = {
         "time": text.number(text.solver.duration),
         "steps": "ZERO",
@@ -29,8 +31,8 @@ def separate(text: TransientText, scheme: Separate) -> dict[str, str]:
 
 
 def _cell(text: TransientText, scheme: Separate, layer: int) -> list[str]:
-    own, left = float(scheme.own[layer]), float(scheme.left[layer])
-    a, slope, d = text.number(own), text.number(own - 1.0), text.number(left)
+    own, time = float(scheme.own[layer]), float(scheme.time[layer])
+    a, slope, d = text.number(own), text.number(own - 1.0), text.number(math.exp(-time))
     to = f"PICK(away != ZERO, e + {d} * (from - e), PICK(crosses != ZERO, over, between))"
     if text.operands.mask is not None:
         to = f"PICK({text.operands.mask} != ZERO, from, {to})"
@@ -45,11 +47,18 @@ def _cell(text: TransientText, scheme: Separate, layer: int) -> list[str]:
         f"const real g = {slope} * now + drive;",
         "const real b = PICK(g < ZERO, -ONE, ONE);",
         f"const real at_b = {slope} * b + drive;",
-        *(_at_rest(slope) if left == 0.0 else _on_time(text, own, left)),
+        *_inside(text, own - 1.0, time),
         f"const real to = {to};",
         f"x[{text.at(layer)}] = to;",
-        *_rounded(a),
+        *_rounded(text, own, time),
     ]
+
+
+def _inside(text: TransientText, slope: float, time: float) -> list[str]:
+    """Return where cells are at the end that are in the middle piece at first, or enter it."""
+    if math.isinf(time):
+        return _at_rest(text.number(slope))
+    return _weight_of_two(text, time) if slope == 1.0 else _on_time(text, slope, time)
 
 
 def _at_rest(slope: str) -> list[str]:
@@ -60,41 +69,46 @@ def _at_rest(slope: str) -> list[str]:
     ]
 
 
-def _on_time(text: TransientText, own: float, left: float) -> list[str]:
-    """Return where cells are at the end that are in the middle piece at first, or enter it."""
-    d = text.number(left)
-    if own == 1.0:
-        ends = "exp((now - b) / g)"
-        time = text.number(-float(np.log(left)))
-        moved = f"g * ({time} + PICK(edge > {d}, log(edge), ZERO))"
-    else:
-        ends = _power(text, "(g / at_b)", 1.0 / (own - 1.0))
-        growth = text.number(min(left ** (1.0 - own), STEEPEST))
-        entered = f"{growth} * {_power(text, 'edge', own - 1.0)}"
-        moved = f"g * ((PICK(edge > {d}, {entered}, {growth}) - ONE) / {text.number(own - 1.0)})"
+def _weight_of_two(text: TransientText, time: float) -> list[str]:
+    """Return where they are on time for m = 1, as most templates have it: e^t = 1/d is at hand."""
+    d, grown = text.number(math.exp(-time)), text.number(growth(1.0, time))
     return [
-        f"const real d = PICK(edge > {d}, {d} / edge, {d});",
-        # d, taken from where it entered, when it leaves the middle piece again
-        f"const real ends = {ends};",
-        "const real crosses = PICK(b * at_b > ZERO && d < ends, ONE, ZERO);",
-        "const real over = b + at_b * (ONE - d / ends);",
-        f"const real between = now + {moved};",
+        f"const real left = PICK(edge > {d}, {d} / edge, {d}), ends = g / at_b;",
+        "const real crosses = PICK(b * at_b > ZERO && left < ends, ONE, ZERO);",
+        "const real over = b + at_b * (ONE - left / ends);",
+        f"const real between = now + g * ({grown} * PICK(edge > {d}, edge, ONE) - ONE);",
     ]
 
 
-def _power(text: TransientText, base: str, exponent: float) -> str:
-    if exponent == 1.0:
-        return base
-    if exponent == -1.0:
-        return f"(ONE / {base})"
-    return f"pow({base}, {text.number(exponent)})"
-
-
-def _rounded(a: str) -> list[str]:
-    """Return what rounding leaves: along its way an error grows as the rate of change does."""
+def _on_time(text: TransientText, slope: float, time: float) -> list[str]:
+    """Return where they are on time for any m."""
+    m, d = text.number(slope), text.number(math.exp(-time))
+    if slope == 0.0:
+        ends, entered = "(b - now) / g", "left"
+    else:
+        ends = f"log1p({m} * (b - now) / g) / {m}"
+        entered = f"expm1(fmin({m} * left, {text.number(math.log(STEEPEST))})) / {m}"
+    along = text.number(moved(slope, time))
     return [
-        f"const real before = {a} * now + drive - from;",
-        f"const real after = {a} * clamp(to, -ONE, ONE) + drive - to;",
-        "const real grown = PICK(before != ZERO, fabs(after / before), ONE);",
-        f"largest = greater(largest, fabs(to) + grown * (fabs(drive) + fabs(from) + fabs({a})));",
+        # time that is left, from where it enters; a quotient of decays is exact near the end
+        f"const real left = PICK(edge > {d}, log(edge / {d}), {text.number(time)});",
+        # and that it takes to leave the middle piece again
+        f"const real ends = {ends};",
+        "const real crosses = PICK(b * at_b > ZERO && ends < left, ONE, ZERO);",
+        "const real over = b + at_b * (ONE - exp(ends - left));",
+        f"const real between = now + g * PICK(edge > {d}, {entered}, {along});",
+    ]
+
+
+def _rounded(text: TransientText, own: float, time: float) -> list[str]:
+    """Return what rounding leaves, as `cnnum.integrators.separate` has it."""
+    slope, left = own - 1.0, text.number(math.exp(-time))
+    late = "" if math.isinf(time) else f" + {text.number(time)} * after"
+    at_rest = text.number(growth(slope, time))
+    return [
+        "const real seen = clamp(to, -ONE, ONE);",
+        f"const real after = fabs({text.number(slope)} * seen + drive + (seen - to));",
+        f"const real grown = PICK(g != ZERO, after / fabs(g), {at_rest});",
+        f"const real sizes = fabs(drive) + fabs(from) + fabs({text.number(own)} * now);",
+        f"largest = greater(largest, fabs(to) + PICK(away != ZERO, {left}, grown) * sizes{late});",
     ]

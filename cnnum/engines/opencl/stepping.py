@@ -136,7 +136,7 @@ def fixed(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
         h=_last(text, scheme, scheme.step, scheme.last),
         step_text=indented([*head, *lines], 3),
     ).splitlines()
-    error = "-ONE" if math.isinf(scheme.error) else text.number(scheme.error)
+    error = text.number(LOST)
     if scheme.settle:
         return {"time": "time", "steps": "steps", "settled": "settled", "error": error}
     time = text.number(text.solver.duration)

@@ -1,6 +1,5 @@
 """The reference engine: float64 NumPy and SciPy, operation by operation; slow, plain, trusted."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -29,6 +28,7 @@ from cnnum.graph.nodes import (
     Transient,
 )
 from cnnum.graph.schedule import Schedule
+from cnnum.integrators.estimate import LOST
 from cnnum.integrators.solver import Solver
 from cnnum.template import Template
 
@@ -224,7 +224,7 @@ def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
         "time": np.asarray(found.time),
         "steps": np.asarray(float(found.steps)),
         "settled": np.asarray(float(change(equation, found, solver) <= 1.0)),
-        "error": np.asarray(-1.0 if math.isinf(found.error) else found.error),
+        "error": np.asarray(min(found.error, LOST)),
     }
 
 

@@ -1,5 +1,6 @@
 """One transient in float64: SciPy's Dormand–Prince 8(5,3) far below the tolerance asked for.
 
+A coarser solution takes other steps: how far it is off is the error that is stated.
 A delay is solved by the method of steps: each stretch of one delay sees the dense output of the
 stretch before. Where rates jump fixed steps are taken, and a method or a step that was asked for
 is taken as it is.
@@ -24,7 +25,17 @@ from cnnum.integrators.solver import Solver, Stepping
 from cnnum.template import Template
 
 PRECISION = 1e-10
-"""Relative tolerance of the solver; kinks of f cost steps, not accuracy."""
+"""Relative tolerance of the solver. A kink of f costs steps; where all stages of a step miss it,
+it costs accuracy, up to 1e-3 of it."""
+
+COARSER = 1e-8
+"""Tolerance of a second solution, whose steps lie elsewhere: how far it is off is the error."""
+
+FINEST = 1e-13
+"""Smallest tolerance that is tried where the two do not agree."""
+
+AGREED = 1e-6
+"""Of the largest state or 1: solutions that differ by more have missed a kink."""
 
 FINER = 4
 """Where rates jump and no step was asked for, steps are so much shorter than other engines'."""
@@ -39,7 +50,7 @@ class Answer:
     state: Floats
     time: float
     steps: int
-    error: float = PRECISION
+    error: float
 
 
 def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Given) -> Answer:
@@ -60,10 +71,9 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
         finer = replace(
             scheme, step=scheme.step / FINER, count=scheme.count * FINER, last=scheme.last / FINER
         )
-        return Answer(*march(equation, solver, finer), scheme.error)
+        return Answer(*march(equation, solver, finer), math.inf)
     if template.delayed is not None:
-        found = _by_stretches(equation, solver, template.delayed.delay)
-        return replace(found, error=scheme.error) if isinstance(scheme, FixedSteps) else found
+        return _by_stretches(equation, solver, template.delayed.delay)
     return _integrate(equation, solver)
 
 
@@ -89,7 +99,7 @@ def _marched(equation: StateEquation, solver: Solver) -> Answer:
     """Take the solver's own steps."""
     scheme = solver.scheme
     if isinstance(scheme, FixedSteps):
-        return Answer(*march(equation, solver, scheme), scheme.error)
+        return Answer(*march(equation, solver, scheme), math.inf)
     if isinstance(scheme, ExponentialSteps):
         return Answer(*march_exponential(equation, solver, scheme), math.inf)
     assert isinstance(scheme, AdaptiveSteps | ChebyshevSteps)
@@ -104,7 +114,7 @@ def _decayed(equation: StateEquation, solver: Solver) -> Answer:
         kept = np.exp(-span / equation.template.tau)[:, np.newaxis, np.newaxis]
     x = drive + kept * (start - drive)
     held = equation.given.held
-    return Answer(x if held is None else np.where(held, start, x), solver.duration, 0)
+    return Answer(x if held is None else np.where(held, start, x), solver.duration, 0, PRECISION)
 
 
 def change(equation: StateEquation, answer: Answer, solver: Solver) -> float:
@@ -117,7 +127,13 @@ def change(equation: StateEquation, answer: Answer, solver: Solver) -> float:
 
 
 def _stretch(
-    equation: StateEquation, drive: Floats, x: Floats, time: float, length: float, past: Past | None
+    equation: StateEquation,
+    drive: Floats,
+    x: Floats,
+    time: float,
+    length: float,
+    past: Past | None,
+    precision: float = PRECISION,
 ) -> tuple[Floats, int, OdeSolution | None]:
     """Return the state after a stretch of time, the steps, and the dense output for delays."""
 
@@ -126,7 +142,7 @@ def _stretch(
         return equation.rate(drive, flat.reshape(x.shape), seen, t).ravel()
 
     # solve_ivp would keep the state of every step, which fills the memory where cells are many
-    solver = DOP853(right, time, x.ravel(), time + length, rtol=PRECISION, atol=PRECISION)
+    solver = DOP853(right, time, x.ravel(), time + length, rtol=precision, atol=precision)
     times = [time]
     pieces: list[DenseOutput[np.float64]] = []
     while solver.status == "running":
@@ -141,16 +157,28 @@ def _stretch(
 
 
 def _integrate(equation: StateEquation, solver: Solver) -> Answer:
+    """Run to the end, to finer tolerances until two solutions agree."""
+    before, precision = _to_the_end(equation, solver, COARSER), PRECISION
+    while True:
+        answer = _to_the_end(equation, solver, precision)
+        size = max(1.0, float(np.abs(answer.state).max()))
+        off = float(np.abs(answer.state - before.state).max())
+        if off <= AGREED * size or precision <= FINEST:
+            return replace(answer, error=off + precision * size)
+        before, precision = answer, 0.1 * precision
+
+
+def _to_the_end(equation: StateEquation, solver: Solver, precision: float) -> Answer:
     """Run to the end; to equilibrium in stretches that double."""
-    answer = Answer(equation.start(), 0.0, 0)
+    answer = Answer(equation.start(), 0.0, 0, math.inf)
     drive = equation.drive()
     # settled well below the tolerance that is asked for, so that what is left does not count
     strict = replace(solver, rtol=1e-3 * solver.rtol, atol=1e-3 * solver.atol)
     stretch = 4.0 if solver.settle else solver.duration
     while answer.time < solver.duration:
         stretch = min(stretch, solver.duration - answer.time)
-        x, steps, _ = _stretch(equation, drive, answer.state, answer.time, stretch, None)
-        answer = Answer(x, answer.time + stretch, answer.steps + steps)
+        x, steps, _ = _stretch(equation, drive, answer.state, answer.time, stretch, None, precision)
+        answer = Answer(x, answer.time + stretch, answer.steps + steps, math.inf)
         if solver.settle and change(equation, answer, strict) <= 1.0:
             break
         stretch *= 2.0
@@ -158,7 +186,7 @@ def _integrate(equation: StateEquation, solver: Solver) -> Answer:
 
 
 def _by_stretches(equation: StateEquation, solver: Solver, delay: float) -> Answer:
-    answer = Answer(equation.start(), 0.0, 0)
+    answer = Answer(equation.start(), 0.0, 0, math.inf)
     first = equation.outputs(answer.state)
     dense: OdeSolution | None = None
     fixed = equation.drive()
@@ -173,7 +201,7 @@ def _by_stretches(equation: StateEquation, solver: Solver, delay: float) -> Answ
 
         drive = fixed + equation.delayed_drive(before=answer.time < delay / 2)
         x, steps, dense = _stretch(equation, drive, answer.state, answer.time, length, past)
-        answer = Answer(x, answer.time + length, answer.steps + steps)
+        answer = Answer(x, answer.time + length, answer.steps + steps, math.inf)
         if solver.settle and dense is not None and _still(dense, equation, solver, answer):
             break
     return answer
