@@ -5,8 +5,12 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint requirements.lock
 export PIP_CONSTRAINT := requirements.lock
+PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
+QUICK := $(addprefix tests/,cli/test_devices.py cli/test_run.py cli/test_without_opencl.py docs \
+    engines/test_machine.py engines/test_threads.py engines/test_working_devices.py tactile/test_contact.py unit)
+SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test lint style mypy pyright bench lock clean
+.PHONY: demo test situations platforms lint style mypy pyright bench lock clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html
@@ -14,7 +18,17 @@ demo: $(VENV)/run.stamp
 # the workers fill the cores: threads of OpenBLAS on top wait for each other, in SciPy's `expm` of
 # small matrices hundreds of times as long as they work
 test: $(VENV)/dev.stamp
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile --durations 20
+	$(PYTEST) --durations 20
+
+# the demo and a quick part of the suite as on two other machines: one whose processor is newer than
+# the compiler of PoCL's wheel, and one without OpenCL
+situations: $(VENV)/dev.stamp
+	PYTHONPATH="$(CURDIR)/tests/situations/generic_cpu" $(SITUATION)
+	OCL_ICD_VENDORS="$(CURDIR)/tests/situations/no_opencl" $(SITUATION)
+
+# whether the dependencies resolve on Linux, macOS and Windows: it asks the package index
+platforms: $(VENV)/dev.stamp
+	for each in 3.11 3.12 3.13; do $(BIN)/python tests/house/platforms.py $$each || exit 1; done
 
 # `make --jobs 2 lint` has both type checkers at work at once, of which each takes one core
 lint: style mypy pyright

@@ -64,10 +64,8 @@ class SceneSpec:
             raise SceneError(f"Scene '{self.name}': 'wants' must name at least one event or field.")
         for want in self.wants:
             checked_name(f"a want of scene '{self.name}'", want, SceneError)
-        for part in ("driver", "program", "engine"):
-            name = getattr(self, part)
-            if name is not None:
-                checked_name(f"the {part} of scene '{self.name}'", name, SceneError)
+        for part in ("driver", "program", *(("engine",) if self.engine is not None else ())):
+            checked_name(f"the {part} of scene '{self.name}'", getattr(self, part), SceneError)
 
 
 def scene_names() -> tuple[str, ...]:

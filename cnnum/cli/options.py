@@ -23,7 +23,7 @@ set_option = click.option(
 def engine_options(function: Function) -> Function:
     """Add the options that choose an engine."""
     options = (
-        click.option("--engine", help="Engine to run on: opencl, reference…"),
+        click.option("--engine", help="Engine to run on: opencl, numba or reference."),
         click.option("--device", help="Part of the device's name."),
         click.option("--precision", help="float32 or float64."),
     )

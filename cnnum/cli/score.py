@@ -38,7 +38,7 @@ SUITES = ("slip", "false-alarms", "recordings", "all")
     "given, they are for tuning.",
 )
 @click.option("--program", default="tactile", help="Program for the generated scenes.")
-@click.option("--engine", help="Engine to run on: opencl, reference…")
+@click.option("--engine", help="Engine to run on: opencl, numba or reference.")
 @click.option("--device", help="Part of the device's name.")
 @click.option("--precision", help="float32 or float64.")
 @click.option("--strict", is_flag=True, help="Exit with 1 if a target is missed.")

@@ -83,7 +83,7 @@ def test_arrays_with_a_delay_are_run_by_methods_that_can():
     assert any("delay" in text for text in bench.OMISSIONS)
 
 
-def test_a_quick_round_is_a_field_a_wave_and_a_program_on_one_engine():
+def test_a_quick_round_is_a_field_a_wave_and_a_program_on_one_engine(opencl):
     quick = bench.cases(quick=True)
     fields = [template.name for template in bench.wave_templates()]
     assert [name in fields for name in quick] == [True, True, False]
@@ -151,6 +151,6 @@ def test_a_program_without_transients_has_one_row():
     assert bench.count(["slip"], engines) == len(program_rungs.LADDER)
 
 
-def test_a_device_that_is_not_there_is_told():
+def test_a_device_that_is_not_there_is_told(opencl):
     with pytest.raises(CnnumError, match="nosuch"):
         bench.engines_here("nosuch")

@@ -110,7 +110,7 @@ def test_options_reach_every_benchmark(among, call, tmp_path):
     assert [row["cold_s"] for row in kept["rows"]] == [2.0]
 
 
-def test_a_wrong_device_begins_nothing(among, call):
+def test_a_wrong_device_begins_nothing(among, call, opencl):
     begun = []
     among(first=lambda: begun.append(1) or iter(()))
     result = call("bench", "all", "--device", "no such device")

@@ -53,5 +53,6 @@ def test_a_compiler_that_ends_the_process_costs_one_kernel(monkeypatch):
 
 def test_a_device_that_runs_nothing(monkeypatch):
     monkeypatch.setattr(room, "_child", lambda place, budget: '["try", "first", 0.0]\n')
+    device = choose_device(None)
     with pytest.raises(DeviceError, match="failed at 'first'"):
-        measure(choose_device(None))
+        measure(device)

@@ -48,7 +48,7 @@ def test_show_gives_the_numbers(call, records):
     assert "-1   8  -1" in call("templates", "show", "edge").stdout
 
 
-def test_check_runs_on_every_engine(call, records):
+def test_check_runs_on_every_engine(call, records, opencl):
     result = call("templates", "check", "EDGE", "smooth", "--json", "--repeats", 1)
     assert result.exit_code == 0, result.stderr
     found = records(result.stdout)
@@ -83,7 +83,7 @@ def test_a_failed_check_exits_with_1(call, records, monkeypatch):
     assert "FAILED" in call(*arguments).stdout
 
 
-def test_checks_that_an_engine_is_too_slow_for_are_named(call, records):
+def test_checks_that_an_engine_is_too_slow_for_are_named(call, records, opencl):
     names = ("halfspace_layers", "EDGE")
     result = call("templates", "check", *names, "--repeats", 1)
     assert result.exit_code == 0, result.stderr
@@ -118,9 +118,9 @@ def test_a_program_without_a_check_says_so(call):
     assert "'skeleton' has no check" in result.stderr
 
 
-def test_slip_and_twist_are_checked(call, records):
+def test_slip_and_twist_are_checked(call, records, fast):
     names = ("slip", "twist", "tactile", "grasp_slip")
-    result = call("templates", "check", *names, "--engine", "opencl", "--json")
+    result = call("templates", "check", *names, "--engine", fast.name, "--json")
     assert result.exit_code == 0, result.stderr
     found = records(result.stdout)
     assert {record["template"] for record in found} == set(names)

@@ -8,18 +8,20 @@ NAMES = ("opencl-float32", "opencl-float64", "numba-float32", "numba-float64")
 
 
 class Engines(dict[str, Engine]):
-    """Engines by name and precision, each made when it is first asked for."""
+    """All engines that work here but the reference, by name and precision."""
 
     def __missing__(self, label: str) -> Engine:
-        name, precision = label.split("-")
-        self[label] = Engine(name, precision=precision)
-        return self[label]
+        """Return the reference; another that is not here raises, which skips the test."""
+        name, _, precision = label.partition("-")
+        return Engine(name, precision=precision or None)
 
 
 @pytest.fixture(scope="session")
-def engines() -> Engines:
-    """All engines but the reference, by name and precision."""
-    return Engines()
+def engines(fast: Engine) -> Engines:
+    """Engines that tests choose from by name and precision; the reference stands apart."""
+    here = [label for label in NAMES if fast.name == "opencl" or label.startswith("numba")]
+    made = ((label, label.split("-")) for label in here)
+    return Engines({label: Engine(name, precision=precision) for label, (name, precision) in made})
 
 
 @pytest.fixture(scope="session")

@@ -72,7 +72,8 @@ def remembered(name):
         (lambda name: SceneSpec("s", (name,), "simulated"), CnnumError),
         (lambda name: SceneSpec("s", ("slip",), name), CnnumError),
         (lambda name: SceneSpec("s", ("slip",), "simulated", program=name), CnnumError),
-        (lambda name: SceneSpec("s", ("slip",), "simulated", engine=name), CnnumError),
+        # no name at all is the fastest engine
+        (lambda name: SceneSpec("s", ("slip",), "simulated", engine=name or "\n"), CnnumError),
         (lambda name: (name and remembered(name)) or remembered("\n"), ProgramError),
     ],
 )

@@ -75,7 +75,9 @@ def test_stages_of_strips_are_those_of_one_array(seed, monkeypatch):
         for n in range(len(SEVERAL))
     ]  # fmt: skip
     maps = rng.uniform(-1, 1, (batch, *shape, 2))
-    found = off_by(Engine(precision="float64"), all_methods(SEVERAL, templates, steps), maps)
+    found = off_by(
+        Engine("opencl", precision="float64"), all_methods(SEVERAL, templates, steps), maps
+    )
     # up to 11 steps of at most 6 stages, of values of order 1
     assert {m: off.max() for m, off in found.items() if off.max() > 1e-13} == {}
 
@@ -86,7 +88,7 @@ def test_stages_of_arrays_beyond_one_work_item():
     methods = ("heun", "rk4", "etd-rk2")
     templates = [random_template(rng, boundary, "standard") for boundary in BOUNDARIES]
     maps = rng.uniform(-1, 1, (257, 256, 2)).astype(np.float32)
-    found = off_by(Engine(precision="float32"), all_methods(methods, templates, 33), maps)
+    found = off_by(Engine("opencl", precision="float32"), all_methods(methods, templates, 33), maps)
     # 33 steps of values of order 1 in single precision
     assert {m: off.max() for m, off in found.items() if off.max() > 1e-5} == {}
 

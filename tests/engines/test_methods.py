@@ -59,7 +59,7 @@ def test_exponential_steps_are_those_of_the_formulas(engines, reference, label, 
     inputs, start = rng.uniform(-1, 1, (1, *SHAPE)), rng.uniform(-0.9, 0.9, (2, *SHAPE))
     held = rng.random(SHAPE) < 0.2
     maps = {"input": inputs[0], "state": start, "mask": held}
-    engine = (engines | {"reference": reference})[label]
+    engine = engines[label]
     got = engine.run(template, method=name, dt=0.1, **maps)
     wanted = exponential_steps(template, method, Given(inputs, None, start, None, held), 0.1, 20)
     assert (got.method, got.steps, got.error) == (name, 20, math.inf)

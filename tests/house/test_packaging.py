@@ -92,6 +92,16 @@ def test_installed_wheel_runs_from_any_folder(wheel, tmp_path):
     assert "simulated" in drivers
 
 
+def test_conda_has_the_dependencies_of_pip():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    asked = {item.split(";")[0] for item in project["dependencies"]}
+    wheel = {item for item in asked if item.startswith("pocl-binary-distribution")}
+    text = (ROOT / "docs/environment.yml").read_text()
+    listed = {line[4:] for line in text.splitlines() if line.startswith("  - ")}
+    own = {"conda-forge", "pip", "pocl", f"python{project['requires-python']}"}
+    assert listed == (asked - wheel) | own
+
+
 def test_lock_file_pins_every_dependency():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     locked = {

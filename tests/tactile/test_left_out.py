@@ -157,7 +157,7 @@ def test_scene_runs_what_it_wants_and_no_more(name, whole, scenes):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_kernel_and_buffers_hold_no_more_than_that(name, whole, scenes):
+def test_kernel_and_buffers_hold_no_more_than_that(name, opencl, whole, scenes):
     channels, maps, without = SCENES[name]
     scene = scenes[name]
     text, everything = scene.plan.source, whole.plan.source
@@ -176,8 +176,8 @@ def test_kernel_and_buffers_hold_no_more_than_that(name, whole, scenes):
     assert len(one.packed) == 64 * len(maps) + numbers + 1
 
 
-def test_values_that_travel_are_those_of_channels_that_are_read(fast):
-    scene = load_scene("edges", engine=fast)
+def test_values_that_travel_are_those_of_channels_that_are_read(opencl):
+    scene = load_scene("edges", engine=opencl)
     frame = next(iter(scene.driver.frames()))
     way = scene.way()
     assert frame.values.shape == (8, 8, 4)

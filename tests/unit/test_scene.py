@@ -31,7 +31,7 @@ def test_scene_says_what_it_says(tmp_path):
     assert (spec.name, spec.wants, spec.driver) == ("grasp", ("contact", "slip"), "simulated")
     assert spec.driver_options == {"seed": 3}
     assert spec.parameters == {"threshold": 2.0}
-    assert (spec.engine, spec.precision) == ("opencl", "float64")
+    assert (spec.engine, spec.precision) == (None, "float64")
     assert spec.base == tmp_path
 
 

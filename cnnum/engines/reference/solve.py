@@ -165,7 +165,7 @@ def _integrate(equation: StateEquation, solver: Solver) -> Answer:
         off = float(np.abs(answer.state - before.state).max())
         if off <= AGREED * size or precision <= FINEST:
             return replace(answer, error=off + precision * size)
-        before, precision = answer, 0.1 * precision
+        before, precision = answer, max(0.1 * precision, FINEST)
 
 
 def _to_the_end(equation: StateEquation, solver: Solver, precision: float) -> Answer:
