@@ -36,7 +36,7 @@ def command(device: str | None, measure: bool, as_json: bool) -> None:
     output = Output(as_json)
     try:
         found = _tried(device, measure=measure, as_json=as_json)
-    except NoOpenCLError:
+    except (NoOpenCLError, ImportError):  # without PyOpenCL there is no list of devices either
         found = []
     used = next((one for one in found if one.why), None)
     for one in found:

@@ -1,5 +1,6 @@
 """Without OpenCL every command runs on Numba, with one sentence on standard error that says so."""
 
+import json
 import subprocess
 import sys
 
@@ -76,6 +77,16 @@ def test_without_pyopencl_itself():
     assert done.stdout.split() == ["numba", "float64", "12", "NoOpenCLError"]
     assert done.stderr.startswith("The numba engine runs because PyOpenCL cannot be imported (")
     assert done.stderr.count("\n") == 1
+
+
+def test_devices_without_pyopencl_itself():
+    code = (
+        "import sys; sys.modules['pyopencl'] = None\n"
+        "from cnnum.cli import main; main(['devices', '--json'])\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout)["engine"] == "numba"
+    assert done.stderr.startswith("cnnum: The numba engine runs because PyOpenCL cannot")
 
 
 def test_advice_fits_the_platform():

@@ -32,7 +32,7 @@ TRIPLE_AT, TRIPLE = 632, b"x86_64-unknown-linux-gnu"
 NAME_AT = 640
 """Byte of the record that points to the processor's name."""
 
-AVX2 = frozenset({"avx2", "bmi1", "bmi2", "f16c", "fma", "movbe"})
+AVX2 = frozenset({"abm", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe", "popcnt"})
 AVX512 = AVX2 | {"adx", "aes", "avx512bw", "avx512cd", "avx512dq", "avx512f", "avx512vl", "rdseed"}
 TARGETS = {"skylake-avx512": AVX512, "haswell": AVX2}
 """Names that LLVM 14 knows, the fastest first, with the instructions that each may use."""
