@@ -6,9 +6,10 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cnnum.bench import device_peak, throughput
+from cnnum.bench import throughput
 from cnnum.bench.timing import Difference, Timing, difference
 from cnnum.cli import bench
+from cnnum.engines.opencl import measure as device
 from cnnum.engines.opencl.measure import Figures
 from cnnum.engines.opencl.measure_kernels import arithmetic_kernels
 
@@ -36,7 +37,7 @@ def peaks(monkeypatch):
                 raise rate
             return Figures(rate, 1.0, next(arithmetic_kernels()).label, 1, "", 0.1)
 
-        monkeypatch.setattr(device_peak, "measure", measured)
+        monkeypatch.setattr(device, "measure", measured)
         return left
 
     return of

@@ -21,7 +21,6 @@ SENTENCE = "cnnum: The numba engine runs because no OpenCL platform has a device
         ("plan", "contact"),
         ("run", "contact", "--frames", "20"),
         ("templates", "check", "EDGE"),
-        ("score", "contact"),
         ("bench", "throughput", "--quick", "--help"),
     ],
     ids=" ".join,
