@@ -165,7 +165,7 @@ class Engine:
         MethodError
             If a transient can not run by that method, or not in such steps.
         ProgramError
-            If it is no program, or can not be traced.
+            If it is no program, or cannot be traced.
         UnknownNameError
             If a need is not among its outputs.
         NotSupportedError

@@ -1,4 +1,4 @@
-"""Sentences on standard error that are no errors: which device is used instead of which."""
+"""Sentences on standard error that are no errors: which engine or device is used instead."""
 
 import logging
 from functools import cache
