@@ -6,8 +6,8 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint requirements.lock
 export PIP_CONSTRAINT := requirements.lock
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
-QUICK := $(addprefix tests/,cli/test_devices.py cli/test_run.py cli/test_without_opencl.py docs \
-    engines/test_machine.py engines/test_threads.py engines/test_working_devices.py tactile/test_contact.py unit)
+QUICK := $(addprefix tests/,cli/test_devices.py cli/test_run.py engines/test_machine.py engines/test_threads.py \
+    engines/test_working_devices.py tactile/test_contact.py unit/test_plan.py unit/test_programs.py unit/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
 
 .PHONY: demo test situations platforms lint style mypy pyright bench lock clean
