@@ -5,9 +5,9 @@ import platform
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
 from cnnum import __version__
+from cnnum.engines.processor import processor
 
 _PACKAGES = ("numpy", "scipy", "pyopencl", "pocl-binary-distribution")
 
@@ -48,7 +48,7 @@ class Environment:
         packages = ((name, _version(name)) for name in _PACKAGES)
         return cls(
             date=datetime.now(UTC).isoformat(timespec="seconds"),
-            machine=f"{_processor()}, {_cores()} cores",
+            machine=f"{processor().name}, {_cores()} cores",
             system=f"{platform.system()} {platform.machine()}",
             device=device,
             versions=(*found, *((name, number) for name, number in packages if number)),
@@ -65,13 +65,3 @@ def _version(package: str) -> str:
 def _cores() -> int:
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1
-
-
-def _processor() -> str:
-    # Linux gives no name through `platform`; elsewhere there is no such file.
-    try:
-        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError:
-        lines = []
-    named = (line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
-    return next(named, "") or platform.processor() or platform.machine()

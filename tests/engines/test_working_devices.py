@@ -12,8 +12,8 @@ import pytest
 
 from cnnum.engines.opencl.runtime import pocl_wheel, selection, self_test, verdicts
 from cnnum.engines.opencl.runtime.child import Ended
-from cnnum.engines.opencl.runtime.processor import Processor, read_cpuinfo
 from cnnum.engines.opencl.runtime.verdicts import Verdict, keep_verdict, kept_verdict, subject_of
+from cnnum.engines.processor import Processor, read_cpuinfo
 from cnnum.errors import NoOpenCLError
 
 PLAYED = Path(__file__).parents[1] / "situations" / "generic_cpu"

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pyopencl as cl
 
-from cnnum.engines.opencl.runtime.processor import Processor, processor
+from cnnum.engines.processor import Processor, processor
 
 BUILD = "OpenCL 3.0 PoCL 3.0-rc2  Linux, Release, RELOC, LLVM 14.0.6, SLEEF, DISTRO, POCL_DEBUG"
 """Version of the wheel's platform."""

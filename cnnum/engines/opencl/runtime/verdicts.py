@@ -8,7 +8,6 @@ import contextlib
 import hashlib
 import json
 import os
-import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -19,7 +18,8 @@ import platformdirs
 
 from cnnum import __version__
 from cnnum.engines.opencl.devices import Device
-from cnnum.engines.opencl.runtime.processor import processor
+from cnnum.engines.processor import processor
+from cnnum.files import write_whole
 
 PACKAGES = ("pyopencl", "pocl-binary-distribution")
 
@@ -93,7 +93,4 @@ def keep_verdict(subject: Mapping[str, str], verdict: Verdict) -> None:
     place, text = _place(subject), json.dumps({"subject": subject, **asdict(verdict)}, indent=1)
     with contextlib.suppress(OSError):
         place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        # others that start at the same time read the whole of one verdict or of the other
-        with tempfile.NamedTemporaryFile("w", dir=place.parent, delete=False) as file:
-            file.write(text)
-        Path(file.name).replace(place)
+        write_whole(place, text.encode())
