@@ -53,7 +53,7 @@ def exponential_steps(template, method, given, step, count):
 @pytest.mark.parametrize("label", ["opencl-float64", "numba-float64", "reference"])
 @pytest.mark.parametrize("name", EXPONENTIAL_METHODS)
 @pytest.mark.parametrize("output", ["standard", "linear", "tanh", "full-range"])
-def test_exponential_steps_are_those_of_the_formulas(engines, reference, label, name, output):
+def test_exponential_steps_are_those_of_the_formulas(engines, label, name, output):
     rng = np.random.default_rng(3)
     template, method = layered(rng, output), EXPONENTIAL_METHODS[name]
     inputs, start = rng.uniform(-1, 1, (1, *SHAPE)), rng.uniform(-0.9, 0.9, (2, *SHAPE))
