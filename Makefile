@@ -21,7 +21,7 @@ test: $(VENV)/dev.stamp
 	$(PYTEST) --durations 20
 
 # the demo and a quick part of the suite as on two other machines: one whose processor is newer than
-# the compiler of PoCL's wheel, and one without OpenCL
+# the compiler of PoCL's wheel, and one without OpenCL (its loader is sent to a folder that is not there)
 situations: $(VENV)/dev.stamp
 	PYTHONPATH="$(CURDIR)/tests/situations/generic_cpu" $(SITUATION)
 	OCL_ICD_VENDORS="$(CURDIR)/tests/situations/no_opencl" $(SITUATION)

@@ -52,7 +52,7 @@ def _number(operand: object) -> float | None:
 
 
 def _product(base: object, count: int) -> Field:
-    """Return the product of so many of a field, by squares; of none, 1 in every cell."""
+    """Return a field times itself, `count` factors in all, by squares; 1 in every cell for none."""
     if count == 0:
         return combine(op.SELECT, combine(op.EQUAL, base, base), 1.0, 1.0)
     if count == 1:

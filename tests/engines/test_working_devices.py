@@ -235,6 +235,17 @@ def test_a_refusal_has_its_reason(device, monkeypatch):
     assert "error" in why
 
 
+@pytest.mark.parametrize(
+    ("code", "lasting"), [(0, True), (-6, True), (1, False), (None, False)], ids=str
+)
+def test_only_what_the_device_did_itself_lasts(device, monkeypatch, code, lasting):
+    """It answered, or its compiler ended the process; it was not late, nor was Python in error."""
+    monkeypatch.setattr(self_test, "run_child", lambda *given: Ended('"broken"\n', "", code))
+    why, kept = self_test.try_in_child(device, None)
+    assert why
+    assert kept is lasting
+
+
 def test_how_a_child_ended_is_said():
     assert self_test._why(Ended('""\n', "", 0)) == ""
     assert self_test._why(Ended('"it refuses"\n', "", 0)) == "it refuses"

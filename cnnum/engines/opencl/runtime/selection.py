@@ -85,9 +85,9 @@ def verdict_on(device: Device, *, anew: bool = False) -> Verdict:
     subject = subject_of(device, target)
     verdict = None if anew else kept_verdict(subject)
     if verdict is None:
-        why, answered = try_in_child(device, target)
+        why, lasting = try_in_child(device, target)
         verdict = Verdict(why, target)
-        if answered:  # a device that was late may do better on a machine that is less busy
+        if lasting:
             keep_verdict(subject, verdict)
     _KNOWN[address] = verdict
     if verdict.works and target is not None:

@@ -43,12 +43,13 @@ def try_in_child(device: Device, target: str | None) -> tuple[str, bool]:
     str
         Why it does not work; empty where it does.
     bool
-        Whether the device gave an answer at all: one that was late may do better another time.
+        Whether the device is the cause. One that was late may do better another time, and an
+        error of Python, as with a cache folder that is damaged, is no word of the device.
     """
     place = [known.handle for known in list_devices()].index(device.handle)
     arguments = [str(place)] if target is None else [str(place), target]
     ended = run_child(__spec__.name, arguments, PATIENCE_S)
-    return _why(ended), ended.code is not None
+    return _why(ended), ended.code is not None and ended.code <= 0
 
 
 def _why(ended: Ended) -> str:
