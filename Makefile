@@ -10,7 +10,7 @@ QUICK := $(addprefix tests/,cli/test_devices.py cli/test_run.py engines/test_mac
     engines/test_working_devices.py tactile/test_contact.py unit/test_plan.py unit/test_programs.py unit/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test situations platforms lint style mypy pyright bench lock clean
+.PHONY: demo test situations faults platforms lint style mypy pyright bench lock clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html
@@ -25,6 +25,10 @@ test: $(VENV)/dev.stamp
 situations: $(VENV)/dev.stamp
 	PYTHONPATH="$(CURDIR)/tests/situations/generic_cpu" $(SITUATION)
 	OCL_ICD_VENDORS="$(CURDIR)/tests/situations/no_opencl" $(SITUATION)
+
+# recordings, frames, caches, files and processes under faults on purpose; a short version is in `test`
+faults: $(VENV)/dev.stamp
+	CNNUM_FAULTS=full $(PYTEST) tests/faults
 
 # whether the dependencies resolve on Linux, macOS and Windows: it asks the package index
 platforms: $(VENV)/dev.stamp
