@@ -54,7 +54,7 @@ def pytest_terminal_summary(terminalreporter):
     """Print the table: tried, survived, lost."""
     rows = [
         value
-        for kind in ("passed", "error")
+        for kind in ("", "error")  # a teardown that passes is of no kind
         for report in terminalreporter.stats.get(kind, [])
         for key, value in report.user_properties
         if key == "fault" and report.when == "teardown"
