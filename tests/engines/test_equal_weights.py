@@ -5,10 +5,14 @@ import pytest
 
 from cnnum.engine import Engine
 from cnnum.engines.opencl.equal_weights import shared_products, shares_products, weighted_terms
+from cnnum.engines.opencl.ir.expressions import Number
+from cnnum.engines.opencl.ir.number_types import FLOAT64
+from cnnum.engines.opencl.ir.printer import OpenCLPrinter
 from cnnum.network import Tap, taps
 from cnnum.template import Template
 
 REFERENCE = Engine("reference")
+PRINTER = OpenCLPrinter(FLOAT64)
 
 
 def symmetric(rng, radius, kind):
@@ -51,10 +55,11 @@ def test_terms_are_the_weighted_sum(kind, radius):
     kernels = np.stack([symmetric(rng, radius, kind), -symmetric(rng, radius, kind)])
     found = taps(kernels[np.newaxis], 0)
     values = {tap: rng.normal() for tap in found}
-    terms = weighted_terms(found, repr, lambda tap: f"({values[tap]!r})")
+    terms = weighted_terms(found, Number, lambda tap: Number(values[tap]))
+    written = [PRINTER.expression(term).replace("R(", "(") for term in terms]
     wanted = sum(tap.weight * values[tap] for tap in found)
     # sums of up to 98 numbers of order 1 in another order
-    assert sum(eval(term) for term in terms) == pytest.approx(wanted, abs=1e-13)
+    assert sum(eval(term) for term in written) == pytest.approx(wanted, abs=1e-13)
 
 
 @pytest.mark.parametrize(

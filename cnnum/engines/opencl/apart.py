@@ -1,80 +1,89 @@
-"""A plan's kernel for large arrays, parted at its sweeps so that all cores share each of them.
+"""A plan for large arrays, split at its sweeps so that all cores share each of them.
 
 A sweep over the cells becomes a kernel whose work items take a piece each; what stands between
-sweeps becomes a kernel of one work item a frame. Numbers that outlive a part are kept in
+sweeps becomes a kernel of one work item a frame. Numbers that outlive a kernel are kept in
 registers, one a frame. The host repeats what stands in loops; where frames of a batch take
 different ways, a register of their own says whether a part is theirs.
 """
 
-import re
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import TypedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
-from cnnum.engines.opencl.parts import Launch, Part, Parts, Rounds, Steps, Strips
-from cnnum.engines.opencl.scopes import NAME, Array, Fixed, Register, Scope, parted_at_commas
-from cnnum.engines.opencl.statements import (
+from cnnum.engines.opencl.ir.expressions import (
+    ZERO,
+    Constant,
+    Expression,
+    Integer,
+    Name,
+    Negative,
+    Number,
+)
+from cnnum.engines.opencl.ir.printer import OpenCLPrinter
+from cnnum.engines.opencl.ir.statements import (
+    Array,
+    Assign,
     Block,
     Branch,
     Counted,
+    Declare,
     Note,
-    Plain,
     Statement,
+    StripSteps,
     Sweep,
-    parse,
+    declare,
 )
+from cnnum.engines.opencl.ir.uses import Uses, uses
+from cnnum.engines.opencl.lowering import FIRST
+from cnnum.engines.opencl.parts import Launch, Part, Parts, Rounds, Steps
+from cnnum.engines.opencl.scopes import Fixed, GlobalArray, Meaning, Register, Scope
+from cnnum.engines.opencl.storage import UNFINISHED
 from cnnum.engines.opencl.text import fill, indented
+from cnnum.engines.opencl.transients import ROW
 
 PIECE = 1024
 """Values that a work item takes of a sweep that does not go by rows."""
 
-_ARRAY = re.compile(r"__global real \*const (\w+) = (\w+ \+ [^;]*)$")
-_NUMBER = re.compile(r"(const )?(real|int|scalar) (.+)$", re.DOTALL)
-_FIXED = re.compile(r"R\([-+.\def]*\)$|-?(ZERO|ONE|HUGE)$")
-_TIMES = re.compile(r"\w+ < (\d+)$")
-_UP_TO = re.compile(r"\w+ < (\w+)$")
 
-
-def take_apart(body: str, rows: int, strips: Mapping[str, Strips]) -> Parts:
-    """Return the parts of a kernel's body.
+def take_apart(body: Sequence[Statement], rows: int, printer: OpenCLPrinter) -> Parts:
+    """Return the parts of a plan.
 
     Parameters
     ----------
-    body : str
-        What `cnnum.engines.opencl.statements` reads.
+    body : sequence of Statement
     rows : int
         Of the array.
-    strips : mapping of str to Strips
-        Steps that are kernels already, by the name that stands for them in the body.
+    printer : OpenCLPrinter
+        What writes the kernels.
     """
-    taken = _Apart(rows, strips)
+    split = _Split(rows, printer)
     scope = Scope()
-    scope.meanings["first"] = Fixed("R(is_first)")
-    taken.declare("real", "unfinished = ZERO", scope, None)
-    taken.walk(parse(body), scope, None)
-    taken.flush()
-    return Parts(tuple(taken.parts), "\n".join(taken.kernels), taken.registers, taken.partials)
+    scope.meanings[FIRST.text] = Fixed("R(is_first)")
+    split.walk((declare(UNFINISHED, ZERO),), scope, None)
+    split.walk(body, scope, None)
+    split.flush()
+    return Parts(tuple(split.parts), "\n".join(split.kernels), split.registers, split.partials)
 
 
-class _Ends(TypedDict, total=False):
-    count: int
-    bound: tuple[int, int]
-    flag: int
+@dataclass(frozen=True, slots=True)
+class _Waiting:
+    """What one work item of a frame does, for the frames whose guard is not 0."""
+
+    guard: Register | None
+    lines: list[str]
+    used: tuple[Meaning, ...]
 
 
 @dataclass(slots=True)
-class _Apart:
-    """Walks the statements once; numbers wait in `waiting`, each with its guard."""
+class _Split:
+    """Walks the statements once; those that are no sweeps wait for a kernel of theirs."""
 
     rows: int
-    strips: Mapping[str, Strips]
+    printer: OpenCLPrinter
     parts: list[Part] = field(default_factory=list[Part])
     kernels: list[str] = field(default_factory=list[str])
-    waiting: list[tuple[Register | None, str]] = field(
-        default_factory=list[tuple[Register | None, str]]
-    )
-    known: dict[str, Register] = field(default_factory=dict[str, Register])
-    arrays: dict[str, Array] = field(default_factory=dict[str, Array])
+    waiting: list[_Waiting] = field(default_factory=list[_Waiting])
+    known: list[Register] = field(default_factory=list[Register])
+    arrays: list[GlobalArray] = field(default_factory=list[GlobalArray])
     partials: int = 0
     note: str = ""
 
@@ -83,96 +92,115 @@ class _Apart:
         """Registers so far."""
         return len(self.known)
 
-    def walk(self, statements: tuple[Statement, ...], scope: Scope, guard: Register | None) -> None:
-        """Take statements apart, for the frames whose guard is not 0."""
+    def walk(self, statements: Sequence[Statement], scope: Scope, guard: Register | None) -> None:
+        """Split statements, for the frames whose guard is not 0."""
         for statement in statements:
             if isinstance(statement, Note):
                 self.note = statement.text
-            elif isinstance(statement, Plain):
-                self._plain(statement.text, scope, guard)
+            elif isinstance(statement, Declare):
+                self._declare(statement, scope, guard)
+            elif isinstance(statement, Array):
+                self._array(statement, scope)
+            elif isinstance(statement, StripSteps):
+                self._strips(statement, scope, guard)
             elif isinstance(statement, Block):
                 self.walk(statement.body, Scope(scope), guard)
             elif isinstance(statement, Sweep):
                 self._sweep(statement, scope, guard)
             elif isinstance(statement, Branch):
-                within = self._guard(guard, scope.renamed(statement.condition))
+                within = self._guard(guard, statement.condition, scope)
                 self.walk(statement.body, Scope(scope), within)
-            else:
+            elif isinstance(statement, Counted):
                 self._counted(statement, Scope(scope), guard)
+            else:
+                self._wait(statement, scope, guard)
 
     def flush(self) -> None:
-        """Make a kernel of the numbers that wait."""
+        """Make a kernel of what waits."""
         if not self.waiting:
             return
         lines: list[str] = []
-        for guard, text in self.waiting:
-            lines.append(text if guard is None else f"if ({guard.name} != 0) {{ {text} }}")
-        words = set(NAME.findall("\n".join(lines)))
-        arrays = [array.load for name, array in self.arrays.items() if name in words]
-        used = [register for name, register in self.known.items() if name in words]
-        lines = [*arrays, *(r.load for r in used), *lines, *(r.store for r in used)]
+        used: set[Meaning] = set()
+        for one in self.waiting:
+            used |= {*one.used, *([] if one.guard is None else [one.guard])}
+            if one.guard is None:
+                lines += one.lines
+            else:
+                inner = (f"    {line}" for line in one.lines)
+                lines += [f"if ({one.guard.name} != 0) {{", *inner, "}"]
+        arrays = [array.load for array in self.arrays if array in used]
+        registers = [register for register in self.known if register in used]
+        lines = [*arrays, *(r.load for r in registers), *lines, *(r.store for r in registers)]
         self.waiting = []
         self._launch(lines, 1)
 
     # numbers
 
-    def _plain(self, text: str, scope: Scope, guard: Register | None) -> None:
-        if text in self.strips:
-            self._strips(self.strips[text], scope, guard)
-            return
-        array, number = _ARRAY.match(text), _NUMBER.match(text)
-        if array is not None:
-            meaning = Array(f"{array[1]}_{len(self.arrays)}", array[2])
-            scope.meanings[array[1]] = self.arrays[meaning.name] = meaning
-        elif number is not None:
-            for part in parted_at_commas(number[3]):
-                name, _, value = part.partition(" = ")
-                if number[1] and _FIXED.match(value):
-                    scope.meanings[name] = Fixed(f"({value})")
-                else:
-                    self.declare(number[2], part, scope, guard)
-        else:
-            self.waiting.append((guard, scope.renamed(text) + ";"))
+    def _wait(self, statement: Statement, scope: Scope, guard: Register | None) -> None:
+        found = scope.found(uses((statement,)).names)
+        lines = self._printer(found).lines([statement])
+        self.waiting.append(_Waiting(guard, lines, tuple(found.values())))
 
-    def _strips(self, strips: Strips, scope: Scope, guard: Register | None) -> None:
-        self.flush()
-        levels = scope.find(strips.told) if strips.told else None
-        told = levels.place if isinstance(levels, Register) else None
-        self.parts.append(Steps(strips, guard.place if guard else None, told))
+    def _printer(self, found: dict[str, Meaning]) -> OpenCLPrinter:
+        names = {name: meaning.name for name, meaning in found.items()}
+        return replace(self.printer, names=names)
 
-    def declare(self, kind: str, text: str, scope: Scope, guard: Register | None) -> Register:
-        """Give a declared number a register, and what it starts from."""
-        name, _, value = text.partition(" = ")
-        value = scope.renamed(value)  # before the name means the new one
-        register = Register(f"{name}_{self.registers}", kind, self.registers)
-        self.known[register.name] = register
-        scope.meanings[name] = register
-        if value:
-            self.waiting.append((guard, f"{register.name} = {value};"))
+    def _declare(self, new: Declare, scope: Scope, guard: Register | None) -> None:
+        for name, value in new.variables:
+            if new.fixed and value is not None and _is_constant(value):
+                scope.meanings[name.text] = Fixed(f"({self.printer.expression(value)})")
+                continue
+            # the value is that of the names before the new one is among them
+            register = self._register(new.type, name)
+            if value is not None:
+                self._assign(register, value, scope, guard)
+            scope.meanings[name.text] = register
+
+    def _register(self, kind: str, name: Name) -> Register:
+        register = Register(f"{name.text}_{self.registers}", kind, self.registers)
+        self.known.append(register)
         return register
+
+    def _assign(
+        self, register: Register, value: Expression, scope: Scope, guard: Register | None
+    ) -> None:
+        found = scope.found(_names(value))
+        line = f"{register.name} = {self._printer(found).expression(value)};"
+        self.waiting.append(_Waiting(guard, [line], (register, *found.values())))
+
+    def _array(self, array: Array, scope: Scope) -> None:
+        assert array.start is not None
+        start = self.printer.expression(array.start)
+        meaning = GlobalArray(f"{array.name.text}_{len(self.arrays)}", start)
+        scope.meanings[array.name.text] = meaning
+        self.arrays.append(meaning)
+
+    def _strips(self, steps: StripSteps, scope: Scope, guard: Register | None) -> None:
+        self.flush()
+        levels = scope.find(steps.levels.text) if steps.levels else None
+        place = levels.place if isinstance(levels, Register) else None
+        self.parts.append(Steps(steps.strips, guard.place if guard else None, place))
 
     # sweeps
 
     def _sweep(self, sweep: Sweep, scope: Scope, guard: Register | None) -> None:
         self.flush()
-        by_rows = sweep.variable == "r"
-        pieces = sweep.count if by_rows else min(self.rows, max(1, sweep.count // PIECE))
-        text = scope.renamed(sweep.body)
+        pieces = sweep.count
+        if sweep.variable != ROW:
+            pieces = min(self.rows, max(1, sweep.count // PIECE))
+        found, done = self._used_by(sweep, scope)
+        sums = [(found[name], how) for name, how in done.taken_in.items() if name in found]
+        sums.sort(key=lambda each: list(found.values()).index(each[0]))
+        v = sweep.variable.text
         lines = [] if guard is None else [f"if ({guard.where} == 0) {{ return; }}"]
-        sums: list[tuple[Register, str]] = []
-        for meaning in scope.used(sweep.body):
-            if isinstance(meaning, Fixed):
-                continue
-            lines.append(meaning.load)
-            if isinstance(meaning, Register) and (how := _adds_up(meaning.name, text)):
-                sums.append((meaning, how))
+        lines += [meaning.load for meaning in found.values() if not isinstance(meaning, Fixed)]
         # a sum starts from what it is in the first piece, and from nothing in the others
         lines += [f"{r.name} = piece == 0 ? {r.name} : ZERO;" for r, how in sums if how == "+"]
         lines += [
             f"const int begin = (int)((long){sweep.count} * piece / {pieces});",
             f"const int end = (int)((long){sweep.count} * (piece + 1) / {pieces});",
-            f"for (int {sweep.variable} = begin; {sweep.variable} < end; ++{sweep.variable}) {{",
-            *(line.strip() for line in text.splitlines()),
+            f"for (int {v} = begin; {v} < end; ++{v}) {{",
+            *self._printer(found).lines(sweep.body, 1),
             "}",
         ]
         for slot, (register, _) in enumerate(sums):
@@ -180,49 +208,66 @@ class _Apart:
         self._launch(lines, pieces)
         for slot, (register, how) in enumerate(sums):
             self.partials = max(self.partials, (slot + 1) * pieces)
-            self.waiting.append((guard, _gathered(register.name, how, slot, pieces)))
+            gathered = _gathered(register.name, how, slot, pieces)
+            self.waiting.append(_Waiting(guard, gathered, (register,)))
+
+    def _used_by(self, sweep: Sweep, scope: Scope) -> tuple[dict[str, Meaning], Uses]:
+        """Return what the names in a sweep mean, and what it does with them.
+
+        Raises
+        ------
+        ValueError
+            If it changes a number of the frame, which no order of pieces would give again.
+        """
+        done = uses(sweep.body)
+        found = scope.found(done.names)
+        for name in done.changed:
+            if isinstance(found.get(name), Register):
+                raise ValueError(f"A sweep changes '{name}' in a way that has no pieces.")
+        return found, done
 
     # ways that frames take by themselves
 
-    def _guard(self, outer: Register | None, condition: str) -> Register:
+    def _guard(self, outer: Register | None, condition: Expression, scope: Scope) -> Register:
         """Return the register of a new condition within another one."""
-        register = Register(f"go_{self.registers}", "int", self.registers)
-        self.known[register.name] = register
-        self._renew(register, outer, condition)
+        register = self._register("int", Name("go"))
+        self._renew(register, outer, condition, scope)
         return register
 
-    def _renew(self, register: Register, outer: Register | None, condition: str) -> None:
-        both = f"({condition})" if outer is None else f"{outer.name} != 0 && ({condition})"
-        self.waiting.append((None, f"{register.name} = {both};"))
+    def _renew(
+        self, register: Register, outer: Register | None, condition: Expression, scope: Scope
+    ) -> None:
+        found = scope.found(_names(condition))
+        holds = f"({self._printer(found).expression(condition)})"
+        both = holds if outer is None else f"{outer.name} != 0 && {holds}"
+        used = (register, *([] if outer is None else [outer]), *found.values())
+        self.waiting.append(_Waiting(None, [f"{register.name} = {both};"], used))
 
     def _counted(self, loop: Counted, scope: Scope, guard: Register | None) -> None:
-        times = _TIMES.match(loop.condition)
+        often = loop.end if isinstance(loop.end, int) and loop.running is None else None
         count: Register | None = None
-        if loop.counts or times is None:
-            count = self.declare("int", f"{loop.variable} = {loop.start}", scope, guard)
-        condition = scope.renamed(loop.condition)
-        within = guard if times else self._guard(guard, condition)
+        if often is None or loop.variable.text in uses(loop.body).names:
+            count = self._register("int", loop.variable)
+            self._assign(count, Integer(loop.start), scope, guard)
+            scope.meanings[loop.variable.text] = count
+        within = guard if often is not None else self._guard(guard, loop.condition, scope)
         self.flush()
         outside, self.parts = self.parts, []
         self.walk(loop.body, scope, within)
         if count is not None:
-            self.waiting.append((within, f"++{count.name};"))
-        if within is not None and not times:
-            self._renew(within, within, condition)
+            self.waiting.append(_Waiting(within, [f"++{count.name};"], (count,)))
+        if within is not None and often is None:
+            self._renew(within, within, loop.condition, scope)
         self.flush()
-        rounds = Rounds(tuple(self.parts), **self._ends(loop, scope, within))
+        if often is not None:
+            rounds = Rounds(tuple(self.parts), count=often - loop.start)
+        else:
+            assert within is not None
+            bound = scope.find(loop.end.text) if isinstance(loop.end, Name) else None
+            rounds = Rounds(tuple(self.parts), flag=within.place)
+            if isinstance(bound, Register) and loop.running is None:
+                rounds = Rounds(tuple(self.parts), bound=(bound.place, loop.start))
         self.parts = [*outside, rounds]
-
-    def _ends(self, loop: Counted, scope: Scope, within: Register | None) -> _Ends:
-        """Return what the host has to ask for to know when a loop is over."""
-        times, up_to = _TIMES.match(loop.condition), _UP_TO.match(loop.condition)
-        if times:
-            return {"count": int(times[1]) - loop.start}
-        bound = scope.find(up_to[1]) if up_to else None
-        if isinstance(bound, Register):
-            return {"bound": (bound.place, loop.start)}
-        assert within is not None
-        return {"flag": within.place}
 
     def _launch(self, lines: list[str], pieces: int) -> None:
         name = f"part_{len(self.kernels)}"
@@ -231,32 +276,24 @@ class _Apart:
         self.parts.append(Launch(name, pieces))
 
 
-def _adds_up(name: str, text: str) -> str | None:
-    """Return how a sweep adds to a number: the function's name, or "+"; None where it only reads.
+def _names(value: Expression) -> tuple[str, ...]:
+    return uses((Assign(Name(""), value),)).names
 
-    Raises
-    ------
-    ValueError
-        If it does anything else to it, which no order of pieces would give again.
-    """
-    if not re.search(rf"\b{name}\s*[-+*/]?=(?!=)", text):
-        return None
-    extreme = re.search(rf"\b{name} = (fmax|fmin|greater)\(\(?{name}\b", text)
-    if extreme is not None:
-        return extreme[1]
-    if re.search(rf"\b{name} = \(?{name}\)? \+ ", text):
-        return "+"
-    raise ValueError(f"A sweep changes '{name}' in a way that has no pieces.")
+
+def _is_constant(value: Expression) -> bool:
+    """Return whether a value is the same in every frame."""
+    inner = value.value if isinstance(value, Negative) else value
+    return isinstance(inner, Number | Constant)
 
 
 def _partial(slot: int, pieces: int, piece: str) -> str:
     return f"partials[({slot} * batch + frame) * {pieces} + {piece}]"
 
 
-def _gathered(name: str, how: str, slot: int, pieces: int) -> str:
-    """Return the statement that puts a number together from its pieces, always in their order."""
+def _gathered(name: str, how: str, slot: int, pieces: int) -> list[str]:
+    """Return the statements that put a number together from its pieces, always in their order."""
     part = _partial(slot, pieces, "k")
+    loop = f"for (int k = 0; k < {pieces}; ++k)"
     if how == "+":
-        each = f"{name} += {part};"
-        return f"{name} = ZERO; for (int k = 0; k < {pieces}; ++k) {{ {each} }}"
-    return f"for (int k = 0; k < {pieces}; ++k) {{ {name} = {how}({name}, {part}); }}"
+        return [f"{name} = ZERO;", f"{loop} {{ {name} += {part}; }}"]
+    return [f"{loop} {{ {name} = {how}({name}, {part}); }}"]

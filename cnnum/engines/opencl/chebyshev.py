@@ -1,80 +1,144 @@
-"""The kernel text of Runge–Kutta–Chebyshev steps: as many stages as a step's length needs."""
+"""Runge–Kutta–Chebyshev steps: as many stages as a step's length needs."""
 
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.engines.opencl.rates import Instant, outputs, rates, rates_once
-from cnnum.engines.opencl.stepping import Attempt, advance, growth_texts
-from cnnum.engines.opencl.strip_attempts import chebyshev_attempts
-from cnnum.engines.opencl.text import fill, indented
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    ONE,
+    Cast,
+    Constant,
+    Expression,
+    Integer,
+    Name,
+    Number,
+    call,
+    size,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Block,
+    Counted,
+    Declare,
+    Note,
+    Statement,
+    While,
+    add,
+    declare,
+    fixed,
+    sweep,
+)
+from cnnum.engines.opencl.rates import CHANGE, RATE, Instant, Then, outputs, rates, rates_once
+from cnnum.engines.opencl.start import X
+from cnnum.engines.opencl.step_control import (
+    ADDED,
+    K0,
+    RUNNING,
+    SPEED,
+    TIME,
+    WORST,
+    XS,
+    Attempt,
+    Control,
+    Figures,
+    H,
+    advance,
+    controlled,
+    rounding,
+)
+from cnnum.engines.opencl.stepping import rates_of
+from cnnum.engines.opencl.strip_attempts import STAGES, chebyshev_attempts
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
-from cnnum.integrators.choice import MAX_STEPS
-from cnnum.integrators.estimate import ROUNDINGS, SAFETY
 from cnnum.integrators.schemes import ChebyshevSteps
 
+OLD, K1 = Name("old"), rates_of(1)
+"""The stage before the last, and the rates at the step's end."""
 
-def chebyshev(text: TransientText, scheme: ChebyshevSteps, *, by_strips: bool) -> dict[str, str]:
+REACH, TABLE_ROW, STAGE, NEW = Name("reach"), Name("row"), Name("j"), Name("new")
+BEGIN, BACK1, BACK2, WEIGHT, START = (
+    Name("begin"), Name("back1"), Name("back2"), Name("weight"), Name("start"),
+)  # fmt: skip
+"""Numbers of a method's rows."""
+
+
+def chebyshev(text: TransientText, scheme: ChebyshevSteps, *, by_strips: bool) -> Figures:
     """Append the steps, of large arrays `by_strips`, and return the figures of the run."""
-    n = text.layers * text.cells
-    text.array("k0", n)
+    text.array(K0, text.states)
     table = text.tables.data(_coefficients())
     attempt = chebyshev_attempts(text, table) if by_strips else _sweeps(text, table)
     with text.aside() as first_rates:
-        (rates_once if by_strips else _rates)(text, "x", ["k0[{at}] = rate;"], Instant())
-    filled = fill(
-        "chebyshev_steps",
-        cells=n,
-        first_step=text.number(scheme.first_step),
-        duration=text.number(text.solver.duration),
-        longest=text.number(chebyshev_method(MAX_STAGES).real_stability / scheme.fastest),
-        fastest=text.number(scheme.fastest),
-        reach=text.number(1.0 / _reach()),
-        most=MAX_STAGES,
-        first_rates=indented(["{", *first_rates, "}", *attempt.begin], 2),
-        stages=indented(attempt.stages, 3),
-        limit=MAX_STEPS,
-        judge=indented(attempt.judge, 3),
-        advance=indented(attempt.advance, 3),
-        settle=text.number(float(scheme.settle)),
-        almost_one=text.number(1.0 - 1e-6),
-        exponent=text.number(-1.0 / 3.0),
-        **growth_texts(text),
+        once = rates_once if by_strips else _rates
+        once(text, X, lambda at, _: [Assign(K0[at], RATE)], Instant())
+    longest = Number(chebyshev_method(MAX_STAGES).real_stability / scheme.fastest)
+    left = Number(text.solver.duration) - TIME
+    control = Control(
+        about="runge-kutta-chebyshev: steps follow the error estimate, stages follow the steps",
+        first_step=scheme.first_step,
+        length=call("fmin", H, call("fmin", longest, left)),
+        carries=False,
+        order=3,
+        safety=0.8,
+        least=0.1,
+        settle=scheme.settle,
     )
-    text.lines += [*filled.splitlines(), *attempt.end]
-    figures = {"time": "time", "steps": "steps", "error": f"{text.number(SAFETY)} * error"}
-    return figures | ({"settled": "settled"} if scheme.settle else {})
+    stages = [*_count_stages(scheme), *attempt.stages]
+    return controlled(text, control, first_rates, attempt, stages)
+
+
+def _count_stages(scheme: ChebyshevSteps) -> list[Statement]:
+    """Return what finds the stages of a step: the lane with the longest says how many all take."""
+    reach = RUNNING * H * Number(scheme.fastest) * Number(1.0 / _reach())
+    short = Cast("scalar", STAGES * STAGES) < REACH
+    return [
+        Note("// the lane with the longest step says how many stages all of them take"),
+        fixed(REACH, call("LARGEST_LANE", reach) + Cast("scalar", Integer(1)), of="scalar"),
+        declare(STAGES, 2, of="int"),
+        While((STAGES < MAX_STAGES) & short, (Assign(STAGES, Integer(1), "+="),)),
+    ]
 
 
 def _sweeps(text: TransientText, table: int) -> Attempt:
     """Return a step's statements as sweeps over all cells; in the data its rows are a `table`."""
-    n = text.layers * text.cells
-    for name in ("xs", "old", "k1"):
-        text.array(name, n)
+    for name in (XS, OLD, K1):
+        text.array(name, text.states)
+
+    def then(at: Expression, _: int) -> list[Statement]:
+        states = (ONE - BACK1 - BACK2) * X[at] + BACK1 * XS[at] + BACK2 * OLD[at]
+        return [Assign(OLD[at], states + H * (WEIGHT * RATE + START * K0[at]))]
+
+    def number(place: int) -> Expression:
+        return text.tables.number_at(TABLE_ROW + place if place else TABLE_ROW)
+
     with text.aside() as stage:
-        body = (
-            "old[{at}] = (ONE - back1 - back2) * x[{at}] + back1 * xs[{at}] + back2 * old[{at}]"
-            " + h * (weight * rate + start * k0[{at}]);"
-        )
-        _rates(text, "xs", [body], Instant())
-        # what was before is not needed any more: the two change places
-        text.lines.append(f"for (int i = 0; i < {n}; ++i) {{")
-        text.lines += ["    const real new = old[i]; old[i] = xs[i]; xs[i] = new;", "}"]
+        _rates(text, XS, then, Instant())
     with text.aside() as last_rates:
-        _rates(text, "xs", ["k1[{at}] = rate;"], Instant())
-    stages = fill(
-        "chebyshev_stages",
-        cells=n,
-        most=MAX_STAGES,
-        rows=table,
-        stage=indented(stage, 1),
-        last_rates=indented(["{", *last_rates, "}"], 0),
-    )
-    return Attempt([], stages.splitlines(), _judge(text), advance(text, 1), [])
+        _rates(text, XS, lambda at, _: [Assign(K1[at], RATE)], Instant())
+    # what was before is not needed any more: the two change places
+    swap: list[Statement] = [
+        fixed(NEW, OLD[CELL]),
+        Assign(OLD[CELL], XS[CELL]),
+        Assign(XS[CELL], NEW),
+    ]
+    first = [Assign(OLD[CELL], X[CELL]), Assign(XS[CELL], X[CELL] + BEGIN * H * K0[CELL])]
+    weights = [
+        Declare("real", ((BACK1, number(0)), (BACK2, number(1))), fixed=True),
+        Declare("real", ((WEIGHT, number(2)), (START, number(3))), fixed=True),
+    ]
+    each = (add(TABLE_ROW, Integer(4)), *weights, *stage, sweep(CELL, text.states, swap))
+    stages: list[Statement] = [
+        declare(TABLE_ROW, Integer(table) + STAGES * MAX_STAGES * 4, of="int"),
+        fixed(BEGIN, number(2)),
+        sweep(CELL, text.states, first),
+        Counted(STAGE, 1, STAGES, None, each),
+        Block(tuple(last_rates)),
+    ]
+    return Attempt([], stages, _judge(text), advance(text, K1), [])
 
 
-def _rates(text: TransientText, state: str, then: list[str], instant: Instant) -> None:
-    outputs(text, [f"{state}[{text.at(layer)}]" for layer in range(text.layers)])
+def _rates(text: TransientText, state: Name, then: Then, instant: Instant) -> None:
+    outputs(text, text.each(state))
     rates(text, state, then, instant)
 
 
@@ -93,18 +157,18 @@ def _coefficients() -> Floats:
     return table
 
 
-def _judge(text: TransientText) -> list[str]:
-    """Return the text that finds the worst error of a step, and the change at its end."""
-    tau = text.number(float(text.template.tau.max()))
-    rounding = text.number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
-    scale = text.scale("fmax(fabs(x[i]), fabs(xs[i]))")
-    return [
-        f"for (int i = 0; i < {text.layers * text.cells}; ++i) {{",
-        # Sommeijer, Shampine & Verwer 1998, section 2.2
-        "    const real e = fabs(R(0.8) * (x[i] - xs[i]) + R(0.4) * h * (k0[i] + k1[i]));",
-        f"    worst = greater(worst, e / {scale});",
-        f"    added = greater(added, e + {rounding} * fabs(xs[i]));",
-        "    speed = greater(speed, fabs(k1[i]));",
-        f"    change = greater(change, fabs({tau} * k1[i]) / {text.scale('xs[i]')});",
-        "}",
+def _judge(text: TransientText) -> list[Statement]:
+    """Return what finds the worst error of a step, and the change at its end."""
+    tau, e = Number(float(text.template.tau.max())), Name("e")
+    # Sommeijer, Shampine & Verwer 1998, section 2.2
+    states = call("R", Constant("0.8")) * (X[CELL] - XS[CELL])
+    error = states + call("R", Constant("0.4")) * H * (K0[CELL] + K1[CELL])
+    larger = call("fmax", size(X[CELL]), size(XS[CELL]))
+    body: list[Statement] = [
+        fixed(e, size(error)),
+        Accumulate(WORST, "greater", e / text.scale(larger)),
+        Accumulate(ADDED, "greater", e + rounding(text) * size(XS[CELL])),
+        Accumulate(SPEED, "greater", size(K1[CELL])),
+        Accumulate(CHANGE, "greater", size(tau * K1[CELL]) / text.scale(XS[CELL])),
     ]
+    return [sweep(CELL, text.states, body)]

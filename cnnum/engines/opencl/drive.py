@@ -1,15 +1,22 @@
-"""The kernel text of what drives the cells from outside: w = B∗u + z + bias, once a frame."""
+"""What drives the cells from outside: w = B∗u + z + bias, once a frame."""
 
 from cnnum.engines.opencl.couplings import nonlinear
+from cnnum.engines.opencl.ir.expressions import ZERO, Expression, Name, Number
+from cnnum.engines.opencl.ir.statements import Assign, Statement, add, block, declare, fixed
 from cnnum.engines.opencl.needs import has_history, inputs_read, pads_inputs, reads_inputs
-from cnnum.engines.opencl.row_sums import Seen, rows_near, sums_by_rows, sweep_sums
+from cnnum.engines.opencl.row_sums import Seen, line_of, rows_near, sums_by_rows, sweep_sums
 from cnnum.engines.opencl.strip_couplings import given, inputs_of, static_sums
 from cnnum.engines.opencl.strip_inputs import keep_rows
 from cnnum.engines.opencl.strip_lanes import lanes_fit
 from cnnum.engines.opencl.strip_rows import At
 from cnnum.engines.opencl.text import comment
-from cnnum.engines.opencl.transients import TransientText
+from cnnum.engines.opencl.transients import NOW, SUM, TransientText
 from cnnum.network import taps
+
+U, W, LATER = Name("u"), Name("w"), Name("later")
+"""Padded inputs, what drives the cells, and what changes in it when a delay is over."""
+
+THEN = Name("then")
 
 
 def constant_drive(text: TransientText) -> tuple[float, ...] | None:
@@ -19,19 +26,19 @@ def constant_drive(text: TransientText) -> tuple[float, ...] | None:
     return tuple(float(z) for z in text.template.z)
 
 
-def drive_of(text: TransientText, layer: int) -> str:
-    """Return the expression for w in cell `i` of a layer."""
+def drive_of(text: TransientText, layer: int) -> Expression:
+    """Return w in cell `i` of a layer."""
     constant = constant_drive(text)
-    return f"w[{text.at(layer)}]" if constant is None else text.number(constant[layer])
+    return W[text.at(layer)] if constant is None else Number(constant[layer])
 
 
 def drive(text: TransientText) -> None:
-    """Append the text that computes w, where it is not just z."""
-    text.lines.append(comment(f"{text.template.name}: w = B * u + z"))
+    """Append the statements that compute w, where it is not just z."""
+    text.body.append(comment(f"{text.template.name}: w = B * u + z"))
     if constant_drive(text) is not None:
         return
     template = text.template
-    text.array("w", text.layers * text.cells)
+    text.array(W, text.states)
     seen = [input_seen(text, n) for n in range(template.inputs)]
     before = [input_seen(text, n, before=True) for n in range(template.inputs)]
     both = [*seen, *(before if has_history(text) else [])]
@@ -40,16 +47,16 @@ def drive(text: TransientText) -> None:
         _keep_inputs(text)
         return
     if pads_inputs(text):
-        text.array("u", template.inputs * text.padded)
+        text.array(U, template.inputs * text.padded)
         if has_history(text):
             _history(text)
         _pad(text, text.operands.inputs)
-    body: list[str] = ["real sum;"]
+    body: list[Statement] = [declare(SUM)]
     for layer in range(text.layers):
-        start = text.number(float(template.z[layer]))
+        start: Expression = Number(float(template.z[layer]))
         if text.operands.biases:
-            start += f" + {text.operands.biases[layer]}"
-        body.append(f"sum = {start};")
+            start = start + text.operands.biases[layer]
+        body.append(Assign(SUM, start))
         body += _driven(text, layer)
         body += [
             line
@@ -59,7 +66,7 @@ def drive(text: TransientText) -> None:
         ]
         if template.delayed is not None and template.delayed.B.any():
             body += _delayed(text, layer)
-        body.append(f"w[{text.at(layer)}] = sum;")
+        body.append(Assign(W[text.at(layer)], SUM))
     text.over_grid(body)
     _keep_inputs(text)
 
@@ -68,9 +75,9 @@ def input_seen(text: TransientText, number: int, *, before: bool = False) -> See
     """Return an input, or what it was before the start, as neighbours see it."""
     given = text.operands.previous if before else text.operands.inputs
     name = inputs_before if before else inputs_of
-    value = given[number] if number < len(given) else "ZERO"
+    value = given[number] if number < len(given) else ZERO
     boundary = text.template.input_boundary
-    return Seen(name(number), [[f"now = {value};"]], boundary, boundary.constant)
+    return Seen(name(number), [[Assign(NOW, value)]], boundary, boundary.constant)
 
 
 def inputs_before(number: int) -> str:
@@ -79,80 +86,85 @@ def inputs_before(number: int) -> str:
 
 
 def _drive_by_rows(text: TransientText, seen: list[Seen]) -> None:
-    """Append the text that computes w, and what changes after a delay, from inputs in lanes."""
+    """Append what computes w, and what changes after a delay, from inputs in lanes."""
     template, layers = text.template, range(text.layers)
     rows = rows_near(text, len(seen), {one.name: place for place, one in enumerate(seen)})
     each, late = [At(layer, 0) for layer in layers], template.delayed
     sums = [[*given(rows, at, template.B, inputs_of), *static_sums(rows, at)] for at in each]
-    body = [
-        f"w[{text.at(layer)}] = line{layer}[c] + {text.number(float(template.z[layer]))}"
-        + (f" + {text.operands.biases[layer]};" if text.operands.biases else ";")
-        for layer in layers
-    ]
+    body: list[Statement] = []
+    for layer in layers:
+        driven: Expression = line_of(layer) + Number(float(template.z[layer]))
+        if text.operands.biases:
+            driven = driven + text.operands.biases[layer]
+        body.append(Assign(W[text.at(layer)], driven))
     if late is not None:
         name = inputs_before if has_history(text) else inputs_of
         for at, lines in zip(each, sums, strict=True):
             lines += given(rows, at, late.B, name)
     sweep_sums(text, seen, sums, body)
     if late is not None and has_history(text):
-        text.array("later", text.layers * text.cells)
+        text.array(LATER, text.states)
         changes = [
             [*given(rows, at, late.B, inputs_of), *given(rows, at, -late.B, inputs_before)]
             for at in each
         ]
-        then = [f"later[{text.at(layer)}] = line{layer}[c];" for layer in layers]
-        sweep_sums(text, seen, changes, then)
+        changed = [Assign(LATER[text.at(layer)], line_of(layer)) for layer in layers]
+        sweep_sums(text, seen, changes, changed)
 
 
 def _keep_inputs(text: TransientText) -> None:
-    """Append the text that keeps inputs that the cells go on reading, for steps by strips."""
+    """Append what keeps inputs that the cells go on reading, for steps by strips."""
     if lanes_fit(text):
         for number in inputs_read(text):
             keep_rows(text, input_seen(text, number))
 
 
-def _driven(text: TransientText, layer: int) -> list[str]:
+def _driven(text: TransientText, layer: int) -> list[Statement]:
     """Return statements that add B * u of a layer to `sum`."""
     found = taps(text.template.B, layer)
     if pads_inputs(text):
-        return text.weighted("u", found)
+        return text.weighted(U, found)
     inputs = text.operands.inputs
-    return [f"sum += {text.number(tap.weight)} * {inputs[tap.source]};" for tap in found]
+    return [add(SUM, Number(tap.weight) * inputs[tap.source]) for tap in found]
 
 
 def arrive(text: TransientText) -> None:
-    """Append the text that lets delayed inputs change: those since the start have arrived."""
+    """Append the statements that let delayed inputs change: those since the start have arrived."""
     text.over_cells(
-        [f"w[{text.at(layer)}] += later[{text.at(layer)}];" for layer in range(text.layers)]
+        [add(w, change) for w, change in zip(text.each(W), text.each(LATER), strict=True)]
     )
 
 
-def _pad(text: TransientText, inputs: tuple[str, ...]) -> None:
+def _pad(text: TransientText, inputs: tuple[Expression, ...]) -> None:
     boundary = text.template.input_boundary
-    text.over_grid([f"u[{m * text.padded} + p] = {source};" for m, source in enumerate(inputs)])
-    text.fill_rims("u", text.template.inputs, boundary, boundary.constant)
+    text.over_grid([Assign(U[text.padded_at(m)], source) for m, source in enumerate(inputs)])
+    text.fill_rims(U, text.template.inputs, boundary, boundary.constant)
 
 
-def _delayed(text: TransientText, layer: int) -> list[str]:
+def _delayed(text: TransientText, layer: int) -> list[Statement]:
     assert text.template.delayed is not None
-    found = taps(text.template.delayed.B, layer)
+    found, later = taps(text.template.delayed.B, layer), LATER[text.at(layer)]
     if not has_history(text):
-        return text.weighted("u", found)
+        return text.weighted(U, found)
     # w starts from the inputs before the start; `later` is what changes when the delay is over
     return [
-        f"{{ real now = ZERO; {' '.join(text.weighted('u', found, 'now'))}",
-        f"const real then = later[{text.at(layer)}];",
-        f"sum += then; later[{text.at(layer)}] = now - then; }}",
+        block(
+            declare(NOW, ZERO),
+            *text.weighted(U, found, NOW),
+            fixed(THEN, later),
+            add(SUM, THEN),
+            Assign(later, NOW - THEN),
+        )
     ]
 
 
 def _history(text: TransientText) -> None:
-    """Append the text that leaves in `later` what delayed inputs gave before the start."""
+    """Append what leaves in `later` what delayed inputs gave before the start."""
     assert text.template.delayed is not None
-    text.array("later", text.layers * text.cells)
+    text.array(LATER, text.states)
     _pad(text, text.operands.previous)
-    body: list[str] = ["real sum;"]
+    body: list[Statement] = [declare(SUM)]
     for layer in range(text.layers):
         found = taps(text.template.delayed.B, layer)
-        body += ["sum = ZERO;", *text.weighted("u", found), f"later[{text.at(layer)}] = sum;"]
+        body += [Assign(SUM, ZERO), *text.weighted(U, found), Assign(LATER[text.at(layer)], SUM)]
     text.over_grid(body)

@@ -7,6 +7,7 @@ by the cells left and right of it, and compilers then find it once.
 from collections.abc import Callable, Iterable
 from itertools import groupby
 
+from cnnum.engines.opencl.ir.expressions import Expression
 from cnnum.network import Tap
 
 
@@ -36,10 +37,10 @@ def shares_products(found: Iterable[Tap]) -> bool:
 
 def weighted_terms(
     found: Iterable[Tap],
-    number: Callable[[float], str],
-    value: Callable[[Tap], str],
+    number: Callable[[float], Expression],
+    value: Callable[[Tap], Expression],
     least: int = 2,
-) -> list[str]:
+) -> list[Expression]:
     """Return the terms of Σ weight · value, one a group of equal weights.
 
     Parameters
@@ -60,22 +61,23 @@ def _column(tap: Tap) -> tuple[int, int, int]:
 
 
 def _term(
-    group: tuple[Tap, ...], number: Callable[[float], str], value: Callable[[Tap], str]
-) -> str:
+    group: tuple[Tap, ...],
+    number: Callable[[float], Expression],
+    value: Callable[[Tap], Expression],
+) -> Expression:
     if len(group) == 1:
-        return f"{number(group[0].weight)} * {value(group[0])}"
-    weight, total = group[0].weight, ""
+        return number(group[0].weight) * value(group[0])
+    weight, total = group[0].weight, None
     for _, column in groupby(group, key=lambda tap: (tap.source, tap.col)):
-        members = list(column)
+        first, *others = column
         # within a column the first is added, so that the sum is the same wherever it is wanted
-        inner = "".join(
-            f"{_sign(tap, members[0].weight) if n else ''}{value(tap)}"
-            for n, tap in enumerate(members)
-        )
-        inner = f"({inner})" if len(members) > 1 else inner
-        total += f"{_sign(members[0], weight) if total else ''}{inner}"
-    return f"{number(weight)} * ({total})"
+        inner = value(first)
+        for tap in others:
+            inner = _added(inner, value(tap), tap.weight == first.weight)
+        total = inner if total is None else _added(total, inner, first.weight == weight)
+    assert total is not None
+    return number(weight) * total
 
 
-def _sign(tap: Tap, weight: float) -> str:
-    return " + " if tap.weight == weight else " - "
+def _added(total: Expression, value: Expression, same: bool) -> Expression:
+    return total + value if same else total - value

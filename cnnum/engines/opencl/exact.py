@@ -1,20 +1,47 @@
-"""The kernel text of transients without time steps, and what rounding leaves of their exactness."""
+"""Transients without time steps, and what rounding leaves of their exactness."""
 
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.engines.opencl.drive import constant_drive, drive_of
-from cnnum.engines.opencl.start import start, start_of
+from cnnum.engines.opencl.drive import W, constant_drive, drive_of
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    ONE,
+    ZERO,
+    Element,
+    Expression,
+    Integer,
+    Name,
+    Number,
+    pick,
+    size,
+    total,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Loop,
+    Statement,
+    Sweep,
+    add,
+    declare,
+    fixed,
+    sweep,
+)
+from cnnum.engines.opencl.start import X, start, start_of
+from cnnum.engines.opencl.step_control import Figures
 from cnnum.engines.opencl.text import comment
-from cnnum.engines.opencl.transients import TransientText
+from cnnum.engines.opencl.transients import COL, ROW, SUM, TransientText
 from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.spectral import Spectral
 
+LARGEST, X0, HALFWAY, MODES = Name("largest"), Name("x0"), Name("halfway"), Name("modes")
+J, K, V = Name("j"), Name("k"), Name("v")
 
-def exact(text: TransientText, scheme: Decay | Propagator | Spectral) -> dict[str, str]:
-    """Append the text that sets the states `x` to their end and return the figures of the run."""
-    text.lines.append(comment(f"exact after {text.solver.duration:g}"))
-    text.lines.append("real largest = ZERO;")
+
+def exact(text: TransientText, scheme: Decay | Propagator | Spectral) -> Figures:
+    """Append what sets the states `x` to their end and return the figures of the run."""
+    begin_exact(text, "")
     if isinstance(scheme, Decay):
         terms, gain = _decay(text, scheme), 1.0
     elif isinstance(scheme, Propagator):
@@ -22,28 +49,39 @@ def exact(text: TransientText, scheme: Decay | Propagator | Spectral) -> dict[st
     else:
         terms, gain = _spectral(text, scheme)
     # a sum of n rounded products is off by at most n roundings of its largest value
-    rounding = text.number(float(np.finfo(text.tables.dtype).eps) * (terms + 2) * gain)
-    figures = {
-        "time": text.number(text.solver.duration),
-        "steps": "ZERO",
-        "error": f"{rounding} * largest",
+    return exact_figures(text, (terms + 2) * gain)
+
+
+def begin_exact(text: TransientText, why: str) -> None:
+    """Append what stands before all else."""
+    text.body.append(comment(f"exact after {text.solver.duration:g}{why}"))
+    text.body.append(declare(LARGEST, ZERO))
+
+
+def exact_figures(text: TransientText, roundings: float) -> Figures:
+    """Return the figures of a run without steps, which is off by so many roundings of `largest`."""
+    rounding = Number(float(np.finfo(text.tables.dtype).eps) * roundings)
+    figures: Figures = {
+        "time": Number(text.solver.duration),
+        "steps": ZERO,
+        "error": rounding * LARGEST,
     }
-    return figures | ({"settled": "ONE"} if text.solver.settle else {})
+    return figures | ({"settled": ONE} if text.solver.settle else {})
 
 
-def _largest(value: str) -> str:
-    return f"largest = greater(largest, fabs({value}));"
+def _largest(value: Expression) -> Accumulate:
+    return Accumulate(LARGEST, "greater", size(value))
 
 
 def _decay(text: TransientText, scheme: Decay) -> int:
-    text.array("x", text.layers * text.cells)
-    body: list[str] = []
+    text.array(X, text.states)
+    body: list[Statement] = []
     for layer in range(text.layers):
         kept, to, origin = float(scheme.kept[layer]), drive_of(text, layer), start_of(text, layer)
-        value = to if kept == 0.0 else f"{to} + {text.number(kept)} * ({origin} - {to})"
+        value = to if kept == 0.0 else to + Number(kept) * (origin - to)
         if text.operands.mask is not None:
-            value = f"PICK({text.operands.mask} != ZERO, {origin}, {value})"
-        body += [f"x[{text.at(layer)}] = {value};", _largest(to), _largest(origin)]
+            value = pick(text.operands.mask.differs(ZERO), origin, value)
+        body += [Assign(X[text.at(layer)], value), _largest(to), _largest(origin)]
     text.over_cells(body)
     return int(np.count_nonzero(text.template.B)) + 2
 
@@ -55,113 +93,123 @@ def _drives(text: TransientText) -> bool:
         return True
     if not any(constant):
         return False
-    text.array("w", text.layers * text.cells)
-    text.over_cells([f"w[{text.at(m)}] = {text.number(z)};" for m, z in enumerate(constant)])
+    text.array(W, text.states)
+    text.over_cells([Assign(w, Number(z)) for w, z in zip(text.each(W), constant, strict=True)])
     return True
 
 
 def _propagate(text: TransientText, scheme: Propagator) -> tuple[int, float]:
-    n = text.layers * text.cells
-    offset, gain, products, seen = text.tables.data(scheme.constant), 0.0, "", list[str]()
+    n, gain = text.states, 0.0
+    offset, products, seen = text.tables.data(scheme.constant), list[Statement](), list[Statement]()
+
+    def multiply(matrix: Floats, array: Name) -> float:
+        at = Integer(text.tables.data(matrix)) + CELL * n + J
+        products.append(add(SUM, text.tables.number_at(at) * array[J]))
+        seen.append(_largest(array[CELL]))
+        return float(np.abs(matrix).sum(axis=1).max())
+
     if scheme.state.any():
-        start(text, "x0")
-        at = text.tables.data(scheme.state)
-        products += f"sum += R(data[{at} + i * {n} + j]) * x0[j]; "
-        seen.append(_largest("x0[i]"))
-        gain += float(np.abs(scheme.state).sum(axis=1).max())
+        start(text, X0)
+        gain += multiply(scheme.state, X0)
     if _drives(text):
-        at = text.tables.data(scheme.drive)
-        products += f"sum += R(data[{at} + i * {n} + j]) * w[j];"
-        seen.append(_largest("w[i]"))
-        gain += float(np.abs(scheme.drive).sum(axis=1).max())
-    text.array("x", n)
-    text.lines.append(f"for (int i = 0; i < {n}; ++i) {{")
-    text.lines.append(f"    real sum = R(data[{offset} + i]);")
-    text.lines.append(f"    for (int j = 0; j < {n}; ++j) {{ {products} }}")
-    text.lines += ["    x[i] = sum;", *seen, "}"]
+        gain += multiply(scheme.drive, W)
+    text.array(X, n)
+    body = [
+        declare(SUM, text.tables.number_at(Integer(offset) + CELL)),
+        Loop(J, n, tuple(products)),
+        Assign(X[CELL], SUM),
+        *seen,
+    ]
+    text.body.append(sweep(CELL, n, body))
     return 2 * n, max(gain, 1.0)
 
 
 def _spectral(text: TransientText, scheme: Spectral) -> tuple[int, float]:
     """Append the way into the modes, their factors, and the way back."""
-    (rows, cols), n = text.shape, text.layers * text.cells
-    parts: list[tuple[str, Floats]] = []
+    (rows, cols), n = text.shape, text.states
+    parts: list[tuple[Name, Floats]] = []
     if scheme.state.any():
-        start(text, "x0")
-        parts.append(("x0", scheme.state))
+        start(text, X0)
+        parts.append((X0, scheme.state))
     if _drives(text):
-        parts.append(("w", scheme.drive))
-    text.array("halfway", text.cells)
+        parts.append((W, scheme.drive))
+    text.array(HALFWAY, text.cells)
     for array, _ in parts:
-        text.array(f"{array}_modes", n)
+        text.array(_modes(array), n)
         for layer in range(text.layers):
-            at = f"{layer * text.cells}"
-            _right(text, array, at, "halfway", "0", scheme.cols.T)
-            _left(text, "halfway", "0", f"{array}_modes", at, scheme.rows)
-    text.array("modes", n)
-    body: list[str] = []
+            at = layer * text.cells
+            _right(text, (array, at), (HALFWAY, 0), scheme.cols.T)
+            _left(text, (HALFWAY, 0), (_modes(array), at), scheme.rows)
+    text.array(MODES, n)
+    body: list[Statement] = []
     for to in range(text.layers):
-        terms = [
-            f"R(data[{text.tables.data(factors[to, source])} + i]) * "
-            f"{array}_modes[{text.at(source)}]"
+        terms: list[Expression] = [
+            text.tables.constant(factors[to, source], CELL) * _modes(array)[text.at(source)]
             for array, factors in parts
             for source in range(text.layers)
             if factors[to, source].any()
         ]
-        body.append(f"modes[{text.at(to)}] = {' + '.join(terms) or 'ZERO'};")
-    body += [_largest(f"{array}[{text.at(m)}]") for array, _ in parts for m in range(text.layers)]
+        body.append(Assign(MODES[text.at(to)], total(terms)))
+    body += [_largest(value) for array, _ in parts for value in text.each(array)]
     text.over_cells(body)
-    text.array("x", n)
+    text.array(X, n)
     for layer in range(text.layers):
-        at = f"{layer * text.cells}"
-        _right(text, "modes", at, "halfway", "0", scheme.cols)
-        _left(text, "halfway", "0", "x", at, scheme.rows.T)
+        at = layer * text.cells
+        _right(text, (MODES, at), (HALFWAY, 0), scheme.cols)
+        _left(text, (HALFWAY, 0), (X, at), scheme.rows.T)
     if scheme.constant.any():
-        offset = text.tables.data(scheme.constant)
-        text.over_cells(
-            [f"x[{text.at(m)}] += R(data[{offset} + {text.at(m)}]);" for m in range(text.layers)]
-        )
+        places = [text.at(m) for m in range(text.layers)]
+        text.over_cells([add(X[at], text.tables.constant(scheme.constant, at)) for at in places])
     strongest = sum(float(np.abs(factors).sum(axis=1).max()) for _, factors in parts)
     # the transforms keep lengths, so they spread roundings over the cells and do not add them up
     return 2 * (rows + cols), max(1.0, strongest)
 
 
-def _right(text: TransientText, source: str, at: str, to: str, place: str, matrix: Floats) -> None:
+def _modes(array: Name) -> Name:
+    return Name(f"{array.text}_modes")
+
+
+Place = tuple[Name, int]
+"""An array, and where in it a map begins."""
+
+
+def _right(text: TransientText, source: Place, to: Place, matrix: Floats) -> None:
     """Append to = source · matrix, maps row by row."""
     rows, cols = text.shape
-    data = text.tables.data(np.ascontiguousarray(matrix))
-    value, weight = f"{source}[{at} + r * {cols} + c]", f"R(data[{data} + c * {cols} + k])"
-    _product(text, rows, cols, cols, (f"{to}[{place} + r * {cols} + k]", value, weight))
+    weight = text.tables.constant(np.ascontiguousarray(matrix), COL * cols + K)
+    value = source[0][Integer(source[1]) + ROW * cols + COL]
+    _product(text, rows, cols, cols, (_target(to, cols), value, weight))
 
 
-def _left(text: TransientText, source: str, at: str, to: str, place: str, matrix: Floats) -> None:
+def _left(text: TransientText, source: Place, to: Place, matrix: Floats) -> None:
     """Append to = matrix · source."""
     rows, cols = text.shape
-    data = text.tables.data(np.ascontiguousarray(matrix))
-    value, weight = f"R(data[{data} + r * {rows} + c])", f"{source}[{at} + c * {cols} + k]"
-    _product(text, rows, rows, cols, (f"{to}[{place} + r * {cols} + k]", value, weight))
+    value = text.tables.constant(np.ascontiguousarray(matrix), ROW * rows + COL)
+    weight = source[0][Integer(source[1]) + COL * cols + K]
+    _product(text, rows, rows, cols, (_target(to, cols), value, weight))
+
+
+def _target(to: Place, cols: int) -> Element:
+    return to[0][Integer(to[1]) + ROW * cols + K]
 
 
 def _product(
-    text: TransientText, outer: int, inner: int, across: int, names: tuple[str, str, str]
+    text: TransientText,
+    outer: int,
+    inner: int,
+    across: int,
+    names: tuple[Element, Expression, Expression],
 ) -> None:
     """Append target(r, k) = Σ_c value(r, c) · weight(c, k)."""
     target, value, weight = names
-    lines = [f"for (int r = 0; r < {outer}; ++r) {{"]
     if text.tables.lanes > 1:  # sums in registers
-        lines += [
-            f"    for (int k = 0; k < {across}; ++k) {{",
-            "        real sum = ZERO;",
-            f"        for (int c = 0; c < {inner}; ++c) {{ sum += {value} * {weight}; }}",
-            f"        {target} = sum;",
-            "    }",
-        ]
+        sums = Loop(COL, inner, (add(SUM, value * weight),))
+        each = (declare(SUM, ZERO), sums, Assign(target, SUM))
+        body: tuple[Statement, ...] = (Loop(K, across, each),)
     else:  # rows that compilers vectorise
-        lines += [
-            f"    for (int k = 0; k < {across}; ++k) {{ {target} = ZERO; }}",
-            f"    for (int c = 0; c < {inner}; ++c) {{",
-            f"        const real v = {value};",
-            f"        for (int k = 0; k < {across}; ++k) {{ {target} += v * {weight}; }}",
-            "    }",
-        ]
-    text.lines += [*lines, "}"]
+        row = Loop(K, across, (add(target, V * weight),))
+        body = (
+            Loop(K, across, (Assign(target, ZERO),)),
+            Loop(COL, inner, (fixed(V, value), row)),
+        )
+    text.body.append(Sweep(ROW, outer, body))

@@ -14,6 +14,7 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.engines.opencl.ir.number_types import NumberType
 from cnnum.engines.opencl.kept_block import KeptBlock
 from cnnum.engines.opencl.shared import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.text import fill
@@ -27,12 +28,9 @@ TAKEN = {"float32": "float", "float64": "double"}
 Places = Mapping[str, tuple[slice, tuple[int, ...]]]
 
 
-def exchange_text(dtype: np.dtype[np.floating]) -> str:
+def exchange_text(numbers: NumberType) -> str:
     """Return the kernels' text, for a device that has doubles."""
-    if dtype == np.float64:
-        names = {"bits": "long", "mask": "0x7fffffffffffffffL", "infinite": "0x7ff0000000000000L"}
-    else:
-        names = {"bits": "int", "mask": "0x7fffffff", "infinite": "0x7f800000"}
+    names = {"bits": numbers.bits, "mask": numbers.mask, "infinite": numbers.infinite}
     takes = [fill("take", given=given, **names) for given in TAKEN.values()]
     return "\n".join([*takes, fill("give", **names)])
 

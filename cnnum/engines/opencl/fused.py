@@ -1,4 +1,4 @@
-"""The kernel text of Euler's steps of linear couplings, as few operations as they can be.
+"""Euler's steps of linear couplings, as few operations as they can be.
 
     x⁺ = (1 − h/τ) x + (h/τ) w + Σ (h/τ) a y
 
@@ -11,14 +11,50 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cnnum.arrays import Floats
 from cnnum.boundary import Boundary
-from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.drive import W, constant_drive
 from cnnum.engines.opencl.equal_weights import shares_products, weighted_terms
+from cnnum.engines.opencl.fixed_steps import fixed_figures
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    HUGE,
+    ONE,
+    PLACE,
+    ROUND,
+    ZERO,
+    Element,
+    Expression,
+    Integer,
+    Name,
+    Number,
+    clip,
+    pick,
+    shifted,
+    size,
+    total,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Block,
+    Counted,
+    Declare,
+    Loop,
+    Note,
+    Statement,
+    Verbatim,
+    add,
+    block,
+    declare,
+    fixed,
+)
+from cnnum.engines.opencl.rates import CHANGE, Y
 from cnnum.engines.opencl.rows import fits_rows, row_steps
-from cnnum.engines.opencl.text import fill, indented, rename
-from cnnum.engines.opencl.transients import TransientText
+from cnnum.engines.opencl.start import X
+from cnnum.engines.opencl.step_control import RUNNING, SETTLED, STEPS, TIME, Figures
+from cnnum.engines.opencl.transients import COL, ROW, SUM, TransientText
 from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.estimate import LOST
 from cnnum.network import Tap, taps
 
 BLOCK_COLUMNS = 10
@@ -30,6 +66,11 @@ REGISTERS_FROM = 64
 A sum waits four cycles for each of its products: of two rows side by side there are as many sums as
 the processor can work on, of one it must look ahead, and takes a third longer."""
 
+Z, SCALED, FROM, TO = Name("z"), Name("wh"), Name("from"), Name("to")
+"""The second array of outputs, the scaled drive, and the outputs before and after a step."""
+
+V, B = Name("v"), Name("b")
+
 
 def fuses(text: TransientText, scheme: FixedSteps) -> bool:
     """Return whether steps of a scheme can be written in this way."""
@@ -37,11 +78,11 @@ def fuses(text: TransientText, scheme: FixedSteps) -> bool:
     return scheme.tableau.stages == 1 and text.template.plain and even and text.arena.private
 
 
-def fused_euler(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
+def fused_euler(text: TransientText, scheme: FixedSteps) -> Figures:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
     if fits_rows(text, scheme):
         row_steps(text, scheme)
-        return _figures(text, scheme)
+        return fixed_figures(text, scheme.count, settle=False)
     _declare(text, scheme)
     with text.aside() as step:
         if text.tables.lanes > 1:
@@ -51,32 +92,42 @@ def fused_euler(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
         if text.template.boundary.constant is None and text.tables.lanes > 1:
             _rim_rows(text)
         elif text.template.boundary.constant is None:
-            text.fill_rims("y", text.layers, text.template.boundary, None)
-    figures = {
-        "method": scheme.tableau.name,
-        "count": scheme.count,
-        "step": f"{scheme.step:g}",
-        "other": "z" if text.tables.lanes > 1 else "y",
-    }
-    name = "fused_settling" if scheme.settle else "fused_steps"
+            text.fill_rims(Y, text.layers, text.template.boundary, None)
+    steps = f"{scheme.count} steps of {scheme.step:g}"
+    name = scheme.tableau.name
+    other = Z if text.tables.lanes > 1 else Y
+    arrays = Verbatim((f"real *from = y, *to = {other.text};",))
+    swap = Verbatim(("real *const swap = from; from = to; to = swap;",))
     if scheme.settle:
-        figures["h"] = text.number(scheme.step)
-    text.lines += fill(name, step_text=indented(step, 3), **figures).splitlines()
-    return _figures(text, scheme)
+        text.body += [
+            Note(f"// {name}: at most {steps}, a lane stops where nothing changes any more"),
+            Declare("real", ((RUNNING, ONE), (TIME, ZERO), (STEPS, ZERO), (SETTLED, ZERO))),
+            arrays,
+            Counted(ROUND, 0, scheme.count, RUNNING, tuple(_settling(scheme, [*step, swap]))),
+        ]
+    else:
+        loop = Counted(ROUND, 0, scheme.count, None, (*step, swap))
+        text.body += [Note(f"// {name}: {steps}, each one sweep"), arrays, loop]
+    return fixed_figures(text, scheme.count, settle=scheme.settle)
 
 
-def _figures(text: TransientText, scheme: FixedSteps) -> dict[str, str]:
-    error = text.number(LOST)
-    if scheme.settle:
-        return {"time": "time", "steps": "steps", "settled": "settled", "error": error}
-    time = text.number(text.solver.duration)
-    return {"time": time, "steps": text.number(scheme.count), "error": error}
+def _settling(scheme: FixedSteps, step: list[Statement]) -> list[Statement]:
+    """Return a step after which a lane stops where nothing changed more than the tolerance."""
+    still = CHANGE <= ZERO
+    return [
+        declare(CHANGE, -HUGE),
+        *step,
+        add(TIME, RUNNING * Number(scheme.step)),
+        add(STEPS, RUNNING),
+        Assign(SETTLED, pick(still, ONE, SETTLED)),
+        Assign(RUNNING, pick(still, ZERO, RUNNING)),
+    ]
 
 
 def _declare(text: TransientText, scheme: FixedSteps) -> None:
-    """Append the two arrays of outputs and the scaled drive."""
+    """Append the second array of outputs, what both are at first, and the scaled drive."""
     boundary = text.template.boundary
-    names = ("y", "z") if text.tables.lanes > 1 else ("y",)
+    names = (Y, Z) if text.tables.lanes > 1 else (Y,)
     for name in names[1:]:
         text.array(name, text.layers * text.padded)
     if boundary.constant is not None:
@@ -84,30 +135,25 @@ def _declare(text: TransientText, scheme: FixedSteps) -> None:
         for name in names:
             text.fill_rims(name, text.layers, boundary, value)
     if constant_drive(text) is None:
-        text.array("wh", text.layers * text.cells)
-        text.over_cells(
-            [
-                f"wh[{text.at(m)}] = {_number(text, scheme, m)} * w[{text.at(m)}];"
-                for m in range(text.layers)
-            ]
-        )
-    text.over_grid(
-        [
-            f"y[{m * text.padded} + p] = {_output(text, f'x[{text.at(m)}]')};"
+        text.array(SCALED, text.states)
+        scaled = [
+            Assign(SCALED[text.at(m)], _number(text, scheme, m) * W[text.at(m)])
             for m in range(text.layers)
         ]
-    )
+        text.over_cells(scaled)
+    text.over_grid(_outputs(text))
     if boundary.constant is None:
-        text.fill_rims("y", text.layers, boundary, None)
+        text.fill_rims(Y, text.layers, boundary, None)
 
 
-def _number(text: TransientText, scheme: FixedSteps, layer: int, factor: float = 1.0) -> str:
+def _outputs(text: TransientText) -> list[Assign]:
+    states = enumerate(text.each(X))
+    return [Assign(Y[text.padded_at(m)], text.output(state)) for m, state in states]
+
+
+def _number(text: TransientText, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
     """Return a number times h/τ of a layer."""
-    return text.number(factor * scheme.step / float(text.template.tau[layer]))
-
-
-def _output(text: TransientText, state: str) -> str:
-    return rename(text.template.output.opencl, {"x": state})
+    return Number(factor * scheme.step / float(text.template.tau[layer]))
 
 
 def _block(text: TransientText) -> int:
@@ -134,17 +180,13 @@ def _sweep(text: TransientText, scheme: FixedSteps) -> None:
     """Append one step of all cells."""
     rows, cols = text.shape
     block, together = _block(text), _together(text)
+    places = Declare("int", ((CELL, ROW * cols + B), (PLACE, ROW * text.pitch + B)), fixed=True)
     with text.aside() as body:
         _block_of_columns(text, scheme, block, together)
-    text.lines.append(f"for (int r = 0; r < {rows}; r += {together}) {{")
-    text.lines.append(f"    for (int b = 0; b < {cols}; b += {block}) {{")
-    text.lines.append(f"        const int i = r * {cols} + b, p = r * {text.pitch} + b;")
-    text.lines += [f"        {line}" for line in body]
-    text.lines += ["    }", "}"]
+    columns = Loop(B, cols, (places, *body), step=block)
+    text.body.append(Loop(ROW, rows, (columns,), step=together))
     if text.template.boundary.constant is None:
-        text.lines.append(f"for (int r = 0; r < {rows}; ++r) {{")
-        text.lines += [f"    {line}" for line in _rim_columns(text, text.template.boundary)]
-        text.lines.append("}")
+        text.body.append(Loop(ROW, rows, tuple(_rim_columns(text, text.template.boundary))))
 
 
 def _block_of_columns(text: TransientText, scheme: FixedSteps, block: int, together: int) -> None:
@@ -176,53 +218,48 @@ def _two_sweeps(text: TransientText, scheme: FixedSteps) -> None:
     They do where nothing that is written may be what is read, so new outputs wait for a sweep of
     their own, and the arrays are not swapped.
     """
-    constant = constant_drive(text)
-    body: list[str] = []
-    for layer in range(text.layers):
-        at = text.at(layer)
-        kept = _kept(text, scheme, layer)
-        drive = f"wh[{at}]" if constant is None else _number(text, scheme, layer, constant[layer])
+    body: list[Statement] = []
+    for layer, state in enumerate(text.each(X)):
 
-        def number(weight: float, to: int = layer) -> str:
+        def number(weight: float, to: int = layer) -> Number:
             return _number(text, scheme, to, weight)
 
-        terms = weighted_terms(
-            taps(text.template.A, layer), number, lambda tap: text.neighbour("y", tap)
-        )
-        sums = " + ".join([drive, f"{kept} * x[{at}]", *terms])
-        body.append(f"{{ real sum = {sums};")
-        body += [f"    {line}" for line in _settle(text, scheme, "sum", f"x[{at}]", "")]
-        body.append(f"    x[{at}] = sum; }}")
+        found = taps(text.template.A, layer)
+        terms = weighted_terms(found, number, lambda tap: text.neighbour(Y, tap))
+        begun = [_driven(text, scheme, layer, state), _kept(text, scheme, layer) * state]
+        settled = _settle(text, scheme, SUM, state, 0)
+        body.append(block(declare(SUM, total([*begun, *terms])), *settled, Assign(state, SUM)))
     text.over_grid(body)
-    outputs = [
-        f"y[{m * text.padded} + p] = {_output(text, f'x[{text.at(m)}]')};"
-        for m in range(text.layers)
-    ]
-    text.over_grid(outputs)
+    text.over_grid(_outputs(text))
 
 
-def _state(text: TransientText, layer: int, row: int, column: int) -> str:
-    return f"x[{layer * text.cells + row * text.shape[1] + column} + i]"
+def _driven(text: TransientText, scheme: FixedSteps, layer: int, state: Element) -> Expression:
+    """Return the scaled drive of a cell, by its state."""
+    constant = constant_drive(text)
+    if constant is None:
+        return SCALED[state.at]
+    return _number(text, scheme, layer, constant[layer])
 
 
-def _sum(layer: int, row: int, column: int) -> str:
-    return f"s{layer}_{row}_{column}"
+def _state(text: TransientText, layer: int, row: int, column: int) -> Element:
+    return X[Integer(layer * text.cells + row * text.shape[1] + column) + CELL]
+
+
+def _sum(layer: int, row: int, column: int) -> Name:
+    return Name(f"s{layer}_{row}_{column}")
 
 
 def _begin(text: TransientText, scheme: FixedSteps, row: int, column: int) -> None:
     """Append the sums of a cell of the block, begun with what does not come from neighbours."""
-    constant = constant_drive(text)
     for layer in range(text.layers):
-        kept, state = _kept(text, scheme, layer), _state(text, layer, row, column)
-        drive = f"wh{state[1:]}"
-        if constant is not None:
-            drive = _number(text, scheme, layer, constant[layer])
-        text.lines.append(f"real {_sum(layer, row, column)} = {drive} + {kept} * {state};")
+        state = _state(text, layer, row, column)
+        begun = _driven(text, scheme, layer, state) + _kept(text, scheme, layer) * state
+        text.body.append(declare(_sum(layer, row, column), begun))
 
 
-def _kept(text: TransientText, scheme: FixedSteps, layer: int) -> str:
+def _kept(text: TransientText, scheme: FixedSteps, layer: int) -> Number:
     """Return what a step leaves of a state."""
-    return text.number(1.0 - scheme.step / float(text.template.tau[layer]))
+    return Number(1.0 - scheme.step / float(text.template.tau[layer]))
 
 
 def _scatter(
@@ -231,17 +268,21 @@ def _scatter(
     """Append the outputs of a column, each added to all sums of the block that it reaches."""
     feedback = text.template.A
     span = feedback.shape[-1]
-    rim = text.radius - span // 2
     for source in range(text.layers):
         for row in range(span + together - 1):
             adds = [
-                f"{_sum(to, k, cell)} += {_number(text, scheme, to, float(weight))} * v;"
+                add(_sum(to, k, cell), _number(text, scheme, to, float(weight)) * V)
                 for k in range(max(0, row - span + 1), min(together, row + 1))
                 for to, cell, weight in _reached(text, feedback[:, source, row - k], column, block)
             ]
             if adds:
-                place = source * text.padded + (row + rim) * text.pitch + column
-                text.lines.append(f"{{ const real v = from[{place} + p]; {' '.join(adds)} }}")
+                output = _output_at(text, source, row + text.radius - span // 2, column)
+                text.body.append(Block((fixed(V, output), *adds)))
+
+
+def _output_at(text: TransientText, source: int, row: int, column: int) -> Element:
+    """Return the output at a place of the padded block."""
+    return FROM[Integer(source * text.padded + row * text.pitch + column) + PLACE]
 
 
 def _load(text: TransientText, column: int) -> None:
@@ -249,30 +290,30 @@ def _load(text: TransientText, column: int) -> None:
     span, rim = text.template.A.shape[-1], text.radius - text.template.A.shape[-1] // 2
     for source in range(text.layers):
         for row in range(rim, rim + span):
-            place = source * text.padded + row * text.pitch + column
-            text.lines.append(f"const real {_loaded(source, row, column)} = from[{place} + p];")
+            output = _output_at(text, source, row, column)
+            text.body.append(fixed(_loaded(source, row, column), output))
 
 
-def _loaded(source: int, row: int, column: int) -> str:
-    return f"v{source}_{row}_{column}"
+def _loaded(source: int, row: int, column: int) -> Name:
+    return Name(f"v{source}_{row}_{column}")
 
 
 def _gather(text: TransientText, scheme: FixedSteps, column: int) -> None:
     """Append the sums of a column's cells, equal weights together."""
     for layer in range(text.layers):
 
-        def number(weight: float, to: int = layer) -> str:
+        def number(weight: float, to: int = layer) -> Number:
             return _number(text, scheme, to, weight)
 
-        def output(tap: Tap) -> str:
+        def output(tap: Tap) -> Name:
             return _loaded(tap.source, text.radius + tap.row, text.radius + tap.col + column)
 
         terms = weighted_terms(taps(text.template.A, layer), number, output)
-        text.lines += [f"{_sum(layer, 0, column)} += {term};" for term in terms]
+        text.body += [add(_sum(layer, 0, column), term) for term in terms]
 
 
 def _reached(
-    text: TransientText, weights: np.ndarray, column: int, block: int
+    text: TransientText, weights: Floats, column: int, block: int
 ) -> Iterator[tuple[int, int, float]]:
     """Yield (layer, cell of the block, weight) of what an output in a padded column adds to."""
     span, radius = weights.shape[-1], text.radius
@@ -287,39 +328,43 @@ def _end(text: TransientText, scheme: FixedSteps, row: int, column: int) -> None
     """Append what becomes of a cell's finished sums."""
     for layer in range(text.layers):
         new, old = _sum(layer, row, column), _state(text, layer, row, column)
-        text.lines += _settle(text, scheme, new, old, f" + {row * text.shape[1] + column}")
+        text.body += _settle(text, scheme, new, old, row * text.shape[1] + column)
         at = (text.radius + row) * text.pitch + text.radius + column
-        place = layer * text.padded + at
-        text.lines.append(f"{old} = {new}; to[{place} + p] = {_output(text, new)};")
+        place = Integer(layer * text.padded + at) + PLACE
+        text.body += [Assign(old, new), Assign(TO[place], text.output(new))]
 
 
-def _settle(text: TransientText, scheme: FixedSteps, new: str, old: str, offset: str) -> list[str]:
-    """Return statements that keep a new state within limits, masks and lanes that have settled."""
-    lines: list[str] = []
+def _settle(
+    text: TransientText, scheme: FixedSteps, new: Name, old: Element, offset: int
+) -> list[Statement]:
+    """Return statements that keep a new state within limits, masks and lanes that have settled.
+
+    The cell stands `offset` after cell `i`.
+    """
+    lines: list[Statement] = []
     if text.template.output.limited:
-        lines.append(f"{new} = clamp({new}, -ONE, ONE);")
+        lines.append(Assign(new, clip(new)))
     if text.operands.mask is not None:
-        mask = text.operands.mask.replace("[i]", f"[i{offset}]")
-        mask = mask.replace("+ i]", f"+ i{offset}]")
-        lines.append(f"{new} = PICK({mask} != ZERO, {old}, {new});")
+        mask = shifted(text.operands.mask, offset) if offset else text.operands.mask
+        lines.append(Assign(new, pick(mask.differs(ZERO), old, new)))
     if scheme.settle:
-        rate = text.number(float(text.template.tau.max()) / scheme.step)
-        lines.append(f"change = fmax(change, {rate} * fabs({new} - {old}) - {text.scale(old)});")
-        lines.append(f"{new} = PICK(running != ZERO, {new}, {old});")
+        rate = Number(float(text.template.tau.max()) / scheme.step)
+        changed = rate * size(new - old) - text.scale(old)
+        lines.append(Accumulate(CHANGE, "fmax", changed))
+        lines.append(Assign(new, pick(RUNNING.differs(ZERO), new, old)))
     return lines
 
 
-def _rim_columns(text: TransientText, boundary: Boundary) -> list[str]:
+def _rim_columns(text: TransientText, boundary: Boundary) -> list[Statement]:
     """Return statements that fill the rim left and right of row `r`."""
     cols, radius = text.shape[1], text.radius
     source = np.pad(np.arange(cols), radius, mode=boundary.pad_mode)
     places = [*range(radius), *range(cols + radius, cols + 2 * radius)]
-    lines: list[str] = []
+    lines: list[Statement] = []
     for layer in range(text.layers):
-        head = f"{layer * text.padded} + (r + {radius}) * {text.pitch}"
+        head = Integer(layer * text.padded) + (ROW + radius) * text.pitch
         lines += [
-            f"to[{head} + {place}] = to[{head} + {int(source[place]) + radius}];"
-            for place in places
+            Assign(TO[head + place], TO[head + (int(source[place]) + radius)]) for place in places
         ]
     return lines
 
@@ -328,13 +373,14 @@ def _rim_rows(text: TransientText) -> None:
     """Append the rim above and below, copied from whole rows."""
     rows, radius = text.shape[0], text.radius
     source = np.pad(np.arange(rows), radius, mode=text.template.boundary.pad_mode)
+
+    def at(layer: int, row: int) -> Element:
+        return TO[Integer(layer * text.padded + row * text.pitch) + COL]
+
     copies = [
-        f"to[{layer * text.padded + place * text.pitch} + c] = "
-        f"to[{layer * text.padded + (int(source[place]) + radius) * text.pitch} + c];"
+        Assign(at(layer, place), at(layer, int(source[place]) + radius))
         for layer in range(text.layers)
         for place in (*range(radius), *range(rows + radius, rows + 2 * radius))
     ]
     if copies:
-        text.lines.append(f"for (int c = 0; c < {text.pitch}; ++c) {{")
-        text.lines += [f"    {line}" for line in copies]
-        text.lines.append("}")
+        text.body.append(Loop(COL, text.pitch, tuple(copies)))

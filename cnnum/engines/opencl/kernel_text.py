@@ -8,12 +8,28 @@ from numpy.typing import NDArray
 from cnnum.engines.backend import Solvers
 from cnnum.engines.opencl.apart import take_apart
 from cnnum.engines.opencl.exchange import exchange_text
-from cnnum.engines.opencl.lowering import Lowering
+from cnnum.engines.opencl.ir.expressions import CELL, Cast, Expression, Name, call
+from cnnum.engines.opencl.ir.number_types import NumberType
+from cnnum.engines.opencl.ir.statements import Array, Statement, Verbatim, sweep
+from cnnum.engines.opencl.lowering import FRAME, LAST, MEMORY, Lowering
 from cnnum.engines.opencl.parts import Parts
-from cnnum.engines.opencl.storage import PRIVATE_CELLS, Arena, Tables, Values, placed_name
-from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented
+from cnnum.engines.opencl.storage import (
+    PRIVATE_CELLS,
+    UNFINISHED,
+    Arena,
+    Tables,
+    Values,
+    placed_name,
+    slot_name,
+)
+from cnnum.engines.opencl.text import WIDE_BYTES, fill
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
+
+OUTPUT = Name("output")
+"""The buffer of results."""
+
+_MINE = Verbatim(("__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;",))
 
 WHOLE_CELLS = 256 * 256
 """Largest array that one work item runs the whole plan for. While other work had one of two cores,
@@ -54,7 +70,7 @@ class KernelText:
 
 def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     """Return the kernel text of a schedule, with tables that hold nothing yet."""
-    lanes, dtype = tables.lanes, tables.dtype
+    lanes = tables.lanes
     arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
     size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
     whole = schedule.cells <= WHOLE_CELLS
@@ -67,27 +83,25 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     outputs, writes = _write_outputs(lowering)
     arena.keep_all()
     slots = [
-        arena.array(f"s{k}", maps * schedule.cells) for k, maps in enumerate(lowering.values.slots)
+        arena.array(slot_name(k).text, maps * schedule.cells)
+        for k, maps in enumerate(lowering.values.slots)
     ]
     slots += [
-        f"__global real *const {placed_name(at)} = output + (size_t)frame * {size} + {at};"
+        Array(placed_name(at), schedule.cells, OUTPUT + Cast("size_t", FRAME) * size + at)
         for at in placed.values()
     ]
-    body = [*slots, *lowering.body, *writes]
+    body: list[Statement] = [*slots, *lowering.body, *writes]
     parts = None
-    texts = dict.fromkeys(strips.text for strips in tables.strips.values())
-    own = "\n".join([tables.text, *texts])
+    own = "\n".join([tables.text, *dict.fromkeys(tables.strips)])
     if not whole:
-        parts = take_apart("\n".join(body), schedule.shape[0], tables.strips)
-        kernels = f"{own}\n{parts.text}\n{exchange_text(dtype)}"
+        parts = take_apart(body, schedule.shape[0], tables.printer)
+        kernels = f"{own}\n{parts.text}\n{exchange_text(tables.printer.numbers)}"
     else:
-        alone = {f"{name};": strips.within for name, strips in tables.strips.items()}
-        body = [alone.get(line.strip(), line) for line in body]
         if not arena.private:
-            body.insert(0, "__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;")
-        kernels = fill("plan", tables=own, body=indented(body, 1))
+            body.insert(0, _MINE)
+        kernels = fill("plan", tables=own, body="\n".join(tables.printer.lines(body, 1)))
     return KernelText(
-        f"{_prelude(lanes, dtype)}\n#define FRAME_SIZE {arena.size}\n{kernels}",
+        f"{_prelude(lanes, tables.printer.numbers)}\n#define FRAME_SIZE {arena.size}\n{kernels}",
         tables.buffer(),
         size,
         lowering.memory_size,
@@ -111,56 +125,51 @@ def _placed(schedule: Schedule) -> dict[int, int]:
 
 def _write_outputs(
     lowering: Lowering,
-) -> tuple[dict[str, tuple[slice, tuple[int, ...]]], list[str]]:
+) -> tuple[dict[str, tuple[slice, tuple[int, ...]]], list[Statement]]:
     schedule, values = lowering.schedule, lowering.values
     size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
     places: dict[str, tuple[slice, tuple[int, ...]]] = {}
-    numbers: list[str] = []
-    maps: dict[int, list[str]] = {}
+    numbers: list[Statement] = []
+    maps: dict[int, list[Statement]] = {}
 
-    def write(node: Node, base: str, at: int, stride: int) -> None:
-        where, text = f"{base} + {at}", values.read(node)
+    def scattered(start: Expression, stride: int, value: Expression) -> Verbatim:
+        return Verbatim((call("scatter", start, FRAME, LAST, stride, value), ";"))
+
+    def write(node: Node, base: Name, at: int, stride: int) -> None:
+        value = values.read(node)
         if node.scalar:
-            numbers.append(f"scatter({where}, frame, last, {stride}, {text});")
-            return
-        if base == "output" and text == f"{placed_name(at)}[i]":
-            return  # it is there
-        store = f"scatter({where} + i, frame, last, {stride}, {text});"
-        maps.setdefault(schedule.size_of(node), []).append(store)
+            numbers.append(scattered(base + at, stride, value))
+        elif base != OUTPUT or value != placed_name(at)[CELL]:  # it may be there
+            store = scattered(base + at + CELL, stride, value)
+            maps.setdefault(schedule.size_of(node), []).append(store)
 
     at = 0
     for name, node in schedule.outputs.items():
-        write(node, "output", at, size)
+        write(node, OUTPUT, at, size)
         after = at + schedule.size_of(node)
         places[name] = slice(at, after), schedule.shape_of(node)
         at = after
-    numbers.append(f"scatter(output + {at}, frame, last, {size}, unfinished);")
+    numbers.append(scattered(OUTPUT + at, size, UNFINISHED))
     for number, memory in schedule.memories.items():
-        write(memory.store, "memory", lowering.memory_at[number], lowering.memory_size)
-    lines: list[str] = []
-    for length, stores in maps.items():
-        lines.append(f"for (int i = 0; i < {length}; ++i) {{")
-        lines += [*(f"    {store}" for store in stores), "}"]
-    return places, [*lines, *numbers]
+        write(memory.store, MEMORY, lowering.memory_at[number], lowering.memory_size)
+    return places, [*(sweep(CELL, length, stores) for length, stores in maps.items()), *numbers]
 
 
-def _prelude(lanes: int, dtype: np.dtype[np.floating]) -> str:
-    double = dtype == np.float64
-    scalar, width = ("double" if double else "float"), ("" if lanes == 1 else str(lanes))
-    bits = ("long" if double else "int") + width
-    mask = "0x7fffffffffffffffL" if double else "0x7fffffff"
-    helpers = [fill("functions", real=f"{scalar}{width}", bits=bits, mask=mask)]
-    if lanes * dtype.itemsize >= WIDE_BYTES:
+def _prelude(lanes: int, numbers: NumberType) -> str:
+    width = "" if lanes == 1 else str(lanes)
+    scalar, bits = numbers.scalar, numbers.bits + width
+    helpers = [fill("functions", real=f"{scalar}{width}", bits=bits, mask=numbers.mask)]
+    if lanes * numbers.dtype.itemsize >= WIDE_BYTES:
         helpers.append(fill("halves"))
     helpers.append(
         fill("many_lanes", bits=bits) if lanes > 1 else fill("one_lane", real=scalar, bits=bits)
     )
     return fill(
         "prelude",
-        pragma="#pragma OPENCL EXTENSION cl_khr_fp64 : enable" if double else "",
+        pragma=numbers.pragma,
         scalar=scalar,
         real=f"{scalar}{width}",
         lanes=lanes,
-        huge="DBL_MAX" if double else "FLT_MAX",
+        huge=numbers.huge,
         lane_helpers="\n".join(helpers),
     )

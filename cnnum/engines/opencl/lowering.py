@@ -1,15 +1,40 @@
-"""The body of a plan's kernel: walks the operations once and writes their text."""
+"""From a schedule to the statements of a plan: walks the operations once."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from cnnum.engines.backend import Solvers
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    ONE,
+    ZERO,
+    Cast,
+    Expression,
+    Integer,
+    Name,
+    after,
+    call,
+    pick,
+)
+from cnnum.engines.opencl.ir.formulas import formula
+from cnnum.engines.opencl.ir.statements import (
+    Assign,
+    Block,
+    Statement,
+    declare,
+    fixed,
+    sweep,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Loop as Rounds,
+)
 from cnnum.engines.opencl.loops import lower_loop
 from cnnum.engines.opencl.products import product
-from cnnum.engines.opencl.read_outs import chained, chains, rounds, step
+from cnnum.engines.opencl.rates import CHANGE
+from cnnum.engines.opencl.read_outs import begun, chained, chains, rounds, step, taken_in
 from cnnum.engines.opencl.schemes import run, settled_now
+from cnnum.engines.opencl.start import X
 from cnnum.engines.opencl.storage import Arena, Tables, Values
-from cnnum.engines.opencl.text import rename
 from cnnum.engines.opencl.transients import Operands, TransientText
 from cnnum.graph.nodes import (
     FIGURES,
@@ -26,13 +51,21 @@ from cnnum.graph.nodes import (
 )
 from cnnum.graph.schedule import Schedule
 
+FRAME, LAST = Name("frame"), Name("last")
+"""The first frame of a work item, and the batch's last."""
+
+INPUT, MEMORY, FIRST = Name("input"), Name("memory"), Name("first")
+"""Buffers, and whether the frame is the first of its stream."""
+
+K = Name("k")
+
 OUTLIVES = -1
 """Last use of a node that outputs, memories or a loop's end still read."""
 
 
 @dataclass(slots=True)
 class Lowering:
-    """Walks a schedule once and writes the kernel's body.
+    """Walks a schedule once and collects the plan's statements.
 
     Read-outs go through the cells one by one, or `in_chains` side by side.
     """
@@ -43,7 +76,7 @@ class Lowering:
     arena: Arena
     values: Values
     in_chains: bool
-    body: list[str] = field(default_factory=list[str])
+    body: list[Statement] = field(default_factory=list[Statement])
     group: list[Node] = field(default_factory=list[Node])
     last_use: dict[int, int] = field(default_factory=dict[int, int])
     users: dict[int, list[Node]] = field(default_factory=dict[int, list[Node]])
@@ -51,14 +84,14 @@ class Lowering:
     memory_size: int = 0
 
     def lower(self) -> None:
-        """Write the text of all nodes; what outputs and memories need is kept."""
+        """Append what all nodes do; what outputs and memories need is kept."""
         self._place_memories()
         kept = [*self.schedule.outputs.values()]
         kept += [memory.store for memory in self.schedule.memories.values()]
         self.nodes(self.schedule.nodes, kept)
 
     def nodes(self, nodes: tuple[Node, ...], kept: Sequence[Node]) -> None:
-        """Write the text of nodes in their order; the kept ones outlive them."""
+        """Append what nodes do, in their order; the kept ones outlive them."""
         for node in nodes:
             for argument in node.arguments:
                 self.last_use[argument.index] = node.index
@@ -71,11 +104,14 @@ class Lowering:
             self._node(node)
         self._flush()
 
-    def over_cells(self, body: list[str], maps: int = 1) -> None:
+    def over_cells(self, body: Sequence[Statement], maps: int = 1) -> None:
         """Run the body for every cell `i` of so many maps."""
         if body:
-            self.body.append(f"for (int i = 0; i < {maps * self.schedule.cells}; ++i) {{")
-            self.body += [*(f"    {line}" for line in body), "}"]
+            self.body.append(sweep(CELL, maps * self.schedule.cells, body))
+
+    def stored(self, node: Node, value: Expression) -> Assign:
+        """Return the statement that keeps a map's value in cell `i` in an array of its own."""
+        return Assign(self.values.take_slot(node)[CELL], value)
 
     def _place_memories(self) -> None:
         for number, memory in self.schedule.memories.items():
@@ -93,7 +129,7 @@ class Lowering:
         if isinstance(operation, Input | Read):
             self._load(node, operation)
         elif isinstance(operation, FirstFrame):
-            self.values.alias(node, "first")
+            self.values.alias(node, FIRST)
         elif isinstance(operation, Transient):
             self._flush()
             self._transient(node, operation)
@@ -129,7 +165,7 @@ class Lowering:
             self._flush()
         arguments = [self.values.read(argument) for argument in node.arguments]
         name = self.values.name_scalar(node)
-        self.body.append(f"const real {name} = {_call(operation, arguments)};")
+        self.body.append(fixed(name, _call(operation, arguments)))
 
     def _flush(self) -> None:
         if not self.group:
@@ -139,22 +175,22 @@ class Lowering:
         read_outs = [node for node in group if isinstance(node.operation, Reduce)]
         by_vectors = self.in_chains and self.tables.lanes == 1
         stays = {node.arguments[0].index for node in read_outs} if by_vectors else set[int]()
-        loop: list[str] = []
-        kept: list[tuple[Node, str]] = []
+        loop: list[Statement] = []
+        kept: list[tuple[Node, Name]] = []
         for node in group:
             arguments = [self.values.read(argument) for argument in node.arguments]
             if isinstance(node.operation, Reduce):
                 if not by_vectors:
                     loop.append(self._step(node, node.operation, arguments[0]))
                 continue
-            name = f"v{node.index}"
+            name = Name(f"v{node.index}")
             assert isinstance(node.operation, Apply)
-            loop.append(f"const real {name} = {_call(node.operation, arguments)};")
+            loop.append(fixed(name, _call(node.operation, arguments)))
             self.values.alias(node, name)
             if self.last_use[node.index] not in inside or node.index in stays:
                 kept.append((node, name))
         # only now: within the loop a value is read by its name, before its slot is written
-        loop += [self._store(node, name) for node, name in kept]
+        loop += [self.stored(node, name) for node, name in kept]
         if by_vectors:
             self._sweep_and_read_out(loop, read_outs, _swept(group[0]))
         else:
@@ -163,38 +199,40 @@ class Lowering:
         for node in group:
             self._free_after(node)
 
-    def _sweep_and_read_out(self, loop: list[str], read_outs: Sequence[Node], maps: int) -> None:
+    def _sweep_and_read_out(
+        self, loop: list[Statement], read_outs: Sequence[Node], maps: int
+    ) -> None:
         """Append a loop over the cells, and then what is read out of the arrays that it leaves."""
         read = {node.arguments[0].index: node.arguments[0] for node in read_outs}
         # what lies elsewhere is copied: functions take private arrays
         copied = {n: self.values.read(n) for n in read.values() if self.values.array_of(n) is None}
-        loop += [self._store(node, text) for node, text in copied.items()]
+        loop += [self.stored(n, value) for n, value in copied.items()]
         self.over_cells(loop, maps)
         for node in read_outs:
             self._read_out(node, self.values.array_of(node.arguments[0]), maps)
-        for node, text in copied.items():
+        for node, value in copied.items():
             self.values.free_slot(node)
-            self.values.alias(node, text)
+            self.values.alias(node, value)
 
-    def _read_out(self, node: Node, array: str | None, maps: int) -> None:
+    def _read_out(self, node: Node, array: Name | None, maps: int) -> None:
         assert isinstance(node.operation, Reduce)
+        assert array is not None
         cells = self.schedule.cells
         count = maps * cells if self.tables.lanes == 1 else chains(cells)
         name = chained(self.tables, node.operation.function, count, cells)
-        self.body.append(f"const real {self.values.name_scalar(node)} = {name}({array});")
+        self.body.append(fixed(self.values.name_scalar(node), call(name, array)))
 
-    def _step(self, node: Node, operation: Reduce, value: str) -> str:
+    def _step(self, node: Node, operation: Reduce, value: Expression) -> Statement:
         """Return the statement that takes a cell into a read-out, which begins here."""
         function, count = operation.function, chains(self.schedule.cells)
         if self.in_chains and rounds(function):
             slot = self.values.take_slot(node)
-            fill = f"{slot}[k] = {function.start};"
-            self.body.append(f"for (int k = 0; k < {count}; ++k) {{ {fill} }}")
-            total = f"{slot}[i % {count}]"
-        else:
-            total = self.values.name_scalar(node)
-            self.body.append(f"real {total} = {function.start};")
-        return f"{total} = {step(function, total, value)};"
+            self.body.append(Rounds(K, count, (Assign(slot[K], begun(function)),)))
+            chain = slot[CELL % count]
+            return Assign(chain, step(function, chain, value))
+        total = self.values.name_scalar(node)
+        self.body.append(declare(total, begun(function)))
+        return taken_in(function, total, value)
 
     def _end(self, read_outs: Sequence[Node]) -> None:
         """Append what becomes of chains that run through the cells."""
@@ -204,34 +242,31 @@ class Lowering:
                 self._read_out(node, array, 1)
                 self.values.free_slot(node)
 
-    def _store(self, node: Node, name: str) -> str:
-        slot = self.values.take_slot(node)
-        return f"{slot}[i] = {name};"
-
     # what comes in
 
     def _load(self, node: Node, operation: Input | Read) -> None:
         if isinstance(operation, Input):
             count = len(self.schedule.channels_read)
-            place, base = self.schedule.channels_read.index(operation.channel), "input"
+            place, base = self.schedule.channels_read.index(operation.channel), INPUT
             # large arrays come channel by channel, small ones as frames have them
-            by_cells = self.arena.private
-            at = f"i * {count} + {place}" if by_cells else f"{place * self.schedule.cells} + i"
+            at: Expression = CELL * count + place
+            if not self.arena.private:
+                at = Integer(place * self.schedule.cells) + CELL
             stride = self.schedule.cells * count
         else:
-            at, base = f"{self.memory_at[operation.memory]} + i", "memory"
+            at, base = Integer(self.memory_at[operation.memory]) + CELL, MEMORY
             stride = self.memory_size
         if node.scalar:
-            name = self.values.name_scalar(node)
-            text = f"gather({base} + {at.removesuffix(' + i')}, frame, last, {stride})"
-            self.body.append(f"const real {name} = {text};")
+            assert isinstance(operation, Read)
+            start = base + self.memory_at[operation.memory]
+            value = call("gather", start, FRAME, LAST, stride)
+            self.body.append(fixed(self.values.name_scalar(node), value))
             return
         if self._stays(node, operation):
-            self.values.alias(node, f"{base}[(size_t)frame * {stride} + {at}]")
+            self.values.alias(node, base[after(Cast("size_t", FRAME) * stride, at)])
             return
-        slot = self.values.take_slot(node)
-        text = f"gather({base} + {at}, frame, last, {stride})"
-        self.over_cells([f"{slot}[i] = {text};"], node.maps)
+        value = call("gather", after(base, at), FRAME, LAST, stride)
+        self.over_cells([self.stored(node, value)], node.maps)
 
     def _stays(self, node: Node, operation: Input | Read) -> bool:
         """Whether a map is read where it is: of one frame a work item, if it stays the same."""
@@ -253,36 +288,34 @@ class Lowering:
             self.tables,
         )
         picks = self.users[node.index]
-        scalars = [pick for pick in picks if pick.scalar]
-        self.body += [f"real {self.values.name_scalar(pick)};" for pick in scalars]
+        scalars = [node for node in picks if node.scalar]
+        self.body += [declare(self.values.name_scalar(node)) for node in scalars]
         mark = self.arena.mark()
         figures = run(text)
-        wanted = {pick.operation.what for pick in picks if isinstance(pick.operation, Pick)}
+        wanted = {node.operation.what for node in picks if isinstance(node.operation, Pick)}
         if "settled" in wanted and "settled" not in figures:
             settled_now(text)
-            figures["settled"] = "PICK(change <= ONE, ONE, ZERO)"
-        text.over_cells([self._pick_map(pick, text) for pick in picks if not pick.scalar])
-        text.lines += [
-            f"{self.values.read(pick)} = {figures[pick.operation.what]};"
-            for pick in scalars
-            if isinstance(pick.operation, Pick) and pick.operation.what in FIGURES
+            figures["settled"] = pick(CHANGE <= ONE, ONE, ZERO)
+        text.over_cells([self._pick_map(node, text) for node in picks if not node.scalar])
+        text.body += [
+            Assign(self.values.variable(node), figures[node.operation.what])
+            for node in scalars
+            if isinstance(node.operation, Pick) and node.operation.what in FIGURES
         ]
         self.arena.release(mark)
-        self.body += ["{", *(f"    {line}" for line in text.lines), "}"]
+        self.body.append(Block(tuple(text.body)))
 
     def _operands(self, node: Node, operation: Transient) -> Operands:
-        texts = [self.values.read(argument) for argument in node.arguments]
-        roles = operation.by_role(texts)
+        values = [self.values.read(argument) for argument in node.arguments]
+        roles = operation.by_role(values)
         mask = roles["mask"][0] if roles["mask"] else None
         return Operands(roles["input"], roles["previous"], roles["state"], roles["bias"], mask)
 
-    def _pick_map(self, pick: Node, text: TransientText) -> str:
-        assert isinstance(pick.operation, Pick)
-        slot = self.values.take_slot(pick)
-        state = f"x[{pick.operation.layer * text.cells} + i]"
-        if pick.operation.what == "state":
-            return f"{slot}[i] = {state};"
-        return f"{slot}[i] = {rename(text.template.output.opencl, {'x': state})};"
+    def _pick_map(self, node: Node, text: TransientText) -> Statement:
+        assert isinstance(node.operation, Pick)
+        state = X[text.at(node.operation.layer)]
+        shown = node.operation.what != "state"
+        return self.stored(node, text.output(state) if shown else state)
 
 
 def _swept(node: Node) -> int:
@@ -290,5 +323,5 @@ def _swept(node: Node) -> int:
     return (node.arguments[0] if isinstance(node.operation, Reduce) else node).maps
 
 
-def _call(operation: Apply, arguments: list[str]) -> str:
-    return rename(operation.function.opencl, dict(zip("abc", arguments, strict=False)))
+def _call(operation: Apply, arguments: list[Expression]) -> Expression:
+    return formula(operation.function.opencl, **dict(zip("abc", arguments, strict=False)))

@@ -22,8 +22,6 @@ class Strips:
         Whether a single strip needs nothing from beyond its end, so that one launch takes all.
     begins, ends : bool
         Whether the states are brought into the strips before, and out of them after.
-    told : str or None
-        The number of the plan's body that says how many levels a frame takes.
     again : bool
         Whether the states are taken back first to where the levels before them began.
     """
@@ -36,7 +34,6 @@ class Strips:
     alone: bool
     begins: bool = True
     ends: bool = True
-    told: str | None = None
     again: bool = False
 
     @property
@@ -46,12 +43,16 @@ class Strips:
             return 4
         return 0 if self.begins else None
 
-    @property
-    def within(self) -> str:
-        """The statement that does all of it within another kernel, for one frame."""
-        count = self.told or self.count
+    def within(self, levels: str | None) -> str:
+        """Return the statement that does all of it within another kernel, for one frame.
+
+        Parameters
+        ----------
+        levels : str or None
+            The levels that the frame takes, where it says how many.
+        """
         first = -1 if self.first is None else self.first
-        return f"{self.kernel}_alone(mine, {first}, {count}, {self.ends:d});"
+        return f"{self.kernel}_alone(mine, {first}, {levels or self.count}, {self.ends:d});"
 
     def pieces(self, batch: int, units: int) -> int:
         """Return into how many strips each array of a batch is parted on so many cores."""

@@ -1,84 +1,113 @@
-"""The kernel text of what the cells do to each other: outputs y = f(x) and rates dx/dt."""
+"""What the cells do to each other: outputs y = f(x) and rates dx/dt."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.engines.opencl.couplings import nonlinear, table
+from cnnum.engines.opencl.couplings import gain_name, gains, nonlinear
 from cnnum.engines.opencl.drive import drive_of, input_seen
+from cnnum.engines.opencl.ir.expressions import (
+    ONE,
+    ZERO,
+    Expression,
+    Name,
+    Number,
+    clip,
+    pick,
+    size,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Declare,
+    Statement,
+    add,
+    block,
+    declare,
+    fixed,
+)
 from cnnum.engines.opencl.needs import delays_outputs, inputs_read, pads_outputs, pads_states
-from cnnum.engines.opencl.row_sums import Seen, rows_near, sums_by_rows, sweep_sums
+from cnnum.engines.opencl.row_sums import Seen, line_of, rows_near, sums_by_rows, sweep_sums
 from cnnum.engines.opencl.strip_couplings import FROM, PAST, STATES, fed_back
 from cnnum.engines.opencl.strip_rows import At
-from cnnum.engines.opencl.text import rename
-from cnnum.engines.opencl.transients import TransientText
+from cnnum.engines.opencl.transients import NOW, SUM, TransientText
 from cnnum.network import taps
+
+Y, PADDED_STATES, DELAYED = Name("y"), Name("xp"), Name("yd")
+"""Padded outputs, states, and outputs a delay ago."""
+
+RATE, CHANGE, PART = Name("rate"), Name("change"), Name("part")
+
+Then = Callable[[Expression, int], Sequence[Statement]]
+"""Statements on `rate`, by the cell's place among the stacked states and by its layer."""
 
 
 @dataclass(frozen=True, slots=True)
 class Instant:
-    """When rates are evaluated: expressions of the kernel.
+    """When rates are evaluated.
 
     Attributes
     ----------
-    time : str
+    time : Expression
         Time since the start.
-    past : str
-        Array expression `past[...]` of the outputs a delay ago in stacked cell order; empty
-        where the template has no delayed A.
+    past : callable or None
+        The output a delay ago of the cell at a place in stacked order; None where the template
+        has no delayed A.
     """
 
-    time: str = "ZERO"
-    past: str = ""
+    time: Expression = ZERO
+    past: Callable[[Expression], Expression] | None = None
+
+    def before(self, place: Expression) -> Expression:
+        """Return the output a delay ago."""
+        assert self.past is not None
+        return self.past(place)
 
 
 def declare_outputs(text: TransientText) -> None:
     """Append the padded arrays of outputs (and states), and what of their rims stays the same."""
-    names = ["y", *(["xp"] if pads_states(text) else [])]
-    names += ["yd"] if delays_outputs(text) else []
+    names = [Y, *([PADDED_STATES] if pads_states(text) else [])]
+    names += [DELAYED] if delays_outputs(text) else []
     boundary = text.template.boundary
     for name in names:
         text.array(name, text.layers * text.padded)
         if boundary.constant is not None:
             state = np.asarray(boundary.constant)
-            value = state if name == "xp" else text.template.output.numpy(state)
+            value = state if name == PADDED_STATES else text.template.output.numpy(state)
             text.fill_rims(name, text.layers, boundary, float(value))
 
 
-def outputs(text: TransientText, state: list[str], keep: str | None = None) -> None:
+def outputs(text: TransientText, state: Sequence[Expression], keep: Name | None = None) -> None:
     """Append y = f(state), the state given by one expression a layer; keep it in an array."""
-    template = text.template
-    shown = rename(template.output.opencl, {"x": "now"})
-    limits = ["now = clamp(now, -ONE, ONE);"] if template.output.limited else []
-    body: list[str] = []
+    template, body = text.template, list[Statement]()
     for layer, expression in enumerate(state):
-        place = f"{layer * text.padded} + p"
-        inner = [f"real now = {expression};", *limits]
+        inner: list[Statement] = [declare(NOW, expression), *_limits(text)]
         if keep is not None:
-            inner.append(f"{keep}[{text.at(layer)}] = now;")
+            inner.append(Assign(keep[text.at(layer)], NOW))
         if pads_states(text):
-            inner.append(f"xp[{place}] = now;")
-        inner.append(f"y[{place}] = {shown};")
-        body.append("{ " + " ".join(inner) + " }")
+            inner.append(Assign(PADDED_STATES[text.padded_at(layer)], NOW))
+        inner.append(Assign(Y[text.padded_at(layer)], text.output(NOW)))
+        body.append(block(*inner))
     text.over_grid(body)
     if template.boundary.constant is None:
-        text.fill_rims("y", text.layers, template.boundary, None)
+        text.fill_rims(Y, text.layers, template.boundary, None)
         if pads_states(text):
-            text.fill_rims("xp", text.layers, template.boundary, None)
+            text.fill_rims(PADDED_STATES, text.layers, template.boundary, None)
 
 
-def rates(text: TransientText, state: str, then: list[str], instant: Instant) -> None:
-    """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it.
+def _limits(text: TransientText) -> list[Statement]:
+    return [Assign(NOW, clip(NOW))] if text.template.output.limited else []
 
-    In `then`, {at} is the cell's place among the stacked states, {layer} the layer's number.
-    """
+
+def rates(text: TransientText, state: Name, then: Then, instant: Instant) -> None:
+    """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it."""
     _delayed_outputs(text, instant)
     _gains(text, instant)
     text.over_grid(_rate_lines(text, state, then, lambda layer: _couplings(text, layer)))
 
 
-def rates_once(text: TransientText, state: str, then: list[str], instant: Instant) -> None:
+def rates_once(text: TransientText, state: Name, then: Then, instant: Instant) -> None:
     """Append the same of states whose outputs are not known, in one sweep where lanes are for it.
 
     What is done in `then` may not change what other cells see.
@@ -88,7 +117,7 @@ def rates_once(text: TransientText, state: str, then: list[str], instant: Instan
         text.over_cells(_rate_lines(text, state, then, lambda _: []))
         return
     if not once_by_rows(text):
-        outputs(text, [f"{state}[{text.at(layer)}]" for layer in range(text.layers)])
+        outputs(text, text.each(state))
         rates(text, state, then, instant)
         return
     _gains(text, instant)
@@ -96,9 +125,9 @@ def rates_once(text: TransientText, state: str, then: list[str], instant: Instan
     inputs = {one.name: place for place, one in enumerate(seen) if one.name.startswith("lane_u")}
     rows = rows_near(text, len(seen), inputs)
     sums = [fed_back(rows, [At(layer, 0)]) for layer in range(text.layers)]
-    sweep_sums(
-        text, seen, sums, _rate_lines(text, state, then, lambda layer: [f"sum += line{layer}[c];"])
-    )
+    found = _rate_lines(text, state, then, lambda layer: [add(SUM, line_of(layer))])
+    begin = [fixed(Name(rows.gain(k)), gain_name(k)) for k in range(len(text.template.gains))]
+    sweep_sums(text, seen, sums, found, begin)
 
 
 def once_by_rows(text: TransientText) -> bool:
@@ -112,71 +141,62 @@ def _sees(text: TransientText) -> int:
     return pads_outputs(text) + pads_states(text) + delays_outputs(text) + inputs
 
 
-def _seen(text: TransientText, state: str, instant: Instant) -> list[Seen]:
+def _seen(text: TransientText, state: Name, instant: Instant) -> list[Seen]:
     """Return what couplings see: outputs, and those of earlier, states and inputs if they do."""
-    template, layers = text.template, range(text.layers)
-    boundary, fixed = template.boundary, template.boundary.constant
-    rim = None if fixed is None else float(template.output.numpy(np.asarray(fixed)))
-    limits = ["now = clamp(now, -ONE, ONE);"] if template.output.limited else []
-    states = [[f"now = {state}[{text.at(layer)}];", *limits] for layer in layers]
-    shown = f"now = {rename(template.output.opencl, {'x': 'now'})};"
+    template, boundary = text.template, text.template.boundary
+    held = boundary.constant
+    rim = None if held is None else float(template.output.numpy(np.asarray(held)))
+    states: list[list[Statement]] = [[Assign(NOW, x), *_limits(text)] for x in text.each(state)]
+    shown = Assign(NOW, text.output(NOW))
     found: list[Seen] = []
     if pads_outputs(text):
         found.append(Seen(FROM, [[*each, shown] for each in states], boundary, rim))
     if pads_states(text):
-        found.append(Seen(STATES, states, boundary, fixed))
+        found.append(Seen(STATES, states, boundary, held))
     if delays_outputs(text):
-        past = [[f"now = {instant.past.replace('{at}', text.at(layer))};"] for layer in layers]
+        places = [text.at(layer) for layer in range(text.layers)]
+        past: list[list[Statement]] = [[Assign(NOW, instant.before(at))] for at in places]
         found.append(Seen(PAST, past, boundary, rim))
     return found + [input_seen(text, n) for n in inputs_read(text)]
 
 
 def _rate_lines(
-    text: TransientText, state: str, then: list[str], couplings: Callable[[int], list[str]]
-) -> list[str]:
+    text: TransientText, state: Name, then: Then, couplings: Callable[[int], Sequence[Statement]]
+) -> list[Statement]:
     """Return statements that find the rates of a cell; `couplings` returns what adds to its sum."""
-    body: list[str] = ["real sum, rate;"]
-    for layer in range(text.layers):
-        place = text.at(layer)
-        body.append(f"sum = {drive_of(text, layer)} - {state}[{place}];")
+    body: list[Statement] = [Declare("real", ((SUM, None), (RATE, None)))]
+    for layer, now in enumerate(text.each(state)):
+        body.append(Assign(SUM, drive_of(text, layer) - now))
         body += couplings(layer)
-        body.append(f"rate = {text.number(1.0 / float(text.template.tau[layer]))} * sum;")
+        body.append(Assign(RATE, Number(1.0 / float(text.template.tau[layer])) * SUM))
         if text.template.output.limited:
             # at the rails, what drives a state outwards does nothing
-            now = f"{state}[{place}]"
-            body.append(
-                f"rate = PICK(fabs({now}) >= ONE, PICK({now} * rate > ZERO, ZERO, rate), rate);"
-            )
+            inwards = pick(now * RATE > ZERO, ZERO, RATE)
+            body.append(Assign(RATE, pick(size(now) >= ONE, inwards, RATE)))
         if text.operands.mask is not None:
-            body.append(f"rate = PICK({text.operands.mask} != ZERO, ZERO, rate);")
-        body += [line.replace("{at}", place).replace("{layer}", str(layer)) for line in then]
+            body.append(Assign(RATE, pick(text.operands.mask.differs(ZERO), ZERO, RATE)))
+        body += then(text.at(layer), layer)
     return body
 
 
-def _couplings(text: TransientText, layer: int) -> list[str]:
+def _couplings(text: TransientText, layer: int) -> list[Statement]:
     template = text.template
     gained = {gain.source: k for k, gain in enumerate(template.gains) if gain.to == layer}
     found = taps(template.A, layer)
-    lines = text.weighted("y", tuple(tap for tap in found if tap.source not in gained))
+    lines = text.weighted(Y, tuple(tap for tap in found if tap.source not in gained))
     for source, k in gained.items():
-        part = text.weighted("y", tuple(tap for tap in found if tap.source == source), "part")
-        lines.append(f"{{ real part = ZERO; {' '.join(part)} sum += gain{k} * part; }}")
+        part = text.weighted(Y, tuple(tap for tap in found if tap.source == source), PART)
+        lines.append(block(declare(PART, ZERO), *part, add(SUM, gain_name(k) * PART)))
     for coupling in template.nonlinear:
         if not coupling.static and coupling.to == layer:
             lines += nonlinear(text, coupling)
     if template.delayed is not None and delays_outputs(text):
-        lines += text.weighted("yd", taps(template.delayed.A, layer))
+        lines += text.weighted(DELAYED, taps(template.delayed.A, layer))
     return lines
 
 
 def _gains(text: TransientText, instant: Instant) -> None:
-    if not text.template.gains:
-        return
-    text.lines.append(f"const real since = {instant.time};")
-    text.lines += [
-        f"const real gain{k} = {table(text, gain.table, 'since')};"
-        for k, gain in enumerate(text.template.gains)
-    ]
+    text.body += gains(text, instant.time)
 
 
 def _delayed_outputs(text: TransientText, instant: Instant) -> None:
@@ -184,19 +204,19 @@ def _delayed_outputs(text: TransientText, instant: Instant) -> None:
         return
     text.over_grid(
         [
-            f"yd[{layer * text.padded} + p] = {instant.past.replace('{at}', text.at(layer))};"
+            Assign(DELAYED[text.padded_at(layer)], instant.before(text.at(layer)))
             for layer in range(text.layers)
         ]
     )
     if text.template.boundary.constant is None:
-        text.fill_rims("yd", text.layers, text.template.boundary, None)
+        text.fill_rims(DELAYED, text.layers, text.template.boundary, None)
 
 
-def watch_change(text: TransientText, state: str) -> list[str]:
-    """Return statements that keep the largest rate, in units of the tolerance, in `change`.
+def watch_change(text: TransientText, state: Expression) -> Accumulate:
+    """Return the statement that keeps the largest rate, in units of the tolerance, in `change`.
 
     A state whose rate times its layer's τ is below the tolerance stays within about that of its
     equilibrium.
     """
-    tau = text.number(float(text.template.tau.max()))
-    return [f"change = greater(change, fabs({tau} * rate) / {text.scale(f'{state}[{{at}}]')});"]
+    tau = Number(float(text.template.tau.max()))
+    return Accumulate(CHANGE, "greater", size(tau * RATE) / text.scale(state))

@@ -4,14 +4,19 @@ A few rows are taken at a time: what their cells and those around them give is s
 that every vector of neighbours that is loaded is aligned, and goes no farther than the cache.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cnnum.boundary import Boundary
+from cnnum.engines.opencl.ir.expressions import Element, Name
+from cnnum.engines.opencl.ir.statements import Block, Statement, Sweep, Verbatim, verbatim
 from cnnum.engines.opencl.plain_rows import PlainRows, own_text, plain_rows
 from cnnum.engines.opencl.storage import ALIGNED
 from cnnum.engines.opencl.strip_rows import At, Rows
-from cnnum.engines.opencl.text import fill, indented
-from cnnum.engines.opencl.transients import TransientText
+from cnnum.engines.opencl.text import fill, filled, indented
+from cnnum.engines.opencl.transients import COL, ROW, TransientText
+
+ROWS_NEAR = Name("rows_near")
 
 NEAR_BYTES = 192 * 1024
 """What is kept at a time, where rows are short enough: it stays in the second cache."""
@@ -31,7 +36,7 @@ class Seen:
     ----------
     name : str
         The variable of the kernel.
-    values : list of list of str
+    values : sequence of sequence of Statement
         Of each layer, or the only one: statements in cell `i` that set `now`.
     boundary : Boundary
     fixed : float or None
@@ -39,7 +44,7 @@ class Seen:
     """
 
     name: str
-    values: list[list[str]]
+    values: Sequence[Sequence[Statement]]
     boundary: Boundary
     fixed: float | None
 
@@ -97,8 +102,17 @@ def _near(text: TransientText, seen: int, sums: int) -> _Near:
     return near if fits else kept("__global")
 
 
+def line_of(layer: int) -> Element:
+    """Return the sum of a layer in the cell at hand of a sweep."""
+    return Name(f"line{layer}")[COL]
+
+
 def sweep_sums(
-    text: TransientText, seen: list[Seen], sums: list[list[str]], body: list[str]
+    text: TransientText,
+    seen: list[Seen],
+    sums: list[list[str]],
+    body: Sequence[Statement],
+    begin: Sequence[Statement] = (),
 ) -> None:
     """Append a sweep over all cells that knows sums of what neighbours give.
 
@@ -108,9 +122,11 @@ def sweep_sums(
     seen : list of Seen
     sums : list of list of str
         Of each layer, statements that add to the sum of a vector of cells.
-    body : list of str
-        Statements in cell `i`, whose sum of a layer is `line{layer}[c]`. They change nothing that
+    body : sequence of Statement
+        Statements in cell `i`, whose sum of a layer is `line_of(layer)`. They change nothing that
         other cells see.
+    begin : sequence of Statement
+        What declares the numbers that the sums use.
     """
     near, (rows, cols) = _near(text, len(seen), len(sums)), text.shape
     places = {one.name: n * near.each for n, one in enumerate(seen)}
@@ -118,23 +134,22 @@ def sweep_sums(
     places |= {f"line{n}": lines + n * near.layout.length for n in range(len(sums))}
     pointer = f"{near.layout.space} scalar *const"
     mark = text.arena.mark()
-    text.lines.append("{")
-    begin = _declared(text, near, -(-rows // near.rows))
-    filled = fill(
+    with text.aside() as declared:
+        near_by = _declared(text, near, -(-rows // near.rows))
+    swept = filled(
         "row_sweep",
-        blocks=-(-rows // near.rows),
         block=near.rows,
         rows=rows,
         cols=cols,
         radius=text.radius,
-        near=begin,
-        arrays=indented([f"{pointer} {name} = near + {at};" for name, at in places.items()], 1),
-        seen="\n".join(_row_of(text, near.layout, one) for one in seen),
-        sums="\n".join(_sum_of(text, near.layout, n, lines) for n, lines in enumerate(sums)),
-        body=indented(body, 3),
+        near=[near_by, *begin],
+        arrays=verbatim(f"{pointer} {name} = near + {at};" for name, at in places.items()),
+        seen=[_row_of(text, near.layout, one) for one in seen],
+        sums=[_sum_of(near.layout, n, lines) for n, lines in enumerate(sums)],
+        body=body,
     )
     text.tables.types |= near.layout.functions(text.tables.dtype.itemsize)
-    text.lines += [*filled.splitlines(), "}"]
+    text.body.append(Block((*declared, Sweep(ROW, -(-rows // near.rows), (swept,)))))
     text.arena.release(mark)
 
 
@@ -145,21 +160,21 @@ def rows_near(text: TransientText, seen: int, inputs: dict[str, int]) -> Rows:
     return Rows(text, near.layout, (1.0,) * text.layers, apart, "near")
 
 
-def _declared(text: TransientText, near: _Near, blocks: int) -> str:
+def _declared(text: TransientText, near: _Near, blocks: int) -> Verbatim:
     """Return the declaration of what is kept while the rows of the block `r` are taken."""
     if near.on_stack:
-        return f"scalar near[{near.size}] __attribute__((aligned(64)));"
+        return Verbatim((f"scalar near[{near.size}] __attribute__((aligned(64)));",))
     # blocks of a plan that is parted are taken at the same time
     step = -(-near.size // ALIGNED) * ALIGNED if text.tables.parted else 0
-    text.array("rows_near", max(near.size, blocks * step))
-    return f"__global scalar *const near = rows_near + r * {step};"
+    text.array(ROWS_NEAR, max(near.size, blocks * step))
+    return Verbatim(("__global scalar *const near = ", ROWS_NEAR + ROW * step, ";"))
 
 
-def _row_of(text: TransientText, layout: PlainRows, one: Seen) -> str:
+def _row_of(text: TransientText, layout: PlainRows, one: Seen) -> Verbatim:
     """Return the text that sets a row, which may be a virtual one."""
     rows = text.shape[0]
     row, beyond = "at_row", list[str]()
-    constant = None if one.fixed is None else text.number(one.fixed)
+    constant = None if one.fixed is None else text.literal(one.fixed)
     if one.boundary.pad_mode == "wrap":
         row = f"(at_row % {rows} + {rows}) % {rows}"
     elif constant is None:
@@ -174,25 +189,26 @@ def _row_of(text: TransientText, layout: PlainRows, one: Seen) -> str:
             f"    {one.name}[p + c] = {constant};",
             "}",
         ]
-    lines = [f"{{ const int row = {row};"]
-    for layer, value in enumerate(one.values):
-        lines += fill(
+    each: list[Statement] = [
+        filled(
             "row_seen",
             radius=layout.radius,
             pitch=layout.pitch,
             place=layout.head + layer * layout.span,
             cols=layout.cols,
-            value=" ".join(value),
+            value=value,
             array=one.name,
-            virtual=indented(layout.virtual(one.name, one.boundary, constant), 1),
-            beyond=indented(beyond, 1),
-        ).splitlines()
-    return indented([*lines, "}"], 2)
+            virtual=verbatim(layout.virtual(one.name, one.boundary, constant)),
+            beyond=verbatim(beyond),
+        )
+        for layer, value in enumerate(one.values)
+    ]
+    return Verbatim((f"{{ const int row = {row};\n    ", tuple(each), "\n}"))
 
 
-def _sum_of(text: TransientText, layout: PlainRows, layer: int, lines: list[str]) -> str:
+def _sum_of(layout: PlainRows, layer: int, lines: list[str]) -> Verbatim:
     """Return the text that sums what the cells of the row `own` see."""
-    filled = fill(
+    summed = fill(
         "row_sum",
         length=layout.length,
         width=layout.width,
@@ -204,4 +220,4 @@ def _sum_of(text: TransientText, layout: PlainRows, layer: int, lines: list[str]
         to=f"line{layer}",
         space=layout.space,
     )
-    return indented(own_text(filled).splitlines(), 2)
+    return Verbatim((own_text(summed),))

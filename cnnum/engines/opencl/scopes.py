@@ -1,11 +1,7 @@
-"""The names of a parted kernel's body: each means one register, array or number, by its scope."""
+"""What the names of a plan's statements mean where every sweep is a kernel of its own."""
 
-import re
-from collections.abc import Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-
-NAME = re.compile(r"\b[A-Za-z_]\w*")
-_DECLARED = re.compile(r"\b(?:real|int|scalar) (\w[^;]*)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +39,7 @@ class Register:
 
 
 @dataclass(frozen=True, slots=True)
-class Array:
+class GlobalArray:
     """Values of a frame in global memory, from `start` on, be it in scratch or in its outputs."""
 
     name: str
@@ -62,7 +58,7 @@ class Fixed:
     name: str
 
 
-Meaning = Register | Array | Fixed
+Meaning = Register | GlobalArray | Fixed
 
 
 @dataclass(slots=True)
@@ -73,44 +69,12 @@ class Scope:
     meanings: dict[str, Meaning] = field(default_factory=dict[str, Meaning])
 
     def find(self, name: str) -> Meaning | None:
-        """Return what a name means, None if it is no name of the body."""
+        """Return what a name means, None if it is no name of the plan."""
         if name in self.meanings:
             return self.meanings[name]
         return None if self.outer is None else self.outer.find(name)
 
-    def used(self, text: str) -> tuple[Meaning, ...]:
-        """Return what a text uses, each once, in the order of the text."""
-        own = set(declared(text))
-        found = (self.find(name) for name in NAME.findall(text) if name not in own)
-        return tuple({meaning: None for meaning in found if meaning is not None})
-
-    def renamed(self, text: str) -> str:
-        """Return the text with every name of the body replaced by one that is unique."""
-        own = set(declared(text))
-
-        def unique(word: re.Match[str]) -> str:
-            meaning = None if word[0] in own else self.find(word[0])
-            return word[0] if meaning is None else meaning.name
-
-        return NAME.sub(unique, text)
-
-
-def declared(text: str) -> Iterator[str]:
-    """Yield the names that a text declares itself."""
-    for names in _DECLARED.findall(text):
-        for part in parted_at_commas(names):
-            match = NAME.match(part)
-            if match is not None:
-                yield match[0]
-
-
-def parted_at_commas(text: str) -> list[str]:
-    """Return what stands between the commas that stand in no bracket."""
-    parts, depth = [""], 0
-    for letter in text:
-        depth += (letter in "([") - (letter in ")]")
-        if letter == "," and depth == 0:
-            parts.append("")
-        else:
-            parts[-1] += letter
-    return [part.strip() for part in parts]
+    def found(self, names: Iterable[str]) -> dict[str, Meaning]:
+        """Return what names mean, those alone that are the plan's."""
+        meanings = {name: self.find(name) for name in names}
+        return {name: meaning for name, meaning in meanings.items() if meaning is not None}

@@ -1,114 +1,136 @@
-"""The kernel text of cells that see only themselves: the pieces of their way, without a step.
+"""Cells that see only themselves: the pieces of their way, without a step.
 
 The formulas, and what d is, stand in `cnnum.integrators.separate`.
 """
 
 import math
 
-import numpy as np
-
 from cnnum.engines.opencl.drive import drive_of
-from cnnum.engines.opencl.start import start_of
-from cnnum.engines.opencl.text import comment
-from cnnum.engines.opencl.transients import TransientText
+from cnnum.engines.opencl.exact import LARGEST, begin_exact, exact_figures
+from cnnum.engines.opencl.ir.expressions import (
+    ONE,
+    ZERO,
+    Expression,
+    Name,
+    Number,
+    call,
+    clip,
+    pick,
+    size,
+)
+from cnnum.engines.opencl.ir.statements import Accumulate, Assign, Declare, Statement, fixed
+from cnnum.engines.opencl.start import X, start_of
+from cnnum.engines.opencl.step_control import Figures
+from cnnum.engines.opencl.transients import NOW, TransientText
 from cnnum.integrators.separate import STEEPEST, Separate, growth, moved, roundings
 
+FROM, TO, DRIVE, S, E, EDGE, AWAY = (
+    Name(name) for name in ("from", "to", "drive", "s", "e", "edge", "away")
+)
+"""Start and end; the piece, where it pulls, when a cell leaves it, and whether it never does."""
 
-def separate(text: TransientText, scheme: Separate) -> dict[str, str]:
-    """Append the text that sets the states `x` to their end and return the figures of the run."""
-    text.lines.append(comment(f"exact after {text.solver.duration:g}: no cell sees another"))
-    text.lines.append("real largest = ZERO;")
-    text.array("x", text.layers * text.cells)
+G, B, AT_B, CROSSES, OVER, BETWEEN, LEFT, ENDS = (
+    Name(name) for name in ("g", "b", "at_b", "crosses", "over", "between", "left", "ends")
+)
+"""In the middle piece: its rate and the edge ahead, the rate there, whether and how it leaves."""
+
+SEEN, AFTER, GROWN, SIZES = (Name(name) for name in ("seen", "after", "grown", "sizes"))
+
+
+def separate(text: TransientText, scheme: Separate) -> Figures:
+    """Append what sets the states `x` to their end and return the figures of the run."""
+    begin_exact(text, ": no cell sees another")
+    text.array(X, text.states)
     for layer in range(text.layers):
         text.over_cells(_cell(text, scheme, layer))
-    rounding = text.number(float(np.finfo(text.tables.dtype).eps) * roundings(text.template))
-    figures = {
-        "time": text.number(text.solver.duration),
-        "steps": "ZERO",
-        "error": f"{rounding} * largest",
-    }
-    return figures | ({"settled": "ONE"} if text.solver.settle else {})
+    return exact_figures(text, roundings(text.template))
 
 
-def _cell(text: TransientText, scheme: Separate, layer: int) -> list[str]:
+def _cell(text: TransientText, scheme: Separate, layer: int) -> list[Statement]:
     own, time = float(scheme.own[layer]), float(scheme.time[layer])
-    a, slope, d = text.number(own), text.number(own - 1.0), text.number(math.exp(-time))
-    to = f"PICK(away != ZERO, e + {d} * (from - e), PICK(crosses != ZERO, over, between))"
+    a, slope, d = Number(own), Number(own - 1.0), Number(math.exp(-time))
+    inside = pick(CROSSES.differs(ZERO), OVER, BETWEEN)
+    to: Expression = pick(AWAY.differs(ZERO), E + d * (FROM - E), inside)
     if text.operands.mask is not None:
-        to = f"PICK({text.operands.mask} != ZERO, from, {to})"
+        to = pick(text.operands.mask.differs(ZERO), FROM, to)
+    begun = ((FROM, start_of(text, layer)), (DRIVE, drive_of(text, layer)))
     return [
-        f"const real from = {start_of(text, layer)}, drive = {drive_of(text, layer)};",
-        "const real s = PICK(from > ONE, ONE, PICK(from < -ONE, -ONE, ZERO));",
-        f"const real e = drive + {a} * s;",
+        Declare("real", begun, fixed=True),
+        fixed(S, pick(FROM > ONE, ONE, pick(FROM < -ONE, -ONE, ZERO))),
+        fixed(E, DRIVE + a * S),
         # d when it comes to its edge; 0 where it never does, or is within it
-        "const real edge = PICK(s * e < s * s, (s - e) / (from - e), ZERO);",
-        f"const real away = PICK(edge > {d}, ZERO, s * s);",
-        "const real now = clamp(from, -ONE, ONE);",
-        f"const real g = {slope} * now + drive;",
-        "const real b = PICK(g < ZERO, -ONE, ONE);",
-        f"const real at_b = {slope} * b + drive;",
-        *_inside(text, own - 1.0, time),
-        f"const real to = {to};",
-        f"x[{text.at(layer)}] = to;",
-        *_rounded(text, own, time),
+        fixed(EDGE, pick(S * E < S * S, (S - E) / (FROM - E), ZERO)),
+        fixed(AWAY, pick(EDGE > d, ZERO, S * S)),
+        fixed(NOW, clip(FROM)),
+        fixed(G, slope * NOW + DRIVE),
+        fixed(B, pick(G < ZERO, -ONE, ONE)),
+        fixed(AT_B, slope * B + DRIVE),
+        *_inside(own - 1.0, time),
+        fixed(TO, to),
+        Assign(X[text.at(layer)], TO),
+        *_rounded(own, time),
     ]
 
 
-def _inside(text: TransientText, slope: float, time: float) -> list[str]:
+def _inside(slope: float, time: float) -> list[Statement]:
     """Return where cells are at the end that are in the middle piece at first, or enter it."""
     if math.isinf(time):
-        return _at_rest(text.number(slope))
-    return _weight_of_two(text, time) if slope == 1.0 else _on_time(text, slope, time)
+        return _at_rest(Number(slope))
+    return _weight_of_two(time) if slope == 1.0 else _on_time(slope, time)
 
 
-def _at_rest(slope: str) -> list[str]:
+def _at_rest(slope: Expression) -> list[Statement]:
     """Return where cells come to rest that are in the middle piece, or enter it."""
+    crosses = pick(B * AT_B > ZERO, ONE, ZERO)
     return [
-        "const real crosses = PICK(b * at_b > ZERO, ONE, ZERO), over = b + at_b;",
-        f"const real between = PICK(g != ZERO, -drive / {slope}, now);",
+        Declare("real", ((CROSSES, crosses), (OVER, B + AT_B)), fixed=True),
+        fixed(BETWEEN, pick(G.differs(ZERO), -DRIVE / slope, NOW)),
     ]
 
 
-def _weight_of_two(text: TransientText, time: float) -> list[str]:
+def _weight_of_two(time: float) -> list[Statement]:
     """Return where they are on time for m = 1, as most templates have it: e^t = 1/d is at hand."""
-    d, grown = text.number(math.exp(-time)), text.number(growth(1.0, time))
+    d, grown = Number(math.exp(-time)), Number(growth(1.0, time))
+    left = pick(EDGE > d, d / EDGE, d)
     return [
-        f"const real left = PICK(edge > {d}, {d} / edge, {d}), ends = g / at_b;",
-        "const real crosses = PICK(b * at_b > ZERO && left < ends, ONE, ZERO);",
-        "const real over = b + at_b * (ONE - left / ends);",
-        f"const real between = now + g * ({grown} * PICK(edge > {d}, edge, ONE) - ONE);",
+        Declare("real", ((LEFT, left), (ENDS, G / AT_B)), fixed=True),
+        fixed(CROSSES, pick((B * AT_B > ZERO) & (LEFT < ENDS), ONE, ZERO)),
+        fixed(OVER, B + AT_B * (ONE - LEFT / ENDS)),
+        fixed(BETWEEN, NOW + G * (grown * pick(EDGE > d, EDGE, ONE) - ONE)),
     ]
 
 
-def _on_time(text: TransientText, slope: float, time: float) -> list[str]:
+def _on_time(slope: float, time: float) -> list[Statement]:
     """Return where they are on time for any m."""
-    m, d = text.number(slope), text.number(math.exp(-time))
-    if slope == 0.0:
-        ends, entered = "(b - now) / g", "left"
-    else:
-        ends = f"log1p({m} * (b - now) / g) / {m}"
-        entered = f"expm1(fmin({m} * left, {text.number(math.log(STEEPEST))})) / {m}"
-    along = text.number(moved(slope, time))
+    m, d = Number(slope), Number(math.exp(-time))
+    ends: Expression = (B - NOW) / G
+    entered: Expression = LEFT
+    if slope != 0.0:
+        ends = call("log1p", m * (B - NOW) / G) / m
+        entered = call("expm1", call("fmin", m * LEFT, Number(math.log(STEEPEST)))) / m
+    along = Number(moved(slope, time))
     return [
         # time that is left, from where it enters; a quotient of decays is exact near the end
-        f"const real left = PICK(edge > {d}, log(edge / {d}), {text.number(time)});",
+        fixed(LEFT, pick(EDGE > d, call("log", EDGE / d), Number(time))),
         # and that it takes to leave the middle piece again
-        f"const real ends = {ends};",
-        "const real crosses = PICK(b * at_b > ZERO && ends < left, ONE, ZERO);",
-        "const real over = b + at_b * (ONE - exp(ends - left));",
-        f"const real between = now + g * PICK(edge > {d}, {entered}, {along});",
+        fixed(ENDS, ends),
+        fixed(CROSSES, pick((B * AT_B > ZERO) & (ENDS < LEFT), ONE, ZERO)),
+        fixed(OVER, B + AT_B * (ONE - call("exp", ENDS - LEFT))),
+        fixed(BETWEEN, NOW + G * pick(EDGE > d, entered, along)),
     ]
 
 
-def _rounded(text: TransientText, own: float, time: float) -> list[str]:
+def _rounded(own: float, time: float) -> list[Statement]:
     """Return what rounding leaves, as `cnnum.integrators.separate` has it."""
-    slope, left = own - 1.0, text.number(math.exp(-time))
-    late = "" if math.isinf(time) else f" + {text.number(time)} * after"
-    at_rest = text.number(growth(slope, time))
+    slope, left = own - 1.0, Number(math.exp(-time))
+    at_rest = Number(growth(slope, time))
+    sum = size(TO) + pick(AWAY.differs(ZERO), left, GROWN) * SIZES
+    if not math.isinf(time):
+        sum = sum + Number(time) * AFTER
     return [
-        "const real seen = clamp(to, -ONE, ONE);",
-        f"const real after = fabs({text.number(slope)} * seen + drive + (seen - to));",
-        f"const real grown = PICK(g != ZERO, after / fabs(g), {at_rest});",
-        f"const real sizes = fabs(drive) + fabs(from) + fabs({text.number(own)} * now);",
-        f"largest = greater(largest, fabs(to) + PICK(away != ZERO, {left}, grown) * sizes{late});",
+        fixed(SEEN, clip(TO)),
+        fixed(AFTER, size(Number(slope) * SEEN + DRIVE + (SEEN - TO))),
+        fixed(GROWN, pick(G.differs(ZERO), AFTER / size(G), at_rest)),
+        fixed(SIZES, size(DRIVE) + size(FROM) + size(Number(own) * NOW)),
+        Accumulate(LARGEST, "greater", sum),
     ]

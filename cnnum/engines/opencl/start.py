@@ -1,19 +1,24 @@
-"""The kernel text of where the states start."""
+"""Where the states start."""
 
+from cnnum.engines.opencl.ir.expressions import Expression, Name, Number
+from cnnum.engines.opencl.ir.statements import Assign
 from cnnum.engines.opencl.transients import TransientText
 
+X = Name("x")
+"""The states."""
 
-def start_of(text: TransientText, layer: int) -> str:
-    """Return the expression for the initial state in cell `i` of a layer."""
+
+def start_of(text: TransientText, layer: int) -> Expression:
+    """Return the initial state in cell `i` of a layer."""
     if text.operands.states:
         return text.operands.states[layer]
     initial = text.template.initial
-    return text.operands.inputs[layer] if initial == "input" else text.number(float(initial))
+    return text.operands.inputs[layer] if initial == "input" else Number(float(initial))
 
 
-def start(text: TransientText, name: str = "x") -> None:
+def start(text: TransientText, name: Name = X) -> None:
     """Append the array of states, set to where they start."""
-    text.array(name, text.layers * text.cells)
+    text.array(name, text.states)
     text.over_cells(
-        [f"{name}[{text.at(layer)}] = {start_of(text, layer)};" for layer in range(text.layers)]
+        [Assign(state, start_of(text, layer)) for layer, state in enumerate(text.each(name))]
     )

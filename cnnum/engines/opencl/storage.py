@@ -7,13 +7,34 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.boundary import Boundary, halo_sources
-from cnnum.engines.opencl.parts import Strips
-from cnnum.engines.opencl.text import number
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    Element,
+    Expression,
+    Integer,
+    Name,
+    Number,
+    Operand,
+    after,
+    real,
+)
+from cnnum.engines.opencl.ir.number_types import number_type
+from cnnum.engines.opencl.ir.printer import OpenCLPrinter
+from cnnum.engines.opencl.ir.statements import Array
 from cnnum.graph.nodes import Constant, ConstantMap, Node
 
 PRIVATE_CELLS = 16 * 16
 """Largest array that a work item keeps in private memory. Of 32×32 cells a step takes 1.6 times as
 long there as in scratch, and the program `contact` twice as long."""
+
+DATA = Name("data")
+"""The plan's constant numbers."""
+
+UNFINISHED = Name("unfinished")
+"""Whether a transient or a loop of a frame did not reach its end."""
+
+MINE = Name("mine")
+"""A frame's scratch."""
 
 ALIGNED = 16
 """Arrays of scratch begin at multiples of this, so that vectors lie within a cache's lines."""
@@ -32,14 +53,12 @@ class Arena:
     _top: int = 0
     places: dict[str, int] = field(default_factory=dict[str, int])
 
-    def array(self, name: str, length: int) -> str:
+    def array(self, name: str, length: int) -> Array:
         """Return the declaration of an array."""
         start = self.places[name] = self._top
         self._top += length if self.private else -(-length // ALIGNED) * ALIGNED + APART
         self.size = max(self.size, self._top)
-        if self.private:
-            return f"real {name}[{length}];"
-        return f"__global real *const {name} = mine + {start};"
+        return Array(Name(name), length, None if self.private else MINE + start)
 
     def mark(self) -> int:
         """Return a mark to release to at the end of a block."""
@@ -74,8 +93,8 @@ class Tables:
         Whether every sweep is a kernel of its own.
     types : dict of str to str
         Texts of further types and functions that the kernel uses, by name.
-    strips : dict of str to Strips
-        Steps of large arrays that are kernels of their own, by name.
+    strips : list of str
+        Texts of kernels that take steps of large arrays.
     """
 
     dtype: np.dtype[np.floating]
@@ -85,13 +104,20 @@ class Tables:
     by_vectors: bool
     parted: bool = False
     types: dict[str, str] = field(default_factory=dict[str, str])
-    strips: "dict[str, Strips]" = field(default_factory=dict[str, Strips])
+    strips: list[str] = field(default_factory=list[str])
     _tables: dict[str, str] = field(default_factory=dict[str, str])
     _data: list[Floats] = field(default_factory=list[Floats])
     _length: int = 0
     _places: dict[bytes, int] = field(default_factory=dict[bytes, int])
 
-    def halo(self, boundary: Boundary, shape: tuple[int, int], radius: int) -> tuple[str, str, int]:
+    @property
+    def printer(self) -> OpenCLPrinter:
+        """What writes records in the kernel's type."""
+        return OpenCLPrinter(number_type(self.dtype))
+
+    def halo(
+        self, boundary: Boundary, shape: tuple[int, int], radius: int
+    ) -> tuple[Name, Name, int]:
         """Return the names of two tables (padded cell, padded source) and their length."""
         name = f"halo_{boundary.pad_mode}_{shape[0]}x{shape[1]}_{radius}"
         sources = halo_sources(boundary, shape, radius)
@@ -102,11 +128,19 @@ class Tables:
         row, col = np.divmod(sources.ravel()[rim], shape[1])
         self._index(f"{name}_to", rim)
         self._index(f"{name}_from", (row + radius) * pitch + col + radius)
-        return f"{name}_to", f"{name}_from", rim.size
+        return Name(f"{name}_to"), Name(f"{name}_from"), rim.size
 
     def _index(self, name: str, values: NDArray[np.int64]) -> None:
         body = ", ".join(str(int(value)) for value in values)
         self._tables[name] = f"__constant int {name}[{values.size}] = {{{body}}};"
+
+    def constant(self, values: Floats, at: Operand) -> Expression:
+        """Return the number that stands there among these, which the data buffer gets."""
+        return self.number_at(after(Integer(self.data(values)), at))
+
+    def number_at(self, at: Expression) -> Expression:
+        """Return the number that stands at a place of the data buffer."""
+        return real(DATA[at])
 
     def data(self, values: Floats) -> int:
         """Return the offset of these numbers in the data buffer."""
@@ -128,14 +162,19 @@ class Tables:
         return flat.astype(self.dtype)
 
 
-def placed_name(at: int) -> str:
+def placed_name(at: int) -> Name:
     """Return the name of the map that stands there among a frame's outputs."""
-    return f"out{at}"
+    return Name(f"out{at}")
+
+
+def slot_name(number: int) -> Name:
+    """Return the name of the array of a slot."""
+    return Name(f"s{number}")
 
 
 @dataclass(slots=True)
 class Values:
-    """The text that reads a node's value in cell `i`; maps share slots once they are dead.
+    """Expressions of nodes' values in cell `i`; maps share slots once they are dead.
 
     Attributes
     ----------
@@ -149,34 +188,40 @@ class Values:
 
     tables: Tables
     placed: dict[int, int] = field(default_factory=dict[int, int])
-    _texts: dict[int, str] = field(default_factory=dict[int, str])
+    _values: dict[int, Expression] = field(default_factory=dict[int, Expression])
     _slots: dict[int, int] = field(default_factory=dict[int, int])
     _free: list[int] = field(default_factory=list[int])
     slots: list[int] = field(default_factory=list[int])
 
-    def read(self, node: Node) -> str:
+    def read(self, node: Node) -> Expression:
         """Return the expression for a node's value in cell `i`."""
         operation = node.operation
         if isinstance(operation, Constant):
-            return number(operation.value, self.tables.dtype)
+            return Number(operation.value)
         if isinstance(operation, ConstantMap):
-            return f"R(data[{self.tables.data(operation.values)} + i])"
-        return self._texts[node.index]
+            return self.tables.constant(operation.values, CELL)
+        return self._values[node.index]
 
-    def name_scalar(self, node: Node) -> str:
+    def variable(self, node: Node) -> Name | Element:
+        """Return what holds a node's value and can get another one."""
+        value = self._values[node.index]
+        assert isinstance(value, Name | Element)
+        return value
+
+    def name_scalar(self, node: Node) -> Name:
         """Return the name of a new variable for one number a frame."""
-        self._texts[node.index] = f"n{node.index}"
-        return self._texts[node.index]
+        name = self._values[node.index] = Name(f"n{node.index}")
+        return name
 
-    def alias(self, node: Node, text: str) -> None:
+    def alias(self, node: Node, value: Expression) -> None:
         """Say that a node's value is read by this expression."""
-        self._texts[node.index] = text
+        self._values[node.index] = value
 
-    def take_slot(self, node: Node) -> str:
+    def take_slot(self, node: Node) -> Name:
         """Return the name of the array that holds this map, or stack, from now on."""
         if node.index in self.placed:
             name = placed_name(self.placed[node.index])
-            self._texts[node.index] = f"{name}[i]"
+            self._values[node.index] = name[CELL]
             return name
         fits = [slot for slot in self._free if self.slots[slot] == node.maps]
         if fits:
@@ -186,17 +231,18 @@ class Values:
             slot = len(self.slots)
             self.slots.append(node.maps)
         self._slots[node.index] = slot
-        self._texts[node.index] = f"s{slot}[i]"
-        return f"s{slot}"
+        name = slot_name(slot)
+        self._values[node.index] = name[CELL]
+        return name
 
-    def array_of(self, node: Node) -> str | None:
+    def array_of(self, node: Node) -> Name | None:
         """Return the name of the array that holds a node's value alone, None without one."""
         slot = self._slots.get(node.index)
-        return None if slot is None else f"s{slot}"
+        return None if slot is None else slot_name(slot)
 
     def hand_over(self, old: Node, new: Node) -> None:
         """Let another node have the name, and the array, of a value."""
-        self._texts[new.index] = self._texts[old.index]
+        self._values[new.index] = self._values[old.index]
         if old.index in self._slots:
             self._slots[new.index] = self._slots.pop(old.index)
 

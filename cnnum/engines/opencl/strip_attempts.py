@@ -3,7 +3,28 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from cnnum.engines.opencl.stepping import Attempt
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    ZERO,
+    Cast,
+    Integer,
+    Name,
+    pick,
+    real,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Branch,
+    Declare,
+    Statement,
+    StripSteps,
+    While,
+    declare,
+    fixed,
+    sweep,
+)
+from cnnum.engines.opencl.step_control import ACCEPT, TIME, Attempt, H
 from cnnum.engines.opencl.strip_chebyshev import (
     ARRAYS,
     CONTROL,
@@ -11,7 +32,7 @@ from cnnum.engines.opencl.strip_chebyshev import (
     ODD,
     RATES,
     ROWS,
-    STAGES,
+    STAGES_AT,
     STATE,
     STEP,
     chebyshev_cases,
@@ -19,18 +40,24 @@ from cnnum.engines.opencl.strip_chebyshev import (
 from cnnum.engines.opencl.strip_figures import FIGURES, mark_cells
 from cnnum.engines.opencl.strip_kernel import (
     StripText,
-    declare,
+    declare_arrays,
     levels_of,
     strip_kernel,
 )
 from cnnum.engines.opencl.strip_lanes import row_layout
 from cnnum.engines.opencl.strip_layout import RowLayout
-from cnnum.engines.opencl.strip_pair import LENGTH, MOVED, TIME, pair_cases
+from cnnum.engines.opencl.strip_pair import BEGINS, LENGTH, MOVED, pair_cases
 from cnnum.engines.opencl.strip_rims import OUTPUTS, by_turns
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.chebyshev import MAX_STAGES
 from cnnum.integrators.schemes import AdaptiveSteps
+
+CONTROLS, MAXIMA = Name("strip_control"), Name("strip_maxima")
+"""What the plan's body says to the strips, and what they found."""
+
+STAGES, LEVELS, AT = Name("stages"), Name("levels"), Name("at")
+"""Of a step; a variable of loops."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +82,11 @@ class Trial:
         Where the states are in the end, from the first array.
     levels : int
         Of a step, at most.
-    begin, tell, advance : list of str
-        Statements that set the control: before all steps, before each, and after each.
+    begin, tell, advance : list of Statement
+        What sets the control: before all steps, before each, and after each.
     count : str
         Levels that a frame takes of at most `most` after those that are `done`.
-    told : str or None
+    told : Name or None
         The number of the plan's body that says how many levels a frame takes.
     """
 
@@ -70,11 +97,11 @@ class Trial:
     case: str
     end: str
     levels: int
-    begin: list[str]
-    tell: list[str]
-    advance: list[str]
+    begin: list[Statement]
+    tell: list[Statement]
+    advance: list[Statement]
     count: str = "most"
-    told: str | None = None
+    told: Name | None = None
 
 
 def pair_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
@@ -90,9 +117,9 @@ def pair_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
             case=f"number % {stages}",
             end=f"(x[{{strip_control}} + {MOVED}] != 0 ? {{strip_xs}} : 0)",
             levels=stages,
-            begin=[f"strip_control[{MOVED}] = ZERO;"],
-            tell=[f"strip_control[{LENGTH}] = h;", f"strip_control[{TIME}] = time;"],
-            advance=[f"strip_control[{MOVED}] = accept;"],
+            begin=[Assign(CONTROLS[MOVED], ZERO)],
+            tell=[Assign(CONTROLS[LENGTH], H), Assign(CONTROLS[BEGINS], TIME)],
+            advance=[Assign(CONTROLS[MOVED], ACCEPT)],
         ),
     )
 
@@ -106,8 +133,9 @@ def chebyshev_attempts(text: TransientText, table: int) -> Attempt:
     table : int
         Where in the data the methods' rows begin.
     """
-    stages = f"(int)x[{{strip_control}} + {STAGES}]"
+    stages = f"(int)x[{{strip_control}} + {STAGES_AT}]"
     size = CONTROL - ROWS
+    row = text.tables.number_at(Integer(table) + STAGES * size + AT)
     return _attempt(
         text,
         Trial(
@@ -119,52 +147,56 @@ def chebyshev_attempts(text: TransientText, table: int) -> Attempt:
             end=f"(int)x[{{strip_control}} + {STATE}] * {{{ARRAYS[1]}}}",
             levels=MAX_STAGES + 1,
             begin=[
-                f"strip_control[{place}] = R({n});"
+                Assign(CONTROLS[place], real(n))
                 for n, place in enumerate((STATE, RATES, EVEN, ODD))
             ],
             tell=[
-                f"strip_control[{STEP}] = h;",
-                f"strip_control[{STAGES}] = (real)stages;",
+                Assign(CONTROLS[STEP], H),
+                Assign(CONTROLS[STAGES_AT], Cast("real", STAGES)),
                 # a loop of this kind is no sweep, which would be a launch of its own
-                "int at = 0;",
-                f"while (at < {size}) {{",
-                f"    strip_control[{ROWS} + at] = R(data[{table} + stages * {size} + at]);",
-                "    ++at;",
-                "}",
-                "const int levels = stages + 1;",
+                declare(AT, 0, of="int"),
+                While(
+                    AT < size,
+                    (
+                        Assign(CONTROLS[Integer(ROWS) + AT], row),
+                        Assign(AT, Integer(1), "+="),
+                    ),
+                ),
+                fixed(LEVELS, STAGES + 1, of="int"),
             ],
             advance=_changed_places(),
             count=f"min(most, {stages} + 1 - done)",
-            told="levels",
+            told=LEVELS,
         ),
     )
 
 
-def _changed_places() -> list[str]:
+def _changed_places() -> list[Statement]:
     """Return the statements that take a step over: what it leaves is what the next begins with."""
-    return [
-        "if (accept != ZERO) {",
-        f"    const real state = strip_control[{STATE}], rates = strip_control[{RATES}];",
-        f"    const real even = strip_control[{EVEN}], odd = strip_control[{ODD}];",
-        f"    strip_control[{STATE}] = PICK(stages % 2 != 0, odd, even);",
-        f"    strip_control[{RATES}] = PICK(stages % 2 != 0, even, odd);",
-        f"    strip_control[{EVEN}] = state;",
-        f"    strip_control[{ODD}] = rates;",
-        "}",
-    ]
+    state, rates, even, odd = (Name(name) for name in ("state", "rates", "even", "odd"))
+    changed = (STAGES % 2).differs(0)
+    taken = (
+        Declare("real", ((state, CONTROLS[STATE]), (rates, CONTROLS[RATES])), fixed=True),
+        Declare("real", ((even, CONTROLS[EVEN]), (odd, CONTROLS[ODD])), fixed=True),
+        Assign(CONTROLS[STATE], pick(changed, odd, even)),
+        Assign(CONTROLS[RATES], pick(changed, even, odd)),
+        Assign(CONTROLS[EVEN], state),
+        Assign(CONTROLS[ODD], rates),
+    )
+    return [Branch(ACCEPT.differs(ZERO), taken)]
 
 
 def _attempt(text: TransientText, trial: Trial) -> Attempt:
     """Return the statements of steps, and keep their kernel with the tables."""
     layout = row_layout(text)
-    apart = declare(text, layout, trial.arrays)
+    apart = declare_arrays(text, layout, trial.arrays)
     scales = tuple(1.0 / float(tau) for tau in text.template.tau)
     size = levels_of(text, layout, apart)
     each = size[1] * layout.width
     span = layout.vectors * layout.width
     lengths = {"control": trial.control, "maxima": len(FIGURES) * each, "cells": span}
     for name, length in lengths.items():
-        text.array(f"strip_{name}", length)
+        text.array(Name(f"strip_{name}"), length)
         place = text.arena.places[f"strip_{name}"]
         apart[f"strip_{name}"] = place - text.arena.places[trial.arrays[0]]
     places = dict(apart)
@@ -189,18 +221,13 @@ def _attempt(text: TransientText, trial: Trial) -> Attempt:
         count=trial.count.format(**places),
     )
     strips = strip_kernel(text, own, layout, size, trial.levels)
-    name = strips.kernel
-    text.tables.strips |= {
-        f"{name}_begin": replace(strips, count=0, ends=False),
-        name: replace(strips, begins=False, ends=False, told=trial.told),
-        f"{name}_end": replace(strips, count=0, begins=False),
-    }
+    text.tables.strips.append(strips.text)
     return Attempt(
-        begin=[*trial.begin, f"{name}_begin;"],
-        stages=[*trial.tell, f"{name};"],
+        begin=[*trial.begin, StripSteps(replace(strips, count=0, ends=False))],
+        stages=[*trial.tell, StripSteps(replace(strips, begins=False, ends=False), trial.told)],
         judge=_gathered(each),
         advance=trial.advance,
-        end=[f"{name}_end;"],
+        end=[StripSteps(replace(strips, count=0, begins=False))],
     )
 
 
@@ -214,10 +241,10 @@ def _forget(maxima: int, most: int, layout: RowLayout) -> list[str]:
     ]
 
 
-def _gathered(each: int) -> list[str]:
+def _gathered(each: int) -> list[Statement]:
     """Return the statements that make one number of what all strips found in so many lanes."""
     judge = [
-        f"    {figure} = greater({figure}, strip_maxima[{n * each} + i]);"
+        Accumulate(Name(figure), "greater", MAXIMA[Integer(n * each) + CELL])
         for n, figure in enumerate(FIGURES)
     ]
-    return [f"for (int i = 0; i < {each}; ++i) {{", *judge, "}"]
+    return [sweep(CELL, each, judge)]

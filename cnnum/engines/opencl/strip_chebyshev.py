@@ -17,7 +17,7 @@ from cnnum.integrators.chebyshev import MAX_STAGES
 ARRAYS = ("strip_0", "strip_1", "strip_2", "strip_3")
 """What holds states and rates: at first x, k0, then the stages."""
 
-STEP, STAGES, STATE, RATES, EVEN, ODD, ROWS = range(7)
+STEP, STAGES_AT, STATE, RATES, EVEN, ODD, ROWS = range(7)
 """What the array of control begins with: h; the stages; the numbers of the arrays of x, of its
 rates, and of stages of even and odd number; then the method's rows of 4 numbers."""
 

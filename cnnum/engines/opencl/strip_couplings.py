@@ -12,6 +12,8 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.couplings import NonlinearCoupling, Quantity
 from cnnum.engines.opencl.equal_weights import shares_products, weighted_terms
+from cnnum.engines.opencl.ir.expressions import Constant, Expression, Name
+from cnnum.engines.opencl.ir.statements import add
 from cnnum.engines.opencl.needs import delays_outputs
 from cnnum.engines.opencl.strip_rows import At, Rows
 from cnnum.network import Tap, taps
@@ -209,7 +211,7 @@ def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
     )
     found = [Through(now, "", steady)]
     found += [
-        Through(now, f"(vec)(gain{k}) * ", chosen(gain.to, gain.source))
+        Through(now, f"(vec)({rows.gain(k)}) * ", chosen(gain.to, gain.source))
         for k, gain in enumerate(gains)
     ]
     if text.template.delayed is not None and delays_outputs(text):
@@ -269,14 +271,14 @@ def _gather(rows: Rows, block: list[At], through: Through) -> list[str]:
     lines = [f"const vec {name(*at)} = {through.value(*at)};" for at in sorted(places)]
     for at in block:
 
-        def number(weight: float, layer: int = at.layer) -> str:
-            return _weight(rows, through, layer, weight)
+        def number(weight: float, layer: int = at.layer) -> Expression:
+            return Constant(_weight(rows, through, layer, weight))
 
-        def output(tap: Tap, row: int = at.row) -> str:
-            return name(tap.source, row + tap.row, tap.col)
+        def output(tap: Tap, row: int = at.row) -> Expression:
+            return Name(name(tap.source, row + tap.row, tap.col))
 
         terms = weighted_terms(through.taps[at.layer], number, output)
-        lines += [f"{at.sum} += {term};" for term in terms]
+        lines += rows.text.tables.printer.lines([add(Name(at.sum), term) for term in terms])
     return lines
 
 

@@ -4,6 +4,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from cnnum.engines.opencl.drive import constant_drive
+from cnnum.engines.opencl.ir.expressions import CELL, ONE, ZERO, Name, pick
+from cnnum.engines.opencl.ir.statements import Assign
 from cnnum.engines.opencl.needs import inputs_read
 from cnnum.engines.opencl.parts import Strips
 from cnnum.engines.opencl.strip_couplings import inputs_of
@@ -34,6 +36,9 @@ SHOWN = {
     "sign": "one - one <= x ? one : -one",
 }
 """Outputs of a vector of states `x`, by name; `one` is 1 in every lane."""
+
+HELD_CELLS = Name("held")
+"""The array that is 1 where a mask holds a cell, as cells lie elsewhere."""
 
 DRIVE = "strip_w"
 """The array of what drives the cells."""
@@ -96,17 +101,20 @@ class StripText:
     driven: str = "w"
 
 
-def declare(text: TransientText, layout: RowLayout, names: tuple[str, ...]) -> dict[str, int]:
+def declare_arrays(
+    text: TransientText, layout: RowLayout, names: tuple[str, ...]
+) -> dict[str, int]:
     """Append arrays that hold all rows, and return how far each is from the first."""
     size = size_of(text, layout)
     names = names or OUTPUTS
     if text.operands.mask is not None:
-        text.array("held", text.cells)
-        text.over_cells([f"held[i] = PICK({text.operands.mask} != ZERO, ONE, ZERO);"])
+        text.array(HELD_CELLS, text.cells)
+        held = pick(text.operands.mask.differs(ZERO), ONE, ZERO)
+        text.over_cells([Assign(HELD_CELLS[CELL], held)])
         names = (*names, HELD)
     names = tuple(dict.fromkeys((*names, *padded_arrays(text), DRIVE, *OUTPUTS)))
     for name in names:
-        text.array(name, size)
+        text.array(Name(name), size)
     first, given = text.arena.places[names[0]], [inputs_of(n) for n in inputs_read(text)]
     return {name: text.arena.places[name] - first for name in (*names, *given)}
 
@@ -189,7 +197,7 @@ def _drive(text: TransientText, scales: tuple[float, ...]) -> str:
 
 def of_layer(text: TransientText, values: Iterable[float]) -> str:
     """Return the expression of the number of the layer at hand."""
-    numbers = [text.number(value) for value in values]
+    numbers = [text.literal(value) for value in values]
     if len(set(numbers)) == 1:
         return numbers[0]
     *others, last = numbers

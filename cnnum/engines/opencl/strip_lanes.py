@@ -52,7 +52,7 @@ def lane_text(text: TransientText, layout: RowLayout) -> str:
 
 def rim_text(text: TransientText, layout: RowLayout, suffix: str, fixed: float | None) -> str:
     """Return the functions that set virtual cells; those of a fixed boundary hold a number."""
-    constant = None if fixed is None else text.number(fixed)
+    constant = None if fixed is None else text.literal(fixed)
     return fill(
         "strip_rims",
         suffix=suffix,

@@ -8,7 +8,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cnnum.engines.opencl.couplings import table
+from cnnum.engines.opencl.couplings import gains
+from cnnum.engines.opencl.ir.expressions import Constant, Name
 from cnnum.engines.opencl.needs import delays_outputs, has_history
 from cnnum.engines.opencl.strip_couplings import NEXT, PART, PAST
 from cnnum.engines.opencl.strip_rims import LATER, OUTPUTS, by_turns
@@ -20,13 +21,9 @@ RING = "strip_ring"
 """The outputs with which the last steps began."""
 
 
-def gains(text: TransientText, since: str) -> list[str]:
-    """Return the statements that find what varies in time, at a time since the start."""
-    found = text.template.gains
-    lines = [f"const real since = {since};"] if found else []
-    return lines + [
-        f"const real gain{k} = {table(text, gain.table, 'since')};" for k, gain in enumerate(found)
-    ]
+def gain_lines(text: TransientText, since: str) -> list[str]:
+    """Return the text that finds what varies in time, at a time since the start."""
+    return text.tables.printer.lines(gains(text, Constant(since)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,12 +72,12 @@ class Moments:
         text, steps = self.text, f"const int steps = number / {self.stages} + {self.before};"
         lines, last = list[str](), ""
         if self.uneven:
-            last = f"steps == {self.scheme.count - 1} ? {text.number(self.share)} : ONE"
+            last = f"steps == {self.scheme.count - 1} ? {text.literal(self.share)} : ONE"
             lines.append(f"const vec {PART} = (vec)({last});")
         if text.template.gains:
-            at, step = text.number(self._place(stage)), text.number(self.scheme.step)
+            at, step = text.literal(self._place(stage)), text.literal(self.scheme.step)
             at += f" * ({last})" if self.uneven else ""
-            lines += gains(text, f"{step} * (R(steps) + {at})")
+            lines += gain_lines(text, f"{step} * (R(steps) + {at})")
         if self.keeps:
             # the outputs of a step's end are those that the next begins with
             late = int(self._place(stage) == 1.0 and not self.uneven)
@@ -119,7 +116,7 @@ class Moments:
             return turns
         # a level writes while one before it, a few rows ahead, reads what is a delay old
         slots, first = self.lag + 2 + again, next(iter(apart))
-        self.text.array(RING, slots * size)
+        self.text.array(Name(RING), slots * size)
         apart[RING] = self.text.arena.places[RING] - self.text.arena.places[first]
         ring = f"x + {apart[RING]} + (size_t)(level / {self.stages} % {slots}) * {size}"
         return ring if self.stages == 1 else f"level % {self.stages} ? {turns} : {ring}"

@@ -6,12 +6,12 @@ one finds the worst of the error in a strip, and leaves the step to be judged.
 
 from cnnum.engines.opencl.strip_couplings import coupled
 from cnnum.engines.opencl.strip_figures import figures, judged
-from cnnum.engines.opencl.strip_moments import gains
+from cnnum.engines.opencl.strip_moments import gain_lines
 from cnnum.engines.opencl.strip_rows import At, Rows
 from cnnum.integrators.schemes import AdaptiveSteps
 from cnnum.integrators.tableau import Pair, Row
 
-LENGTH, MOVED, TIME = range(3)
+LENGTH, MOVED, BEGINS = range(3)
 """Places in the array of control: h, whether the step before was accepted, when this one begins."""
 
 
@@ -24,8 +24,8 @@ def pair_cases(rows: Rows, scheme: AdaptiveSteps, most: int, block: int) -> list
     head = [f"const vec h = (vec)({length});"]
 
     def at_stage(stage: int) -> list[str]:
-        c = rows.text.number(float(sum(scheme.tableau.a[stage])))
-        return [*head, *gains(rows.text, f"x[{control} + {TIME}] + {c} * {length}")]
+        c = rows.text.literal(float(sum(scheme.tableau.a[stage])))
+        return [*head, *gain_lines(rows.text, f"x[{control} + {BEGINS}] + {c} * {length}")]
 
     first = [line for at in every for line in _first(rows, scheme.of(at.layer), at)]
     lines += rows.case(0, first, [*head, f"const int moved = x[{control} + {MOVED}] != 0;"])

@@ -51,6 +51,10 @@ class Rows:
     apart: Mapping[str, int | str]
     base: str = "x"
 
+    def gain(self, number: int) -> str:
+        """Return the variable of what a coupling that varies in time comes with."""
+        return f"gain{number}" if self.base == "x" else f"{self.base}_gain{number}"
+
     def case(
         self, number: int, lines: list[str], head: Sequence[str] = (), tail: Sequence[str] = ()
     ) -> list[str]:
@@ -81,7 +85,7 @@ class Rows:
 
     def vector(self, value: float) -> str:
         """Return a number in all lanes."""
-        return self.text.number(value).replace("R(", "(vec)(")
+        return self.text.literal(value).replace("R(", "(vec)(")
 
     def array(self, name: str, at: At) -> str:
         """Return the expression of the cells of an array."""

@@ -5,14 +5,40 @@ the first step that saw no such rate is amid a launch, the launch is taken again
 began, up to that step's end.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from cnnum.engines.opencl.ir.expressions import (
+    ONE,
+    ROUND,
+    ZERO,
+    Cast,
+    Integer,
+    Name,
+    call,
+    pick,
+    real,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Branch,
+    Counted,
+    Declare,
+    Loop,
+    Note,
+    Statement,
+    StripSteps,
+    While,
+    add,
+    declare,
+)
+from cnnum.engines.opencl.parts import Strips
+from cnnum.engines.opencl.step_control import RUNNING, SETTLED, STEPS
 from cnnum.engines.opencl.strip_figures import CELLS, mark_cells
 from cnnum.engines.opencl.strip_lanes import row_layout
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.strip_rims import first_states
 from cnnum.engines.opencl.strip_rows import At, Rows
-from cnnum.engines.opencl.text import fill
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
 from cnnum.integrators.schemes import ExponentialSteps
@@ -23,6 +49,12 @@ BEFORE = "strip_before"
 CHANGES, CONTROL = "strip_changes", "strip_control"
 """By step, strip and lane whether any rate is more than none, 1 or 0; how many levels a frame
 takes, in how many strips, and how many steps came before."""
+
+
+CONTROLS, SEEN = Name(CONTROL), Name(CHANGES)
+
+TAKEN, LEVELS, AT, K, ANY = (Name(name) for name in ("taken", "levels", "at", "k", "changes"))
+"""Steps and levels of a launch; of its steps the first without a change, and whether any is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,21 +152,47 @@ class Watch:
         """Levels that a frame takes of at most `most` after those that are `done`."""
         return f"min(most, (int)x[{self.rows.apart[CONTROL]}] - done)"
 
-    def body(self, scheme: FixedSteps | ExponentialSteps, kernel: str) -> list[str]:
+    def body(self, scheme: FixedSteps | ExponentialSteps, strips: Strips) -> list[Statement]:
         """Return the statements that launch the kernel until nothing changes."""
         method = scheme.tableau if isinstance(scheme, FixedSteps) else scheme.method
-        return fill(
-            "settling_strips",
-            method=method.name,
-            count=scheme.count,
-            step=f"{scheme.step:g}",
-            rounds=-(-scheme.count // self.steps),
-            most=self.steps,
-            stages=self.stages,
-            each=self.each,
-            width=self.rows.layout.width,
-            strips=kernel,
-        ).splitlines()
+        about = f"at most {scheme.count} steps of {scheme.step:g}, until nothing changes any more"
+        levels = replace(strips, begins=False, ends=False)
+        count = Cast("int", STEPS)
+        rounds = (
+            declare(TAKEN, call("min", self.steps, Integer(scheme.count) - count), of="int"),
+            declare(LEVELS, TAKEN * self.stages, of="int"),
+            Assign(CONTROLS[0], real(LEVELS)),
+            Assign(CONTROLS[2], STEPS),
+            StripSteps(levels, LEVELS),
+            *self._find_end(),
+            add(STEPS, real(AT)),
+            Assign(SETTLED, ONE - ANY),
+            Assign(RUNNING, pick(STEPS < real(scheme.count), ANY, ZERO)),
+            Assign(LEVELS, AT * self.stages),
+            Assign(CONTROLS[0], real(LEVELS)),
+            Branch(AT < TAKEN, (StripSteps(replace(levels, again=True), LEVELS),)),
+        )
+        begun = ((RUNNING, ONE), (STEPS, ZERO), (SETTLED, ZERO))
+        return [
+            Note(f"// {method.name}, by strips: {about}"),
+            Declare("real", begun),
+            Assign(CONTROLS[2], ZERO),
+            StripSteps(replace(strips, count=0, ends=False)),
+            Counted(ROUND, 0, -(-scheme.count // self.steps), RUNNING, rounds),
+            StripSteps(replace(strips, count=0, begins=False)),
+        ]
+
+    def _find_end(self) -> list[Statement]:
+        """Return what finds the first step at whose start nothing changes, which is the last."""
+        ends = Cast("int", CONTROLS[1]) * self.rows.layout.width
+        seen = SEEN[AT * self.each + K]
+        strips = Loop(K, ends, (Accumulate(ANY, "fmax", seen),))
+        again = (Assign(ANY, ZERO), strips, Assign(AT, Integer(1), "+="))
+        return [
+            declare(AT, 0, of="int"),
+            declare(ANY, ONE),
+            While((AT < TAKEN) & ANY.differs(ZERO), again),
+        ]
 
 
 def watch(
@@ -166,7 +224,7 @@ def watch(
     lengths = {CONTROL: 3, CHANGES: steps * size[1] * layout.width}
     lengths |= {CELLS: span} if span > layout.cols else {}
     for name, length in lengths.items():
-        text.array(name, length)
+        text.array(Name(name), length)
         apart[name] = text.arena.places[name] - text.arena.places[first]
     tau = text.template.tau
     factors = tuple(float(tau.max() / t) / scale for t, scale in zip(tau, scales, strict=True))

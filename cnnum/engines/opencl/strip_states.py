@@ -4,11 +4,12 @@ A step then reads and writes half as much. Of the rows of a block a vector's nei
 registers from one vector to the next, so that each state is read, and its output made, once.
 """
 
+from cnnum.engines.opencl.ir.statements import StripSteps
 from cnnum.engines.opencl.needs import has_history
 from cnnum.engines.opencl.strip_couplings import Kept, coupled
 from cnnum.engines.opencl.strip_kernel import (
     StripText,
-    declare,
+    declare_arrays,
     levels_of,
     strip_kernel,
 )
@@ -41,7 +42,7 @@ def state_steps(
 ) -> None:
     """Append the statement that stands for the steps, and keep their kernel with the tables."""
     layout = row_layout(text)
-    apart = declare(text, layout, ())
+    apart = declare_arrays(text, layout, ())
     size = levels_of(text, layout, apart)
     rows = Rows(text, layout, scales, apart)
     moments = Moments(text, scheme, 1)
@@ -58,8 +59,8 @@ def state_steps(
         end=f"({scheme.count & 1} ? {odd} : 0)",
     )
     strips = strip_kernel(text, own, layout, size, scheme.count)
-    text.lines.append(f"{strips.kernel};")
-    text.tables.strips[strips.kernel] = strips
+    text.body.append(StripSteps(strips))
+    text.tables.strips.append(strips.text)
 
 
 def _cases(rows: Rows, moments: Moments, block: int) -> list[str]:

@@ -2,11 +2,13 @@
 
 from dataclasses import replace
 
+from cnnum.engines.opencl.drive import LATER, W
+from cnnum.engines.opencl.ir.statements import StripSteps, add
 from cnnum.engines.opencl.needs import has_history
 from cnnum.engines.opencl.strip_kernel import (
     SHOWN,
     StripText,
-    declare,
+    declare_arrays,
     levels_of,
     of_layer,
     strip_kernel,
@@ -51,14 +53,15 @@ def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> N
     if keeps_states(text, Moments(text, scheme, stages), layers):
         state_steps(text, scheme, scales)
         return
-    apart = declare(text, layout, (*names, BEFORE) if scheme.settle else names)
+    apart = declare_arrays(text, layout, (*names, BEFORE) if scheme.settle else names)
     size = levels_of(text, layout, apart)
     seen = watch(text, layout, apart, size, stages, scales) if scheme.settle else None
     moments = Moments(text, scheme, stages, seen.before if seen else "0")
     outputs = moments.keep_outputs(apart, size_of(text, layout), seen.steps if seen else 0)
     if has_history(text):
-        each = (text.at(layer) for layer in range(text.layers))
-        text.over_cells([f"later[{at}] += w[{at}];" for at in each])
+        text.over_cells(
+            [add(later, w) for later, w in zip(text.each(LATER), text.each(W), strict=True)]
+        )
     rows = Rows(text, layout, scales, apart)
     own = StripText(
         apart,
@@ -81,16 +84,5 @@ def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> N
         own = replace(own, again=seen.again())
     levels = stages * (seen.steps if seen else scheme.count)
     strips = strip_kernel(text, own, layout, size, levels)
-    name = strips.kernel
-    if seen is None:
-        text.lines.append(f"{name};")
-        text.tables.strips[name] = strips
-        return
-    text.lines += seen.body(scheme, name)
-    round_of = replace(strips, begins=False, ends=False, told="levels")
-    text.tables.strips |= {
-        f"{name}_begin": replace(strips, count=0, ends=False),
-        name: round_of,
-        f"{name}_again": replace(round_of, again=True),
-        f"{name}_end": replace(strips, count=0, begins=False),
-    }
+    text.tables.strips.append(strips.text)
+    text.body += [StripSteps(strips)] if seen is None else seen.body(scheme, strips)

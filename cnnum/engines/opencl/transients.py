@@ -1,32 +1,59 @@
-"""What every part of a transient's kernel text shares: its sizes, arrays, loops and rims."""
+"""What every part of a transient's lowering shares: its sizes, arrays, loops and rims."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from cnnum.boundary import Boundary
 from cnnum.engines.opencl.equal_weights import weighted_terms
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    PLACE,
+    Element,
+    Expression,
+    Integer,
+    Name,
+    Number,
+    size,
+)
+from cnnum.engines.opencl.ir.formulas import formula
+from cnnum.engines.opencl.ir.statements import (
+    Assign,
+    Declare,
+    Loop,
+    Statement,
+    Sweep,
+    add,
+    sweep,
+)
 from cnnum.engines.opencl.storage import Arena, Tables
-from cnnum.engines.opencl.text import number
 from cnnum.integrators.choice import Solver
 from cnnum.network import Tap
 from cnnum.template import Template
+
+ROW, COL, RIM = Name("r"), Name("c"), Name("q")
+"""Variables of loops: rows, columns, and cells of rims."""
+
+SUM, NOW = Name("sum"), Name("now")
+
+VECTORISE = "#pragma clang loop vectorize(assume_safety)"
+"""With many neighbours compilers give up to prove that no round writes what others read."""
 
 
 @dataclass(frozen=True, slots=True)
 class Operands:
     """Expressions of `i` for what a transient reads; empty where it is not given."""
 
-    inputs: tuple[str, ...]
-    previous: tuple[str, ...]
-    states: tuple[str, ...]
-    biases: tuple[str, ...]
-    mask: str | None
+    inputs: tuple[Expression, ...]
+    previous: tuple[Expression, ...]
+    states: tuple[Expression, ...]
+    biases: tuple[Expression, ...]
+    mask: Expression | None
 
 
 @dataclass(slots=True)
 class TransientText:
-    """Collects a transient's text.
+    """Collects a transient's statements.
 
     States of all layers are stacked: layer l's cell i is `x[l * cells + i]`. Outputs `y` (and,
     where a coupling wants them, states `xp` and inputs `u`) are padded by their rim: cell i
@@ -39,7 +66,7 @@ class TransientText:
     operands: Operands
     arena: Arena
     tables: Tables
-    lines: list[str] = field(default_factory=list[str])
+    body: list[Statement] = field(default_factory=list[Statement])
 
     @property
     def cells(self) -> int:
@@ -50,6 +77,11 @@ class TransientText:
     def layers(self) -> int:
         """Layers of the template."""
         return self.template.layers
+
+    @property
+    def states(self) -> int:
+        """Cells of all layers."""
+        return self.layers * self.cells
 
     @property
     def radius(self) -> int:
@@ -66,69 +98,79 @@ class TransientText:
         """Distance from one row to the next in a padded layer."""
         return self.shape[1] + 2 * self.radius
 
-    def number(self, value: float) -> str:
-        """Return a literal of the kernel's type."""
-        return number(value, self.tables.dtype)
+    def literal(self, value: float) -> str:
+        """Return the text of a number of the kernel's type."""
+        return self.tables.printer.expression(Number(value))
 
-    def at(self, layer: int) -> str:
+    def at(self, layer: int) -> Expression:
         """Return the place of cell `i` of a layer among the stacked states."""
-        return f"{layer * self.cells} + i"
+        return Integer(layer * self.cells) + CELL
 
-    def array(self, name: str, length: int) -> None:
+    def padded_at(self, layer: int) -> Expression:
+        """Return the place of cell `i` of a layer among padded ones."""
+        return Integer(layer * self.padded) + PLACE
+
+    def each(self, array: Name) -> list[Element]:
+        """Return cell `i` of every layer of stacked states."""
+        return [array[self.at(layer)] for layer in range(self.layers)]
+
+    def output(self, state: Expression) -> Expression:
+        """Return f(state)."""
+        return formula(self.template.output.opencl, x=state)
+
+    def array(self, name: Name, length: int) -> None:
         """Declare an array of the block."""
-        self.lines.append(self.arena.array(name, length))
+        self.body.append(self.arena.array(name.text, length))
 
     @contextmanager
-    def aside(self) -> Generator[list[str]]:
+    def aside(self) -> Generator[list[Statement]]:
         """Collect what is appended within the block instead of appending it."""
-        kept, self.lines = self.lines, []
-        yield self.lines
-        self.lines = kept
+        kept, self.body = self.body, []
+        yield self.body
+        self.body = kept
 
-    def over_cells(self, body: list[str]) -> None:
+    def over_cells(self, body: Sequence[Statement]) -> None:
         """Run the body for every cell `i`."""
-        self.lines.append(f"for (int i = 0; i < {self.cells}; ++i) {{")
-        self.lines += [f"    {line}" for line in body]
-        self.lines.append("}")
+        self.body.append(sweep(CELL, self.cells, body))
 
-    def over_grid(self, body: list[str]) -> None:
+    def over_states(self, body: Sequence[Statement]) -> None:
+        """Run the body for every cell `i` of all layers."""
+        self.body.append(sweep(CELL, self.states, body))
+
+    def over_grid(self, body: Sequence[Statement]) -> None:
         """Run the body for every cell `i` that stands at `p` in a padded array."""
         rows, cols = self.shape
-        self.lines.append(f"for (int r = 0; r < {rows}; ++r) {{")
-        if not self.arena.private:
-            # with many neighbours compilers give up to prove that no round writes what others read
-            self.lines.append("#pragma clang loop vectorize(assume_safety)")
-        self.lines.append(f"    for (int c = 0; c < {cols}; ++c) {{")
-        at = f"(r + {self.radius}) * {self.pitch} + c + {self.radius}"
-        self.lines.append(f"        const int i = r * {cols} + c, p = {at};")
-        self.lines += [f"        {line}" for line in body]
-        self.lines += ["    }", "}"]
+        place = (ROW + self.radius) * self.pitch + COL + self.radius
+        places = Declare("int", ((CELL, ROW * cols + COL), (PLACE, place)), fixed=True)
+        hint = "" if self.arena.private else VECTORISE
+        self.body.append(Sweep(ROW, rows, (Loop(COL, cols, (places, *body), hint=hint),)))
 
     def fill_rims(
-        self, array: str, layers: int, boundary: Boundary, constant: float | None
+        self, array: Name, layers: int, boundary: Boundary, constant: float | None
     ) -> None:
         """Fill the rims of all layers of a padded array: a constant, or copies of its cells."""
         if self.radius == 0:
             return
         to, source, count = self.tables.halo(boundary, self.shape, self.radius)
-        self.lines.append(f"for (int q = 0; q < {count}; ++q) {{")
-        for layer in range(layers):
-            place = f"{array}[{layer * self.padded} + {to}[q]]"
-            copied = f"{array}[{layer * self.padded} + {source}[q]]"
-            value = copied if constant is None else self.number(constant)
-            self.lines.append(f"    {place} = {value};")
-        self.lines.append("}")
+        places = [Integer(layer * self.padded) for layer in range(layers)]
+        body = [
+            Assign(
+                array[place + to[RIM]],
+                array[place + source[RIM]] if constant is None else Number(constant),
+            )
+            for place in places
+        ]
+        self.body.append(sweep(RIM, count, body))
 
-    def neighbour(self, array: str, tap: Tap) -> str:
-        """Return the expression for a neighbour of cell `p`."""
-        offset = tap.source * self.padded + tap.row * self.pitch + tap.col
-        return f"{array}[p + {offset}]"
+    def neighbour(self, array: Name, tap: Tap) -> Element:
+        """Return a neighbour of cell `p`."""
+        return array[PLACE + (tap.source * self.padded + tap.row * self.pitch + tap.col)]
 
-    def weighted(self, array: str, found: tuple[Tap, ...], total: str = "sum") -> list[str]:
+    def weighted(self, array: Name, found: tuple[Tap, ...], total: Name = SUM) -> list[Statement]:
         """Return statements that add the weighted neighbours of cell `p` to `total`."""
-        terms = weighted_terms(found, self.number, lambda tap: self.neighbour(array, tap))
-        return [f"{total} += {term};" for term in terms]
+        terms = weighted_terms(found, Number, lambda tap: self.neighbour(array, tap))
+        return [add(total, term) for term in terms]
 
-    def scale(self, size: str) -> str:
+    def scale(self, value: Expression) -> Expression:
         """Return the tolerance of a value of this size."""
-        return f"({self.number(self.solver.atol)} + {self.number(self.solver.rtol)} * fabs({size}))"
+        return Number(self.solver.atol) + Number(self.solver.rtol) * size(value)

@@ -2,5 +2,5 @@
 // the chains with the other. Written into every loop that it follows it takes twice as long to build.
 static __attribute__((noinline)) real ${function}(__private const real *numbers)
 {
-$body
+    $body
 }

@@ -1,6 +1,6 @@
 for (int n = 0; n < $length; n += $width) {
     const int at = min(n, $last);
-    vec a[$width];
+    ${vec} a[$width];
     for (int lane = 0; lane < $width; ++lane) {
         const int start = lane * $length + at, whole = $cols - start >= $width;
         scalar part[$width];
@@ -8,18 +8,20 @@ for (int n = 0; n < $length; n += $width) {
 #pragma clang loop vectorize(assume_safety) unroll(disable)
             for (int k = 0; k < $width; ++k) {
                 const int i = row * $cols + start + k;
-                real now; $value
+                real now;
+                $value
                 part[k] = now;
             }
         } else {
 #pragma clang loop vectorize(disable) unroll(disable)
             for (int k = 0; k < $width; ++k) {
                 const int i = row * $cols + min(start + k, $cols - 1);
-                real now; $value
+                real now;
+                $value
                 part[k] = start + k < $cols ? now : 0;
             }
         }
-        a[lane] = *(const vec *)part;
+        a[lane] = *(const ${vec} *)part;
     }
-    keep_lanes($to, a, at, 1);
+    ${keep_lanes}($to + $place, a, at, 1);
 }

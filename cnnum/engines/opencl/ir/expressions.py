@@ -1,0 +1,228 @@
+"""Expressions of a kernel, as records; Python's operators make them.
+
+    rate = (drive - x[i]) * tau        # is Binary("*", Binary("-", drive, Element(x, i)), tau)
+
+A number is exact: the printer rounds it to the number type of its kernel.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+
+class Expression:
+    """What has a value; operands may be whole numbers of Python, too."""
+
+    __slots__ = ()
+
+    def __add__(self, other: "Operand") -> "Binary":
+        return Binary("+", self, operand(other))
+
+    def __radd__(self, other: "Operand") -> "Binary":
+        return Binary("+", operand(other), self)
+
+    def __sub__(self, other: "Operand") -> "Binary":
+        return Binary("-", self, operand(other))
+
+    def __mul__(self, other: "Operand") -> "Binary":
+        return Binary("*", self, operand(other))
+
+    def __rmul__(self, other: "Operand") -> "Binary":
+        return Binary("*", operand(other), self)
+
+    def __truediv__(self, other: "Operand") -> "Binary":
+        return Binary("/", self, operand(other))
+
+    def __mod__(self, other: "Operand") -> "Binary":
+        return Binary("%", self, operand(other))
+
+    def __lt__(self, other: "Operand") -> "Binary":
+        return Binary("<", self, operand(other))
+
+    def __le__(self, other: "Operand") -> "Binary":
+        return Binary("<=", self, operand(other))
+
+    def __gt__(self, other: "Operand") -> "Binary":
+        return Binary(">", self, operand(other))
+
+    def __ge__(self, other: "Operand") -> "Binary":
+        return Binary(">=", self, operand(other))
+
+    def __and__(self, other: "Expression") -> "Binary":
+        return Binary("&&", self, other)
+
+    def __or__(self, other: "Expression") -> "Binary":
+        return Binary("||", self, other)
+
+    def __neg__(self) -> "Negative":
+        return Negative(self)
+
+    def equals(self, other: "Operand") -> "Binary":
+        """Return whether both are the same; Python's own sign compares the records."""
+        return Binary("==", self, operand(other))
+
+    def differs(self, other: "Operand") -> "Binary":
+        """Return whether they are not the same."""
+        return Binary("!=", self, operand(other))
+
+
+Operand = Expression | int
+
+
+@dataclass(frozen=True, slots=True)
+class Name(Expression):
+    """A variable or an array; what it means depends on where it stands."""
+
+    text: str
+
+    def __getitem__(self, at: Operand) -> "Element":
+        return Element(self, operand(at))
+
+
+@dataclass(frozen=True, slots=True)
+class Constant(Expression):
+    """A word of every kernel, such as `ONE`, or a literal as it is written."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Integer(Expression):
+    """A whole number: a place, or a count."""
+
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
+class Number(Expression):
+    """A number that is rounded to the kernel's type."""
+
+    value: float
+
+
+@dataclass(frozen=True, slots=True)
+class Element(Expression):
+    """A number of an array."""
+
+    array: Name
+    at: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Component(Expression):
+    """A number of a vector."""
+
+    vector: Name
+    lane: int
+
+
+@dataclass(frozen=True, slots=True)
+class Call(Expression):
+    """What a function of the kernel gives."""
+
+    function: str
+    arguments: tuple[Expression, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Binary(Expression):
+    """Two operands and a sign between them, of C."""
+
+    sign: str
+    left: Expression
+    right: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Negative(Expression):
+    """What has the other sign."""
+
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Choice(Expression):
+    """One of two, by a condition that is the same in all lanes."""
+
+    condition: Expression
+    yes: Expression
+    no: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Cast(Expression):
+    """A number of another type of the kernel's."""
+
+    type: str
+    value: Expression
+
+
+ZERO, ONE, HUGE = Constant("ZERO"), Constant("ONE"), Constant("HUGE")
+CELL, PLACE, ROUND = Name("i"), Name("p"), Name("n")
+"""Variables of loops: a cell, its place in a padded array, a step."""
+
+
+def operand(value: Operand) -> Expression:
+    """Return an expression as it is, and a whole number as one."""
+    return Integer(value) if isinstance(value, int) else value
+
+
+def call(function: str, *arguments: Operand) -> Call:
+    """Return what a function gives."""
+    return Call(function, tuple(operand(argument) for argument in arguments))
+
+
+def pick(condition: Expression, yes: Expression, no: Expression) -> Call:
+    """Return one of two in each lane."""
+    return call("PICK", condition, yes, no)
+
+
+def clip(value: Expression) -> Call:
+    """Return a value kept within −1 and 1."""
+    return call("clamp", value, -ONE, ONE)
+
+
+def size(value: Expression) -> Call:
+    """Return |value|."""
+    return call("fabs", value)
+
+
+def real(value: Operand) -> Call:
+    """Return a value as a number of the kernel's type."""
+    return call("R", value)
+
+
+def total(terms: Sequence[Expression]) -> Expression:
+    """Return the sum of terms in their order, 0 of none."""
+    if not terms:
+        return ZERO
+    found = terms[0]
+    for term in terms[1:]:
+        found = found + term
+    return found
+
+
+def after(start: Expression, at: Operand) -> Expression:
+    """Return the place that comes so far after another one: their sum, without brackets."""
+    if isinstance(at, Binary) and at.sign == "+":
+        return after(start, at.left) + at.right
+    return start + at
+
+
+def shifted(expression: Expression, offset: int) -> Expression:
+    """Return an expression of the cell that stands so many after `i`."""
+    if expression == CELL:
+        return CELL + offset
+    if isinstance(expression, Element):
+        return Element(expression.array, shifted(expression.at, offset))
+    if isinstance(expression, Binary) and (expression.sign, expression.right) == ("+", CELL):
+        return expression + offset
+    if isinstance(expression, Binary):
+        left, right = (shifted(each, offset) for each in (expression.left, expression.right))
+        return Binary(expression.sign, left, right)
+    if isinstance(expression, Call):
+        inner = tuple(shifted(argument, offset) for argument in expression.arguments)
+        return Call(expression.function, inner)
+    if isinstance(expression, Negative | Cast):
+        value = shifted(expression.value, offset)
+        return Negative(value) if isinstance(expression, Negative) else Cast(expression.type, value)
+    return expression

@@ -1,0 +1,88 @@
+"""The number types of kernels: how they are called, and how their literals are written."""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from cnnum.errors import ArrayError
+
+
+@dataclass(frozen=True, slots=True)
+class NumberType:
+    """A type of numbers in buffers and registers.
+
+    Attributes
+    ----------
+    dtype : dtype
+        Of the host's arrays.
+    scalar : str
+        Its name in OpenCL C.
+    bits : str
+        The integer of the same size.
+    mask, infinite : str
+        All bits but the sign, and those of infinity.
+    huge : str
+        The largest number.
+    suffix : str
+        What literals end with.
+    pragma : str
+        What a kernel says before it uses the type.
+    """
+
+    dtype: np.dtype[np.floating]
+    scalar: str
+    bits: str
+    mask: str
+    infinite: str
+    huge: str
+    suffix: str
+    pragma: str = ""
+
+    def literal(self, value: float) -> str:
+        """Return the shortest literal that is exactly the value rounded to the type.
+
+        Raises
+        ------
+        ArrayError
+            If the value is not finite, or too large for the type.
+        """
+        return _literal(self, float(value), math.copysign(1.0, value))
+
+
+@lru_cache(maxsize=4096)
+def _literal(numbers: NumberType, value: float, sign: float) -> str:
+    """Return a literal; 0 and −0 are the same key but for the sign."""
+    del sign
+    with np.errstate(over="ignore"):
+        rounded = numbers.dtype.type(value)
+    if not np.isfinite(rounded):
+        raise ArrayError(
+            f"A kernel holds finite numbers of {numbers.dtype.name}, got {value:g}: scale what the "
+            "number is of, or use precision='float64'."
+        )
+    digits = repr(value) if numbers.dtype == np.float64 else repr(float(str(rounded)))
+    if "." not in digits and "e" not in digits:
+        digits += ".0"
+    return f"R({digits}{numbers.suffix})"
+
+
+FLOAT32 = NumberType(
+    np.dtype(np.float32), "float", "int", "0x7fffffff", "0x7f800000", "FLT_MAX", "f"
+)
+FLOAT64 = NumberType(
+    np.dtype(np.float64),
+    "double",
+    "long",
+    "0x7fffffffffffffffL",
+    "0x7ff0000000000000L",
+    "DBL_MAX",
+    "",
+    "#pragma OPENCL EXTENSION cl_khr_fp64 : enable",
+)
+
+
+def number_type(dtype: np.dtype[np.floating]) -> NumberType:
+    """Return the type of kernels whose arrays on the host have this one."""
+    return FLOAT64 if dtype == np.float64 else FLOAT32

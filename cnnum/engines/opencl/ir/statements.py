@@ -1,0 +1,232 @@
+"""Statements of a kernel, as records: what lowering leaves, and what passes and printers read."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from cnnum.engines.opencl.ir.expressions import (
+    Element,
+    Expression,
+    Name,
+    Operand,
+    call,
+    operand,
+)
+from cnnum.engines.opencl.parts import Strips
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """A comment on what follows."""
+
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Declare:
+    """New variables of a type, and what they begin with.
+
+    Attributes
+    ----------
+    type : str
+        `real`, a number in every lane; `int`; or `scalar`, a number of a buffer's type.
+    variables : tuple of (Name, Expression or None)
+    fixed : bool
+        Nothing assigns to them.
+    """
+
+    type: str
+    variables: tuple[tuple[Name, Expression | None], ...]
+    fixed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Array:
+    """A new array: `length` numbers of its own, or those that begin at `start`."""
+
+    name: Name
+    length: int
+    start: Expression | None
+
+
+@dataclass(frozen=True, slots=True)
+class Assign:
+    """A variable or an element gets a value; with another sign than "=", it is changed by it."""
+
+    target: Name | Element
+    value: Expression
+    sign: str = "="
+
+
+@dataclass(frozen=True, slots=True)
+class Accumulate:
+    """A variable takes in a value, in whatever order: pieces of a sweep do it side by side.
+
+    Attributes
+    ----------
+    target : Name
+    how : str
+        "+", or the function of two that gives the larger or the smaller one.
+    value : Expression
+    """
+
+    target: Name
+    how: str
+    value: Expression
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Statements whose declarations end with them."""
+
+    body: "tuple[Statement, ...]"
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """Statements that run if a condition holds."""
+
+    condition: Expression
+    body: "tuple[Statement, ...]"
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """A loop over `count` values, rows or rims whose rounds may run side by side.
+
+    Attributes
+    ----------
+    variable : Name
+        `i` of values, `r` of rows, `q` of cells of rims.
+    count : int
+    body : tuple of Statement
+        Rounds write to places of their own; what they take in together, they accumulate.
+    """
+
+    variable: Name
+    count: int
+    body: "tuple[Statement, ...]"
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """A loop of one work item over numbers from `start` to `end`.
+
+    Attributes
+    ----------
+    variable : Name
+    end : int or Expression
+    body : tuple of Statement
+    start, step : int
+    hint : str
+        What compilers are asked to do with it: a line before it.
+    """
+
+    variable: Name
+    end: Operand
+    body: "tuple[Statement, ...]"
+    start: int = 0
+    step: int = 1
+    hint: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """Rounds one after the other: `variable` counts from `start` up to `end`.
+
+    Attributes
+    ----------
+    variable : Name
+    start : int
+    end : int or Name
+        Of a name, what it is when the rounds begin.
+    running : Name or None
+        A number; rounds end where it is 0, in all lanes.
+    body : tuple of Statement
+    hint : str
+        What compilers are asked to do with it: a line before it.
+    """
+
+    variable: Name
+    start: int
+    end: int | Name
+    running: Name | None
+    body: "tuple[Statement, ...]"
+    hint: str = ""
+
+    @property
+    def condition(self) -> Expression:
+        """What holds before every round."""
+        below = self.variable < self.end
+        return below if self.running is None else below & call("ANY_LANE", self.running)
+
+
+@dataclass(frozen=True, slots=True)
+class While:
+    """Statements of one work item that run as long as a condition holds."""
+
+    condition: Expression
+    body: "tuple[Statement, ...]"
+
+
+@dataclass(frozen=True, slots=True)
+class StripSteps:
+    """Steps of a large array that are a kernel of their own.
+
+    Attributes
+    ----------
+    strips : Strips
+    levels : Name or None
+        The variable that says how many levels a frame takes.
+    """
+
+    strips: Strips
+    levels: Name | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Verbatim:
+    """A text that a pass takes as it is, with records in it.
+
+    Attributes
+    ----------
+    pieces : tuple of str, Expression, or tuple of Statement
+        One after the other. All names of the body around it that it uses are in records.
+    """
+
+    pieces: "tuple[str | Expression | tuple[Statement, ...], ...]"
+
+
+Statement = (
+    Note | Declare | Array | Assign | Accumulate | Block | Branch | Sweep | Loop | Counted | While
+    | StripSteps | Verbatim
+)  # fmt: skip
+
+
+def declare(name: Name, value: Operand | None = None, *, of: str = "real") -> Declare:
+    """Return the declaration of one variable."""
+    return Declare(of, ((name, None if value is None else operand(value)),))
+
+
+def fixed(name: Name, value: Operand, *, of: str = "real") -> Declare:
+    """Return the declaration of a name for one value."""
+    return Declare(of, ((name, operand(value)),), fixed=True)
+
+
+def add(target: Name | Element, value: Expression) -> Assign:
+    """Return the statement that adds a value."""
+    return Assign(target, value, "+=")
+
+
+def block(*body: Statement) -> Block:
+    """Return a block of statements."""
+    return Block(body)
+
+
+def sweep(variable: Name, count: int, body: Sequence[Statement]) -> Sweep:
+    """Return a sweep."""
+    return Sweep(variable, count, tuple(body))
+
+
+def verbatim(lines: Iterable[str]) -> list[Verbatim]:
+    """Return lines of text as they are."""
+    return [Verbatim((line,)) for line in lines]
