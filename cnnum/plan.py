@@ -310,7 +310,9 @@ class Plan:
             assert isinstance(node.operation, Transient)
             solver = self.solvers[node.index]
             name = node.operation.template.name
-            texts.append(f"template {name} by {solver.method} ({solver.reason})")
+            text = f"template {name} by {solver.method} ({solver.reason})"
+            how = self.executable.strategies.get(node.index)
+            texts.append(text if how is None else f"{text}, as {how}")
         return texts
 
 

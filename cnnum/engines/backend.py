@@ -77,6 +77,11 @@ class Executable(Protocol):
         """Global memory that one frame works in, beside what it takes and gives."""
         ...
 
+    @property
+    def strategies(self) -> Mapping[int, str]:
+        """How transients run, in words, by their nodes; empty where there is one way alone."""
+        ...
+
     def new_memory(self, batch: int) -> object:
         """Return cleared memories for a batch of streams, in a form of the engine's own."""
         ...

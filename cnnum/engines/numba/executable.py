@@ -75,6 +75,11 @@ class NumbaExecutable:
         return 0
 
     @property
+    def strategies(self) -> Mapping[int, str]:
+        """Transients run in one way alone."""
+        return {}
+
+    @property
     def source(self) -> str:
         """The operations in words."""
         return "\n".join(

@@ -1,5 +1,7 @@
 """Runge–Kutta–Chebyshev steps: as many stages as a step's length needs."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cnnum.arrays import Floats
@@ -63,14 +65,27 @@ BEGIN, BACK1, BACK2, WEIGHT, START = (
 """Numbers of a method's rows."""
 
 
-def chebyshev(text: TransientText, scheme: ChebyshevSteps, *, by_strips: bool) -> Figures:
-    """Append the steps, of large arrays `by_strips`, and return the figures of the run."""
+def chebyshev(text: TransientText, scheme: ChebyshevSteps) -> Figures:
+    """Append the steps as sweeps over all cells, and return the figures of the run."""
+    return _controlled(text, scheme, _sweeps, _rates)
+
+
+def chebyshev_in_strips(text: TransientText, scheme: ChebyshevSteps) -> Figures:
+    """Append the steps by strips of rows, and return the figures of the run."""
+    return _controlled(text, scheme, chebyshev_attempts, rates_once)
+
+
+def _controlled(
+    text: TransientText,
+    scheme: ChebyshevSteps,
+    attempts: Callable[[TransientText, int], Attempt],
+    first: Callable[[TransientText, Name, Then, Instant], None],
+) -> Figures:
+    """Append steps of such attempts; `first` finds the rates at the start."""
     text.array(K0, text.states)
-    table = text.tables.data(_coefficients())
-    attempt = chebyshev_attempts(text, table) if by_strips else _sweeps(text, table)
+    attempt = attempts(text, text.tables.data(_coefficients()))
     with text.aside() as first_rates:
-        once = rates_once if by_strips else _rates
-        once(text, X, lambda at, _: [Assign(K0[at], RATE)], Instant())
+        first(text, X, lambda at, _: [Assign(K0[at], RATE)], Instant())
     longest = Number(chebyshev_method(MAX_STAGES).real_stability / scheme.fastest)
     left = Number(text.solver.duration) - TIME
     control = Control(

@@ -1,7 +1,7 @@
 """A built plan on an OpenCL device: kernels by number of lanes, buffers by batch."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from threading import RLock
 
@@ -119,6 +119,11 @@ class OpenCLExecutable:
     def source(self) -> str:
         """The exact text that was built, the widest kernel that has run (or would for a frame)."""
         return self._text(max((lanes for lanes, _ in self._kernels), default=1)).source
+
+    @property
+    def strategies(self) -> Mapping[int, str]:
+        """How each transient of a single frame runs, in words, by its node."""
+        return self._text(1).strategies
 
     def lanes_for(self, batch: int) -> int:
         """Return how many frames of a batch lie side by side in one work item."""

@@ -50,7 +50,6 @@ from cnnum.engines.opencl.ir.statements import (
     fixed,
 )
 from cnnum.engines.opencl.rates import CHANGE, Y
-from cnnum.engines.opencl.rows import fits_rows, row_steps
 from cnnum.engines.opencl.start import X
 from cnnum.engines.opencl.step_control import RUNNING, SETTLED, STEPS, TIME, Figures
 from cnnum.engines.opencl.transients import COL, ROW, SUM, TransientText
@@ -80,9 +79,6 @@ def fuses(text: TransientText, scheme: FixedSteps) -> bool:
 
 def fused_euler(text: TransientText, scheme: FixedSteps) -> Figures:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
-    if fits_rows(text, scheme):
-        row_steps(text, scheme)
-        return fixed_figures(text, scheme.count, settle=False)
     _declare(text, scheme)
     with text.aside() as step:
         if text.tables.lanes > 1:

@@ -1,5 +1,6 @@
 """From a schedule to the text of one kernel that runs all of it, or of its parts."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,6 +38,55 @@ adaptive steps of 256×256 cells took so a third to half of the time that they t
 steps two thirds; of 512×512 fixed steps took as long."""
 
 
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What a plan's kernels are.
+
+    Attributes
+    ----------
+    name, reason : str
+    fits : callable
+        Whether a plan of so many cells can be of this form.
+    private : bool
+        Whether arrays are private to a work item.
+    split : bool
+        Whether every sweep is a kernel of its own.
+    """
+
+    name: str
+    reason: str
+    fits: Callable[[int], bool]
+    private: bool = False
+    split: bool = False
+
+
+FORMS = (
+    Form(
+        "private memory of one work item",
+        "arrays of so few cells stay close to it",
+        lambda cells: cells <= PRIVATE_CELLS,
+        private=True,
+    ),
+    Form(
+        "global memory of one work item",
+        "more launches cost more than other cores save",
+        lambda cells: cells <= WHOLE_CELLS,
+    ),
+    Form(
+        "kernels of many work items",
+        "all cores share each sweep",
+        lambda cells: cells > WHOLE_CELLS,
+        split=True,
+    ),
+)
+"""In their order: the first that fits is taken."""
+
+
+def form_of(cells: int) -> Form:
+    """Return the form of a plan for so many cells."""
+    return next(form for form in FORMS if form.fits(cells))
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class KernelText:
     """A plan's kernel and what its buffers hold.
@@ -52,6 +102,8 @@ class KernelText:
         Where each output stands within a frame's numbers; the last number is `unfinished`.
     scratch : int
         Values of global scratch a work item needs (0: everything is private).
+    strategies : mapping of int to str
+        How each transient runs, in words, by its node.
     private : int
         Values in private arrays of a work item at the most (0: they are in scratch).
     parts : Parts or None
@@ -64,6 +116,7 @@ class KernelText:
     memory_size: int
     outputs: dict[str, tuple[slice, tuple[int, ...]]]
     scratch: int
+    strategies: Mapping[int, str]
     private: int
     parts: Parts | None
 
@@ -71,10 +124,11 @@ class KernelText:
 def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     """Return the kernel text of a schedule, with tables that hold nothing yet."""
     lanes = tables.lanes
-    arena = Arena(private=schedule.cells <= PRIVATE_CELLS)
+    form = form_of(schedule.cells)
+    arena = Arena(private=form.private)
     size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
-    whole = schedule.cells <= WHOLE_CELLS
-    tables.parted = not whole
+    whole = not form.split
+    tables.parted = form.split
     placed = {} if whole else _placed(schedule)
     # parts of a plan read out their own pieces, and a GPU's private arrays are far
     in_chains = arena.private and whole and tables.by_vectors
@@ -107,6 +161,10 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
         lowering.memory_size,
         outputs,
         0 if arena.private else arena.size,
+        {
+            index: f"{strategy.name} in {form.name} ({strategy.reason}; {form.reason})"
+            for index, strategy in lowering.strategies.items()
+        },
         arena.size if arena.private else 0,
         parts,
     )

@@ -32,9 +32,9 @@ from cnnum.engines.opencl.loops import lower_loop
 from cnnum.engines.opencl.products import product
 from cnnum.engines.opencl.rates import CHANGE
 from cnnum.engines.opencl.read_outs import begun, chained, chains, rounds, step, taken_in
-from cnnum.engines.opencl.schemes import run, settled_now
 from cnnum.engines.opencl.start import X
 from cnnum.engines.opencl.storage import Arena, Tables, Values
+from cnnum.engines.opencl.strategies import Strategy, run, settled_now, strategy_of
 from cnnum.engines.opencl.transients import Operands, TransientText
 from cnnum.graph.nodes import (
     FIGURES,
@@ -82,6 +82,7 @@ class Lowering:
     users: dict[int, list[Node]] = field(default_factory=dict[int, list[Node]])
     memory_at: dict[int, int] = field(default_factory=dict[int, int])
     memory_size: int = 0
+    strategies: dict[int, Strategy] = field(default_factory=dict[int, Strategy])
 
     def lower(self) -> None:
         """Append what all nodes do; what outputs and memories need is kept."""
@@ -291,10 +292,12 @@ class Lowering:
         scalars = [node for node in picks if node.scalar]
         self.body += [declare(self.values.name_scalar(node)) for node in scalars]
         mark = self.arena.mark()
-        figures = run(text)
+        strategy = strategy_of(text)
+        self.strategies[node.index] = strategy
+        figures = run(text, strategy)
         wanted = {node.operation.what for node in picks if isinstance(node.operation, Pick)}
         if "settled" in wanted and "settled" not in figures:
-            settled_now(text)
+            settled_now(text, strategy)
             figures["settled"] = pick(CHANGE <= ONE, ONE, ZERO)
         text.over_cells([self._pick_map(node, text) for node in picks if not node.scalar])
         text.body += [

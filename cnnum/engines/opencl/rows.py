@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from cnnum.engines.opencl.drive import W, constant_drive
 from cnnum.engines.opencl.equal_weights import weighted_terms
+from cnnum.engines.opencl.fixed_steps import fixed_figures
 from cnnum.engines.opencl.ir.expressions import (
     ROUND,
     ZERO,
@@ -31,6 +32,7 @@ from cnnum.engines.opencl.ir.statements import (
     fixed,
 )
 from cnnum.engines.opencl.start import X
+from cnnum.engines.opencl.step_control import Figures
 from cnnum.engines.opencl.text import fill
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
@@ -73,8 +75,8 @@ def _clips(output: OutputFunction) -> bool | None:
     return {"standard": True, "full-range": True, "linear": False}.get(output.name)
 
 
-def row_steps(text: TransientText, scheme: FixedSteps) -> None:
-    """Append the steps, from and to the states `x`."""
+def row_steps(text: TransientText, scheme: FixedSteps) -> Figures:
+    """Append the steps, from and to the states `x`, and return the figures of the run."""
     scalar = "double" if text.tables.dtype == np.float64 else "float"
     vector = width(text.shape[1])
     text.tables.types["rows"] = fill("rows", row=f"{scalar}{vector}")
@@ -89,6 +91,7 @@ def row_steps(text: TransientText, scheme: FixedSteps) -> None:
         Counted(ROUND, 0, scheme.count, None, tuple(step)),
         *_end(text),
     ]
+    return fixed_figures(text, scheme.count, settle=False)
 
 
 def _each(text: TransientText) -> list[tuple[int, int]]:

@@ -3,8 +3,11 @@
 from dataclasses import replace
 
 from cnnum.engines.opencl.drive import LATER, W
+from cnnum.engines.opencl.fixed_steps import fixed_figures
+from cnnum.engines.opencl.ir.expressions import Number, call
 from cnnum.engines.opencl.ir.statements import StripSteps, add
 from cnnum.engines.opencl.needs import has_history
+from cnnum.engines.opencl.step_control import STEPS, Figures
 from cnnum.engines.opencl.strip_kernel import (
     SHOWN,
     StripText,
@@ -17,7 +20,7 @@ from cnnum.engines.opencl.strip_lanes import lanes_fit, row_layout, size_of
 from cnnum.engines.opencl.strip_moments import Moments
 from cnnum.engines.opencl.strip_rows import Rows
 from cnnum.engines.opencl.strip_settle import BEFORE, watch
-from cnnum.engines.opencl.strip_stages import stages_of
+from cnnum.engines.opencl.strip_stages import Stages, stages_of
 from cnnum.engines.opencl.strip_states import keeps_states, state_steps
 from cnnum.engines.opencl.strip_sums import array_of, sum_cases
 from cnnum.engines.opencl.transients import TransientText
@@ -39,20 +42,31 @@ def _repeats(scheme: Steps) -> bool:
     return scheme.count > 0 and stages_of(scheme, 1.0) is not None
 
 
-def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> None:
-    """Append the statements that stand for the steps, and keep their kernel with the tables.
-
-    Those until nothing changes leave `steps` and `settled`.
-    """
+def _layers(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> tuple[Stages, ...]:
+    """Return the stages of a step, by layer."""
     found = (stages_of(scheme, float(tau)) for tau in text.template.tau)
-    layers = tuple(stages for stages in found if stages is not None)
+    return tuple(stages for stages in found if stages is not None)
+
+
+def states_suffice(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> bool:
+    """Return whether steps need nothing but states."""
+    layers = _layers(text, scheme)
+    return keeps_states(text, Moments(text, scheme, len(layers[0].stages)), layers)
+
+
+def state_strips(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> Figures:
+    """Append steps that keep states alone, and return the figures of the run."""
+    state_steps(text, scheme, tuple(one.scale for one in _layers(text, scheme)))
+    return fixed_figures(text, scheme.count, settle=False)
+
+
+def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> Figures:
+    """Append the steps, keep their kernel with the tables, and return the figures of the run."""
+    layers = _layers(text, scheme)
     stages, arrays = len(layers[0].stages), layers[0].arrays
     layout = row_layout(text)
     names = tuple(array_of(n) for n in range(arrays))
     scales = tuple(one.scale for one in layers)
-    if keeps_states(text, Moments(text, scheme, stages), layers):
-        state_steps(text, scheme, scales)
-        return
     apart = declare_arrays(text, layout, (*names, BEFORE) if scheme.settle else names)
     size = levels_of(text, layout, apart)
     seen = watch(text, layout, apart, size, stages, scales) if scheme.settle else None
@@ -86,3 +100,8 @@ def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> N
     strips = strip_kernel(text, own, layout, size, levels)
     text.tables.strips.append(strips.text)
     text.body += [StripSteps(strips)] if seen is None else seen.body(scheme, strips)
+    figures = fixed_figures(text, scheme.count, settle=scheme.settle)
+    if scheme.settle:
+        time = call("fmin", STEPS * Number(scheme.step), Number(text.solver.duration))
+        figures["time"] = time
+    return figures

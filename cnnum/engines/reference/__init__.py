@@ -1,6 +1,6 @@
 """The reference engine: float64 NumPy and SciPy, operation by operation; slow, plain, trusted."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -69,6 +69,11 @@ class ReferenceExecutable:
     def scratch_bytes(self) -> int:
         """The host's memory is not counted."""
         return 0
+
+    @property
+    def strategies(self) -> Mapping[int, str]:
+        """Transients run in one way alone."""
+        return {}
 
     @property
     def source(self) -> str:
