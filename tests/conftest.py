@@ -32,7 +32,8 @@ def only(wanted: str) -> None:
 
     Processes that a test starts choose for themselves: `measure` counts all devices, as they do.
     """
-    from cnnum.engines.opencl import devices, measure
+    from cnnum.engines.opencl import devices
+    from cnnum.engines.opencl.runtime import peak_measurement as measure
     from cnnum.engines.opencl.runtime import selection, self_test
     from cnnum.errors import DeviceError
 

@@ -27,7 +27,7 @@ class PeakMeter:
         """Measure all kernels so many times."""
         if self._name is None:
             return
-        from cnnum.engines.opencl.measure import measure
+        from cnnum.engines.opencl.runtime.peak_measurement import measure
         from cnnum.engines.opencl.runtime.selection import choose_device
 
         for _ in range(times):
@@ -42,7 +42,7 @@ class PeakMeter:
         """
         if self._name is None:
             return lambda: math.nan
-        from cnnum.engines.opencl.measure_kernels import Bench, arithmetic_kernels
+        from cnnum.engines.opencl.runtime.peak_kernels import Bench, arithmetic_kernels
         from cnnum.engines.opencl.runtime.selection import choose_device
 
         (kernel,) = (known for known in arithmetic_kernels() if known.label == self.kernel)

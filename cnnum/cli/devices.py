@@ -12,7 +12,7 @@ from cnnum.cli.progress import progress
 
 if TYPE_CHECKING:
     from cnnum.engines.opencl.devices import Device
-    from cnnum.engines.opencl.measure import Figures
+    from cnnum.engines.opencl.runtime.peak_measurement import Figures
     from cnnum.engines.opencl.runtime.verdicts import Verdict
 
 
@@ -75,7 +75,7 @@ class _Tried:
 def _tried(asked: str | None, *, measure: bool, as_json: bool) -> list[_Tried]:
     """Try every device anew, whatever it showed before; measure those that work."""
     from cnnum.engines.opencl.devices import list_devices
-    from cnnum.engines.opencl.measure import measure as measured
+    from cnnum.engines.opencl.runtime.peak_measurement import measure as measured
     from cnnum.engines.opencl.runtime.selection import devices_named, verdict_on
 
     found, named, tried = list_devices(), devices_named(asked), list[_Tried]()

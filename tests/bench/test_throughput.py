@@ -9,9 +9,9 @@ import pytest
 from cnnum.bench import throughput
 from cnnum.bench.timing import Difference, Timing, difference
 from cnnum.cli import bench
-from cnnum.engines.opencl import measure as device
-from cnnum.engines.opencl.measure import Figures
-from cnnum.engines.opencl.measure_kernels import arithmetic_kernels
+from cnnum.engines.opencl.runtime import peak_measurement as device
+from cnnum.engines.opencl.runtime.peak_kernels import arithmetic_kernels
+from cnnum.engines.opencl.runtime.peak_measurement import Figures
 
 SMALL = tuple(
     throughput.ThroughputCase(f"case {n}", (8, 8), 4, 1, 8, throughput.FULL) for n in range(3)

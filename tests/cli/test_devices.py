@@ -2,10 +2,10 @@
 
 import pytest
 
-from cnnum.engines.opencl import measure as room
 from cnnum.engines.opencl.devices import list_devices
-from cnnum.engines.opencl.measure import measure
-from cnnum.engines.opencl.measure_kernels import Arithmetic, Bench
+from cnnum.engines.opencl.runtime import peak_measurement as room
+from cnnum.engines.opencl.runtime.peak_kernels import Arithmetic, Bench
+from cnnum.engines.opencl.runtime.peak_measurement import measure
 from cnnum.engines.opencl.runtime.selection import choose_device
 from cnnum.errors import DeviceError
 

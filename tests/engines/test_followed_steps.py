@@ -17,7 +17,7 @@ from cnnum.bench.followed_steps import (
 )
 from cnnum.couplings import DelayedCoupling
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text
+from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.errors import MethodError
 from cnnum.integrators.estimate import SAFETY
 from cnnum.integrators.stability import METHODS as EVERY_METHOD
@@ -128,7 +128,7 @@ def test_linear_cells_have_the_error_of_their_formula(engines):
 def test_large_arrays_are_followed_strip_by_strip(seed, monkeypatch):
     """All methods and boundaries and outputs, as the reference follows them."""
     if seed:
-        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+        monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     rng = np.random.default_rng(30 + seed)
     output = ("standard", "linear", "full-range")[seed]
     kernel = rng.normal(size=(3, 3)) * 0.2

@@ -5,7 +5,7 @@ import pytest
 
 from cnnum import program, transient
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text
+from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
 from cnnum.template import Template
 
@@ -42,7 +42,7 @@ def test_chebyshev_steps_strips_as_one_array(name, monkeypatch):
     """
     *parts, masked, in_parts, duration = CASES[name]
     if in_parts:
-        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+        monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     number = list(CASES).index(name)
     rng = np.random.default_rng(60 + number)
     template = spreading(rng, *parts)

@@ -6,7 +6,7 @@ import pytest
 from cnnum import program, transient
 from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text
+from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
 from cnnum.tables import Table
 from cnnum.template import Template
@@ -114,7 +114,7 @@ def test_couplings_of_strips_are_those_of_one_array(name, monkeypatch):
     """In strips that work items share, and a third of them in one work item a frame."""
     number = list(CASES).index(name)
     if number % 3:
-        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+        monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     rng = np.random.default_rng(number)
     couplings, boundary, edge, output, method, dt, steps, shape, masked = CASES[name]
     template = template_of(rng, couplings(rng), boundary, edge, output)
@@ -146,7 +146,7 @@ LAYERS = {
 @pytest.mark.parametrize("method", LAYERS)
 def test_layers_are_coupled_in_strips(method, monkeypatch):
     """Steps of a pair follow from its error: they are the reference's, and so is the time."""
-    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     rng = np.random.default_rng(50)
     template = template_of(rng, LAYERS[method](rng), "periodic", 0.3, "standard", layers=2)
     dt = 0.1 if template.delayed is not None else None
@@ -160,7 +160,7 @@ def test_layers_are_coupled_in_strips(method, monkeypatch):
 @pytest.mark.parametrize(("feedback", "batch"), [(True, 1), (True, 3), (False, 2)])
 def test_delays_end_with_the_step_that_sees_no_change(feedback, batch, monkeypatch):
     """Launches end amid the steps, and are taken again: what was a delay ago is there still."""
-    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     rng = np.random.default_rng(60)
     parts = delayed(rng, 0.5, feedback=feedback)
     template = template_of(rng, parts, "zero-flux", 0.0, "standard")

@@ -5,7 +5,7 @@ import pytest
 
 from cnnum import program, transient
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text
+from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
 from cnnum.template import Template
 
@@ -38,8 +38,8 @@ CASES = {
 @pytest.mark.parametrize("method", CASES)
 def test_layers_and_held_cells_step_as_one_array(method, monkeypatch):
     """Weights equal or not, the drive an input's or z of each layer alone."""
-    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
-    monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "PRIVATE_CELLS", 0)
     number = list(CASES).index(method)
     parts, masked, settings = CASES[method]
     rng = np.random.default_rng(40 + number)

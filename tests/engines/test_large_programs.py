@@ -6,7 +6,10 @@ import scipy.ndimage
 
 import cnnum
 from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.engines.opencl import drive, executable, kernel_text, rates, schemes, strips
+from cnnum.engines.opencl import executable
+from cnnum.engines.opencl.large_arrays import strip_steps
+from cnnum.engines.opencl.lowering import kernel_source
+from cnnum.engines.opencl.transients import feedforward, state_equation, strategies
 from cnnum.tables import Table
 
 SHAPE = (9, 11)
@@ -31,7 +34,8 @@ def layers():
 
 
 RULES = [
-    (strips, "lanes_fit"), (drive, "lanes_fit"), (drive, "sums_by_rows"), (rates, "sums_by_rows"),
+    (strip_steps, "lanes_fit"), (feedforward, "lanes_fit"), (feedforward, "sums_by_rows"),
+    (state_equation, "sums_by_rows"),
 ]  # fmt: skip
 """What asks whether neighbours are to be read by vectors."""
 
@@ -66,8 +70,8 @@ CASES = {
 @pytest.fixture
 def parted(monkeypatch):
     """An engine that runs arrays of any size in parts."""
-    monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
-    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "PRIVATE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     monkeypatch.setattr(executable, "WIDE_CELLS", 0)
     return cnnum.Engine("opencl")
 
@@ -83,9 +87,8 @@ OTHER_ORDER = (
     "Euler, until it settles", "sign", "full-range", "rk4", "exponential",
     "adaptive, until it settles",
 )  # fmt: skip
-"""Cases in which one kernel adds the weights in another order (`cnnum.engines.opencl.fused`), equal
-ones in other groups (`cnnum.engines.opencl.rows`), or a step's stages in another order
-(`cnnum.engines.opencl.strip_stages`, `cnnum.engines.opencl.strip_pair`)."""
+"""Cases in which one kernel adds the weights in another order (`fused_euler`), equal ones in other
+groups (`euler_in_registers`), or stages of a step in another order (`strip_stages`)."""
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -100,11 +103,11 @@ def test_parts_give_the_bits_of_one_kernel(name, parted, monkeypatch):
     if name == "adaptive":
         maps |= {"mask": rng.uniform(size=SHAPE) < 0.2, "bias": rng.uniform(-1, 1, SHAPE)}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(kernel_text, "PRIVATE_CELLS", 32 * 32)
-        patch.setattr(kernel_text, "WHOLE_CELLS", 32 * 32)
+        patch.setattr(kernel_source, "PRIVATE_CELLS", 32 * 32)
+        patch.setattr(kernel_source, "WHOLE_CELLS", 32 * 32)
         # stages one after the other, as in parts: small frames have them in a loop, whose
         # multiply-adds are fused otherwise
-        patch.setattr(schemes, "rolls", lambda _: False)
+        patch.setattr(strategies, "rolls", lambda _: False)
         whole = cnnum.Engine("opencl")
         wanted = [
             whole.run(net, **{k: v[[n]] if v.ndim == 3 else v for k, v in maps.items()}, **settings)
@@ -165,7 +168,7 @@ def test_large_programs_are_right(shape, most, monkeypatch):
 
     Once in parts, once as one kernel whose arrays are too large to be private.
     """
-    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", most)
+    monkeypatch.setattr(kernel_source, "WHOLE_CELLS", most)
     rng = np.random.default_rng(7)
     stream = cnnum.Engine("opencl").compile(flood, shape, channels=("a", "b")).stream((4,))
     before = None  # on the first frame, what was before is what is

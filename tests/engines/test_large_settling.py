@@ -5,7 +5,7 @@ import pytest
 
 from cnnum import program, transient
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text
+from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
 from cnnum.template import Template
 
@@ -38,7 +38,7 @@ def test_strips_end_with_the_step_that_sees_no_change(method, monkeypatch):
     """Frames of a batch end after steps of their own number, amid launches; one with its first."""
     *parts, masked, shape = CASES[method]
     if method in PARTED:
-        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+        monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     rng = np.random.default_rng(80 + list(CASES).index(method))
     template = resting(rng, *parts)
     names = [f"x{layer}" for layer in range(template.layers)]

@@ -5,8 +5,8 @@ import pytest
 
 from cnnum import program, transient
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text
-from cnnum.engines.opencl.strip_stages import stages_of
+from cnnum.engines.opencl.large_arrays.strip_stages import stages_of
+from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
 from cnnum.integrators.schemes import ExponentialSteps, FixedSteps
@@ -62,8 +62,8 @@ def test_stages_of_strips_are_those_of_one_array(seed, monkeypatch):
 
     Weights are equal or not, the drive is an input's or z alone, and launches end amid a step.
     """
-    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
-    monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "PRIVATE_CELLS", 0)
     rng = np.random.default_rng(seed)
     batch, radius, steps = ((1, 1, 5), (2, 1, 7), (1, 2, 11))[seed]
     shape = tuple(int(2 * rng.integers(10 * radius, most) + 1) for most in (100, 50))
@@ -101,7 +101,7 @@ def test_pairs_step_strips_as_one_array(seed, method, monkeypatch):
     Some steps are refused; some rows have lanes without a cell, of which nothing may be judged.
     """
     if seed:
-        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+        monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     rng = np.random.default_rng(20 + seed)
     template = random_template(rng, BOUNDARIES[seed], OUTPUTS[seed], 1 + seed % 2)
     maps = {name: rng.uniform(-1, 1, (3, 48 + seed, 51 + seed)) for name in ("input", "state")}

@@ -7,7 +7,7 @@ import pytest
 from scipy.ndimage import correlate
 
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text
+from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.engines.opencl.runtime.selection import working_devices
 from cnnum.template import Template
 
@@ -74,8 +74,8 @@ def test_strips_of_any_size_step_as_one_array(seed, monkeypatch):
 
     Some rows have no cells for all lanes, and no lane of some has cells for a whole vector.
     """
-    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
-    monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "PRIVATE_CELLS", 0)
     rng = np.random.default_rng(seed)
     few = (1, 5) if seed % 2 else (5, 25)
     radius, batch, steps = (int(rng.integers(*span)) for span in ((1, 3), (1, 4), few))
@@ -112,7 +112,7 @@ def test_arrays_of_any_form_step_as_one(number, monkeypatch):
     Every other one is taken in parts: each is a kernel to build.
     """
     if number % 2:
-        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+        monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     shape, radius, boundary, method, duration = UNUSUAL[number]
     rng = np.random.default_rng(number)
     template = random_template(rng, boundary, "standard", radius)

@@ -6,7 +6,8 @@ import pytest
 from cnnum import program, transient
 from cnnum.couplings import DelayedCoupling, NonlinearCoupling
 from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text, row_sums
+from cnnum.engines.opencl.large_arrays import neighbourhood_sums
+from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
 from cnnum.tables import Table
 from cnnum.template import Template
@@ -51,9 +52,9 @@ def test_drives_of_large_arrays_are_sums(name, monkeypatch):
     """
     inputs, layers, radius, edge, shape, kept = CASES[name]
     if kept != "whole":
-        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+        monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     if kept == "scratch":
-        monkeypatch.setattr(row_sums, "STACK_BYTES", 0)
+        monkeypatch.setattr(neighbourhood_sums, "STACK_BYTES", 0)
     rng = np.random.default_rng(list(CASES).index(name))
     k = 2 * radius + 1
     late = rng.normal(size=(layers, inputs, 3, 3))
@@ -86,9 +87,9 @@ def test_drives_of_large_arrays_are_sums(name, monkeypatch):
 def test_rest_of_large_arrays_is_seen(method, kept, monkeypatch):
     """Cells that their neighbours hold rest after 40 time constants, and do not after 2."""
     if kept != "whole":
-        monkeypatch.setattr(kernel_text, "WHOLE_CELLS", 0)
+        monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     if kept == "scratch":
-        monkeypatch.setattr(row_sums, "STACK_BYTES", 0)
+        monkeypatch.setattr(neighbourhood_sums, "STACK_BYTES", 0)
     feedback = [[0.0, 0.1, 0.0], [0.1, 0.3, 0.1], [0.0, 0.1, 0.0]]
     template = Template("resting", feedback, [[1.0]], 0.1, boundary="periodic", output="tanh")
     u = np.random.default_rng(1).uniform(-1, 1, (40, 33))

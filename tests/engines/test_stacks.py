@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.engines.opencl import executable, kernel_text
+from cnnum.engines.opencl import executable
+from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.errors import ProgramError
 
 COUNT = 3
@@ -97,8 +98,8 @@ def test_stacks_are_right_in_streams(engines, reference, batch):
 @pytest.mark.parametrize("most", [0, 32 * 32])
 def test_stacks_of_large_arrays_are_right(most, monkeypatch):
     """In parts, and as one kernel whose arrays are too large to be private."""
-    monkeypatch.setattr(kernel_text, "PRIVATE_CELLS", 0)
-    monkeypatch.setattr(kernel_text, "WHOLE_CELLS", most)
+    monkeypatch.setattr(kernel_source, "PRIVATE_CELLS", 0)
+    monkeypatch.setattr(kernel_source, "WHOLE_CELLS", most)
     monkeypatch.setattr(executable, "WIDE_CELLS", 0)
     agrees(cnnum.Engine("opencl"), (7, 5), 2)
 

@@ -13,12 +13,12 @@ from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.opencl.building import build_program
-from cnnum.engines.opencl.exchange import Exchange, exchanges
-from cnnum.engines.opencl.kernel_text import KernelText, lower
-from cnnum.engines.opencl.one import OneFrame
-from cnnum.engines.opencl.parted import PartedArrays, PartedPlan
-from cnnum.engines.opencl.shared import SharedArray, shared_array, shares_memory
-from cnnum.engines.opencl.storage import Tables
+from cnnum.engines.opencl.lowering.kernel_source import KernelText, lower
+from cnnum.engines.opencl.lowering.storage import Tables
+from cnnum.engines.opencl.runtime.host_exchange import Exchange, exchanges
+from cnnum.engines.opencl.runtime.launch_runner import PartedArrays, PartedPlan
+from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array, shares_memory
+from cnnum.engines.opencl.runtime.single_frame import OneFrame
 from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
 from cnnum.room import refuse_beyond

@@ -11,7 +11,7 @@ from cnnum.engines.opencl.ir.expressions import (
     call,
     operand,
 )
-from cnnum.engines.opencl.parts import Strips
+from cnnum.engines.opencl.ir.launch_plan import Strips
 
 
 @dataclass(frozen=True, slots=True)

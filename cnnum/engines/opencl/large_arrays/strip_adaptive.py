@@ -1,0 +1,250 @@
+"""Steps of large arrays that may be refused, by strips of rows: a run of levels each."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    ZERO,
+    Cast,
+    Integer,
+    Name,
+    pick,
+    real,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Branch,
+    Declare,
+    Statement,
+    StripSteps,
+    While,
+    declare,
+    fixed,
+    sweep,
+)
+from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
+from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
+from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS, by_turns
+from cnnum.engines.opencl.large_arrays.strip_chebyshev import (
+    ARRAYS,
+    CONTROL,
+    EVEN,
+    ODD,
+    RATES,
+    ROWS,
+    STAGES_AT,
+    STATE,
+    STEP,
+    chebyshev_cases,
+)
+from cnnum.engines.opencl.large_arrays.strip_error import FIGURES, mark_cells
+from cnnum.engines.opencl.large_arrays.strip_kernel import (
+    StripText,
+    declare_arrays,
+    levels_of,
+    strip_kernel,
+)
+from cnnum.engines.opencl.large_arrays.strip_pair import BEGINS, LENGTH, MOVED, pair_cases
+from cnnum.engines.opencl.large_arrays.strip_rows import Rows
+from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.step_control import ACCEPT, TIME, Attempt, H
+from cnnum.integrators.chebyshev import MAX_STAGES
+from cnnum.integrators.schemes import AdaptiveSteps
+
+CONTROLS, MAXIMA = Name("strip_control"), Name("strip_maxima")
+"""What the plan's body says to the strips, and what they found."""
+
+STAGES, LEVELS, AT = Name("stages"), Name("levels"), Name("at")
+"""Of a step; a variable of loops."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What is a method's own in steps that may be refused.
+
+    In expressions `{name}` is how far the array `name` is from the first.
+
+    Attributes
+    ----------
+    arrays : tuple of str
+        Of all rows. The first holds the states at the start.
+    rates : str
+        That of them which holds the rates at the start.
+    control : int
+        Numbers in `strip_control`, which the plan's body sets.
+    cases : callable
+        The text of all cases, from rows, strips and the rows of a block.
+    case : str
+        The expression of the case that is the level `number`.
+    end : str
+        Where the states are in the end, from the first array.
+    levels : int
+        Of a step, at most.
+    begin, tell, advance : list of Statement
+        What sets the control: before all steps, before each, and after each.
+    count : str
+        Levels that a frame takes of at most `most` after those that are `done`.
+    told : Name or None
+        The number of the plan's body that says how many levels a frame takes.
+    """
+
+    arrays: tuple[str, ...]
+    rates: str
+    control: int
+    cases: Callable[[Rows, int, int], list[str]]
+    case: str
+    end: str
+    levels: int
+    begin: list[Statement]
+    tell: list[Statement]
+    advance: list[Statement]
+    count: str = "most"
+    told: Name | None = None
+
+
+def pair_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
+    """Return the statements of a pair's steps, and keep their kernel with the tables."""
+    stages = scheme.tableau.stages
+    return _attempt(
+        text,
+        Trial(
+            arrays=("strip_x", "strip_xs", *(f"strip_k{n}" for n in range(stages))),
+            rates="strip_k0",
+            control=3,
+            cases=lambda rows, most, block: pair_cases(rows, scheme, most, block),
+            case=f"number % {stages}",
+            end=f"(x[{{strip_control}} + {MOVED}] != 0 ? {{strip_xs}} : 0)",
+            levels=stages,
+            begin=[Assign(CONTROLS[MOVED], ZERO)],
+            tell=[Assign(CONTROLS[LENGTH], H), Assign(CONTROLS[BEGINS], TIME)],
+            advance=[Assign(CONTROLS[MOVED], ACCEPT)],
+        ),
+    )
+
+
+def chebyshev_attempts(text: TransientText, table: int) -> Attempt:
+    """Return the statements of Chebyshev's steps, and keep their kernel with the tables.
+
+    Parameters
+    ----------
+    text : TransientText
+    table : int
+        Where in the data the methods' rows begin.
+    """
+    stages = f"(int)x[{{strip_control}} + {STAGES_AT}]"
+    size = CONTROL - ROWS
+    row = text.tables.number_at(Integer(table) + STAGES * size + AT)
+    return _attempt(
+        text,
+        Trial(
+            arrays=ARRAYS,
+            rates=ARRAYS[1],
+            control=CONTROL,
+            cases=chebyshev_cases,
+            case=f"number == 0 ? 0 : number < {stages} ? 1 : 2",
+            end=f"(int)x[{{strip_control}} + {STATE}] * {{{ARRAYS[1]}}}",
+            levels=MAX_STAGES + 1,
+            begin=[
+                Assign(CONTROLS[place], real(n))
+                for n, place in enumerate((STATE, RATES, EVEN, ODD))
+            ],
+            tell=[
+                Assign(CONTROLS[STEP], H),
+                Assign(CONTROLS[STAGES_AT], Cast("real", STAGES)),
+                # a loop of this kind is no sweep, which would be a launch of its own
+                declare(AT, 0, of="int"),
+                While(
+                    AT < size,
+                    (
+                        Assign(CONTROLS[Integer(ROWS) + AT], row),
+                        Assign(AT, Integer(1), "+="),
+                    ),
+                ),
+                fixed(LEVELS, STAGES + 1, of="int"),
+            ],
+            advance=_changed_places(),
+            count=f"min(most, {stages} + 1 - done)",
+            told=LEVELS,
+        ),
+    )
+
+
+def _changed_places() -> list[Statement]:
+    """Return the statements that take a step over: what it leaves is what the next begins with."""
+    state, rates, even, odd = (Name(name) for name in ("state", "rates", "even", "odd"))
+    changed = (STAGES % 2).differs(0)
+    taken = (
+        Declare("real", ((state, CONTROLS[STATE]), (rates, CONTROLS[RATES])), fixed=True),
+        Declare("real", ((even, CONTROLS[EVEN]), (odd, CONTROLS[ODD])), fixed=True),
+        Assign(CONTROLS[STATE], pick(changed, odd, even)),
+        Assign(CONTROLS[RATES], pick(changed, even, odd)),
+        Assign(CONTROLS[EVEN], state),
+        Assign(CONTROLS[ODD], rates),
+    )
+    return [Branch(ACCEPT.differs(ZERO), taken)]
+
+
+def _attempt(text: TransientText, trial: Trial) -> Attempt:
+    """Return the statements of steps, and keep their kernel with the tables."""
+    layout = row_layout(text)
+    apart = declare_arrays(text, layout, trial.arrays)
+    scales = tuple(1.0 / float(tau) for tau in text.template.tau)
+    size = levels_of(text, layout, apart)
+    each = size[1] * layout.width
+    span = layout.vectors * layout.width
+    lengths = {"control": trial.control, "maxima": len(FIGURES) * each, "cells": span}
+    for name, length in lengths.items():
+        text.array(Name(f"strip_{name}"), length)
+        place = text.arena.places[f"strip_{name}"]
+        apart[f"strip_{name}"] = place - text.arena.places[trial.arrays[0]]
+    places = dict(apart)
+    clear = [f"for (int n = 0; piece == 0 && n < {len(FIGURES) * each}; ++n) {{"]
+    clear += [f"    x[{apart['strip_maxima']} + n] = 0;", "}"]
+    if span == layout.cols:
+        del apart["strip_cells"]
+    else:
+        clear += mark_cells(layout, apart["strip_cells"])
+    rows = Rows(text, layout, scales, apart)
+    k0 = f"to_lanes(x + p + {apart[trial.rates]}, mine + {text.arena.places['k0']} + cell, 1);"
+    own = StripText(
+        apart,
+        scales,
+        trial.case.format(**places),
+        lambda block: trial.cases(rows, size[1], block),
+        clear=clear,
+        rest=[k0, *rows.set_held()],
+        begin=_forget(places["strip_maxima"], size[1], layout),
+        outputs=by_turns(apart, OUTPUTS),
+        end=trial.end.format(**places),
+        count=trial.count.format(**places),
+    )
+    strips = strip_kernel(text, own, layout, size, trial.levels)
+    text.tables.strips.append(strips.text)
+    return Attempt(
+        begin=[*trial.begin, StripSteps(replace(strips, count=0, ends=False))],
+        stages=[*trial.tell, StripSteps(replace(strips, begins=False, ends=False), trial.told)],
+        judge=_gathered(each),
+        advance=trial.advance,
+        end=[StripSteps(replace(strips, count=0, begins=False))],
+    )
+
+
+def _forget(maxima: int, most: int, layout: RowLayout) -> list[str]:
+    """Return the text by which a strip forgets what it found in the step before."""
+    return [
+        f"for (int n = 0; done == 0 && n < {len(FIGURES)}; ++n) {{",
+        f"    const int own = {maxima} + (n * {most} + piece) * {layout.width};",
+        "    *(__global vec *)(x + own) = (vec)(0);",
+        "}",
+    ]
+
+
+def _gathered(each: int) -> list[Statement]:
+    """Return the statements that make one number of what all strips found in so many lanes."""
+    judge = [
+        Accumulate(Name(figure), "greater", MAXIMA[Integer(n * each) + CELL])
+        for n, figure in enumerate(FIGURES)
+    ]
+    return [sweep(CELL, each, judge)]

@@ -1,0 +1,75 @@
+"""The kernel text of virtual cells around strips, and of what is padded by them beside outputs."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
+from cnnum.engines.opencl.large_arrays.lane_rows import rim_text
+from cnnum.engines.opencl.large_arrays.strip_couplings import STATES
+from cnnum.engines.opencl.large_arrays.strip_rows import NEW_STATES
+from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.dependencies import has_history, pads_states
+
+OUTPUTS = ("strip_even", "strip_odd")
+"""Arrays of outputs after an even and an odd number of levels."""
+
+SEEN = ("strip_states_even", "strip_states_odd")
+"""The same of states, where couplings read those of neighbours."""
+
+LATER = "strip_later"
+"""The array of what drives the cells once a delay is over."""
+
+_SUFFIX = "_of_states"
+
+
+def padded_arrays(text: TransientText) -> tuple[str, ...]:
+    """Return the arrays that couplings want beside outputs."""
+    seen = SEEN if pads_states(text) else ()
+    later = (LATER,) if has_history(text) else ()
+    return (*seen, *later)
+
+
+def by_turns(apart: Mapping[str, int], names: tuple[str, str]) -> str:
+    """Return the expression of one of two arrays after `level` levels."""
+    even, odd = (apart[name] for name in names)
+    return f"x + (level & 1 ? {odd} : {even})"
+
+
+def reads(text: TransientText, driven: str) -> list[str]:
+    """Return the declarations of what a level reads and writes, beside outputs."""
+    lines = [f"__global const scalar *const driven = {driven};"]
+    if pads_states(text):
+        lines += [
+            f"__global const scalar *const {STATES} = states_of(x, number);",
+            f"__global scalar *const {NEW_STATES} = states_of(x, number + 1);",
+        ]
+    return lines
+
+
+def first_states(text: TransientText) -> list[str]:
+    """Return the text that sets, for a row, the states that couplings read first."""
+    return ["copy_lanes(states_of(x, 0) + p, x + p);"] if pads_states(text) else []
+
+
+def rim_texts(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) -> dict[str, str]:
+    """Return the kernel text's names that say what is done about virtual cells."""
+    seen, fixed = pads_states(text), text.template.boundary.constant
+    shown = None if fixed is None else float(text.template.output.numpy(np.asarray(fixed)))
+    rims = rim_text(text, layout, "", shown)
+    if seen:
+        rims += rim_text(text, layout, _SUFFIX, fixed)
+
+    def of_states(line: str) -> str:
+        return line if seen else ""
+
+    start = f"all_sides{_SUFFIX}({NEW_STATES}, start"
+    return {
+        "rims": rims,
+        "states_of": by_turns(apart, SEEN) if seen else "x",
+        "sides_states": of_states(f"{start});"),
+        "sides_states_of_block": of_states(f"{start} + r * {layout.pitch});"),
+        "sides_states_at_first": of_states(f"all_sides{_SUFFIX}(states_of(x, 0), ROW(r));"),
+        "upper_states": of_states(f"upper{_SUFFIX}(states_of(x, level));"),
+        "lower_states": of_states(f"lower{_SUFFIX}(states_of(x, level));"),
+    }

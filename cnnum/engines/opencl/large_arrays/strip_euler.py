@@ -1,0 +1,82 @@
+"""Euler's steps of large arrays that keep states alone: outputs are made as states are read.
+
+A step then reads and writes half as much. Of the rows of a block a vector's neighbours are kept in
+registers from one vector to the next, so that each state is read, and its output made, once.
+"""
+
+from cnnum.engines.opencl.ir.statements import StripSteps
+from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
+from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS, by_turns
+from cnnum.engines.opencl.large_arrays.strip_couplings import Kept, coupled
+from cnnum.engines.opencl.large_arrays.strip_kernel import (
+    StripText,
+    declare_arrays,
+    levels_of,
+    strip_kernel,
+)
+from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
+from cnnum.engines.opencl.large_arrays.strip_stages import Stages
+from cnnum.engines.opencl.large_arrays.strip_times import Moments
+from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.dependencies import has_history
+from cnnum.integrators.choice import FixedSteps
+from cnnum.integrators.schemes import ExponentialSteps
+
+BARE = ("standard", "linear", "full-range")
+"""Outputs that cost less to make than to keep."""
+
+
+def keeps_states(text: TransientText, moments: Moments, layers: tuple[Stages, ...]) -> bool:
+    """Return whether steps need nothing but states."""
+    template = text.template
+    simple = not moments.uneven and not moments.keeps and not has_history(text)
+    linear = all(coupling.static for coupling in template.nonlinear)
+    whole = len(layers[0].stages) == 1 and layers[0].stages[0].whole
+    return (
+        simple and linear and whole and template.output.name in BARE and not moments.scheme.settle
+    )
+
+
+def state_steps(
+    text: TransientText, scheme: FixedSteps | ExponentialSteps, scales: tuple[float, ...]
+) -> None:
+    """Append the statement that stands for the steps, and keep their kernel with the tables."""
+    layout = row_layout(text)
+    apart = declare_arrays(text, layout, ())
+    size = levels_of(text, layout, apart)
+    rows = Rows(text, layout, scales, apart)
+    moments = Moments(text, scheme, 1)
+    odd = apart[OUTPUTS[1]]
+    own = StripText(
+        apart,
+        scales,
+        "0",
+        lambda block: _cases(rows, moments, block),
+        clear=[],
+        rest=rows.set_held(),
+        begin=[],
+        outputs=by_turns(apart, OUTPUTS),
+        end=f"({scheme.count & 1} ? {odd} : 0)",
+    )
+    strips = strip_kernel(text, own, layout, size, scheme.count)
+    text.body.append(StripSteps(strips))
+    text.tables.strips.append(strips.text)
+
+
+def _cases(rows: Rows, moments: Moments, block: int) -> list[str]:
+    every, kept = rows.block(block), Kept(rows, block)
+    own = tuple(1.0 - scale for scale in rows.scales)
+    each = [*kept.load, *coupled(rows, every, own, "from", kept=kept)]
+    for at in every:
+        each += _end(rows, at)
+    return rows.case(0, [*each, *kept.move], [*moments.head(0), *kept.begin])
+
+
+def _end(rows: Rows, at: At) -> list[str]:
+    state = at.sum
+    lines = list[str]()
+    if rows.masked:
+        lines.append(f"{state} = {rows.free(at, state, rows.cells('from', at))};")
+    if rows.text.template.output.limited:
+        lines.append(f"{state} = shown({state}, one);")
+    return [*lines, f"*(__global vec *)(to + {rows.place(at)}) = {state};"]

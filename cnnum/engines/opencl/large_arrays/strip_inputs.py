@@ -1,0 +1,42 @@
+"""Inputs that the cells of large arrays go on reading, in lanes."""
+
+from cnnum.engines.opencl.ir.expressions import Name
+from cnnum.engines.opencl.ir.statements import Sweep, Verbatim
+from cnnum.engines.opencl.large_arrays.lane_rows import (
+    OWN,
+    lane_text,
+    rim_text,
+    row_layout,
+    size_of,
+)
+from cnnum.engines.opencl.large_arrays.neighbourhood_sums import Seen
+from cnnum.engines.opencl.text import filled, owned
+from cnnum.engines.opencl.transients.builder import ROW, TransientText
+
+
+def keep_rows(text: TransientText, seen: Seen) -> None:
+    """Append the array of that name, and what brings all rows to their lanes in it, for strips."""
+    layout, array = row_layout(text, seen.boundary), Name(seen.name)
+    text.array(array, size_of(text, layout))
+    source = lane_text(text, layout) + rim_text(text, layout, "", seen.fixed)
+    types, kind = text.tables.types, "rows in lanes"
+    known = [key for key in types if key.startswith(kind)]
+    key = f"{kind} {source}"
+    suffix = f"_lanes{known.index(key) if key in known else len(known)}"
+    types.setdefault(key, owned(source, OWN, suffix[1:]))
+    row = filled(
+        "lane_row",
+        length=layout.vectors,
+        width=layout.width,
+        last=max(0, layout.vectors - layout.width),
+        cols=text.shape[1],
+        value=seen.values[0],
+        to=Name(seen.name),
+        place=f"ROW{suffix}(row)",
+        vec=f"vec{suffix}",
+        keep_lanes=f"keep_lanes{suffix}",
+    )
+    sides = Verbatim((f"sides{suffix}(", array, f", ROW{suffix}(row));"))
+    each = (Verbatim(("const int row = r;",)), row, sides)
+    text.body.append(Sweep(ROW, text.shape[0], each))
+    text.body += [Verbatim((f"{side}{suffix}(", array, ");")) for side in ("upper", "lower")]

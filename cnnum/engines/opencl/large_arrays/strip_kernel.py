@@ -1,0 +1,211 @@
+"""The kernel that takes a large array's steps: strips of rows, several stages a launch."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from cnnum.engines.opencl.ir.expressions import CELL, ONE, ZERO, Name, pick
+from cnnum.engines.opencl.ir.launch_plan import Strips
+from cnnum.engines.opencl.ir.statements import Assign
+from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
+from cnnum.engines.opencl.large_arrays.lane_rows import BLOCK_ROWS, OWN, lane_text, size_of
+from cnnum.engines.opencl.large_arrays.strip_boundary import (
+    OUTPUTS,
+    first_states,
+    padded_arrays,
+    reads,
+    rim_texts,
+)
+from cnnum.engines.opencl.large_arrays.strip_couplings import inputs_of
+from cnnum.engines.opencl.large_arrays.strip_rows import HELD
+from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented, owned
+from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.dependencies import inputs_read
+from cnnum.engines.opencl.transients.feedforward import constant_drive
+
+LEVELS = 32
+"""Stages of steps a launch, at most: what is missing between strips grows with them. Euler's steps
+of 512×512 cells take four fifths of the time that they take with 8 (AMD EPYC)."""
+
+LEAST_LEVELS = 8
+"""Stages a launch even if their rows do not fit the cache."""
+
+SHARES = 8
+"""Strips that an array can be parted into, at least."""
+
+_CLIPPED = "(x = -one > x ? -one : x, one < x ? one : x)"
+
+SHOWN = {
+    "standard": _CLIPPED,
+    "linear": "x",
+    "tanh": "tanh(x)",
+    "full-range": _CLIPPED,
+    "sign": "one - one <= x ? one : -one",
+}
+"""Outputs of a vector of states `x`, by name; `one` is 1 in every lane."""
+
+HELD_CELLS = Name("held")
+"""The array that is 1 where a mask holds a cell, as cells lie elsewhere."""
+
+DRIVE = "strip_w"
+"""The array of what drives the cells."""
+
+_OWN = (
+    *OWN,
+    "shown", "hidden_one", "show_row", "inwards", "magnitude", "greatest", "outputs_of",
+    "states_of", "sides_of_states", "all_sides_of_states", "upper_of_states", "lower_of_states",
+    "rims_above", "rims_below", "one_row", "more_rows", "take_level", "strip",
+)  # fmt: skip
+"""Names that the kernel has to itself: a plan may have several."""
+
+
+@dataclass(frozen=True, slots=True)
+class StripText:
+    """What is a scheme's own in the kernel.
+
+    Attributes
+    ----------
+    apart : mapping of str to int
+        How far every array is from the first, which holds the states.
+    scales : tuple of float
+        What the drive of each layer comes with.
+    case : str
+        The expression of the case that is the level `number`.
+    cases : callable
+        The text of all cases of so many rows.
+    clear : list of str
+        What the first strip sets before all else.
+    rest : list of str
+        What is set in a row with its states.
+    begin : list of str
+        What a strip does before it takes levels.
+    outputs : str
+        The expression of the outputs after `level` levels.
+    again : list of str
+        What takes a row back to where levels began, if anything ever does.
+    end : str
+        Where the states are in the end, from where they were.
+    count : str
+        Levels that a frame takes of at most `most` after those that are `done`.
+    ahead : str
+        The expression of the levels before those that a launch counts.
+    driven : str
+        That of what drives the cells at the level `number`.
+    """
+
+    apart: Mapping[str, int]
+    scales: tuple[float, ...]
+    case: str
+    cases: Callable[[int], list[str]]
+    clear: list[str]
+    rest: list[str]
+    begin: list[str]
+    outputs: str
+    again: tuple[str, ...] = ()
+    end: str = "0"
+    count: str = "most"
+    ahead: str = "0"
+    driven: str = "w"
+
+
+def declare_arrays(
+    text: TransientText, layout: RowLayout, names: tuple[str, ...]
+) -> dict[str, int]:
+    """Append arrays that hold all rows, and return how far each is from the first."""
+    size = size_of(text, layout)
+    names = names or OUTPUTS
+    if text.operands.mask is not None:
+        text.array(HELD_CELLS, text.cells)
+        held = pick(text.operands.mask.differs(ZERO), ONE, ZERO)
+        text.over_cells([Assign(HELD_CELLS[CELL], held)])
+        names = (*names, HELD)
+    names = tuple(dict.fromkeys((*names, *padded_arrays(text), DRIVE, *OUTPUTS)))
+    for name in names:
+        text.array(Name(name), size)
+    first, given = text.arena.places[names[0]], [inputs_of(n) for n in inputs_read(text)]
+    return {name: text.arena.places[name] - first for name in (*names, *given)}
+
+
+def levels_of(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) -> tuple[int, int]:
+    """Return the stages a launch, and the strips that are then high enough, of these arrays."""
+    rows, radius = text.shape[0], text.radius
+    # strips must not vanish before the last of the levels
+    high = rows // (2 * radius * SHARES) - 1
+    row = len(apart) * layout.pitch * text.tables.dtype.itemsize
+    near = text.tables.near_bytes // (BLOCK_ROWS * row)
+    levels = max(1, min(LEVELS, max(LEAST_LEVELS, near), high))
+    return levels, max(1, rows // (2 * (levels + 1) * radius))
+
+
+def _shown(text: TransientText, layout: RowLayout) -> str:
+    """Return the outputs of a vector of states; built-ins of wide vectors go by halves."""
+    name = text.template.output.name
+    wide = layout.width * text.tables.dtype.itemsize >= WIDE_BYTES
+    return "(vec)(tanh(x.lo), tanh(x.hi))" if wide and name == "tanh" else SHOWN[name]
+
+
+def strip_kernel(
+    text: TransientText, own: StripText, layout: RowLayout, size: tuple[int, int], count: int
+) -> Strips:
+    """Return the kernel that takes `count` levels."""
+    (rows, cols), radius, places = text.shape, text.radius, text.arena.places
+    first, *_ = own.apart
+    periodic = text.template.boundary.pad_mode == "wrap"
+    name = f"advance_{len(text.tables.strips)}"
+    names: dict[str, object] = {
+        "kernel": name,
+        "lanes": lane_text(text, layout),
+        "width": layout.width,
+        "rows": rows,
+        "cols": cols,
+        "cells": text.cells,
+        "layers": text.layers,
+        "span": layout.span,
+        "radius": radius,
+        "rim": min(radius, rows),
+        "pitch": layout.pitch,
+        "length": layout.vectors,
+        "block": BLOCK_ROWS,
+        "levels": size[0],
+        "case": own.case,
+        "count": own.count,
+        "ahead": own.ahead,
+        "lag": -(-2 * radius // BLOCK_ROWS),
+        "periodic": int(periodic),
+        "x": places[first],
+        "w": places[DRIVE],
+        "outputs_of": own.outputs,
+        "state": places["x"],
+        "shown": _shown(text, layout),
+        "drive": _drive(text, own.scales),
+        "clear": indented(own.clear, 3),
+        "rest": indented([*own.rest, *first_states(text)], 5).lstrip(),
+        "again": indented(list(own.again), 5).lstrip(),
+        "begin": indented(own.begin, 2),
+        "end": own.end,
+        "reads": indented(reads(text, own.driven), 1),
+        "one_row": indented(own.cases(1), 1),
+        "more_rows": indented(own.cases(BLOCK_ROWS), 1),
+        **rim_texts(text, layout, own.apart),
+    }
+    source = owned(fill("strips", **names), _OWN, name)
+    return Strips(name, source, count, size[0], size[1], not periodic)
+
+
+def _drive(text: TransientText, scales: tuple[float, ...]) -> str:
+    """Return the statements that set the scaled w of a row of a layer."""
+    constant = constant_drive(text)
+    if constant is None:
+        scale = of_layer(text, scales)
+        return f"to_lanes(w + p, mine + {text.arena.places['w']} + cell, {scale});"
+    each = zip(scales, constant, strict=True)
+    return f"fill_lanes(w + p, {of_layer(text, [scale * n for scale, n in each])});"
+
+
+def of_layer(text: TransientText, values: Iterable[float]) -> str:
+    """Return the expression of the number of the layer at hand."""
+    numbers = [text.literal(value) for value in values]
+    if len(set(numbers)) == 1:
+        return numbers[0]
+    *others, last = numbers
+    picks = "".join(f"layer == {layer} ? {number} : " for layer, number in enumerate(others))
+    return f"({picks}{last})"

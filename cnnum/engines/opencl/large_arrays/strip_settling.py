@@ -1,0 +1,231 @@
+"""Steps of a fixed length until nothing changes, by strips: a launch takes several of them.
+
+Each step keeps, by strip and lane, whether a rate at its start is more than what counts as none. If
+the first step that saw no such rate is amid a launch, the launch is taken again from where it
+began, up to that step's end.
+"""
+
+from dataclasses import dataclass, replace
+
+from cnnum.engines.opencl.ir.expressions import (
+    ONE,
+    ROUND,
+    ZERO,
+    Cast,
+    Integer,
+    Name,
+    call,
+    pick,
+    real,
+)
+from cnnum.engines.opencl.ir.launch_plan import Strips
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Branch,
+    Counted,
+    Declare,
+    Loop,
+    Note,
+    Statement,
+    StripSteps,
+    While,
+    add,
+    declare,
+)
+from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
+from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
+from cnnum.engines.opencl.large_arrays.strip_boundary import first_states
+from cnnum.engines.opencl.large_arrays.strip_error import CELLS, mark_cells
+from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
+from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS
+from cnnum.integrators.choice import FixedSteps
+from cnnum.integrators.schemes import ExponentialSteps
+
+BEFORE = "strip_before"
+"""The array of the states with which a launch began."""
+
+CHANGES, CONTROL = "strip_changes", "strip_control"
+"""By step, strip and lane whether any rate is more than none, 1 or 0; how many levels a frame
+takes, in how many strips, and how many steps came before."""
+
+
+CONTROLS, SEEN = Name(CONTROL), Name(CHANGES)
+
+TAKEN, LEVELS, AT, K, ANY = (Name(name) for name in ("taken", "levels", "at", "k", "changes"))
+"""Steps and levels of a launch; of its steps the first without a change, and whether any is."""
+
+
+@dataclass(frozen=True, slots=True)
+class Watch:
+    """What watches steps.
+
+    Attributes
+    ----------
+    rows : Rows
+        With places for what is kept here.
+    stages : int
+        Of a step.
+    steps : int
+        A launch takes; an even number of levels, so that outputs are where the next begins.
+    strips : int
+        That keep what they see, at most.
+    factors : tuple of float
+        Of each layer: of d, so that it is the rate times the longest τ.
+    """
+
+    rows: Rows
+    stages: int
+    steps: int
+    strips: int
+    factors: tuple[float, ...]
+
+    @property
+    def each(self) -> int:
+        """Numbers that are kept of a step."""
+        return self.strips * self.rows.layout.width
+
+    @property
+    def own(self) -> str:
+        """Where a strip's vector of the step at hand is."""
+        step = f"number / {self.stages} * {self.each}"
+        return f"x + {self.rows.apart[CHANGES]} + {step} + piece * {self.rows.layout.width}"
+
+    @property
+    def head(self) -> list[str]:
+        """What comes before a step's first stage takes its rows."""
+        return [f"vec change = *(__global const vec *)({self.own});"]
+
+    @property
+    def tail(self) -> list[str]:
+        """And after."""
+        return [f"*(__global vec *)({self.own}) = change;"]
+
+    def sees(self, at: At, state: str) -> list[str]:
+        """Return the text that sees d of a row, and keeps the state with which a launch began."""
+        rows, solver = self.rows, self.rows.text.solver
+        rate = f"{rows.vector(self.factors[at.layer])} * magnitude({at.sum})"
+        none = f"{rows.vector(solver.atol)} + {rows.vector(solver.rtol)} * magnitude({state})"
+        rests = f"{rate} <= {none}"  # which is not so of what is NaN
+        if CELLS in rows.apart:
+            cells = f"*(__global const vec *)(x + {rows.apart[CELLS]} + p - start)"
+            rests = f"({rests}) | ({cells} < one)"
+        return [
+            f"if (number == 0) {{ {rows.store(BEFORE, at, state)} }}",
+            f"change = {rests} ? change : one;",
+        ]
+
+    def clear(self) -> list[str]:
+        """Return what the first strip sets before all else."""
+        size = self.steps * self.each
+        lines = [f"for (int n = 0; piece == 0 && n < {size}; ++n) {{"]
+        lines += [f"    x[{self.rows.apart[CHANGES]} + n] = 0;", "}"]
+        if CELLS in self.rows.apart:
+            lines += mark_cells(row_layout(self.rows.text), int(self.rows.apart[CELLS]))
+        return lines
+
+    def begin(self) -> list[str]:
+        """Return the text by which a strip forgets what it saw in the launch before."""
+        width = self.rows.layout.width
+        own = f"{self.rows.apart[CHANGES]} + n * {self.each} + piece * {width}"
+        return [
+            f"for (int n = 0; done == 0 && n < {self.steps}; ++n) {{",
+            f"    *(__global vec *)(x + {own}) = (vec)(0);",
+            "}",
+            f"if (piece == 0) {{ x[{self.rows.apart[CONTROL]} + 1] = pieces; }}",
+        ]
+
+    def again(self) -> tuple[str, ...]:
+        """Return the text that takes a row back to where a launch began."""
+        before = f"x + {self.rows.apart[BEFORE]} + ROW(row) + layer * {self.rows.layout.span}"
+        shown = f"show_row(outputs_of(x, ahead) + p, {before});"
+        return (f"copy_lanes(x + p, {before});", shown, *first_states(self.rows.text))
+
+    @property
+    def before(self) -> str:
+        """The expression of the steps before those of a launch."""
+        return f"(int)x[{self.rows.apart[CONTROL]} + 2]"
+
+    @property
+    def count(self) -> str:
+        """Levels that a frame takes of at most `most` after those that are `done`."""
+        return f"min(most, (int)x[{self.rows.apart[CONTROL]}] - done)"
+
+    def body(self, scheme: FixedSteps | ExponentialSteps, strips: Strips) -> list[Statement]:
+        """Return the statements that launch the kernel until nothing changes."""
+        method = scheme.tableau if isinstance(scheme, FixedSteps) else scheme.method
+        about = f"at most {scheme.count} steps of {scheme.step:g}, until nothing changes any more"
+        levels = replace(strips, begins=False, ends=False)
+        count = Cast("int", STEPS)
+        rounds = (
+            declare(TAKEN, call("min", self.steps, Integer(scheme.count) - count), of="int"),
+            declare(LEVELS, TAKEN * self.stages, of="int"),
+            Assign(CONTROLS[0], real(LEVELS)),
+            Assign(CONTROLS[2], STEPS),
+            StripSteps(levels, LEVELS),
+            *self._find_end(),
+            add(STEPS, real(AT)),
+            Assign(SETTLED, ONE - ANY),
+            Assign(RUNNING, pick(STEPS < real(scheme.count), ANY, ZERO)),
+            Assign(LEVELS, AT * self.stages),
+            Assign(CONTROLS[0], real(LEVELS)),
+            Branch(AT < TAKEN, (StripSteps(replace(levels, again=True), LEVELS),)),
+        )
+        begun = ((RUNNING, ONE), (STEPS, ZERO), (SETTLED, ZERO))
+        return [
+            Note(f"// {method.name}, by strips: {about}"),
+            Declare("real", begun),
+            Assign(CONTROLS[2], ZERO),
+            StripSteps(replace(strips, count=0, ends=False)),
+            Counted(ROUND, 0, -(-scheme.count // self.steps), RUNNING, rounds),
+            StripSteps(replace(strips, count=0, begins=False)),
+        ]
+
+    def _find_end(self) -> list[Statement]:
+        """Return what finds the first step at whose start nothing changes, which is the last."""
+        ends = Cast("int", CONTROLS[1]) * self.rows.layout.width
+        seen = SEEN[AT * self.each + K]
+        strips = Loop(K, ends, (Accumulate(ANY, "fmax", seen),))
+        again = (Assign(ANY, ZERO), strips, Assign(AT, Integer(1), "+="))
+        return [
+            declare(AT, 0, of="int"),
+            declare(ANY, ONE),
+            While((AT < TAKEN) & ANY.differs(ZERO), again),
+        ]
+
+
+def watch(
+    text: TransientText,
+    layout: RowLayout,
+    apart: dict[str, int],
+    size: tuple[int, int],
+    stages: int,
+    scales: tuple[float, ...],
+) -> Watch:
+    """Declare what watches steps of so many stages, and return it.
+
+    Parameters
+    ----------
+    text : TransientText
+    layout : RowLayout
+    apart : dict of str to int
+        Of the arrays that are kept; what is declared here is added.
+    size : (int, int)
+        Levels a launch, and strips.
+    stages : int
+    scales : tuple of float
+        What w + A ∗ y − s is multiplied by in each layer's d.
+    """
+    steps = max(1, size[0] // stages)
+    if steps * stages % 2:
+        steps += 1 if steps == 1 else -1
+    span, first = layout.vectors * layout.width, next(iter(apart))
+    lengths = {CONTROL: 3, CHANGES: steps * size[1] * layout.width}
+    lengths |= {CELLS: span} if span > layout.cols else {}
+    for name, length in lengths.items():
+        text.array(Name(name), length)
+        apart[name] = text.arena.places[name] - text.arena.places[first]
+    tau = text.template.tau
+    factors = tuple(float(tau.max() / t) / scale for t, scale in zip(tau, scales, strict=True))
+    return Watch(Rows(text, layout, scales, apart), stages, steps, size[1], factors)

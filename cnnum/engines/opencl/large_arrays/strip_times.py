@@ -1,0 +1,140 @@
+"""When the levels of large arrays' steps are, and what they read of earlier ones.
+
+Couplings may vary in time. Delayed ones read the outputs with which the step a delay ago began:
+a ring of arrays keeps those of all steps since, and delayed inputs change when the delay is over.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from cnnum.engines.opencl.ir.expressions import Constant, Name
+from cnnum.engines.opencl.large_arrays.strip_boundary import LATER, OUTPUTS, by_turns
+from cnnum.engines.opencl.large_arrays.strip_couplings import NEXT, PART, PAST
+from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.dependencies import delays_outputs, has_history
+from cnnum.engines.opencl.transients.nonlinear_couplings import gains
+from cnnum.integrators.choice import FixedSteps
+from cnnum.integrators.schemes import ExponentialSteps
+
+RING = "strip_ring"
+"""The outputs with which the last steps began."""
+
+
+def gain_lines(text: TransientText, since: str) -> list[str]:
+    """Return the text that finds what varies in time, at a time since the start."""
+    return text.tables.printer.lines(gains(text, Constant(since)))
+
+
+@dataclass(frozen=True, slots=True)
+class Moments:
+    """When levels of fixed steps are.
+
+    Attributes
+    ----------
+    text : TransientText
+    scheme : FixedSteps or ExponentialSteps
+    stages : int
+        Of a step: as many levels.
+    before : str
+        The steps before those that a launch counts, as an expression.
+    """
+
+    text: TransientText
+    scheme: FixedSteps | ExponentialSteps
+    stages: int
+    before: str = "0"
+
+    @property
+    def lag(self) -> int:
+        """The delay in steps; 0 where there is none."""
+        delayed = self.text.template.delayed
+        return 0 if delayed is None else round(delayed.delay / self.scheme.step)
+
+    @property
+    def keeps(self) -> bool:
+        """Whether outputs of earlier steps are kept."""
+        return delays_outputs(self.text)
+
+    @property
+    def share(self) -> float:
+        """The last step's length, in steps."""
+        scheme = self.scheme
+        return scheme.last / scheme.step if isinstance(scheme, FixedSteps) else 1.0
+
+    @property
+    def uneven(self) -> bool:
+        """Whether the last step is shorter."""
+        return not math.isclose(self.share, 1.0, rel_tol=1e-9)
+
+    def head(self, stage: int) -> list[str]:
+        """Return what a stage knows of its moment, before it takes its rows."""
+        text, steps = self.text, f"const int steps = number / {self.stages} + {self.before};"
+        lines, last = list[str](), ""
+        if self.uneven:
+            last = f"steps == {self.scheme.count - 1} ? {text.literal(self.share)} : ONE"
+            lines.append(f"const vec {PART} = (vec)({last});")
+        if text.template.gains:
+            at, step = text.literal(self._place(stage)), text.literal(self.scheme.step)
+            at += f" * ({last})" if self.uneven else ""
+            lines += gain_lines(text, f"{step} * (R(steps) + {at})")
+        if self.keeps:
+            # the outputs of a step's end are those that the next begins with
+            late = int(self._place(stage) == 1.0 and not self.uneven)
+            lines.append(self._outputs(PAST, late))
+            if self.between(stage):
+                lines.append(self._outputs(NEXT, 1))
+        return [steps, *lines] if lines else []
+
+    def between(self, stage: int) -> bool:
+        """Return whether what is delayed lies between the outputs of two steps."""
+        return self.keeps and self.uneven and self._place(stage) != 0.0
+
+    def _place(self, stage: int) -> float:
+        """Return when a stage is, in steps since its step's begin."""
+        scheme = self.scheme
+        return float(sum(scheme.tableau.a[stage])) if isinstance(scheme, FixedSteps) else 0.0
+
+    def _outputs(self, name: str, late: int) -> str:
+        level = f"max(steps + {late} - {self.lag}, 0) * {self.stages}"
+        return f"__global const scalar *const {name} = outputs_of(x, {level});"
+
+    def keep_outputs(self, apart: dict[str, int], size: int, again: int) -> str:
+        """Declare what keeps outputs of earlier steps, and return where those of a `level` are.
+
+        Parameters
+        ----------
+        apart : dict of str to int
+            How far arrays are from the first; what is declared here is added.
+        size : int
+            Numbers of an array.
+        again : int
+            Steps that may be taken again.
+        """
+        turns = by_turns(apart, OUTPUTS)
+        if not self.keeps:
+            return turns
+        # a level writes while one before it, a few rows ahead, reads what is a delay old
+        slots, first = self.lag + 2 + again, next(iter(apart))
+        self.text.array(Name(RING), slots * size)
+        apart[RING] = self.text.arena.places[RING] - self.text.arena.places[first]
+        ring = f"x + {apart[RING]} + (size_t)(level / {self.stages} % {slots}) * {size}"
+        return ring if self.stages == 1 else f"level % {self.stages} ? {turns} : {ring}"
+
+    @property
+    def ahead(self) -> str:
+        """The expression of the levels before those that a launch counts."""
+        return f"{self.before} * {self.stages}"
+
+    def driven(self, apart: Mapping[str, int]) -> str:
+        """Return the expression of what drives the cells at the level `number`."""
+        if not has_history(self.text):
+            return "w"
+        return f"number + {self.ahead} < {self.lag * self.stages} ? w : x + {apart[LATER]}"
+
+    def later(self, apart: Mapping[str, int], scale: str) -> list[str]:
+        """Return the text that sets a row's drive of later, which comes with a scale."""
+        if not has_history(self.text):
+            return []
+        later = f"mine + {self.text.arena.places['later']} + cell"
+        return [f"to_lanes(x + {apart[LATER]} + p, {later}, {scale});"]

@@ -1,0 +1,1 @@
+"""A schedule becomes the statements of kernels, and those become their text."""

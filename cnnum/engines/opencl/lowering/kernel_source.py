@@ -1,0 +1,233 @@
+"""From a schedule to the text of one kernel that runs all of it, or of its parts."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.engines.backend import Solvers
+from cnnum.engines.opencl.ir.expressions import CELL, Cast, Expression, Name, call
+from cnnum.engines.opencl.ir.launch_plan import Parts
+from cnnum.engines.opencl.ir.number_types import NumberType
+from cnnum.engines.opencl.ir.statements import Array, Statement, Verbatim, sweep
+from cnnum.engines.opencl.lowering.kernel_split import take_apart
+from cnnum.engines.opencl.lowering.program import FRAME, LAST, MEMORY, Lowering
+from cnnum.engines.opencl.lowering.storage import (
+    PRIVATE_CELLS,
+    UNFINISHED,
+    Arena,
+    Tables,
+    Values,
+    placed_name,
+    slot_name,
+)
+from cnnum.engines.opencl.runtime.host_exchange import exchange_text
+from cnnum.engines.opencl.text import WIDE_BYTES, fill
+from cnnum.graph.nodes import Node
+from cnnum.graph.schedule import Schedule
+
+OUTPUT = Name("output")
+"""The buffer of results."""
+
+_MINE = Verbatim(("__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;",))
+
+WHOLE_CELLS = 256 * 256
+"""Largest array that one work item runs the whole plan for. While other work had one of two cores,
+adaptive steps of 256×256 cells took so a third to half of the time that they take in parts, fixed
+steps two thirds; of 512×512 fixed steps took as long."""
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What a plan's kernels are.
+
+    Attributes
+    ----------
+    name, reason : str
+    fits : callable
+        Whether a plan of so many cells can be of this form.
+    private : bool
+        Whether arrays are private to a work item.
+    split : bool
+        Whether every sweep is a kernel of its own.
+    """
+
+    name: str
+    reason: str
+    fits: Callable[[int], bool]
+    private: bool = False
+    split: bool = False
+
+
+FORMS = (
+    Form(
+        "private memory of one work item",
+        "arrays of so few cells stay close to it",
+        lambda cells: cells <= PRIVATE_CELLS,
+        private=True,
+    ),
+    Form(
+        "global memory of one work item",
+        "more launches cost more than other cores save",
+        lambda cells: cells <= WHOLE_CELLS,
+    ),
+    Form(
+        "kernels of many work items",
+        "all cores share each sweep",
+        lambda cells: cells > WHOLE_CELLS,
+        split=True,
+    ),
+)
+"""In their order: the first that fits is taken."""
+
+
+def form_of(cells: int) -> Form:
+    """Return the form of a plan for so many cells."""
+    return next(form for form in FORMS if form.fits(cells))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KernelText:
+    """A plan's kernel and what its buffers hold.
+
+    Attributes
+    ----------
+    source : str
+    data : (n,) float
+        Constant numbers.
+    output_size, memory_size : int
+        Numbers a frame.
+    outputs : dict of str to (slice, shape)
+        Where each output stands within a frame's numbers; the last number is `unfinished`.
+    scratch : int
+        Values of global scratch a work item needs (0: everything is private).
+    strategies : mapping of int to str
+        How each transient runs, in words, by its node.
+    private : int
+        Values in private arrays of a work item at the most (0: they are in scratch).
+    parts : Parts or None
+        The launches that a large array takes; None where the whole plan is one.
+    """
+
+    source: str
+    data: NDArray[np.floating]
+    output_size: int
+    memory_size: int
+    outputs: dict[str, tuple[slice, tuple[int, ...]]]
+    scratch: int
+    strategies: Mapping[int, str]
+    private: int
+    parts: Parts | None
+
+
+def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
+    """Return the kernel text of a schedule, with tables that hold nothing yet."""
+    lanes = tables.lanes
+    form = form_of(schedule.cells)
+    arena = Arena(private=form.private)
+    size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
+    whole = not form.split
+    tables.parted = form.split
+    placed = {} if whole else _placed(schedule)
+    # parts of a plan read out their own pieces, and a GPU's private arrays are far
+    in_chains = arena.private and whole and tables.by_vectors
+    lowering = Lowering(schedule, solvers, tables, arena, Values(tables, placed), in_chains)
+    lowering.lower()
+    outputs, writes = _write_outputs(lowering)
+    arena.keep_all()
+    slots = [
+        arena.array(slot_name(k).text, maps * schedule.cells)
+        for k, maps in enumerate(lowering.values.slots)
+    ]
+    slots += [
+        Array(placed_name(at), schedule.cells, OUTPUT + Cast("size_t", FRAME) * size + at)
+        for at in placed.values()
+    ]
+    body: list[Statement] = [*slots, *lowering.body, *writes]
+    parts = None
+    own = "\n".join([tables.text, *dict.fromkeys(tables.strips)])
+    if not whole:
+        parts = take_apart(body, schedule.shape[0], tables.printer)
+        kernels = f"{own}\n{parts.text}\n{exchange_text(tables.printer.numbers)}"
+    else:
+        if not arena.private:
+            body.insert(0, _MINE)
+        kernels = fill("plan", tables=own, body="\n".join(tables.printer.lines(body, 1)))
+    return KernelText(
+        f"{_prelude(lanes, tables.printer.numbers)}\n#define FRAME_SIZE {arena.size}\n{kernels}",
+        tables.buffer(),
+        size,
+        lowering.memory_size,
+        outputs,
+        0 if arena.private else arena.size,
+        {
+            index: f"{strategy.name} in {form.name} ({strategy.reason}; {form.reason})"
+            for index, strategy in lowering.strategies.items()
+        },
+        arena.size if arena.private else 0,
+        parts,
+    )
+
+
+def _placed(schedule: Schedule) -> dict[int, int]:
+    """Return where maps stand among a frame's outputs, by node; of equal outputs, the first."""
+    places: dict[int, int] = {}
+    at = 0
+    for node in schedule.outputs.values():
+        if not node.scalar:
+            places.setdefault(node.index, at)
+        at += schedule.size_of(node)
+    return places
+
+
+def _write_outputs(
+    lowering: Lowering,
+) -> tuple[dict[str, tuple[slice, tuple[int, ...]]], list[Statement]]:
+    schedule, values = lowering.schedule, lowering.values
+    size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
+    places: dict[str, tuple[slice, tuple[int, ...]]] = {}
+    numbers: list[Statement] = []
+    maps: dict[int, list[Statement]] = {}
+
+    def scattered(start: Expression, stride: int, value: Expression) -> Verbatim:
+        return Verbatim((call("scatter", start, FRAME, LAST, stride, value), ";"))
+
+    def write(node: Node, base: Name, at: int, stride: int) -> None:
+        value = values.read(node)
+        if node.scalar:
+            numbers.append(scattered(base + at, stride, value))
+        elif base != OUTPUT or value != placed_name(at)[CELL]:  # it may be there
+            store = scattered(base + at + CELL, stride, value)
+            maps.setdefault(schedule.size_of(node), []).append(store)
+
+    at = 0
+    for name, node in schedule.outputs.items():
+        write(node, OUTPUT, at, size)
+        after = at + schedule.size_of(node)
+        places[name] = slice(at, after), schedule.shape_of(node)
+        at = after
+    numbers.append(scattered(OUTPUT + at, size, UNFINISHED))
+    for number, memory in schedule.memories.items():
+        write(memory.store, MEMORY, lowering.memory_at[number], lowering.memory_size)
+    return places, [*(sweep(CELL, length, stores) for length, stores in maps.items()), *numbers]
+
+
+def _prelude(lanes: int, numbers: NumberType) -> str:
+    width = "" if lanes == 1 else str(lanes)
+    scalar, bits = numbers.scalar, numbers.bits + width
+    helpers = [fill("functions", real=f"{scalar}{width}", bits=bits, mask=numbers.mask)]
+    if lanes * numbers.dtype.itemsize >= WIDE_BYTES:
+        helpers.append(fill("halves"))
+    helpers.append(
+        fill("many_lanes", bits=bits) if lanes > 1 else fill("one_lane", real=scalar, bits=bits)
+    )
+    return fill(
+        "prelude",
+        pragma=numbers.pragma,
+        scalar=scalar,
+        real=f"{scalar}{width}",
+        lanes=lanes,
+        huge=numbers.huge,
+        lane_helpers="\n".join(helpers),
+    )

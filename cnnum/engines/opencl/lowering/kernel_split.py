@@ -1,0 +1,299 @@
+"""A plan for large arrays, split at its sweeps so that all cores share each of them.
+
+A sweep over the cells becomes a kernel whose work items take a piece each; what stands between
+sweeps becomes a kernel of one work item a frame. Numbers that outlive a kernel are kept in
+registers, one a frame. The host repeats what stands in loops; where frames of a batch take
+different ways, a register of their own says whether a part is theirs.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from cnnum.engines.opencl.ir.expressions import (
+    ZERO,
+    Constant,
+    Expression,
+    Integer,
+    Name,
+    Negative,
+    Number,
+)
+from cnnum.engines.opencl.ir.launch_plan import Launch, Part, Parts, Rounds, Steps
+from cnnum.engines.opencl.ir.printer import OpenCLPrinter
+from cnnum.engines.opencl.ir.statements import (
+    Array,
+    Assign,
+    Block,
+    Branch,
+    Counted,
+    Declare,
+    Note,
+    Statement,
+    StripSteps,
+    Sweep,
+    declare,
+)
+from cnnum.engines.opencl.ir.uses import Uses, uses
+from cnnum.engines.opencl.lowering.program import FIRST
+from cnnum.engines.opencl.lowering.split_scopes import Fixed, GlobalArray, Meaning, Register, Scope
+from cnnum.engines.opencl.lowering.storage import UNFINISHED
+from cnnum.engines.opencl.text import fill, indented
+from cnnum.engines.opencl.transients.builder import ROW
+
+PIECE = 1024
+"""Values that a work item takes of a sweep that does not go by rows."""
+
+
+def take_apart(body: Sequence[Statement], rows: int, printer: OpenCLPrinter) -> Parts:
+    """Return the parts of a plan.
+
+    Parameters
+    ----------
+    body : sequence of Statement
+    rows : int
+        Of the array.
+    printer : OpenCLPrinter
+        What writes the kernels.
+    """
+    split = _Split(rows, printer)
+    scope = Scope()
+    scope.meanings[FIRST.text] = Fixed("R(is_first)")
+    split.walk((declare(UNFINISHED, ZERO),), scope, None)
+    split.walk(body, scope, None)
+    split.flush()
+    return Parts(tuple(split.parts), "\n".join(split.kernels), split.registers, split.partials)
+
+
+@dataclass(frozen=True, slots=True)
+class _Waiting:
+    """What one work item of a frame does, for the frames whose guard is not 0."""
+
+    guard: Register | None
+    lines: list[str]
+    used: tuple[Meaning, ...]
+
+
+@dataclass(slots=True)
+class _Split:
+    """Walks the statements once; those that are no sweeps wait for a kernel of theirs."""
+
+    rows: int
+    printer: OpenCLPrinter
+    parts: list[Part] = field(default_factory=list[Part])
+    kernels: list[str] = field(default_factory=list[str])
+    waiting: list[_Waiting] = field(default_factory=list[_Waiting])
+    known: list[Register] = field(default_factory=list[Register])
+    arrays: list[GlobalArray] = field(default_factory=list[GlobalArray])
+    partials: int = 0
+    note: str = ""
+
+    @property
+    def registers(self) -> int:
+        """Registers so far."""
+        return len(self.known)
+
+    def walk(self, statements: Sequence[Statement], scope: Scope, guard: Register | None) -> None:
+        """Split statements, for the frames whose guard is not 0."""
+        for statement in statements:
+            if isinstance(statement, Note):
+                self.note = statement.text
+            elif isinstance(statement, Declare):
+                self._declare(statement, scope, guard)
+            elif isinstance(statement, Array):
+                self._array(statement, scope)
+            elif isinstance(statement, StripSteps):
+                self._strips(statement, scope, guard)
+            elif isinstance(statement, Block):
+                self.walk(statement.body, Scope(scope), guard)
+            elif isinstance(statement, Sweep):
+                self._sweep(statement, scope, guard)
+            elif isinstance(statement, Branch):
+                within = self._guard(guard, statement.condition, scope)
+                self.walk(statement.body, Scope(scope), within)
+            elif isinstance(statement, Counted):
+                self._counted(statement, Scope(scope), guard)
+            else:
+                self._wait(statement, scope, guard)
+
+    def flush(self) -> None:
+        """Make a kernel of what waits."""
+        if not self.waiting:
+            return
+        lines: list[str] = []
+        used: set[Meaning] = set()
+        for one in self.waiting:
+            used |= {*one.used, *([] if one.guard is None else [one.guard])}
+            if one.guard is None:
+                lines += one.lines
+            else:
+                inner = (f"    {line}" for line in one.lines)
+                lines += [f"if ({one.guard.name} != 0) {{", *inner, "}"]
+        arrays = [array.load for array in self.arrays if array in used]
+        registers = [register for register in self.known if register in used]
+        lines = [*arrays, *(r.load for r in registers), *lines, *(r.store for r in registers)]
+        self.waiting = []
+        self._launch(lines, 1)
+
+    # numbers
+
+    def _wait(self, statement: Statement, scope: Scope, guard: Register | None) -> None:
+        found = scope.found(uses((statement,)).names)
+        lines = self._printer(found).lines([statement])
+        self.waiting.append(_Waiting(guard, lines, tuple(found.values())))
+
+    def _printer(self, found: dict[str, Meaning]) -> OpenCLPrinter:
+        names = {name: meaning.name for name, meaning in found.items()}
+        return replace(self.printer, names=names)
+
+    def _declare(self, new: Declare, scope: Scope, guard: Register | None) -> None:
+        for name, value in new.variables:
+            if new.fixed and value is not None and _is_constant(value):
+                scope.meanings[name.text] = Fixed(f"({self.printer.expression(value)})")
+                continue
+            # the value is that of the names before the new one is among them
+            register = self._register(new.type, name)
+            if value is not None:
+                self._assign(register, value, scope, guard)
+            scope.meanings[name.text] = register
+
+    def _register(self, kind: str, name: Name) -> Register:
+        register = Register(f"{name.text}_{self.registers}", kind, self.registers)
+        self.known.append(register)
+        return register
+
+    def _assign(
+        self, register: Register, value: Expression, scope: Scope, guard: Register | None
+    ) -> None:
+        found = scope.found(_names(value))
+        line = f"{register.name} = {self._printer(found).expression(value)};"
+        self.waiting.append(_Waiting(guard, [line], (register, *found.values())))
+
+    def _array(self, array: Array, scope: Scope) -> None:
+        assert array.start is not None
+        start = self.printer.expression(array.start)
+        meaning = GlobalArray(f"{array.name.text}_{len(self.arrays)}", start)
+        scope.meanings[array.name.text] = meaning
+        self.arrays.append(meaning)
+
+    def _strips(self, steps: StripSteps, scope: Scope, guard: Register | None) -> None:
+        self.flush()
+        levels = scope.find(steps.levels.text) if steps.levels else None
+        place = levels.place if isinstance(levels, Register) else None
+        self.parts.append(Steps(steps.strips, guard.place if guard else None, place))
+
+    # sweeps
+
+    def _sweep(self, sweep: Sweep, scope: Scope, guard: Register | None) -> None:
+        self.flush()
+        pieces = sweep.count
+        if sweep.variable != ROW:
+            pieces = min(self.rows, max(1, sweep.count // PIECE))
+        found, done = self._used_by(sweep, scope)
+        sums = [(found[name], how) for name, how in done.taken_in.items() if name in found]
+        sums.sort(key=lambda each: list(found.values()).index(each[0]))
+        v = sweep.variable.text
+        lines = [] if guard is None else [f"if ({guard.where} == 0) {{ return; }}"]
+        lines += [meaning.load for meaning in found.values() if not isinstance(meaning, Fixed)]
+        # a sum starts from what it is in the first piece, and from nothing in the others
+        lines += [f"{r.name} = piece == 0 ? {r.name} : ZERO;" for r, how in sums if how == "+"]
+        lines += [
+            f"const int begin = (int)((long){sweep.count} * piece / {pieces});",
+            f"const int end = (int)((long){sweep.count} * (piece + 1) / {pieces});",
+            f"for (int {v} = begin; {v} < end; ++{v}) {{",
+            *self._printer(found).lines(sweep.body, 1),
+            "}",
+        ]
+        for slot, (register, _) in enumerate(sums):
+            lines.append(f"{_partial(slot, pieces, 'piece')} = {register.name};")
+        self._launch(lines, pieces)
+        for slot, (register, how) in enumerate(sums):
+            self.partials = max(self.partials, (slot + 1) * pieces)
+            gathered = _gathered(register.name, how, slot, pieces)
+            self.waiting.append(_Waiting(guard, gathered, (register,)))
+
+    def _used_by(self, sweep: Sweep, scope: Scope) -> tuple[dict[str, Meaning], Uses]:
+        """Return what the names in a sweep mean, and what it does with them.
+
+        Raises
+        ------
+        ValueError
+            If it changes a number of the frame, which no order of pieces would give again.
+        """
+        done = uses(sweep.body)
+        found = scope.found(done.names)
+        for name in done.changed:
+            if isinstance(found.get(name), Register):
+                raise ValueError(f"A sweep changes '{name}' in a way that has no pieces.")
+        return found, done
+
+    # ways that frames take by themselves
+
+    def _guard(self, outer: Register | None, condition: Expression, scope: Scope) -> Register:
+        """Return the register of a new condition within another one."""
+        register = self._register("int", Name("go"))
+        self._renew(register, outer, condition, scope)
+        return register
+
+    def _renew(
+        self, register: Register, outer: Register | None, condition: Expression, scope: Scope
+    ) -> None:
+        found = scope.found(_names(condition))
+        holds = f"({self._printer(found).expression(condition)})"
+        both = holds if outer is None else f"{outer.name} != 0 && {holds}"
+        used = (register, *([] if outer is None else [outer]), *found.values())
+        self.waiting.append(_Waiting(None, [f"{register.name} = {both};"], used))
+
+    def _counted(self, loop: Counted, scope: Scope, guard: Register | None) -> None:
+        often = loop.end if isinstance(loop.end, int) and loop.running is None else None
+        count: Register | None = None
+        if often is None or loop.variable.text in uses(loop.body).names:
+            count = self._register("int", loop.variable)
+            self._assign(count, Integer(loop.start), scope, guard)
+            scope.meanings[loop.variable.text] = count
+        within = guard if often is not None else self._guard(guard, loop.condition, scope)
+        self.flush()
+        outside, self.parts = self.parts, []
+        self.walk(loop.body, scope, within)
+        if count is not None:
+            self.waiting.append(_Waiting(within, [f"++{count.name};"], (count,)))
+        if within is not None and often is None:
+            self._renew(within, within, loop.condition, scope)
+        self.flush()
+        if often is not None:
+            rounds = Rounds(tuple(self.parts), count=often - loop.start)
+        else:
+            assert within is not None
+            bound = scope.find(loop.end.text) if isinstance(loop.end, Name) else None
+            rounds = Rounds(tuple(self.parts), flag=within.place)
+            if isinstance(bound, Register) and loop.running is None:
+                rounds = Rounds(tuple(self.parts), bound=(bound.place, loop.start))
+        self.parts = [*outside, rounds]
+
+    def _launch(self, lines: list[str], pieces: int) -> None:
+        name = f"part_{len(self.kernels)}"
+        self.kernels.append(fill("part", note=self.note, kernel=name, body=indented(lines, 1)))
+        self.note = ""
+        self.parts.append(Launch(name, pieces))
+
+
+def _names(value: Expression) -> tuple[str, ...]:
+    return uses((Assign(Name(""), value),)).names
+
+
+def _is_constant(value: Expression) -> bool:
+    """Return whether a value is the same in every frame."""
+    inner = value.value if isinstance(value, Negative) else value
+    return isinstance(inner, Number | Constant)
+
+
+def _partial(slot: int, pieces: int, piece: str) -> str:
+    return f"partials[({slot} * batch + frame) * {pieces} + {piece}]"
+
+
+def _gathered(name: str, how: str, slot: int, pieces: int) -> list[str]:
+    """Return the statements that put a number together from its pieces, always in their order."""
+    part = _partial(slot, pieces, "k")
+    loop = f"for (int k = 0; k < {pieces}; ++k)"
+    if how == "+":
+        return [f"{name} = ZERO;", f"{loop} {{ {name} += {part}; }}"]
+    return [f"{loop} {{ {name} = {how}({name}, {part}); }}"]

@@ -1,0 +1,107 @@
+"""A small array's read-outs, such as sums: several chains side by side.
+
+A sum that runs through the cells one by one waits four cycles for each of them, and as compilers
+may not change its order, they work out all that shares its loop one cell at a time. Every kernel of
+a plan sums up in the same order, so that a frame's results do not depend on those beside it.
+"""
+
+from cnnum.engines.opencl.ir.expressions import Binary, Call, Expression, Integer, Name
+from cnnum.engines.opencl.ir.formulas import formula
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Array,
+    Assign,
+    Loop,
+    Statement,
+    Verbatim,
+)
+from cnnum.engines.opencl.lowering.storage import Tables
+from cnnum.engines.opencl.text import filled
+from cnnum.graph.elementwise import SUM, ReduceOp
+
+CHAIN, NUMBERS, K, AT = Name("chain"), Name("numbers"), Name("k"), Name("at")
+
+CHAINS = 8
+"""Of 4, 8 and 16 chains single frames take as long, and with 16 large batches take 1 % more."""
+
+
+def chains(cells: int) -> int:
+    """Return how many chains read out an array, or a stack of them."""
+    return min(CHAINS, cells)
+
+
+def rounds(function: ReduceOp) -> bool:
+    """Return whether the order matters: what others read out is one of the numbers."""
+    return function is SUM
+
+
+def chained(tables: Tables, function: ReduceOp, count: int, cells: int) -> str:
+    """Return the name of the kernel's function that reads one number out of so many.
+
+    Parameters
+    ----------
+    tables : Tables
+        Gets the function's text.
+    function : ReduceOp
+    count : int
+        Of the numbers, in private memory.
+    cells : int
+        Of the array.
+    """
+    name = f"{function.name}_of_{count}"
+    if name not in tables.types:
+        text = filled(
+            "chained",
+            read_out=function.name,
+            count=count,
+            chains=chains(cells),
+            function=name,
+            body=_body(function, count, chains(cells)),
+        )
+        tables.types[name] = "\n".join(tables.printer.lines([text]))
+    return name
+
+
+def step(function: ReduceOp, total: Expression, value: Expression) -> Expression:
+    """Return what a total is once it has taken in a value."""
+    return formula(function.step, total=total, a=value)
+
+
+def taken_in(function: ReduceOp, total: Name, value: Expression) -> Accumulate:
+    """Return the statement that takes a value into a total.
+
+    Raises
+    ------
+    ValueError
+        If the order of the values matters in another way than by rounding.
+    """
+    new = step(function, total, value)
+    if isinstance(new, Binary) and (new.sign, new.left) == ("+", total):
+        return Accumulate(total, "+", value)
+    if isinstance(new, Call) and new.arguments == (total, value):
+        return Accumulate(total, new.function, value)
+    raise ValueError(f"The read-out '{function.name}' takes values in as no sweep can.")
+
+
+def begun(function: ReduceOp) -> Expression:
+    """Return what a total is before the first value."""
+    return formula(function.start)
+
+
+def _body(function: ReduceOp, count: int, width: int) -> list[Statement]:
+    last = count // width * width
+
+    def into(end: int, value: Expression) -> Loop:
+        return Loop(K, end, (Assign(CHAIN[K], step(function, CHAIN[K], value)),))
+
+    lines: list[Statement] = [
+        Array(CHAIN, width, None),
+        Loop(K, width, (Assign(CHAIN[K], NUMBERS[K]),)),
+        Loop(AT, last, (into(width, NUMBERS[AT + K]),), start=width, step=width),
+        into(count - last, NUMBERS[Integer(last) + K]),
+    ]
+    while width > 1:
+        half = (width + 1) // 2
+        lines.append(into(width - half, CHAIN[Integer(half) + K]))
+        width = half
+    return [*lines, Verbatim(("return ", CHAIN[0], ";"))]

@@ -1,0 +1,1 @@
+"""Templates' transients become statements: what drives cells, how they change, and steps."""

@@ -1,0 +1,176 @@
+"""What every part of a transient's lowering shares: its sizes, arrays, loops and rims."""
+
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from cnnum.boundary import Boundary
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    PLACE,
+    Element,
+    Expression,
+    Integer,
+    Name,
+    Number,
+    size,
+)
+from cnnum.engines.opencl.ir.formulas import formula
+from cnnum.engines.opencl.ir.statements import (
+    Assign,
+    Declare,
+    Loop,
+    Statement,
+    Sweep,
+    add,
+    sweep,
+)
+from cnnum.engines.opencl.lowering.storage import Arena, Tables
+from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
+from cnnum.integrators.choice import Solver
+from cnnum.network import Tap
+from cnnum.template import Template
+
+ROW, COL, RIM = Name("r"), Name("c"), Name("q")
+"""Variables of loops: rows, columns, and cells of rims."""
+
+SUM, NOW = Name("sum"), Name("now")
+
+VECTORISE = "#pragma clang loop vectorize(assume_safety)"
+"""With many neighbours compilers give up to prove that no round writes what others read."""
+
+
+@dataclass(frozen=True, slots=True)
+class Operands:
+    """Expressions of `i` for what a transient reads; empty where it is not given."""
+
+    inputs: tuple[Expression, ...]
+    previous: tuple[Expression, ...]
+    states: tuple[Expression, ...]
+    biases: tuple[Expression, ...]
+    mask: Expression | None
+
+
+@dataclass(slots=True)
+class TransientText:
+    """Collects a transient's statements.
+
+    States of all layers are stacked: layer l's cell i is `x[l * cells + i]`. Outputs `y` (and,
+    where a coupling wants them, states `xp` and inputs `u`) are padded by their rim: cell i
+    stands at `p`.
+    """
+
+    template: Template
+    shape: tuple[int, int]
+    solver: Solver
+    operands: Operands
+    arena: Arena
+    tables: Tables
+    body: list[Statement] = field(default_factory=list[Statement])
+
+    @property
+    def cells(self) -> int:
+        """Cells of a layer."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def layers(self) -> int:
+        """Layers of the template."""
+        return self.template.layers
+
+    @property
+    def states(self) -> int:
+        """Cells of all layers."""
+        return self.layers * self.cells
+
+    @property
+    def radius(self) -> int:
+        """Width of the rims: the largest neighbourhood radius of the template."""
+        return self.template.radius
+
+    @property
+    def padded(self) -> int:
+        """Cells of a layer with its rim."""
+        return (self.shape[0] + 2 * self.radius) * self.pitch
+
+    @property
+    def pitch(self) -> int:
+        """Distance from one row to the next in a padded layer."""
+        return self.shape[1] + 2 * self.radius
+
+    def literal(self, value: float) -> str:
+        """Return the text of a number of the kernel's type."""
+        return self.tables.printer.expression(Number(value))
+
+    def at(self, layer: int) -> Expression:
+        """Return the place of cell `i` of a layer among the stacked states."""
+        return Integer(layer * self.cells) + CELL
+
+    def padded_at(self, layer: int) -> Expression:
+        """Return the place of cell `i` of a layer among padded ones."""
+        return Integer(layer * self.padded) + PLACE
+
+    def each(self, array: Name) -> list[Element]:
+        """Return cell `i` of every layer of stacked states."""
+        return [array[self.at(layer)] for layer in range(self.layers)]
+
+    def output(self, state: Expression) -> Expression:
+        """Return f(state)."""
+        return formula(self.template.output.opencl, x=state)
+
+    def array(self, name: Name, length: int) -> None:
+        """Declare an array of the block."""
+        self.body.append(self.arena.array(name.text, length))
+
+    @contextmanager
+    def aside(self) -> Generator[list[Statement]]:
+        """Collect what is appended within the block instead of appending it."""
+        kept, self.body = self.body, []
+        yield self.body
+        self.body = kept
+
+    def over_cells(self, body: Sequence[Statement]) -> None:
+        """Run the body for every cell `i`."""
+        self.body.append(sweep(CELL, self.cells, body))
+
+    def over_states(self, body: Sequence[Statement]) -> None:
+        """Run the body for every cell `i` of all layers."""
+        self.body.append(sweep(CELL, self.states, body))
+
+    def over_grid(self, body: Sequence[Statement]) -> None:
+        """Run the body for every cell `i` that stands at `p` in a padded array."""
+        rows, cols = self.shape
+        place = (ROW + self.radius) * self.pitch + COL + self.radius
+        places = Declare("int", ((CELL, ROW * cols + COL), (PLACE, place)), fixed=True)
+        hint = "" if self.arena.private else VECTORISE
+        self.body.append(Sweep(ROW, rows, (Loop(COL, cols, (places, *body), hint=hint),)))
+
+    def fill_rims(
+        self, array: Name, layers: int, boundary: Boundary, constant: float | None
+    ) -> None:
+        """Fill the rims of all layers of a padded array: a constant, or copies of its cells."""
+        if self.radius == 0:
+            return
+        to, source, count = self.tables.halo(boundary, self.shape, self.radius)
+        places = [Integer(layer * self.padded) for layer in range(layers)]
+        body = [
+            Assign(
+                array[place + to[RIM]],
+                array[place + source[RIM]] if constant is None else Number(constant),
+            )
+            for place in places
+        ]
+        self.body.append(sweep(RIM, count, body))
+
+    def neighbour(self, array: Name, tap: Tap) -> Element:
+        """Return a neighbour of cell `p`."""
+        return array[PLACE + (tap.source * self.padded + tap.row * self.pitch + tap.col)]
+
+    def weighted(self, array: Name, found: tuple[Tap, ...], total: Name = SUM) -> list[Statement]:
+        """Return statements that add the weighted neighbours of cell `p` to `total`."""
+        terms = weighted_terms(found, Number, lambda tap: self.neighbour(array, tap))
+        return [add(total, term) for term in terms]
+
+    def scale(self, value: Expression) -> Expression:
+        """Return the tolerance of a value of this size."""
+        return Number(self.solver.atol) + Number(self.solver.rtol) * size(value)

@@ -1,0 +1,215 @@
+"""Transients without time steps, and what rounding leaves of their exactness."""
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    ONE,
+    ZERO,
+    Element,
+    Expression,
+    Integer,
+    Name,
+    Number,
+    pick,
+    size,
+    total,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Loop,
+    Statement,
+    Sweep,
+    add,
+    declare,
+    fixed,
+    sweep,
+)
+from cnnum.engines.opencl.text import comment
+from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientText
+from cnnum.engines.opencl.transients.feedforward import W, constant_drive, drive_of
+from cnnum.engines.opencl.transients.initial_state import X, start, start_of
+from cnnum.engines.opencl.transients.step_control import Figures
+from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.spectral import Spectral
+
+LARGEST, X0, HALFWAY, MODES = Name("largest"), Name("x0"), Name("halfway"), Name("modes")
+J, K, V = Name("j"), Name("k"), Name("v")
+
+
+def exact(text: TransientText, scheme: Decay | Propagator | Spectral) -> Figures:
+    """Append what sets the states `x` to their end and return the figures of the run."""
+    begin_exact(text, "")
+    if isinstance(scheme, Decay):
+        terms, gain = _decay(text, scheme), 1.0
+    elif isinstance(scheme, Propagator):
+        terms, gain = _propagate(text, scheme)
+    else:
+        terms, gain = _spectral(text, scheme)
+    # a sum of n rounded products is off by at most n roundings of its largest value
+    return exact_figures(text, (terms + 2) * gain)
+
+
+def begin_exact(text: TransientText, why: str) -> None:
+    """Append what stands before all else."""
+    text.body.append(comment(f"exact after {text.solver.duration:g}{why}"))
+    text.body.append(declare(LARGEST, ZERO))
+
+
+def exact_figures(text: TransientText, roundings: float) -> Figures:
+    """Return the figures of a run without steps, which is off by so many roundings of `largest`."""
+    rounding = Number(float(np.finfo(text.tables.dtype).eps) * roundings)
+    figures: Figures = {
+        "time": Number(text.solver.duration),
+        "steps": ZERO,
+        "error": rounding * LARGEST,
+    }
+    return figures | ({"settled": ONE} if text.solver.settle else {})
+
+
+def _largest(value: Expression) -> Accumulate:
+    return Accumulate(LARGEST, "greater", size(value))
+
+
+def _decay(text: TransientText, scheme: Decay) -> int:
+    text.array(X, text.states)
+    body: list[Statement] = []
+    for layer in range(text.layers):
+        kept, to, origin = float(scheme.kept[layer]), drive_of(text, layer), start_of(text, layer)
+        value = to if kept == 0.0 else to + Number(kept) * (origin - to)
+        if text.operands.mask is not None:
+            value = pick(text.operands.mask.differs(ZERO), origin, value)
+        body += [Assign(X[text.at(layer)], value), _largest(to), _largest(origin)]
+    text.over_cells(body)
+    return int(np.count_nonzero(text.template.B)) + 2
+
+
+def _drives(text: TransientText) -> bool:
+    """Append the drive as an array where it is constant; return whether there is any."""
+    constant = constant_drive(text)
+    if constant is None:
+        return True
+    if not any(constant):
+        return False
+    text.array(W, text.states)
+    text.over_cells([Assign(w, Number(z)) for w, z in zip(text.each(W), constant, strict=True)])
+    return True
+
+
+def _propagate(text: TransientText, scheme: Propagator) -> tuple[int, float]:
+    n, gain = text.states, 0.0
+    offset, products, seen = text.tables.data(scheme.constant), list[Statement](), list[Statement]()
+
+    def multiply(matrix: Floats, array: Name) -> float:
+        at = Integer(text.tables.data(matrix)) + CELL * n + J
+        products.append(add(SUM, text.tables.number_at(at) * array[J]))
+        seen.append(_largest(array[CELL]))
+        return float(np.abs(matrix).sum(axis=1).max())
+
+    if scheme.state.any():
+        start(text, X0)
+        gain += multiply(scheme.state, X0)
+    if _drives(text):
+        gain += multiply(scheme.drive, W)
+    text.array(X, n)
+    body = [
+        declare(SUM, text.tables.number_at(Integer(offset) + CELL)),
+        Loop(J, n, tuple(products)),
+        Assign(X[CELL], SUM),
+        *seen,
+    ]
+    text.body.append(sweep(CELL, n, body))
+    return 2 * n, max(gain, 1.0)
+
+
+def _spectral(text: TransientText, scheme: Spectral) -> tuple[int, float]:
+    """Append the way into the modes, their factors, and the way back."""
+    (rows, cols), n = text.shape, text.states
+    parts: list[tuple[Name, Floats]] = []
+    if scheme.state.any():
+        start(text, X0)
+        parts.append((X0, scheme.state))
+    if _drives(text):
+        parts.append((W, scheme.drive))
+    text.array(HALFWAY, text.cells)
+    for array, _ in parts:
+        text.array(_modes(array), n)
+        for layer in range(text.layers):
+            at = layer * text.cells
+            _right(text, (array, at), (HALFWAY, 0), scheme.cols.T)
+            _left(text, (HALFWAY, 0), (_modes(array), at), scheme.rows)
+    text.array(MODES, n)
+    body: list[Statement] = []
+    for to in range(text.layers):
+        terms: list[Expression] = [
+            text.tables.constant(factors[to, source], CELL) * _modes(array)[text.at(source)]
+            for array, factors in parts
+            for source in range(text.layers)
+            if factors[to, source].any()
+        ]
+        body.append(Assign(MODES[text.at(to)], total(terms)))
+    body += [_largest(value) for array, _ in parts for value in text.each(array)]
+    text.over_cells(body)
+    text.array(X, n)
+    for layer in range(text.layers):
+        at = layer * text.cells
+        _right(text, (MODES, at), (HALFWAY, 0), scheme.cols)
+        _left(text, (HALFWAY, 0), (X, at), scheme.rows.T)
+    if scheme.constant.any():
+        places = [text.at(m) for m in range(text.layers)]
+        text.over_cells([add(X[at], text.tables.constant(scheme.constant, at)) for at in places])
+    strongest = sum(float(np.abs(factors).sum(axis=1).max()) for _, factors in parts)
+    # the transforms keep lengths, so they spread roundings over the cells and do not add them up
+    return 2 * (rows + cols), max(1.0, strongest)
+
+
+def _modes(array: Name) -> Name:
+    return Name(f"{array.text}_modes")
+
+
+Place = tuple[Name, int]
+"""An array, and where in it a map begins."""
+
+
+def _right(text: TransientText, source: Place, to: Place, matrix: Floats) -> None:
+    """Append to = source · matrix, maps row by row."""
+    rows, cols = text.shape
+    weight = text.tables.constant(np.ascontiguousarray(matrix), COL * cols + K)
+    value = source[0][Integer(source[1]) + ROW * cols + COL]
+    _product(text, rows, cols, cols, (_target(to, cols), value, weight))
+
+
+def _left(text: TransientText, source: Place, to: Place, matrix: Floats) -> None:
+    """Append to = matrix · source."""
+    rows, cols = text.shape
+    value = text.tables.constant(np.ascontiguousarray(matrix), ROW * rows + COL)
+    weight = source[0][Integer(source[1]) + COL * cols + K]
+    _product(text, rows, rows, cols, (_target(to, cols), value, weight))
+
+
+def _target(to: Place, cols: int) -> Element:
+    return to[0][Integer(to[1]) + ROW * cols + K]
+
+
+def _product(
+    text: TransientText,
+    outer: int,
+    inner: int,
+    across: int,
+    names: tuple[Element, Expression, Expression],
+) -> None:
+    """Append target(r, k) = Σ_c value(r, c) · weight(c, k)."""
+    target, value, weight = names
+    if text.tables.lanes > 1:  # sums in registers
+        sums = Loop(COL, inner, (add(SUM, value * weight),))
+        each = (declare(SUM, ZERO), sums, Assign(target, SUM))
+        body: tuple[Statement, ...] = (Loop(K, across, each),)
+    else:  # rows that compilers vectorise
+        row = Loop(K, across, (add(target, V * weight),))
+        body = (
+            Loop(K, across, (Assign(target, ZERO),)),
+            Loop(COL, inner, (fixed(V, value), row)),
+        )
+    text.body.append(Sweep(ROW, outer, body))

@@ -1,0 +1,221 @@
+"""Euler's steps of a single small frame: each row of the array is one vector.
+
+Neighbours in a row are the same vector with its components moved along, so that nothing is
+written to memory, and read back at another place, between the steps.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.engines.opencl.ir.expressions import (
+    ROUND,
+    ZERO,
+    Call,
+    Component,
+    Expression,
+    Name,
+    Number,
+    call,
+    total,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Assign,
+    Counted,
+    Note,
+    Statement,
+    declare,
+    fixed,
+)
+from cnnum.engines.opencl.text import fill
+from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.feedforward import W, constant_drive
+from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
+from cnnum.engines.opencl.transients.initial_state import X
+from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
+from cnnum.engines.opencl.transients.step_control import Figures
+from cnnum.integrators.choice import FixedSteps
+from cnnum.network import Tap, taps
+from cnnum.outputs import OutputFunction
+
+WIDTHS = (4, 8, 16)
+MOST_ROWS = 20
+"""Vectors of all layers' rows: more do not fit the registers."""
+
+MOST_STATEMENTS = 700
+
+SHARED = 4
+"""Equal weights that are worth a sum before the product: pairs took a tenth longer with it, fours
+a tenth less."""
+
+
+def width(cols: int) -> int | None:
+    """Return the vector that holds a row, None where it is too long."""
+    return next((n for n in WIDTHS if n >= cols), None)
+
+
+def fits_rows(text: TransientText, scheme: FixedSteps) -> bool:
+    """Return whether a single frame's steps can be written with rows as vectors."""
+    rows, cols = text.shape
+    work = rows * (int(np.count_nonzero(text.template.A)) + 2 * text.radius * text.layers)
+    return (
+        text.tables.lanes == 1
+        and width(cols) is not None
+        and rows * text.layers <= MOST_ROWS
+        and work <= MOST_STATEMENTS
+        and not scheme.settle
+        and text.operands.mask is None
+        and _clips(text.template.output) is not None
+    )
+
+
+def _clips(output: OutputFunction) -> bool | None:
+    """Return whether f clips, False where f(x) = x, None where it is something else."""
+    return {"standard": True, "full-range": True, "linear": False}.get(output.name)
+
+
+def row_steps(text: TransientText, scheme: FixedSteps) -> Figures:
+    """Append the steps, from and to the states `x`, and return the figures of the run."""
+    scalar = "double" if text.tables.dtype == np.float64 else "float"
+    vector = width(text.shape[1])
+    text.tables.types["rows"] = fill("rows", row=f"{scalar}{vector}")
+    with text.aside() as step:
+        _step(text, scheme)
+    text.body += [
+        Note(
+            f"// {scheme.tableau.name}: {scheme.count} steps of {scheme.step:g}, "
+            "the array in registers, a row a vector"
+        ),
+        *_begin(text, scheme),
+        Counted(ROUND, 0, scheme.count, None, tuple(step)),
+        *_end(text),
+    ]
+    return fixed_figures(text, scheme.count, settle=False)
+
+
+def _each(text: TransientText) -> list[tuple[int, int]]:
+    return [(layer, row) for layer in range(text.layers) for row in range(text.shape[0])]
+
+
+def _row(array: str, layer: int, row: int) -> Name:
+    """Return the vector that holds a row: of states x, outputs y, the drive w or new states s."""
+    return Name(f"{array}{layer}_{row}")
+
+
+def _begin(text: TransientText, scheme: FixedSteps) -> list[Statement]:
+    """Return the rows of states and of the scaled drive."""
+    lines: list[Statement] = [
+        declare(_row("x", layer, r), _gathered(text, X, layer, r), of="row")
+        for layer, r in _each(text)
+    ]
+    if constant_drive(text) is None:
+        lines += [
+            fixed(
+                _row("w", layer, r),
+                _number(text, scheme, layer) * _gathered(text, W, layer, r),
+                of="row",
+            )
+            for layer, r in _each(text)
+        ]
+    return lines
+
+
+def _gathered(text: TransientText, array: Name, layer: int, row: int) -> Expression:
+    cols = text.shape[1]
+    start = layer * text.cells + row * cols
+    return _vector(text, [array[start + c] for c in range(cols)])
+
+
+def _vector(text: TransientText, cells: Sequence[Expression]) -> Call:
+    """Return a row of cells; lanes without one hold 0."""
+    rest = (width(text.shape[1]) or 0) - len(cells)
+    return call("(row)", *cells, *(ZERO for _ in range(rest)))
+
+
+def _number(text: TransientText, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
+    return Number(factor * scheme.step / float(text.template.tau[layer]))
+
+
+def _step(text: TransientText, scheme: FixedSteps) -> None:
+    output = text.template.output
+    for layer, r in _each(text):
+        state = _row("x", layer, r)
+        shown = call("clip_row", state) if _clips(output) and not output.limited else state
+        text.body.append(fixed(_row("y", layer, r), shown, of="row"))
+        _moved(text, layer, r)
+    constant = constant_drive(text)
+    for layer, r in _each(text):
+        kept = Number(1.0 - scheme.step / float(text.template.tau[layer]))
+        drive: Expression = _row("w", layer, r)
+        if constant is not None:
+            drive = call("(row)", _number(text, scheme, layer, constant[layer]))
+        terms = [drive, kept * _row("x", layer, r), *_weighted(text, scheme, layer, r)]
+        text.body.append(declare(_row("s", layer, r), total(terms), of="row"))
+    for layer, r in _each(text):
+        new = _row("s", layer, r)
+        value = call("clip_row", new) if output.limited else new
+        text.body.append(Assign(_row("x", layer, r), value))
+
+
+def _columns(text: TransientText) -> set[int]:
+    """Return the column offsets that any weight has."""
+    places = np.argwhere(text.template.A)
+    return {int(place[3]) - text.template.A.shape[-1] // 2 for place in places} - {0}
+
+
+def _sources(text: TransientText, count: int) -> NDArray[np.int64]:
+    """Return which of so many cells, or rows, each is that lies within the rims; −1 is none."""
+    boundary = text.template.boundary
+    if boundary.constant is None:
+        return np.pad(np.arange(count), text.radius, mode=boundary.pad_mode)
+    return np.pad(np.arange(count), text.radius, constant_values=-1)
+
+
+def _seen(layer: int, row: int, column: int) -> Name:
+    """Return a row of outputs as a column of the padded neighbourhood sees it."""
+    return Name(f"y{layer}_{row}_{column}")
+
+
+def _moved(text: TransientText, layer: int, row: int) -> None:
+    """Append a row of outputs as each column offset sees it."""
+    cols, radius = text.shape[1], text.radius
+    source, outputs = _sources(text, cols), _row("y", layer, row)
+    for offset in sorted(_columns(text)):
+        seen = source[radius + offset : radius + offset + cols].tolist()
+        cells = [Component(outputs, at) if at >= 0 else _rim(text) for at in seen]
+        name = _seen(layer, row, radius + offset)
+        text.body.append(fixed(name, _vector(text, cells), of="row"))
+
+
+def _rim(text: TransientText) -> Number:
+    """Return the output of virtual cells of a fixed boundary."""
+    value = text.template.output.numpy(np.asarray(text.template.boundary.constant))
+    return Number(float(value))
+
+
+def _weighted(text: TransientText, scheme: FixedSteps, layer: int, row: int) -> list[Expression]:
+    source = _sources(text, text.shape[0])
+
+    def output(tap: Tap) -> Expression:
+        at = int(source[text.radius + row + tap.row])
+        if at < 0:
+            return _rim(text)
+        return (
+            _seen(tap.source, at, text.radius + tap.col) if tap.col else _row("y", tap.source, at)
+        )
+
+    def number(weight: float) -> Number:
+        return _number(text, scheme, layer, weight)
+
+    return weighted_terms(taps(text.template.A, layer), number, output, SHARED)
+
+
+def _end(text: TransientText) -> list[Statement]:
+    """Return the statements that write the rows back."""
+    cols = text.shape[1]
+    return [
+        Assign(X[layer * text.cells + r * cols + c], Component(_row("x", layer, r), c))
+        for layer, r in _each(text)
+        for c in range(cols)
+    ]

@@ -1,0 +1,382 @@
+"""Euler's steps of linear couplings, as few operations as they can be.
+
+    x⁺ = (1 − h/τ) x + (h/τ) w + Σ (h/τ) a y
+
+Weights come with h/τ in them, w is scaled once, and new outputs go to a second padded array, so
+that a step is one sweep. Every output that is loaded is added to all cells that it is a neighbour
+of while it is in a register.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.boundary import Boundary
+from cnnum.engines.opencl.ir.expressions import (
+    CELL,
+    HUGE,
+    ONE,
+    PLACE,
+    ROUND,
+    ZERO,
+    Element,
+    Expression,
+    Integer,
+    Name,
+    Number,
+    clip,
+    pick,
+    shifted,
+    size,
+    total,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Block,
+    Counted,
+    Declare,
+    Loop,
+    Note,
+    Statement,
+    Verbatim,
+    add,
+    block,
+    declare,
+    fixed,
+)
+from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientText
+from cnnum.engines.opencl.transients.feedforward import W, constant_drive
+from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
+from cnnum.engines.opencl.transients.initial_state import X
+from cnnum.engines.opencl.transients.state_equation import CHANGE, Y
+from cnnum.engines.opencl.transients.stencil_sums import shares_products, weighted_terms
+from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS, TIME, Figures
+from cnnum.integrators.choice import FixedSteps
+from cnnum.network import Tap, taps
+
+BLOCK_COLUMNS = 10
+BLOCK_STATEMENTS = 400
+"""Columns and statements of unrolled text: more of it costs compile time and no longer pays."""
+
+REGISTERS_FROM = 64
+"""Bytes of a vector from which a processor has 32 registers (AVX-512), enough for two rows' sums.
+A sum waits four cycles for each of its products: of two rows side by side there are as many sums as
+the processor can work on, of one it must look ahead, and takes a third longer."""
+
+Z, SCALED, FROM, TO = Name("z"), Name("wh"), Name("from"), Name("to")
+"""The second array of outputs, the scaled drive, and the outputs before and after a step."""
+
+V, B = Name("v"), Name("b")
+
+
+def fuses(text: TransientText, scheme: FixedSteps) -> bool:
+    """Return whether steps of a scheme can be written in this way."""
+    even = scheme.last == scheme.step and scheme.count > 0
+    return scheme.tableau.stages == 1 and text.template.plain and even and text.arena.private
+
+
+def fused_euler(text: TransientText, scheme: FixedSteps) -> Figures:
+    """Append the steps, from and to the states `x`, and return the figures of the run."""
+    _declare(text, scheme)
+    with text.aside() as step:
+        if text.tables.lanes > 1:
+            _sweep(text, scheme)
+        else:
+            _two_sweeps(text, scheme)
+        if text.template.boundary.constant is None and text.tables.lanes > 1:
+            _rim_rows(text)
+        elif text.template.boundary.constant is None:
+            text.fill_rims(Y, text.layers, text.template.boundary, None)
+    steps = f"{scheme.count} steps of {scheme.step:g}"
+    name = scheme.tableau.name
+    other = Z if text.tables.lanes > 1 else Y
+    arrays = Verbatim((f"real *from = y, *to = {other.text};",))
+    swap = Verbatim(("real *const swap = from; from = to; to = swap;",))
+    if scheme.settle:
+        text.body += [
+            Note(f"// {name}: at most {steps}, a lane stops where nothing changes any more"),
+            Declare("real", ((RUNNING, ONE), (TIME, ZERO), (STEPS, ZERO), (SETTLED, ZERO))),
+            arrays,
+            Counted(ROUND, 0, scheme.count, RUNNING, tuple(_settling(scheme, [*step, swap]))),
+        ]
+    else:
+        loop = Counted(ROUND, 0, scheme.count, None, (*step, swap))
+        text.body += [Note(f"// {name}: {steps}, each one sweep"), arrays, loop]
+    return fixed_figures(text, scheme.count, settle=scheme.settle)
+
+
+def _settling(scheme: FixedSteps, step: list[Statement]) -> list[Statement]:
+    """Return a step after which a lane stops where nothing changed more than the tolerance."""
+    still = CHANGE <= ZERO
+    return [
+        declare(CHANGE, -HUGE),
+        *step,
+        add(TIME, RUNNING * Number(scheme.step)),
+        add(STEPS, RUNNING),
+        Assign(SETTLED, pick(still, ONE, SETTLED)),
+        Assign(RUNNING, pick(still, ZERO, RUNNING)),
+    ]
+
+
+def _declare(text: TransientText, scheme: FixedSteps) -> None:
+    """Append the second array of outputs, what both are at first, and the scaled drive."""
+    boundary = text.template.boundary
+    names = (Y, Z) if text.tables.lanes > 1 else (Y,)
+    for name in names[1:]:
+        text.array(name, text.layers * text.padded)
+    if boundary.constant is not None:
+        value = float(text.template.output.numpy(np.asarray(boundary.constant)))
+        for name in names:
+            text.fill_rims(name, text.layers, boundary, value)
+    if constant_drive(text) is None:
+        text.array(SCALED, text.states)
+        scaled = [
+            Assign(SCALED[text.at(m)], _number(text, scheme, m) * W[text.at(m)])
+            for m in range(text.layers)
+        ]
+        text.over_cells(scaled)
+    text.over_grid(_outputs(text))
+    if boundary.constant is None:
+        text.fill_rims(Y, text.layers, boundary, None)
+
+
+def _outputs(text: TransientText) -> list[Assign]:
+    states = enumerate(text.each(X))
+    return [Assign(Y[text.padded_at(m)], text.output(state)) for m, state in states]
+
+
+def _number(text: TransientText, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
+    """Return a number times h/τ of a layer."""
+    return Number(factor * scheme.step / float(text.template.tau[layer]))
+
+
+def _block(text: TransientText) -> int:
+    """Return how many columns are unrolled: a divisor of the columns."""
+    cols = text.shape[1]
+    taps = max(1, int(np.count_nonzero(text.template.A)))
+    most = max(1, min(BLOCK_COLUMNS, BLOCK_STATEMENTS // (taps * _together(text))))
+    return max(n for n in range(1, cols + 1) if cols % n == 0 and n <= most)
+
+
+def _together(text: TransientText) -> int:
+    """Return how many rows are swept side by side."""
+    vector = text.tables.lanes * text.tables.dtype.itemsize
+    fits = vector >= REGISTERS_FROM and text.shape[0] % 2 == 0 and not _gathers(text)
+    return 2 if fits else 1
+
+
+def _gathers(text: TransientText) -> bool:
+    """Return whether outputs of equal weights are added up before they are weighted."""
+    return any(shares_products(taps(text.template.A, layer)) for layer in range(text.layers))
+
+
+def _sweep(text: TransientText, scheme: FixedSteps) -> None:
+    """Append one step of all cells."""
+    rows, cols = text.shape
+    block, together = _block(text), _together(text)
+    places = Declare("int", ((CELL, ROW * cols + B), (PLACE, ROW * text.pitch + B)), fixed=True)
+    with text.aside() as body:
+        _block_of_columns(text, scheme, block, together)
+    columns = Loop(B, cols, (places, *body), step=block)
+    text.body.append(Loop(ROW, rows, (columns,), step=together))
+    if text.template.boundary.constant is None:
+        text.body.append(Loop(ROW, rows, tuple(_rim_columns(text, text.template.boundary))))
+
+
+def _block_of_columns(text: TransientText, scheme: FixedSteps, block: int, together: int) -> None:
+    """Append one step of the columns `b` to `b + block` of so many rows.
+
+    Where weights are equal, what is loaded is kept and added up before it is weighted, else it is
+    added to all sums at once, which takes fewer registers.
+    """
+    gathers = _gathers(text)
+    for column in range(block + 2 * text.radius):
+        done = column - 2 * text.radius
+        if column < block:
+            for row in range(together):
+                _begin(text, scheme, row, column)
+        if gathers:
+            _load(text, column)
+        else:
+            _scatter(text, scheme, column, block, together)
+        if gathers and done >= 0:
+            _gather(text, scheme, done)
+        if done >= 0:
+            for row in range(together):
+                _end(text, scheme, row, done)
+
+
+def _two_sweeps(text: TransientText, scheme: FixedSteps) -> None:
+    """Append one step of all cells of a single frame, as loops that compilers vectorise.
+
+    They do where nothing that is written may be what is read, so new outputs wait for a sweep of
+    their own, and the arrays are not swapped.
+    """
+    body: list[Statement] = []
+    for layer, state in enumerate(text.each(X)):
+
+        def number(weight: float, to: int = layer) -> Number:
+            return _number(text, scheme, to, weight)
+
+        found = taps(text.template.A, layer)
+        terms = weighted_terms(found, number, lambda tap: text.neighbour(Y, tap))
+        begun = [_driven(text, scheme, layer, state), _kept(text, scheme, layer) * state]
+        settled = _settle(text, scheme, SUM, state, 0)
+        body.append(block(declare(SUM, total([*begun, *terms])), *settled, Assign(state, SUM)))
+    text.over_grid(body)
+    text.over_grid(_outputs(text))
+
+
+def _driven(text: TransientText, scheme: FixedSteps, layer: int, state: Element) -> Expression:
+    """Return the scaled drive of a cell, by its state."""
+    constant = constant_drive(text)
+    if constant is None:
+        return SCALED[state.at]
+    return _number(text, scheme, layer, constant[layer])
+
+
+def _state(text: TransientText, layer: int, row: int, column: int) -> Element:
+    return X[Integer(layer * text.cells + row * text.shape[1] + column) + CELL]
+
+
+def _sum(layer: int, row: int, column: int) -> Name:
+    return Name(f"s{layer}_{row}_{column}")
+
+
+def _begin(text: TransientText, scheme: FixedSteps, row: int, column: int) -> None:
+    """Append the sums of a cell of the block, begun with what does not come from neighbours."""
+    for layer in range(text.layers):
+        state = _state(text, layer, row, column)
+        begun = _driven(text, scheme, layer, state) + _kept(text, scheme, layer) * state
+        text.body.append(declare(_sum(layer, row, column), begun))
+
+
+def _kept(text: TransientText, scheme: FixedSteps, layer: int) -> Number:
+    """Return what a step leaves of a state."""
+    return Number(1.0 - scheme.step / float(text.template.tau[layer]))
+
+
+def _scatter(
+    text: TransientText, scheme: FixedSteps, column: int, block: int, together: int
+) -> None:
+    """Append the outputs of a column, each added to all sums of the block that it reaches."""
+    feedback = text.template.A
+    span = feedback.shape[-1]
+    for source in range(text.layers):
+        for row in range(span + together - 1):
+            adds = [
+                add(_sum(to, k, cell), _number(text, scheme, to, float(weight)) * V)
+                for k in range(max(0, row - span + 1), min(together, row + 1))
+                for to, cell, weight in _reached(text, feedback[:, source, row - k], column, block)
+            ]
+            if adds:
+                output = _output_at(text, source, row + text.radius - span // 2, column)
+                text.body.append(Block((fixed(V, output), *adds)))
+
+
+def _output_at(text: TransientText, source: int, row: int, column: int) -> Element:
+    """Return the output at a place of the padded block."""
+    return FROM[Integer(source * text.padded + row * text.pitch + column) + PLACE]
+
+
+def _load(text: TransientText, column: int) -> None:
+    """Append what is read of a padded column."""
+    span, rim = text.template.A.shape[-1], text.radius - text.template.A.shape[-1] // 2
+    for source in range(text.layers):
+        for row in range(rim, rim + span):
+            output = _output_at(text, source, row, column)
+            text.body.append(fixed(_loaded(source, row, column), output))
+
+
+def _loaded(source: int, row: int, column: int) -> Name:
+    return Name(f"v{source}_{row}_{column}")
+
+
+def _gather(text: TransientText, scheme: FixedSteps, column: int) -> None:
+    """Append the sums of a column's cells, equal weights together."""
+    for layer in range(text.layers):
+
+        def number(weight: float, to: int = layer) -> Number:
+            return _number(text, scheme, to, weight)
+
+        def output(tap: Tap) -> Name:
+            return _loaded(tap.source, text.radius + tap.row, text.radius + tap.col + column)
+
+        terms = weighted_terms(taps(text.template.A, layer), number, output)
+        text.body += [add(_sum(layer, 0, column), term) for term in terms]
+
+
+def _reached(
+    text: TransientText, weights: Floats, column: int, block: int
+) -> Iterator[tuple[int, int, float]]:
+    """Yield (layer, cell of the block, weight) of what an output in a padded column adds to."""
+    span, radius = weights.shape[-1], text.radius
+    for to in range(text.layers):
+        for col in range(span):
+            cell = column - radius - (col - span // 2)
+            if weights[to, col] and 0 <= cell < block:
+                yield to, cell, float(weights[to, col])
+
+
+def _end(text: TransientText, scheme: FixedSteps, row: int, column: int) -> None:
+    """Append what becomes of a cell's finished sums."""
+    for layer in range(text.layers):
+        new, old = _sum(layer, row, column), _state(text, layer, row, column)
+        text.body += _settle(text, scheme, new, old, row * text.shape[1] + column)
+        at = (text.radius + row) * text.pitch + text.radius + column
+        place = Integer(layer * text.padded + at) + PLACE
+        text.body += [Assign(old, new), Assign(TO[place], text.output(new))]
+
+
+def _settle(
+    text: TransientText, scheme: FixedSteps, new: Name, old: Element, offset: int
+) -> list[Statement]:
+    """Return statements that keep a new state within limits, masks and lanes that have settled.
+
+    The cell stands `offset` after cell `i`.
+    """
+    lines: list[Statement] = []
+    if text.template.output.limited:
+        lines.append(Assign(new, clip(new)))
+    if text.operands.mask is not None:
+        mask = shifted(text.operands.mask, offset) if offset else text.operands.mask
+        lines.append(Assign(new, pick(mask.differs(ZERO), old, new)))
+    if scheme.settle:
+        rate = Number(float(text.template.tau.max()) / scheme.step)
+        changed = rate * size(new - old) - text.scale(old)
+        lines.append(Accumulate(CHANGE, "fmax", changed))
+        lines.append(Assign(new, pick(RUNNING.differs(ZERO), new, old)))
+    return lines
+
+
+def _rim_columns(text: TransientText, boundary: Boundary) -> list[Statement]:
+    """Return statements that fill the rim left and right of row `r`."""
+    cols, radius = text.shape[1], text.radius
+    source = np.pad(np.arange(cols), radius, mode=boundary.pad_mode)
+    places = [*range(radius), *range(cols + radius, cols + 2 * radius)]
+    lines: list[Statement] = []
+    for layer in range(text.layers):
+        head = Integer(layer * text.padded) + (ROW + radius) * text.pitch
+        lines += [
+            Assign(TO[head + place], TO[head + (int(source[place]) + radius)]) for place in places
+        ]
+    return lines
+
+
+def _rim_rows(text: TransientText) -> None:
+    """Append the rim above and below, copied from whole rows."""
+    rows, radius = text.shape[0], text.radius
+    source = np.pad(np.arange(rows), radius, mode=text.template.boundary.pad_mode)
+
+    def at(layer: int, row: int) -> Element:
+        return TO[Integer(layer * text.padded + row * text.pitch) + COL]
+
+    copies = [
+        Assign(at(layer, place), at(layer, int(source[place]) + radius))
+        for layer in range(text.layers)
+        for place in (*range(radius), *range(rows + radius, rows + 2 * radius))
+    ]
+    if copies:
+        text.body.append(Loop(COL, text.pitch, tuple(copies)))

@@ -1,0 +1,260 @@
+"""Explicit Runge–Kutta methods as sweeps over all cells, fixed and adaptive."""
+
+from collections.abc import Callable
+
+from cnnum.engines.opencl.ir.expressions import (
+    ROUND,
+    ZERO,
+    Expression,
+    Name,
+    Number,
+    after,
+    call,
+    clip,
+    real,
+    size,
+    total,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Block,
+    Branch,
+    Statement,
+    block,
+    fixed,
+)
+from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.dependencies import delays_outputs, has_history
+from cnnum.engines.opencl.transients.feedforward import arrive
+from cnnum.engines.opencl.transients.fixed_steps import last_number, repeated
+from cnnum.engines.opencl.transients.initial_state import X
+from cnnum.engines.opencl.transients.state_equation import (
+    CHANGE,
+    PART,
+    RATE,
+    Instant,
+    Y,
+    outputs,
+    rates,
+    rates_once,
+    watch_change,
+)
+from cnnum.engines.opencl.transients.step_control import (
+    ADDED,
+    K0,
+    SPEED,
+    TIME,
+    WORST,
+    XS,
+    Attempt,
+    Control,
+    Figures,
+    H,
+    advance,
+    controlled,
+    rounding,
+)
+from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
+from cnnum.integrators.tableau import Pair, Row
+
+RING, NOW_AT, THEN_AT, NEXT_AT = Name("ring"), Name("now_at"), Name("then_at"), Name("next_at")
+"""Outputs of the last steps, and where this one's and those of a delay ago stand among them."""
+
+
+def rates_of(stage: int) -> Name:
+    """Return the array of a stage's rates."""
+    return Name(f"k{stage}")
+
+
+def _combination(weights: Row, at: Expression) -> Expression:
+    return total(
+        [Number(float(weight)) * rates_of(n)[at] for n, weight in enumerate(weights) if weight]
+    )
+
+
+def _stage(text: TransientText, tableaux: tuple[Pair, ...], stage: int, instant: Instant) -> None:
+    """Append one stage of step `h`: outputs at its state, then its rates in k."""
+
+    def keep(at: Expression, _: int) -> list[Statement]:
+        return [Assign(rates_of(stage)[at], RATE)]
+
+    if stage == 0:
+        outputs(text, text.each(X))
+        _remember(text)
+        rates(text, X, keep, instant)
+        return
+    places = [text.at(layer) for layer in range(text.layers)]
+    states = [
+        X[at] + H * _combination(one.a[stage], at) for at, one in zip(places, tableaux, strict=True)
+    ]
+    outputs(text, states, keep=XS)
+    rates(text, XS, keep, instant)
+
+
+# delays: a ring of the outputs of the last steps
+
+
+def _lag(text: TransientText, step: float) -> int:
+    """Return the delay in steps."""
+    return round(text.template.delayed.delay / step) if text.template.delayed else 0
+
+
+def _remember(text: TransientText) -> None:
+    """Append what keeps this step's outputs in the ring."""
+    if delays_outputs(text):
+        text.over_grid(
+            [
+                Assign(RING[after(NOW_AT * text.states, text.at(layer))], Y[text.padded_at(layer)])
+                for layer in range(text.layers)
+            ]
+        )
+
+
+def _past(text: TransientText, c: float) -> Callable[[Expression], Expression] | None:
+    """Return the outputs a delay ago, at the start or the end of a step."""
+    if not delays_outputs(text):
+        return None
+
+    def past(at: Expression) -> Expression:
+        first = RING[after(THEN_AT * text.states, at)]
+        return (
+            first if c == 0.0 else first + PART * (RING[after(NEXT_AT * text.states, at)] - first)
+        )
+
+    return past
+
+
+def _ring(text: TransientText, scheme: FixedSteps) -> list[Statement]:
+    """Return what stands at the head of a step and finds the ring's places."""
+    lag = _lag(text, scheme.step)
+    lines: list[Statement] = []
+    if delays_outputs(text):
+        slots = lag + 1
+        lines = [
+            fixed(NOW_AT, ROUND % slots, of="int"),
+            fixed(THEN_AT, call("max", ROUND - lag, 0) % slots, of="int"),
+            fixed(NEXT_AT, call("max", ROUND + 1 - lag, 0) % slots, of="int"),
+            fixed(PART, last_number(scheme.count, 1.0, scheme.last / scheme.step)),
+        ]
+    if has_history(text):
+        with text.aside() as change:
+            arrive(text)
+        lines.append(Branch(ROUND.equals(lag), tuple(change)))
+    return lines
+
+
+def _instant(text: TransientText, step: float, c: float) -> Instant:
+    time = Number(step) * real(ROUND) + Number(c) * H if text.template.gains else ZERO
+    return Instant(time, _past(text, c))
+
+
+def fixed_steps(text: TransientText, scheme: FixedSteps) -> Figures:
+    """Append steps of a fixed length and return the figures of the run."""
+    stages = scheme.tableau.stages
+    if stages > 1:
+        for name in (*(rates_of(stage) for stage in range(stages)), XS):
+            text.array(name, text.states)
+    if delays_outputs(text):
+        text.array(RING, (_lag(text, scheme.step) + 1) * text.states)
+    head = _ring(text, scheme)
+    with text.aside() as body:
+        if stages == 1:
+            _euler_step(text, scheme)
+        else:
+            _several_stages(text, scheme)
+    length = last_number(scheme.count, scheme.step, scheme.last)
+    return repeated(text, scheme, length, [*head, *body])
+
+
+def _limited(text: TransientText, state: Expression) -> Expression:
+    return clip(state) if text.template.output.limited else state
+
+
+def _euler_step(text: TransientText, scheme: FixedSteps) -> None:
+    outputs(text, text.each(X))
+    _remember(text)
+
+    def then(at: Expression, _: int) -> list[Statement]:
+        change = [watch_change(text, X[at])] if scheme.settle else []
+        return [*change, Assign(X[at], _limited(text, X[at] + H * RATE))]
+
+    rates(text, X, then, _instant(text, scheme.step, 0.0))
+
+
+def _several_stages(text: TransientText, scheme: FixedSteps) -> None:
+    tableau = scheme.tableau
+    for stage in range(tableau.stages):
+        c = float(sum(tableau.a[stage]))
+        with text.aside() as lines:
+            _stage(text, (tableau,) * text.layers, stage, _instant(text, scheme.step, c))
+        text.body.append(Block(tuple(lines)))
+    body: list[Statement] = []
+    for layer in range(text.layers):
+        at = text.at(layer)
+        if scheme.settle:
+            body.append(block(fixed(RATE, K0[at]), watch_change(text, X[at])))
+        body.append(Assign(X[at], _limited(text, X[at] + H * _combination(tableau.b, at))))
+    text.over_cells(body)
+
+
+def sweeps(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
+    """Return a step's statements as sweeps over all cells, a stage after the other."""
+    tableau = scheme.tableau
+    tableaux = tuple(scheme.of(layer) for layer in range(text.layers))
+    for name in (*(rates_of(stage) for stage in range(1, tableau.stages)), XS):
+        text.array(name, text.states)
+    stages: list[Statement] = []
+    for stage in range(1, tableau.stages):
+        c = Number(float(sum(tableau.a[stage])))
+        with text.aside() as lines:
+            _stage(text, tableaux, stage, Instant(TIME + c * H))
+        stages.append(Block(tuple(lines)))
+    taken = advance(text, rates_of(tableau.stages - 1))
+    return Attempt([], stages, judge(text, tableaux), taken, [])
+
+
+def adaptive(
+    text: TransientText,
+    scheme: AdaptiveSteps,
+    attempts: Callable[[TransientText, AdaptiveSteps], Attempt] = sweeps,
+) -> Figures:
+    """Append steps that follow the error estimate and return the figures of the run."""
+    text.array(K0, text.states)
+    attempt = attempts(text, scheme)
+    with text.aside() as first_rates:
+        rates_once(text, X, lambda at, _: [Assign(K0[at], RATE)], Instant(TIME))
+    left = Number(text.solver.duration) - TIME
+    control = Control(
+        about=f"{scheme.tableau.name}: steps follow the error estimate",
+        first_step=scheme.first_step,
+        length=call("fmin", call("fmin", H, Number(scheme.longest)), left),
+        carries=True,
+        order=scheme.tableau.order,
+        safety=0.9,
+        least=0.2,
+        settle=scheme.settle,
+    )
+    return controlled(text, control, first_rates, attempt, attempt.stages)
+
+
+def judge(text: TransientText, tableaux: tuple[Pair, ...]) -> list[Statement]:
+    """Return statements that find the worst error of a step, and the change at its end."""
+    last, body = rates_of(tableaux[0].stages - 1), list[Statement]()
+    tau, e = Number(float(text.template.tau.max())), Name("e")
+    for layer, tableau in enumerate(tableaux):
+        at = text.at(layer)
+        parts = [size(H * _combination(d, at)) for d in tableau.truncation]
+        larger = call("fmax", size(X[at]), size(XS[at]))
+        body.append(
+            block(
+                fixed(e, size(H * _combination(tableau.error, at))),
+                Accumulate(WORST, "greater", e / text.scale(larger)),
+                Accumulate(ADDED, "greater", total(parts) + rounding(text) * size(XS[at])),
+                Accumulate(SPEED, "greater", size(last[at])),
+                Accumulate(CHANGE, "greater", size(tau * last[at]) / text.scale(XS[at])),
+            )
+        )
+    with text.aside() as lines:
+        text.over_cells(body)
+    return lines

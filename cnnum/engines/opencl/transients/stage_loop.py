@@ -1,0 +1,75 @@
+"""Adaptive steps of a single small frame: all stages are rounds of one loop.
+
+Written out a stage after the other the text is several times as long, and takes as much longer to
+build. Each round takes all rates so far, those that its stage does not weigh times 0: what is added
+is the same, in the same order, but where a 0 stands between two products compilers may fuse others
+of the multiply-adds, which round otherwise.
+"""
+
+import numpy as np
+
+from cnnum.engines.opencl.ir.expressions import CELL, ZERO, Expression, Integer, Name, after, total
+from cnnum.engines.opencl.ir.statements import Assign, Counted, Statement, Verbatim, fixed, sweep
+from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.initial_state import X
+from cnnum.engines.opencl.transients.runge_kutta_steps import judge, rates_of
+from cnnum.engines.opencl.transients.state_equation import RATE, Instant, outputs, rates
+from cnnum.engines.opencl.transients.step_control import TIME, XS, Attempt, H, advance
+from cnnum.integrators.choice import AdaptiveSteps
+from cnnum.integrators.tableau import Pair
+
+LATER_RATES, STAGE = Name("later"), Name("stage")
+"""The rates of all stages but the first, one after the other; the stage at hand."""
+
+
+def rolls(text: TransientText) -> bool:
+    """Whether steps are to be built quickly: frames side by side are worth the longer text."""
+    return text.arena.private and text.tables.lanes == 1
+
+
+def rolled(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
+    """Return a step's statements as a loop over its stages."""
+    stages, n = scheme.tableau.stages, text.states
+    tableaux = tuple(scheme.of(layer) for layer in range(text.layers))
+    text.array(LATER_RATES, (stages - 1) * n)
+    text.array(XS, n)
+    names = [f"*const k{stage} = later + {(stage - 1) * n}" for stage in range(1, stages)]
+    text.body.append(Verbatim((f"__private real {', '.join(names)};",)))
+    with text.aside() as stage:
+        _stage(text, tableaux)
+    body: list[Statement] = [
+        # what a refused step left may be infinite, and is multiplied by 0
+        sweep(CELL, (stages - 1) * n, [Assign(LATER_RATES[CELL], ZERO)]),
+        Counted(
+            STAGE, 1, stages, None, tuple(stage), hint="__attribute__((opencl_unroll_hint(1)))"
+        ),
+    ]
+    taken = advance(text, rates_of(stages - 1))
+    return Attempt([], body, judge(text, tableaux), taken, [])
+
+
+def _stage(text: TransientText, tableaux: tuple[Pair, ...]) -> None:
+    """Append the round of one stage."""
+    stages = tableaux[0].stages
+    states: list[Expression] = []
+    for layer, tableau in enumerate(tableaux):
+        rows = np.zeros((stages, stages - 1))
+        for stage, row in enumerate(tableau.a):
+            rows[stage, : len(row)] = [float(weight) for weight in row]
+        weights = [Name(f"a{layer}_{m}") for m in range(stages - 1)]
+        for m, weight in enumerate(weights):
+            at = Integer(text.tables.data(rows)) + STAGE * (stages - 1) + m
+            text.body.append(fixed(weight, text.tables.number_at(at)))
+        place = text.at(layer)
+        terms = [weight * rates_of(m)[place] for m, weight in enumerate(weights)]
+        states.append(X[place] + H * total(terms))
+    outputs(text, states, keep=XS)
+    times = np.array([float(sum(row)) for row in tableaux[0].a])
+    time: Expression = ZERO
+    if text.template.gains:
+        time = TIME + text.tables.constant(times, STAGE) * H
+
+    def keep(at: Expression, _: int) -> list[Statement]:
+        return [Assign(LATER_RATES[after((STAGE - 1) * text.states, at)], RATE)]
+
+    rates(text, XS, keep, Instant(time))

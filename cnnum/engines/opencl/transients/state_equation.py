@@ -1,0 +1,233 @@
+"""What the cells do to each other: outputs y = f(x) and rates dx/dt."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.engines.opencl.ir.expressions import (
+    ONE,
+    ZERO,
+    Expression,
+    Name,
+    Number,
+    clip,
+    pick,
+    size,
+)
+from cnnum.engines.opencl.ir.statements import (
+    Accumulate,
+    Assign,
+    Declare,
+    Statement,
+    add,
+    block,
+    declare,
+    fixed,
+)
+from cnnum.engines.opencl.large_arrays.neighbourhood_sums import (
+    Seen,
+    line_of,
+    rows_near,
+    sums_by_rows,
+    sweep_sums,
+)
+from cnnum.engines.opencl.large_arrays.strip_couplings import FROM, PAST, STATES, fed_back
+from cnnum.engines.opencl.large_arrays.strip_rows import At
+from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientText
+from cnnum.engines.opencl.transients.dependencies import (
+    delays_outputs,
+    inputs_read,
+    pads_outputs,
+    pads_states,
+)
+from cnnum.engines.opencl.transients.feedforward import drive_of, input_seen
+from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name, gains, nonlinear
+from cnnum.network import taps
+
+Y, PADDED_STATES, DELAYED = Name("y"), Name("xp"), Name("yd")
+"""Padded outputs, states, and outputs a delay ago."""
+
+RATE, CHANGE, PART = Name("rate"), Name("change"), Name("part")
+
+Then = Callable[[Expression, int], Sequence[Statement]]
+"""Statements on `rate`, by the cell's place among the stacked states and by its layer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Instant:
+    """When rates are evaluated.
+
+    Attributes
+    ----------
+    time : Expression
+        Time since the start.
+    past : callable or None
+        The output a delay ago of the cell at a place in stacked order; None where the template
+        has no delayed A.
+    """
+
+    time: Expression = ZERO
+    past: Callable[[Expression], Expression] | None = None
+
+    def before(self, place: Expression) -> Expression:
+        """Return the output a delay ago."""
+        assert self.past is not None
+        return self.past(place)
+
+
+def declare_outputs(text: TransientText) -> None:
+    """Append the padded arrays of outputs (and states), and what of their rims stays the same."""
+    names = [Y, *([PADDED_STATES] if pads_states(text) else [])]
+    names += [DELAYED] if delays_outputs(text) else []
+    boundary = text.template.boundary
+    for name in names:
+        text.array(name, text.layers * text.padded)
+        if boundary.constant is not None:
+            state = np.asarray(boundary.constant)
+            value = state if name == PADDED_STATES else text.template.output.numpy(state)
+            text.fill_rims(name, text.layers, boundary, float(value))
+
+
+def outputs(text: TransientText, state: Sequence[Expression], keep: Name | None = None) -> None:
+    """Append y = f(state), the state given by one expression a layer; keep it in an array."""
+    template, body = text.template, list[Statement]()
+    for layer, expression in enumerate(state):
+        inner: list[Statement] = [declare(NOW, expression), *_limits(text)]
+        if keep is not None:
+            inner.append(Assign(keep[text.at(layer)], NOW))
+        if pads_states(text):
+            inner.append(Assign(PADDED_STATES[text.padded_at(layer)], NOW))
+        inner.append(Assign(Y[text.padded_at(layer)], text.output(NOW)))
+        body.append(block(*inner))
+    text.over_grid(body)
+    if template.boundary.constant is None:
+        text.fill_rims(Y, text.layers, template.boundary, None)
+        if pads_states(text):
+            text.fill_rims(PADDED_STATES, text.layers, template.boundary, None)
+
+
+def _limits(text: TransientText) -> list[Statement]:
+    return [Assign(NOW, clip(NOW))] if text.template.output.limited else []
+
+
+def rates(text: TransientText, state: Name, then: Then, instant: Instant) -> None:
+    """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it."""
+    _delayed_outputs(text, instant)
+    _gains(text, instant)
+    text.over_grid(_rate_lines(text, state, then, lambda layer: _couplings(text, layer)))
+
+
+def rates_once(text: TransientText, state: Name, then: Then, instant: Instant) -> None:
+    """Append the same of states whose outputs are not known, in one sweep where lanes are for it.
+
+    What is done in `then` may not change what other cells see.
+    """
+    if not _sees(text):
+        _gains(text, instant)
+        text.over_cells(_rate_lines(text, state, then, lambda _: []))
+        return
+    if not once_by_rows(text):
+        outputs(text, text.each(state))
+        rates(text, state, then, instant)
+        return
+    _gains(text, instant)
+    seen = _seen(text, state, instant)
+    inputs = {one.name: place for place, one in enumerate(seen) if one.name.startswith("lane_u")}
+    rows = rows_near(text, len(seen), inputs)
+    sums = [fed_back(rows, [At(layer, 0)]) for layer in range(text.layers)]
+    found = _rate_lines(text, state, then, lambda layer: [add(SUM, line_of(layer))])
+    begin = [fixed(Name(rows.gain(k)), gain_name(k)) for k in range(len(text.template.gains))]
+    sweep_sums(text, seen, sums, found, begin)
+
+
+def once_by_rows(text: TransientText) -> bool:
+    """Return whether `rates_once` needs no arrays of outputs."""
+    return sums_by_rows(text)
+
+
+def _sees(text: TransientText) -> int:
+    """Return how many things couplings see of neighbours."""
+    inputs = len(inputs_read(text))
+    return pads_outputs(text) + pads_states(text) + delays_outputs(text) + inputs
+
+
+def _seen(text: TransientText, state: Name, instant: Instant) -> list[Seen]:
+    """Return what couplings see: outputs, and those of earlier, states and inputs if they do."""
+    template, boundary = text.template, text.template.boundary
+    held = boundary.constant
+    rim = None if held is None else float(template.output.numpy(np.asarray(held)))
+    states: list[list[Statement]] = [[Assign(NOW, x), *_limits(text)] for x in text.each(state)]
+    shown = Assign(NOW, text.output(NOW))
+    found: list[Seen] = []
+    if pads_outputs(text):
+        found.append(Seen(FROM, [[*each, shown] for each in states], boundary, rim))
+    if pads_states(text):
+        found.append(Seen(STATES, states, boundary, held))
+    if delays_outputs(text):
+        places = [text.at(layer) for layer in range(text.layers)]
+        past: list[list[Statement]] = [[Assign(NOW, instant.before(at))] for at in places]
+        found.append(Seen(PAST, past, boundary, rim))
+    return found + [input_seen(text, n) for n in inputs_read(text)]
+
+
+def _rate_lines(
+    text: TransientText, state: Name, then: Then, couplings: Callable[[int], Sequence[Statement]]
+) -> list[Statement]:
+    """Return statements that find the rates of a cell; `couplings` returns what adds to its sum."""
+    body: list[Statement] = [Declare("real", ((SUM, None), (RATE, None)))]
+    for layer, now in enumerate(text.each(state)):
+        body.append(Assign(SUM, drive_of(text, layer) - now))
+        body += couplings(layer)
+        body.append(Assign(RATE, Number(1.0 / float(text.template.tau[layer])) * SUM))
+        if text.template.output.limited:
+            # at the rails, what drives a state outwards does nothing
+            inwards = pick(now * RATE > ZERO, ZERO, RATE)
+            body.append(Assign(RATE, pick(size(now) >= ONE, inwards, RATE)))
+        if text.operands.mask is not None:
+            body.append(Assign(RATE, pick(text.operands.mask.differs(ZERO), ZERO, RATE)))
+        body += then(text.at(layer), layer)
+    return body
+
+
+def _couplings(text: TransientText, layer: int) -> list[Statement]:
+    template = text.template
+    gained = {gain.source: k for k, gain in enumerate(template.gains) if gain.to == layer}
+    found = taps(template.A, layer)
+    lines = text.weighted(Y, tuple(tap for tap in found if tap.source not in gained))
+    for source, k in gained.items():
+        part = text.weighted(Y, tuple(tap for tap in found if tap.source == source), PART)
+        lines.append(block(declare(PART, ZERO), *part, add(SUM, gain_name(k) * PART)))
+    for coupling in template.nonlinear:
+        if not coupling.static and coupling.to == layer:
+            lines += nonlinear(text, coupling)
+    if template.delayed is not None and delays_outputs(text):
+        lines += text.weighted(DELAYED, taps(template.delayed.A, layer))
+    return lines
+
+
+def _gains(text: TransientText, instant: Instant) -> None:
+    text.body += gains(text, instant.time)
+
+
+def _delayed_outputs(text: TransientText, instant: Instant) -> None:
+    if not delays_outputs(text):
+        return
+    text.over_grid(
+        [
+            Assign(DELAYED[text.padded_at(layer)], instant.before(text.at(layer)))
+            for layer in range(text.layers)
+        ]
+    )
+    if text.template.boundary.constant is None:
+        text.fill_rims(DELAYED, text.layers, text.template.boundary, None)
+
+
+def watch_change(text: TransientText, state: Expression) -> Accumulate:
+    """Return the statement that keeps the largest rate, in units of the tolerance, in `change`.
+
+    A state whose rate times its layer's τ is below the tolerance stays within about that of its
+    equilibrium.
+    """
+    tau = Number(float(text.template.tau.max()))
+    return Accumulate(CHANGE, "greater", size(tau * RATE) / text.scale(state))

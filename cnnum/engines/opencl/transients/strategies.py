@@ -1,0 +1,199 @@
+"""The ways to bring a transient to its end, as records in an order: the first that fits runs."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from cnnum.engines.opencl.ir.expressions import ZERO, Number
+from cnnum.engines.opencl.ir.statements import declare
+from cnnum.engines.opencl.large_arrays.strip_adaptive import pair_attempts
+from cnnum.engines.opencl.large_arrays.strip_steps import (
+    state_strips,
+    states_suffice,
+    strip_steps,
+    strips_fit,
+)
+from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.chebyshev_steps import chebyshev, chebyshev_in_strips
+from cnnum.engines.opencl.transients.closed_form import exact
+from cnnum.engines.opencl.transients.euler_in_registers import fits_rows, row_steps
+from cnnum.engines.opencl.transients.exponential_steps import exponential
+from cnnum.engines.opencl.transients.feedforward import drive
+from cnnum.engines.opencl.transients.fused_euler import fused_euler, fuses
+from cnnum.engines.opencl.transients.initial_state import X, start
+from cnnum.engines.opencl.transients.runge_kutta_steps import adaptive, fixed_steps
+from cnnum.engines.opencl.transients.stage_loop import rolled, rolls
+from cnnum.engines.opencl.transients.state_equation import (
+    CHANGE,
+    Instant,
+    declare_outputs,
+    once_by_rows,
+    rates_once,
+    watch_change,
+)
+from cnnum.engines.opencl.transients.step_control import Figures
+from cnnum.engines.opencl.transients.uncoupled_cells import separate
+from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
+from cnnum.integrators.estimate import LOST
+from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
+from cnnum.integrators.separate import Separate
+from cnnum.integrators.spectral import Spectral
+
+
+def _always(text: TransientText, scheme: Any) -> bool:
+    del text, scheme
+    return True
+
+
+def _never(text: TransientText) -> bool:
+    del text
+    return False
+
+
+@dataclass(frozen=True, slots=True)
+class Strategy:
+    """A way to run a transient.
+
+    Attributes
+    ----------
+    name : str
+    reason : str
+        Why it is taken where it fits.
+    schemes : tuple of type
+        What a solver asks for.
+    lower : callable
+        Appends the statements of a scheme, from and to the states `x`, and returns the figures.
+    fits : callable
+        Whether a scheme of these can run so.
+    starts : bool
+        Whether the states `x` stand at their start before.
+    pads : callable
+        Whether padded arrays of outputs are declared before.
+    """
+
+    name: str
+    reason: str
+    schemes: tuple[type, ...]
+    lower: Callable[[TransientText, Any], Figures]
+    fits: Callable[[TransientText, Any], bool] = _always
+    starts: bool = True
+    pads: Callable[[TransientText], bool] = lambda _: True
+
+
+def _pads_once(text: TransientText) -> bool:
+    """Return whether the rates at the start of strips need padded outputs."""
+    return not once_by_rows(text)
+
+
+STRATEGIES = (
+    Strategy(
+        "closed form",
+        "the array is linear, and its end a product",
+        (Decay, Propagator, Spectral),
+        exact,
+        starts=False,
+        pads=_never,
+    ),
+    Strategy(
+        "cell by cell",
+        "no cell sees another, so its way is known in pieces",
+        (Separate,),
+        separate,
+        starts=False,
+        pads=_never,
+    ),
+    Strategy(
+        "strips of states",
+        "an output costs less to make again than to keep",
+        (FixedSteps, ExponentialSteps),
+        lambda text, scheme: state_strips(text, scheme),
+        lambda text, scheme: strips_fit(text, scheme) and states_suffice(text, scheme),
+        pads=_never,
+    ),
+    Strategy(
+        "strips",
+        "several steps of a few rows stay in the cache",
+        (FixedSteps, ExponentialSteps),
+        lambda text, scheme: strip_steps(text, scheme),
+        lambda text, scheme: strips_fit(text, scheme),
+        pads=_never,
+    ),
+    Strategy(
+        "strips",
+        "all stages of a few rows stay in the cache",
+        (ChebyshevSteps,),
+        chebyshev_in_strips,
+        lambda text, scheme: strips_fit(text, scheme),
+        pads=_pads_once,
+    ),
+    Strategy(
+        "strips",
+        "all stages of a few rows stay in the cache",
+        (AdaptiveSteps,),
+        lambda text, scheme: adaptive(text, scheme, pair_attempts),
+        lambda text, scheme: strips_fit(text, scheme),
+        pads=_pads_once,
+    ),
+    Strategy(
+        "rows in registers",
+        "a row of a single frame fits a vector, and all rows fit the registers",
+        (FixedSteps,),
+        row_steps,
+        lambda text, scheme: fuses(text, scheme) and fits_rows(text, scheme),
+    ),
+    Strategy(
+        "fused sweeps",
+        "a step of linear couplings is one sweep with the step in its weights",
+        (FixedSteps,),
+        fused_euler,
+        lambda text, scheme: fuses(text, scheme),
+    ),
+    Strategy(
+        "rolled stages",
+        "a loop over the stages of a single small frame is built quickly",
+        (AdaptiveSteps,),
+        lambda text, scheme: adaptive(text, scheme, rolled),
+        lambda text, _: rolls(text),
+    ),
+    Strategy("sweeps", "every scheme runs so", (FixedSteps,), fixed_steps),
+    Strategy("sweeps", "every scheme runs so", (ExponentialSteps,), exponential),
+    Strategy("sweeps", "every scheme runs so", (ChebyshevSteps,), chebyshev),
+    Strategy("sweeps", "every scheme runs so", (AdaptiveSteps,), adaptive),
+)
+
+
+def strategy_of(text: TransientText) -> Strategy:
+    """Return the first strategy that fits."""
+    scheme = text.solver.scheme
+    return next(
+        each for each in STRATEGIES if isinstance(scheme, each.schemes) and each.fits(text, scheme)
+    )
+
+
+def run(text: TransientText, strategy: Strategy) -> Figures:
+    """Append what brings the state `x` to its end and return the figures of the run.
+
+    A step that was forced upon a run leaves nothing known of its answer.
+    """
+    drive(text)
+    if strategy.starts:
+        start(text)
+    if strategy.pads(text):
+        declare_outputs(text)
+    figures = strategy.lower(text, text.solver.scheme)
+    if text.solver.forced:
+        figures |= {"settled": ZERO, "error": Number(LOST)}
+    return figures
+
+
+def settled_now(text: TransientText, strategy: Strategy) -> None:
+    """Append what finds in `change` whether the state `x` is at equilibrium.
+
+    Delayed outputs are taken as those of now, as they are once nothing changes.
+    """
+    text.body.append(declare(CHANGE, ZERO))
+    if not once_by_rows(text) and not strategy.pads(text):
+        declare_outputs(text)
+    instant = Instant(Number(text.solver.duration), lambda at: text.output(X[at]))
+    rates_once(text, X, lambda at, _: [watch_change(text, X[at])], instant)
