@@ -13,10 +13,10 @@ from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.opencl.building import build_program
-from cnnum.engines.opencl.lowering.kernel_source import KernelText, lower
+from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.engines.opencl.runtime.host_exchange import Exchange, exchanges
-from cnnum.engines.opencl.runtime.launch_runner import PartedArrays, PartedPlan
+from cnnum.engines.opencl.runtime.launch_runner import LaunchArrays, LaunchRunner
 from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.runtime.single_frame import OneFrame
 from cnnum.errors import NotSupportedError
@@ -44,11 +44,11 @@ on Intel's processors steps of float64 between denormals take 20 to 100 times as
 class _Built:
     """A kernel that is the whole plan, or its parts; the program is kept, or Intel's is lost."""
 
-    text: KernelText
+    text: KernelSource
     program: cl.Program
     data: cl.Buffer
     kernel: cl.Kernel | None
-    parted: PartedPlan | None
+    parted: LaunchRunner | None
     exchange: Exchange
 
 
@@ -57,7 +57,7 @@ class _Arrays:
     input: SharedArray
     output: SharedArray
     scratch: cl.Buffer
-    between: PartedArrays | None
+    between: LaunchArrays | None
 
 
 @dataclass(slots=True, eq=False)
@@ -87,7 +87,7 @@ class OpenCLExecutable:
     wide_lanes: int
     near_bytes: int
     own: cl.CommandQueue | None = None
-    _texts: dict[int, KernelText] = field(default_factory=dict[int, KernelText])
+    _texts: dict[int, KernelSource] = field(default_factory=dict[int, KernelSource])
     _kernels: dict[tuple[int, bool], _Built] = field(default_factory=dict[tuple[int, bool], _Built])
     _arrays: dict[int, _Arrays] = field(default_factory=dict[int, _Arrays])
     _no_memory: dict[bool, SharedArray] = field(default_factory=dict[bool, SharedArray])
@@ -246,14 +246,14 @@ class OpenCLExecutable:
             built.parted.bind((*given, arrays.scratch), arrays.between, batch, first=first)
         self._bound = bound
 
-    def _unpack(self, text: KernelText, result: NDArray[np.floating]) -> dict[str, Floats]:
+    def _unpack(self, text: KernelSource, result: NDArray[np.floating]) -> dict[str, Floats]:
         refuse_unfinished(result[:, -1])
         return {
             name: result[:, at].astype(np.float64).reshape(len(result), *shape)
             for name, (at, shape) in text.outputs.items()
         }
 
-    def _text(self, lanes: int) -> KernelText:
+    def _text(self, lanes: int) -> KernelSource:
         if lanes not in self._texts:
             width = max(self.wide_lanes, LEAST_WIDTH)
             by_vectors = self.wide_lanes > 1
@@ -269,7 +269,7 @@ class OpenCLExecutable:
             self._kernels[key] = self._build(self._text(lanes), queue)
         return self._kernels[key]
 
-    def _build(self, text: KernelText, queue: cl.CommandQueue) -> _Built:
+    def _build(self, text: KernelSource, queue: cl.CommandQueue) -> _Built:
         try:
             program = build_program(queue.context, text.source, [QUIET, FLUSH])
         except cl.RuntimeError as error:
@@ -279,7 +279,7 @@ class OpenCLExecutable:
         exchange = Exchange(queue, program, self.dtype)
         if text.parts is None:
             return _Built(text, program, data, cl.Kernel(program, "plan"), None, exchange)
-        parted = PartedPlan(queue, program, text.parts, self.dtype)
+        parted = LaunchRunner(queue, program, text.parts, self.dtype)
         return _Built(text, program, data, None, parted, exchange)
 
     def _arrays_for(self, batch: int, built: _Built) -> _Arrays:

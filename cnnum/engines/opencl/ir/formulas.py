@@ -4,6 +4,7 @@
 """
 
 import ast
+from collections.abc import Callable
 from functools import cache
 
 from cnnum.engines.opencl.ir.expressions import (
@@ -20,6 +21,12 @@ _SIGNS: dict[type, str] = {
 }  # fmt: skip
 
 
+Values = dict[str, Expression]
+
+Reader = Callable[[Values], Expression]
+"""What makes an expression of the values of its variables."""
+
+
 def formula(text: str, **values: Expression) -> Expression:
     """Return the expression with its variables given.
 
@@ -28,31 +35,37 @@ def formula(text: str, **values: Expression) -> Expression:
     SyntaxError
         If it is none.
     """
-    return _read(_parsed(text), text, values)
+    return _reader_of(text)(values)
 
 
 @cache
-def _parsed(text: str) -> ast.expr:
-    return ast.parse(text, mode="eval").body
+def _reader_of(text: str) -> Reader:
+    return _reader(ast.parse(text, mode="eval").body, text)
 
 
-def _read(node: ast.expr, text: str, values: dict[str, Expression]) -> Expression:
-    def read(inner: ast.expr) -> Expression:
-        return _read(inner, text, values)
-
+def _reader(node: ast.expr, text: str) -> Reader:
+    """Return what reads a part of a text."""
     if isinstance(node, ast.Name):
-        return values[node.id] if node.id in values else Constant(node.id)
+        name, word = node.id, Constant(node.id)
+        return lambda values: values.get(name, word)
     if isinstance(node, ast.Constant):
-        return Constant(ast.get_source_segment(text, node) or "")
+        literal = Constant(ast.get_source_segment(text, node) or "")
+        return lambda _: literal
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        return Call(node.func.id, tuple(read(argument) for argument in node.args))
+        function, arguments = node.func.id, [_reader(inner, text) for inner in node.args]
+        return lambda values: Call(function, tuple([read(values) for read in arguments]))
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        return Negative(read(node.operand))
+        value = _reader(node.operand, text)
+        return lambda values: Negative(value(values))
     if isinstance(node, ast.BinOp) and type(node.op) in _SIGNS:
-        return Binary(_SIGNS[type(node.op)], read(node.left), read(node.right))
+        return _both(_SIGNS[type(node.op)], _reader(node.left, text), _reader(node.right, text))
     if isinstance(node, ast.Compare):
-        found = read(node.left)
+        found = _reader(node.left, text)
         for sign, right in zip(node.ops, node.comparators, strict=True):
-            found = Binary(_SIGNS[type(sign)], found, read(right))
+            found = _both(_SIGNS[type(sign)], found, _reader(right, text))
         return found
     raise SyntaxError(f"An expression has a part that kernels do not have: {text!r}.")
+
+
+def _both(sign: str, left: Reader, right: Reader) -> Reader:
+    return lambda values: Binary(sign, left(values), right(values))

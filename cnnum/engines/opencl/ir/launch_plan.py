@@ -94,7 +94,7 @@ class Rounds:
 
     Attributes
     ----------
-    parts : tuple of Part
+    parts : tuple of LaunchStep
     count : int or None
         How often; None where the frames say it.
     bound : (int, int) or None
@@ -103,29 +103,29 @@ class Rounds:
         The register that is 0 once a frame needs no further round; asked before every round.
     """
 
-    parts: "tuple[Part, ...]"
+    parts: "tuple[LaunchStep, ...]"
     count: int | None = None
     bound: tuple[int, int] | None = None
     flag: int | None = None
 
 
-Part = Launch | Steps | Rounds
+LaunchStep = Launch | Steps | Rounds
 
 
 @dataclass(frozen=True, slots=True)
-class Parts:
+class LaunchPlan:
     """What the host does for a batch.
 
     Attributes
     ----------
-    parts : tuple of Part
+    parts : tuple of LaunchStep
     text : str
         All kernels.
     registers, partials : int
         Numbers a frame that are kept in registers, and for sums that are not yet complete.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[LaunchStep, ...]
     text: str
     registers: int
     partials: int
@@ -138,7 +138,7 @@ class Parts:
         return sum(_launches(part, units) for part in self.parts)
 
 
-def _launches(part: Part, units: int) -> int:
+def _launches(part: LaunchStep, units: int) -> int:
     if isinstance(part, Launch):
         return 1
     if isinstance(part, Steps):

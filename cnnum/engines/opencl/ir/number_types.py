@@ -9,7 +9,7 @@ import numpy as np
 from cnnum.errors import ArrayError
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class NumberType:
     """A type of numbers in buffers and registers.
 

@@ -1,7 +1,8 @@
 """Records as text: OpenCL C, for a number type."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from cnnum.engines.opencl.ir.expressions import (
     Binary,
@@ -60,7 +61,11 @@ class OpenCLPrinter:
 
     def expression(self, value: Expression) -> str:
         """Return the text of an expression."""
-        return self._ranked(value)[0]
+        return _EXPRESSIONS[type(value)](self, value)[0]
+
+    def name(self, name: Name) -> str:
+        """Return how a name is written."""
+        return self.names.get(name.text, name.text)
 
     def lines(self, statements: Iterable[Statement], depth: int = 0) -> list[str]:
         """Return the lines of statements."""
@@ -71,63 +76,18 @@ class OpenCLPrinter:
             for line in self._written(statement)
         ]
 
-    def _within(self, value: Expression, least: int) -> str:
-        text, rank = self._ranked(value)
+    def within(self, value: Expression, least: int) -> str:
+        """Return the text of an operand of a sign that binds so tightly."""
+        text, rank = _EXPRESSIONS[type(value)](self, value)
         return text if rank >= least else f"({text})"
-
-    def _ranked(self, value: Expression) -> tuple[str, int]:
-        if isinstance(value, Name):
-            return self.names.get(value.text, value.text), _PRIMARY
-        if isinstance(value, Binary):
-            rank = _RANKS[value.sign]
-            left, right = self._within(value.left, rank), self._within(value.right, rank + 1)
-            return f"{left} {value.sign} {right}", rank
-        if isinstance(value, Element):
-            name = self.names.get(value.array.text, value.array.text)
-            return f"{name}[{self.expression(value.at)}]", _PRIMARY
-        if isinstance(value, Call):
-            inner = ", ".join(self.expression(argument) for argument in value.arguments)
-            return f"{value.function}({inner})", _PRIMARY
-        if isinstance(value, Number):
-            return self.numbers.literal(value.value), _PRIMARY
-        return self._rare(value)
-
-    def _rare(self, value: Expression) -> tuple[str, int]:
-        if isinstance(value, Integer):
-            return str(value.value), _PRIMARY
-        if isinstance(value, Constant):
-            return value.text, _PRIMARY
-        if isinstance(value, Negative):
-            return f"-{self._within(value.value, _PRIMARY)}", _UNARY
-        if isinstance(value, Cast):
-            return f"({value.type}){self._within(value.value, _UNARY)}", _UNARY
-        if isinstance(value, Component):
-            return f"{value.vector.text}.s{value.lane:x}", _PRIMARY
-        assert isinstance(value, Choice)
-        condition, yes = self._within(value.condition, _CHOICE + 1), self.expression(value.yes)
-        return f"{condition} ? {yes} : {self._within(value.no, _CHOICE)}", _CHOICE
 
     # statements
 
     def _written(self, statement: Statement) -> list[str]:
-        if isinstance(statement, Assign):
-            target, value = self.expression(statement.target), self.expression(statement.value)
-            if (statement.sign, value) == ("+=", "1"):
-                return [f"++{target};"]
-            return [f"{target} {statement.sign} {value};"]
-        if isinstance(statement, Declare):
-            return self._declare(statement)
-        if isinstance(statement, Accumulate):
-            return self._accumulate(statement)
-        if isinstance(statement, Array):
-            return self._array(statement)
-        if isinstance(statement, Note):
-            return [statement.text]
-        if isinstance(statement, Verbatim):
-            return self._verbatim(statement)
-        if isinstance(statement, StripSteps):
-            levels = None if statement.levels is None else self.expression(statement.levels)
-            return [statement.strips.within(levels)]
+        write = _STATEMENTS.get(type(statement))
+        if write is not None:
+            return write(self, statement)
+        assert isinstance(statement, Block | Branch | Sweep | Loop | Counted | While)
         hint = [statement.hint] if isinstance(statement, Loop | Counted) and statement.hint else []
         head = f"{self._head(statement)} {{".lstrip()
         return [*hint, head, *self.lines(statement.body, 1), "}"]
@@ -144,39 +104,142 @@ class OpenCLPrinter:
             return f"for (int {v} = 0; {v} < {statement.count}; ++{v})"
         if isinstance(statement, Loop):
             next = f"++{v}" if statement.step == 1 else f"{v} += {statement.step}"
-            condition = f"{v} < {self._within(operand(statement.end), _RANKS['<'] + 1)}"
+            condition = f"{v} < {self.within(operand(statement.end), _RANKS['<'] + 1)}"
             return f"for (int {v} = {statement.start}; {condition}; {next})"
         condition = self.expression(statement.condition)
         return f"for (int {v} = {statement.start}; {condition}; ++{v})"
 
-    def _declare(self, new: Declare) -> list[str]:
-        parts = [
-            name.text if value is None else f"{name.text} = {self.expression(value)}"
-            for name, value in new.variables
-        ]
-        return [f"{'const ' if new.fixed else ''}{new.type} {', '.join(parts)};"]
 
-    def _array(self, array: Array) -> list[str]:
-        if array.start is None:
-            return [f"real {array.name.text}[{array.length}];"]
-        return [f"__global real *const {array.name.text} = {self.expression(array.start)};"]
+Ranked = tuple[str, int]
+"""A text, and how tightly it binds."""
 
-    def _accumulate(self, taken: Accumulate) -> list[str]:
-        target = self.expression(taken.target)
-        if taken.how == "+":
-            return [f"{target} = {target} + {self._within(taken.value, _RANKS['+'] + 1)};"]
-        return [f"{target} = {taken.how}({target}, {self.expression(taken.value)});"]
 
-    def _verbatim(self, text: Verbatim) -> list[str]:
-        written = ""
-        for piece in text.pieces:
-            if isinstance(piece, str):
-                written += piece
-            elif isinstance(piece, Expression):
-                written += self.expression(piece)
-            else:
-                # statements stand as deep as the line that they begin
-                pad = written[written.rfind("\n") + 1 :]
-                depth = len(pad) // 4 if not pad.strip() else 0
-                written += "\n".join(self.lines(piece, depth))[len(pad) if depth else 0 :]
-        return written.splitlines()
+def _name(printer: OpenCLPrinter, name: Name) -> Ranked:
+    return printer.names.get(name.text, name.text), _PRIMARY
+
+
+def _constant(printer: OpenCLPrinter, word: Constant) -> Ranked:
+    del printer
+    return word.text, _PRIMARY
+
+
+def _integer(printer: OpenCLPrinter, number: Integer) -> Ranked:
+    del printer
+    return str(number.value), _UNARY if number.value < 0 else _PRIMARY
+
+
+def _number(printer: OpenCLPrinter, number: Number) -> Ranked:
+    return printer.numbers.literal(number.value), _PRIMARY
+
+
+def _element(printer: OpenCLPrinter, element: Element) -> Ranked:
+    return f"{printer.name(element.array)}[{printer.expression(element.at)}]", _PRIMARY
+
+
+def _component(printer: OpenCLPrinter, component: Component) -> Ranked:
+    return f"{printer.name(component.vector)}.s{component.lane:x}", _PRIMARY
+
+
+def _call(printer: OpenCLPrinter, call: Call) -> Ranked:
+    inner = ", ".join([printer.expression(argument) for argument in call.arguments])
+    return f"{call.function}({inner})", _PRIMARY
+
+
+def _binary(printer: OpenCLPrinter, both: Binary) -> Ranked:
+    rank = _RANKS[both.sign]
+    left, right = printer.within(both.left, rank), printer.within(both.right, rank + 1)
+    return f"{left} {both.sign} {right}", rank
+
+
+def _negative(printer: OpenCLPrinter, negative: Negative) -> Ranked:
+    return f"-{printer.within(negative.value, _PRIMARY)}", _UNARY
+
+
+def _cast(printer: OpenCLPrinter, cast: Cast) -> Ranked:
+    return f"({cast.type}){printer.within(cast.value, _UNARY)}", _UNARY
+
+
+def _choice(printer: OpenCLPrinter, choice: Choice) -> Ranked:
+    condition = printer.within(choice.condition, _CHOICE + 1)
+    yes, no = printer.expression(choice.yes), printer.within(choice.no, _CHOICE)
+    return f"{condition} ? {yes} : {no}", _CHOICE
+
+
+_EXPRESSIONS: dict[type[Expression], Callable[[OpenCLPrinter, Any], Ranked]] = {
+    Name: _name,
+    Constant: _constant,
+    Integer: _integer,
+    Number: _number,
+    Element: _element,
+    Component: _component,
+    Call: _call,
+    Binary: _binary,
+    Negative: _negative,
+    Cast: _cast,
+    Choice: _choice,
+}
+
+
+def _assign(printer: OpenCLPrinter, assign: Assign) -> list[str]:
+    target, value = printer.expression(assign.target), printer.expression(assign.value)
+    if (assign.sign, value) == ("+=", "1"):
+        return [f"++{target};"]
+    return [f"{target} {assign.sign} {value};"]
+
+
+def _declare(printer: OpenCLPrinter, new: Declare) -> list[str]:
+    parts = [
+        name.text if value is None else f"{name.text} = {printer.expression(value)}"
+        for name, value in new.variables
+    ]
+    return [f"{'const ' if new.fixed else ''}{new.type} {', '.join(parts)};"]
+
+
+def _array(printer: OpenCLPrinter, array: Array) -> list[str]:
+    if array.start is None:
+        return [f"real {array.name.text}[{array.length}];"]
+    return [f"__global real *const {array.name.text} = {printer.expression(array.start)};"]
+
+
+def _accumulate(printer: OpenCLPrinter, taken: Accumulate) -> list[str]:
+    target = printer.expression(taken.target)
+    if taken.how == "+":
+        return [f"{target} = {target} + {printer.within(taken.value, _RANKS['+'] + 1)};"]
+    return [f"{target} = {taken.how}({target}, {printer.expression(taken.value)});"]
+
+
+def _note(printer: OpenCLPrinter, note: Note) -> list[str]:
+    del printer
+    return [note.text]
+
+
+def _strips(printer: OpenCLPrinter, steps: StripSteps) -> list[str]:
+    levels = None if steps.levels is None else printer.expression(steps.levels)
+    return [steps.strips.within(levels)]
+
+
+def _verbatim(printer: OpenCLPrinter, text: Verbatim) -> list[str]:
+    written = ""
+    for piece in text.pieces:
+        if isinstance(piece, str):
+            written += piece
+        elif isinstance(piece, Expression):
+            written += printer.expression(piece)
+        else:
+            # statements stand as deep as the line that they begin
+            pad = written[written.rfind("\n") + 1 :]
+            depth = len(pad) // 4 if not pad.strip() else 0
+            written += "\n".join(printer.lines(piece, depth))[len(pad) if depth else 0 :]
+    return written.splitlines()
+
+
+_STATEMENTS: dict[type, Callable[[OpenCLPrinter, Any], list[str]]] = {
+    Assign: _assign,
+    Declare: _declare,
+    Array: _array,
+    Accumulate: _accumulate,
+    Note: _note,
+    StripSteps: _strips,
+    Verbatim: _verbatim,
+}
+"""All that have no body."""

@@ -77,8 +77,8 @@ class RowLayout:
 
     def loaded(self, array: str, source: int, row: int, col: int, start: str = "p") -> str:
         """Return the expression of the cells so many rows and columns from those at `start`."""
-        apart = row * self.pitch + source * self.span + col * self.width
-        return f"*(__global const vec *)({array} + {apart} + {start})"
+        offsets = row * self.pitch + source * self.span + col * self.width
+        return f"*(__global const vec *)({array} + {offsets} + {start})"
 
     def place(self, col: int) -> int:
         """Return the place of a cell, counted from the row's first."""

@@ -5,7 +5,7 @@ import numpy as np
 from cnnum.boundary import Boundary
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.text import fill, indented
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 
 BLOCK_ROWS = 4
 """Rows that are taken at once."""
@@ -18,23 +18,23 @@ OWN = (
 """Names that the text has to itself: a plan may have several."""
 
 
-def lanes_fit(text: TransientText) -> bool:
+def lanes_fit(text: TransientBuilder) -> bool:
     """Return whether rows in lanes are for an array: for large ones whose cells have neighbours."""
     return text.radius > 0 and not text.arena.private
 
 
-def row_layout(text: TransientText, boundary: Boundary | None = None) -> RowLayout:
+def row_layout(text: TransientBuilder, boundary: Boundary | None = None) -> RowLayout:
     """Return how rows lie that end at a boundary: that of the states if no other is given."""
     ends = boundary or text.template.boundary
     return RowLayout(text.shape[1], text.radius, text.tables.width, ends, text.layers)
 
 
-def size_of(text: TransientText, layout: RowLayout) -> int:
+def size_of(text: TransientBuilder, layout: RowLayout) -> int:
     """Return the numbers of an array that holds all rows."""
     return (text.shape[0] + 2 * text.radius) * layout.pitch
 
 
-def lane_text(text: TransientText, layout: RowLayout) -> str:
+def lane_text(text: TransientBuilder, layout: RowLayout) -> str:
     """Return the types and functions of rows in lanes."""
     return fill(
         "lanes",
@@ -50,7 +50,7 @@ def lane_text(text: TransientText, layout: RowLayout) -> str:
     )
 
 
-def rim_text(text: TransientText, layout: RowLayout, suffix: str, fixed: float | None) -> str:
+def rim_text(text: TransientBuilder, layout: RowLayout, suffix: str, fixed: float | None) -> str:
     """Return the functions that set virtual cells; those of a fixed boundary hold a number."""
     constant = None if fixed is None else text.literal(fixed)
     return fill(

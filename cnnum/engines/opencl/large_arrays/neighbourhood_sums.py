@@ -14,7 +14,7 @@ from cnnum.engines.opencl.large_arrays.row_vectors import PlainRows, own_text, p
 from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
 from cnnum.engines.opencl.lowering.storage import ALIGNED
 from cnnum.engines.opencl.text import fill, filled, indented
-from cnnum.engines.opencl.transients.builder import COL, ROW, TransientText
+from cnnum.engines.opencl.transients.builder import COL, ROW, TransientBuilder
 
 ROWS_NEAR = Name("rows_near")
 
@@ -81,12 +81,12 @@ class _Near:
         return self.seen * self.each + self.sums * self.layout.length
 
 
-def sums_by_rows(text: TransientText) -> bool:
+def sums_by_rows(text: TransientBuilder) -> bool:
     """Return whether neighbours outside the steps are summed so: on processors, of large arrays."""
     return text.tables.by_vectors and text.radius > 0 and not text.arena.private
 
 
-def _near(text: TransientText, seen: int, sums: int) -> _Near:
+def _near(text: TransientBuilder, seen: int, sums: int) -> _Near:
     """Return what is kept for sums of so much that is seen."""
     (rows, cols), tables, radius = text.shape, text.tables, text.radius
 
@@ -98,7 +98,7 @@ def _near(text: TransientText, seen: int, sums: int) -> _Near:
 
     # a kernel that is a whole plan would have the rows of all its sums on the stack
     near = kept("__private")
-    fits = tables.parted and near.size * tables.dtype.itemsize <= STACK_BYTES
+    fits = tables.split and near.size * tables.dtype.itemsize <= STACK_BYTES
     return near if fits else kept("__global")
 
 
@@ -108,7 +108,7 @@ def line_of(layer: int) -> Element:
 
 
 def sweep_sums(
-    text: TransientText,
+    text: TransientBuilder,
     seen: list[Seen],
     sums: list[list[str]],
     body: Sequence[Statement],
@@ -118,7 +118,7 @@ def sweep_sums(
 
     Parameters
     ----------
-    text : TransientText
+    text : TransientBuilder
     seen : list of Seen
     sums : list of list of str
         Of each layer, statements that add to the sum of a vector of cells.
@@ -153,24 +153,24 @@ def sweep_sums(
     text.arena.release(mark)
 
 
-def rows_near(text: TransientText, seen: int, inputs: dict[str, int]) -> Rows:
+def rows_near(text: TransientBuilder, seen: int, inputs: dict[str, int]) -> Rows:
     """Return rows whose sums see what a sweep does; inputs have places among all of it."""
     near = _near(text, seen, text.layers)
-    apart = {name: place * near.each for name, place in inputs.items()}
-    return Rows(text, near.layout, (1.0,) * text.layers, apart, "near")
+    offsets = {name: place * near.each for name, place in inputs.items()}
+    return Rows(text, near.layout, (1.0,) * text.layers, offsets, "near")
 
 
-def _declared(text: TransientText, near: _Near, blocks: int) -> Verbatim:
+def _declared(text: TransientBuilder, near: _Near, blocks: int) -> Verbatim:
     """Return the declaration of what is kept while the rows of the block `r` are taken."""
     if near.on_stack:
         return Verbatim((f"scalar near[{near.size}] __attribute__((aligned(64)));",))
     # blocks of a plan that is parted are taken at the same time
-    step = -(-near.size // ALIGNED) * ALIGNED if text.tables.parted else 0
+    step = -(-near.size // ALIGNED) * ALIGNED if text.tables.split else 0
     text.array(ROWS_NEAR, max(near.size, blocks * step))
     return Verbatim(("__global scalar *const near = ", ROWS_NEAR + ROW * step, ";"))
 
 
-def _row_of(text: TransientText, layout: PlainRows, one: Seen) -> Verbatim:
+def _row_of(text: TransientBuilder, layout: PlainRows, one: Seen) -> Verbatim:
     """Return the text that sets a row, which may be a virtual one."""
     rows = text.shape[0]
     row, beyond = "at_row", list[str]()

@@ -48,7 +48,7 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import (
 )
 from cnnum.engines.opencl.large_arrays.strip_pair import BEGINS, LENGTH, MOVED, pair_cases
 from cnnum.engines.opencl.large_arrays.strip_rows import Rows
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.step_control import ACCEPT, TIME, Attempt, H
 from cnnum.integrators.chebyshev import MAX_STAGES
 from cnnum.integrators.schemes import AdaptiveSteps
@@ -104,7 +104,7 @@ class Trial:
     told: Name | None = None
 
 
-def pair_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
+def pair_attempts(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     """Return the statements of a pair's steps, and keep their kernel with the tables."""
     stages = scheme.tableau.stages
     return _attempt(
@@ -124,12 +124,12 @@ def pair_attempts(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
     )
 
 
-def chebyshev_attempts(text: TransientText, table: int) -> Attempt:
+def chebyshev_attempts(text: TransientBuilder, table: int) -> Attempt:
     """Return the statements of Chebyshev's steps, and keep their kernel with the tables.
 
     Parameters
     ----------
-    text : TransientText
+    text : TransientBuilder
     table : int
         Where in the data the methods' rows begin.
     """
@@ -186,37 +186,37 @@ def _changed_places() -> list[Statement]:
     return [Branch(ACCEPT.differs(ZERO), taken)]
 
 
-def _attempt(text: TransientText, trial: Trial) -> Attempt:
+def _attempt(text: TransientBuilder, trial: Trial) -> Attempt:
     """Return the statements of steps, and keep their kernel with the tables."""
     layout = row_layout(text)
-    apart = declare_arrays(text, layout, trial.arrays)
+    offsets = declare_arrays(text, layout, trial.arrays)
     scales = tuple(1.0 / float(tau) for tau in text.template.tau)
-    size = levels_of(text, layout, apart)
+    size = levels_of(text, layout, offsets)
     each = size[1] * layout.width
     span = layout.vectors * layout.width
     lengths = {"control": trial.control, "maxima": len(FIGURES) * each, "cells": span}
     for name, length in lengths.items():
         text.array(Name(f"strip_{name}"), length)
         place = text.arena.places[f"strip_{name}"]
-        apart[f"strip_{name}"] = place - text.arena.places[trial.arrays[0]]
-    places = dict(apart)
+        offsets[f"strip_{name}"] = place - text.arena.places[trial.arrays[0]]
+    places = dict(offsets)
     clear = [f"for (int n = 0; piece == 0 && n < {len(FIGURES) * each}; ++n) {{"]
-    clear += [f"    x[{apart['strip_maxima']} + n] = 0;", "}"]
+    clear += [f"    x[{offsets['strip_maxima']} + n] = 0;", "}"]
     if span == layout.cols:
-        del apart["strip_cells"]
+        del offsets["strip_cells"]
     else:
-        clear += mark_cells(layout, apart["strip_cells"])
-    rows = Rows(text, layout, scales, apart)
-    k0 = f"to_lanes(x + p + {apart[trial.rates]}, mine + {text.arena.places['k0']} + cell, 1);"
+        clear += mark_cells(layout, offsets["strip_cells"])
+    rows = Rows(text, layout, scales, offsets)
+    k0 = f"to_lanes(x + p + {offsets[trial.rates]}, mine + {text.arena.places['k0']} + cell, 1);"
     own = StripText(
-        apart,
+        offsets,
         scales,
         trial.case.format(**places),
         lambda block: trial.cases(rows, size[1], block),
         clear=clear,
         rest=[k0, *rows.set_held()],
         begin=_forget(places["strip_maxima"], size[1], layout),
-        outputs=by_turns(apart, OUTPUTS),
+        outputs=by_turns(offsets, OUTPUTS),
         end=trial.end.format(**places),
         count=trial.count.format(**places),
     )

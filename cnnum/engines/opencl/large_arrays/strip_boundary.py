@@ -8,7 +8,7 @@ from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.lane_rows import rim_text
 from cnnum.engines.opencl.large_arrays.strip_couplings import STATES
 from cnnum.engines.opencl.large_arrays.strip_rows import NEW_STATES
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import has_history, pads_states
 
 OUTPUTS = ("strip_even", "strip_odd")
@@ -23,20 +23,20 @@ LATER = "strip_later"
 _SUFFIX = "_of_states"
 
 
-def padded_arrays(text: TransientText) -> tuple[str, ...]:
+def padded_arrays(text: TransientBuilder) -> tuple[str, ...]:
     """Return the arrays that couplings want beside outputs."""
     seen = SEEN if pads_states(text) else ()
     later = (LATER,) if has_history(text) else ()
     return (*seen, *later)
 
 
-def by_turns(apart: Mapping[str, int], names: tuple[str, str]) -> str:
+def by_turns(offsets: Mapping[str, int], names: tuple[str, str]) -> str:
     """Return the expression of one of two arrays after `level` levels."""
-    even, odd = (apart[name] for name in names)
+    even, odd = (offsets[name] for name in names)
     return f"x + (level & 1 ? {odd} : {even})"
 
 
-def reads(text: TransientText, driven: str) -> list[str]:
+def reads(text: TransientBuilder, driven: str) -> list[str]:
     """Return the declarations of what a level reads and writes, beside outputs."""
     lines = [f"__global const scalar *const driven = {driven};"]
     if pads_states(text):
@@ -47,12 +47,14 @@ def reads(text: TransientText, driven: str) -> list[str]:
     return lines
 
 
-def first_states(text: TransientText) -> list[str]:
+def first_states(text: TransientBuilder) -> list[str]:
     """Return the text that sets, for a row, the states that couplings read first."""
     return ["copy_lanes(states_of(x, 0) + p, x + p);"] if pads_states(text) else []
 
 
-def rim_texts(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) -> dict[str, str]:
+def rim_texts(
+    text: TransientBuilder, layout: RowLayout, offsets: Mapping[str, int]
+) -> dict[str, str]:
     """Return the kernel text's names that say what is done about virtual cells."""
     seen, fixed = pads_states(text), text.template.boundary.constant
     shown = None if fixed is None else float(text.template.output.numpy(np.asarray(fixed)))
@@ -66,7 +68,7 @@ def rim_texts(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) 
     start = f"all_sides{_SUFFIX}({NEW_STATES}, start"
     return {
         "rims": rims,
-        "states_of": by_turns(apart, SEEN) if seen else "x",
+        "states_of": by_turns(offsets, SEEN) if seen else "x",
         "sides_states": of_states(f"{start});"),
         "sides_states_of_block": of_states(f"{start} + r * {layout.pitch});"),
         "sides_states_at_first": of_states(f"all_sides{_SUFFIX}(states_of(x, 0), ROW(r));"),

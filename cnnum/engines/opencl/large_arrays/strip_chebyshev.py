@@ -30,15 +30,15 @@ CONTROL = ROWS + 4 * MAX_STAGES
 
 def chebyshev_cases(rows: Rows, most: int, block: int) -> list[str]:
     """Return the text of all levels of so many rows; `most` strips keep what they find."""
-    apart = rows.apart[ARRAYS[1]]
-    rows = replace(rows, apart={**rows.apart, **{name: name for name in PLACES}})
+    offsets = rows.offsets[ARRAYS[1]]
+    rows = replace(rows, offsets={**rows.offsets, **{name: name for name in PLACES}})
     every, own = rows.block(block), tuple(-scale for scale in rows.scales)
     places = {"state": STATE, "rates": RATES, "even": EVEN, "odd": ODD}
     head = [
-        f"__global const scalar *const control = x + {rows.apart['strip_control']};",
+        f"__global const scalar *const control = x + {rows.offsets['strip_control']};",
         f"__global const scalar *const row = control + {ROWS} + 4 * number;",
         f"const scalar h = control[{STEP}];",
-        *(f"const int {name} = (int)control[{n}] * {apart};" for name, n in places.items()),
+        *(f"const int {name} = (int)control[{n}] * {offsets};" for name, n in places.items()),
         "const int now = number & 1 ? odd : even, old = number & 1 ? even : odd;",
     ]
     stage = [
@@ -81,12 +81,12 @@ def _judge(rows: Rows, at: At) -> list[str]:
     # Sommeijer, Shampine & Verwer 1998, section 2.2
     rate = rows.free(at, at.sum, "one - one") if rows.masked else at.sum
     states = rows.array("state", at), rows.array("now", at)
-    apart = f"{rows.vector(0.8)} * ({states[0]} - {states[1]})"
+    offsets = f"{rows.vector(0.8)} * ({states[0]} - {states[1]})"
     slopes = f"{rows.vector(0.4)} * h * ({rows.array('rates', at)} + k1)"
     lines = [
         f"const vec k1 = {rate};",
         rows.store("old", at, "k1"),
-        f"const vec e = magnitude({apart} + {slopes});",
+        f"const vec e = magnitude({offsets} + {slopes});",
         *figures(rows, "e", "e", "k1", states),
     ]
     return rows.braced(lines)

@@ -175,7 +175,7 @@ def given(rows: Rows, at: At, weights: Floats, name: Callable[[int], str]) -> li
     """
 
     def value(source: int, row: int, col: int) -> str:
-        return _loaded(rows, f"{rows.base} + {rows.apart[name(source)]}")(0, row, col)
+        return _loaded(rows, f"{rows.base} + {rows.offsets[name(source)]}")(0, row, col)
 
     found = tuple(taps(weights, layer) for layer in range(rows.text.layers))
     return _added(rows, [at], Through(value, "", found)) if found[at.layer] else []
@@ -290,8 +290,8 @@ def _nonlinear(rows: Rows, coupling: NonlinearCoupling, at: At) -> list[str]:
     """Return the text that adds a nonlinear coupling's sum to that of a row."""
     radius, lines = coupling.weights.shape[0] // 2, list[str]()
     for row, col in np.argwhere(coupling.weights):
-        apart = at.row + int(row) - radius, int(col) - radius
-        argument = _quantity(rows, coupling.neighbour, coupling.source, *apart)
+        offsets = at.row + int(row) - radius, int(col) - radius
+        argument = _quantity(rows, coupling.neighbour, coupling.source, *offsets)
         if coupling.centre is not None:
             centre = _quantity(rows, coupling.centre, coupling.centre_source, at.row, 0)
             pair = (argument, centre) if coupling.reversed_sign else (centre, argument)
@@ -306,7 +306,7 @@ def _nonlinear(rows: Rows, coupling: NonlinearCoupling, at: At) -> list[str]:
 def _quantity(rows: Rows, name: Quantity, source: int, row: int, col: int) -> str:
     """Return the expression of a cell's state, output or input."""
     if name == "u":  # every input is an array of its own
-        array, source = f"{rows.base} + {rows.apart[inputs_of(source)]}", 0
+        array, source = f"{rows.base} + {rows.offsets[inputs_of(source)]}", 0
     else:
         array = FROM if name == "y" else STATES
     return _loaded(rows, array)(source, row, col)

@@ -27,9 +27,9 @@ def judged(rows: Rows, most: int, each: list[str]) -> list[str]:
     each : list of str
         What it does between.
     """
-    size = rows.layout.width
+    size, first = rows.layout.width, rows.offsets["strip_maxima"]
     places = [
-        f"*(__global vec *)(x + {rows.apart['strip_maxima']} + {n * most * size} + piece * {size})"
+        f"*(__global vec *)(x + {first} + {n * most * size} + piece * {size})"
         for n in range(len(FIGURES))
     ]
     loaded = [f"vec {name} = {at};" for name, at in zip(FIGURES, places, strict=True)]
@@ -70,9 +70,9 @@ def figures(rows: Rows, error: str, left_out: str, rate: str, states: tuple[str,
 
 def _most(rows: Rows, name: str, found: str) -> str:
     """Return the statement that keeps the larger number; what is no cell has none."""
-    if CELLS not in rows.apart:
+    if CELLS not in rows.offsets:
         return f"{name} = greatest({name}, {found});"
-    cells = f"*(__global const vec *)(x + {rows.apart[CELLS]} + p - start)"
+    cells = f"*(__global const vec *)(x + {rows.offsets[CELLS]} + p - start)"
     return f"{name} = greatest({name}, {cells} < one ? one - one : {found});"
 
 

@@ -17,7 +17,7 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import (
 from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
 from cnnum.engines.opencl.large_arrays.strip_stages import Stages
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import has_history
 from cnnum.integrators.choice import FixedSteps
 from cnnum.integrators.schemes import ExponentialSteps
@@ -26,7 +26,7 @@ BARE = ("standard", "linear", "full-range")
 """Outputs that cost less to make than to keep."""
 
 
-def keeps_states(text: TransientText, moments: Moments, layers: tuple[Stages, ...]) -> bool:
+def keeps_states(text: TransientBuilder, moments: Moments, layers: tuple[Stages, ...]) -> bool:
     """Return whether steps need nothing but states."""
     template = text.template
     simple = not moments.uneven and not moments.keeps and not has_history(text)
@@ -38,24 +38,24 @@ def keeps_states(text: TransientText, moments: Moments, layers: tuple[Stages, ..
 
 
 def state_steps(
-    text: TransientText, scheme: FixedSteps | ExponentialSteps, scales: tuple[float, ...]
+    text: TransientBuilder, scheme: FixedSteps | ExponentialSteps, scales: tuple[float, ...]
 ) -> None:
     """Append the statement that stands for the steps, and keep their kernel with the tables."""
     layout = row_layout(text)
-    apart = declare_arrays(text, layout, ())
-    size = levels_of(text, layout, apart)
-    rows = Rows(text, layout, scales, apart)
+    offsets = declare_arrays(text, layout, ())
+    size = levels_of(text, layout, offsets)
+    rows = Rows(text, layout, scales, offsets)
     moments = Moments(text, scheme, 1)
-    odd = apart[OUTPUTS[1]]
+    odd = offsets[OUTPUTS[1]]
     own = StripText(
-        apart,
+        offsets,
         scales,
         "0",
         lambda block: _cases(rows, moments, block),
         clear=[],
         rest=rows.set_held(),
         begin=[],
-        outputs=by_turns(apart, OUTPUTS),
+        outputs=by_turns(offsets, OUTPUTS),
         end=f"({scheme.count & 1} ? {odd} : 0)",
     )
     strips = strip_kernel(text, own, layout, size, scheme.count)

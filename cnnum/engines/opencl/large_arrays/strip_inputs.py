@@ -11,10 +11,10 @@ from cnnum.engines.opencl.large_arrays.lane_rows import (
 )
 from cnnum.engines.opencl.large_arrays.neighbourhood_sums import Seen
 from cnnum.engines.opencl.text import filled, owned
-from cnnum.engines.opencl.transients.builder import ROW, TransientText
+from cnnum.engines.opencl.transients.builder import ROW, TransientBuilder
 
 
-def keep_rows(text: TransientText, seen: Seen) -> None:
+def keep_rows(text: TransientBuilder, seen: Seen) -> None:
     """Append the array of that name, and what brings all rows to their lanes in it, for strips."""
     layout, array = row_layout(text, seen.boundary), Name(seen.name)
     text.array(array, size_of(text, layout))

@@ -18,7 +18,7 @@ from cnnum.engines.opencl.large_arrays.strip_boundary import (
 from cnnum.engines.opencl.large_arrays.strip_couplings import inputs_of
 from cnnum.engines.opencl.large_arrays.strip_rows import HELD
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented, owned
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import inputs_read
 from cnnum.engines.opencl.transients.feedforward import constant_drive
 
@@ -64,7 +64,7 @@ class StripText:
 
     Attributes
     ----------
-    apart : mapping of str to int
+    offsets : mapping of str to int
         How far every array is from the first, which holds the states.
     scales : tuple of float
         What the drive of each layer comes with.
@@ -92,7 +92,7 @@ class StripText:
         That of what drives the cells at the level `number`.
     """
 
-    apart: Mapping[str, int]
+    offsets: Mapping[str, int]
     scales: tuple[float, ...]
     case: str
     cases: Callable[[int], list[str]]
@@ -108,7 +108,7 @@ class StripText:
 
 
 def declare_arrays(
-    text: TransientText, layout: RowLayout, names: tuple[str, ...]
+    text: TransientBuilder, layout: RowLayout, names: tuple[str, ...]
 ) -> dict[str, int]:
     """Append arrays that hold all rows, and return how far each is from the first."""
     size = size_of(text, layout)
@@ -125,18 +125,20 @@ def declare_arrays(
     return {name: text.arena.places[name] - first for name in (*names, *given)}
 
 
-def levels_of(text: TransientText, layout: RowLayout, apart: Mapping[str, int]) -> tuple[int, int]:
+def levels_of(
+    text: TransientBuilder, layout: RowLayout, offsets: Mapping[str, int]
+) -> tuple[int, int]:
     """Return the stages a launch, and the strips that are then high enough, of these arrays."""
     rows, radius = text.shape[0], text.radius
     # strips must not vanish before the last of the levels
     high = rows // (2 * radius * SHARES) - 1
-    row = len(apart) * layout.pitch * text.tables.dtype.itemsize
+    row = len(offsets) * layout.pitch * text.tables.dtype.itemsize
     near = text.tables.near_bytes // (BLOCK_ROWS * row)
     levels = max(1, min(LEVELS, max(LEAST_LEVELS, near), high))
     return levels, max(1, rows // (2 * (levels + 1) * radius))
 
 
-def _shown(text: TransientText, layout: RowLayout) -> str:
+def _shown(text: TransientBuilder, layout: RowLayout) -> str:
     """Return the outputs of a vector of states; built-ins of wide vectors go by halves."""
     name = text.template.output.name
     wide = layout.width * text.tables.dtype.itemsize >= WIDE_BYTES
@@ -144,11 +146,11 @@ def _shown(text: TransientText, layout: RowLayout) -> str:
 
 
 def strip_kernel(
-    text: TransientText, own: StripText, layout: RowLayout, size: tuple[int, int], count: int
+    text: TransientBuilder, own: StripText, layout: RowLayout, size: tuple[int, int], count: int
 ) -> Strips:
     """Return the kernel that takes `count` levels."""
     (rows, cols), radius, places = text.shape, text.radius, text.arena.places
-    first, *_ = own.apart
+    first, *_ = own.offsets
     periodic = text.template.boundary.pad_mode == "wrap"
     name = f"advance_{len(text.tables.strips)}"
     names: dict[str, object] = {
@@ -185,13 +187,13 @@ def strip_kernel(
         "reads": indented(reads(text, own.driven), 1),
         "one_row": indented(own.cases(1), 1),
         "more_rows": indented(own.cases(BLOCK_ROWS), 1),
-        **rim_texts(text, layout, own.apart),
+        **rim_texts(text, layout, own.offsets),
     }
     source = owned(fill("strips", **names), _OWN, name)
     return Strips(name, source, count, size[0], size[1], not periodic)
 
 
-def _drive(text: TransientText, scales: tuple[float, ...]) -> str:
+def _drive(text: TransientBuilder, scales: tuple[float, ...]) -> str:
     """Return the statements that set the scaled w of a row of a layer."""
     constant = constant_drive(text)
     if constant is None:
@@ -201,7 +203,7 @@ def _drive(text: TransientText, scales: tuple[float, ...]) -> str:
     return f"fill_lanes(w + p, {of_layer(text, [scale * n for scale, n in each])});"
 
 
-def of_layer(text: TransientText, values: Iterable[float]) -> str:
+def of_layer(text: TransientBuilder, values: Iterable[float]) -> str:
     """Return the expression of the number of the layer at hand."""
     numbers = [text.literal(value) for value in values]
     if len(set(numbers)) == 1:

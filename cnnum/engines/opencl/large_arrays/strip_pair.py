@@ -19,7 +19,7 @@ def pair_cases(rows: Rows, scheme: AdaptiveSteps, most: int, block: int) -> list
     """Return the text of all stages of so many rows; `most` strips keep what they find."""
     last, lines = scheme.tableau.stages - 1, list[str]()
     every, own = rows.block(block), tuple(-scale for scale in rows.scales)
-    control = rows.apart["strip_control"]
+    control = rows.offsets["strip_control"]
     length = f"x[{control} + {LENGTH}]"
     head = [f"const vec h = (vec)({length});"]
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.row_vectors import PlainRows
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import pads_states
 
 HELD = "strip_held"
@@ -34,21 +34,21 @@ class Rows:
 
     Attributes
     ----------
-    text : TransientText
+    text : TransientBuilder
     layout : RowLayout or PlainRows
     scales : tuple of float
         What the couplings and the drive of each layer come with.
-    apart : mapping of str to int or str
+    offsets : mapping of str to int or str
         Numbers from the array of states to each of the arrays that are kept, or the name of the
         variable that holds them.
     base : str
         The variable that holds the first array.
     """
 
-    text: TransientText
+    text: TransientBuilder
     layout: RowLayout | PlainRows
     scales: tuple[float, ...]
-    apart: Mapping[str, int | str]
+    offsets: Mapping[str, int | str]
     base: str = "x"
 
     def gain(self, number: int) -> str:
@@ -89,8 +89,8 @@ class Rows:
 
     def array(self, name: str, at: At) -> str:
         """Return the expression of the cells of an array."""
-        apart = self.apart[name]
-        return self.cells(f"x + {apart}" if apart else "x", at)
+        offsets = self.offsets[name]
+        return self.cells(f"x + {offsets}" if offsets else "x", at)
 
     def store(self, name: str, at: At, value: str) -> str:
         """Return the statement that keeps the cells of an array."""
@@ -113,7 +113,7 @@ class Rows:
 
     def set_held(self) -> list[str]:
         """Return the text that sets, for a row, which cells a mask holds."""
-        held, to = self.text.arena.places.get("held"), self.apart.get(HELD)
+        held, to = self.text.arena.places.get("held"), self.offsets.get(HELD)
         return [f"to_lanes(x + p + {to}, mine + {held} + at, 1);"] if self.masked else []
 
     def free(self, at: At, value: str, held: str) -> str:

@@ -38,7 +38,7 @@ from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
 from cnnum.engines.opencl.large_arrays.strip_boundary import first_states
 from cnnum.engines.opencl.large_arrays.strip_error import CELLS, mark_cells
 from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS
 from cnnum.integrators.choice import FixedSteps
 from cnnum.integrators.schemes import ExponentialSteps
@@ -90,7 +90,7 @@ class Watch:
     def own(self) -> str:
         """Where a strip's vector of the step at hand is."""
         step = f"number / {self.stages} * {self.each}"
-        return f"x + {self.rows.apart[CHANGES]} + {step} + piece * {self.rows.layout.width}"
+        return f"x + {self.rows.offsets[CHANGES]} + {step} + piece * {self.rows.layout.width}"
 
     @property
     def head(self) -> list[str]:
@@ -108,8 +108,8 @@ class Watch:
         rate = f"{rows.vector(self.factors[at.layer])} * magnitude({at.sum})"
         none = f"{rows.vector(solver.atol)} + {rows.vector(solver.rtol)} * magnitude({state})"
         rests = f"{rate} <= {none}"  # which is not so of what is NaN
-        if CELLS in rows.apart:
-            cells = f"*(__global const vec *)(x + {rows.apart[CELLS]} + p - start)"
+        if CELLS in rows.offsets:
+            cells = f"*(__global const vec *)(x + {rows.offsets[CELLS]} + p - start)"
             rests = f"({rests}) | ({cells} < one)"
         return [
             f"if (number == 0) {{ {rows.store(BEFORE, at, state)} }}",
@@ -120,37 +120,37 @@ class Watch:
         """Return what the first strip sets before all else."""
         size = self.steps * self.each
         lines = [f"for (int n = 0; piece == 0 && n < {size}; ++n) {{"]
-        lines += [f"    x[{self.rows.apart[CHANGES]} + n] = 0;", "}"]
-        if CELLS in self.rows.apart:
-            lines += mark_cells(row_layout(self.rows.text), int(self.rows.apart[CELLS]))
+        lines += [f"    x[{self.rows.offsets[CHANGES]} + n] = 0;", "}"]
+        if CELLS in self.rows.offsets:
+            lines += mark_cells(row_layout(self.rows.text), int(self.rows.offsets[CELLS]))
         return lines
 
     def begin(self) -> list[str]:
         """Return the text by which a strip forgets what it saw in the launch before."""
         width = self.rows.layout.width
-        own = f"{self.rows.apart[CHANGES]} + n * {self.each} + piece * {width}"
+        own = f"{self.rows.offsets[CHANGES]} + n * {self.each} + piece * {width}"
         return [
             f"for (int n = 0; done == 0 && n < {self.steps}; ++n) {{",
             f"    *(__global vec *)(x + {own}) = (vec)(0);",
             "}",
-            f"if (piece == 0) {{ x[{self.rows.apart[CONTROL]} + 1] = pieces; }}",
+            f"if (piece == 0) {{ x[{self.rows.offsets[CONTROL]} + 1] = pieces; }}",
         ]
 
     def again(self) -> tuple[str, ...]:
         """Return the text that takes a row back to where a launch began."""
-        before = f"x + {self.rows.apart[BEFORE]} + ROW(row) + layer * {self.rows.layout.span}"
+        before = f"x + {self.rows.offsets[BEFORE]} + ROW(row) + layer * {self.rows.layout.span}"
         shown = f"show_row(outputs_of(x, ahead) + p, {before});"
         return (f"copy_lanes(x + p, {before});", shown, *first_states(self.rows.text))
 
     @property
     def before(self) -> str:
         """The expression of the steps before those of a launch."""
-        return f"(int)x[{self.rows.apart[CONTROL]} + 2]"
+        return f"(int)x[{self.rows.offsets[CONTROL]} + 2]"
 
     @property
     def count(self) -> str:
         """Levels that a frame takes of at most `most` after those that are `done`."""
-        return f"min(most, (int)x[{self.rows.apart[CONTROL]}] - done)"
+        return f"min(most, (int)x[{self.rows.offsets[CONTROL]}] - done)"
 
     def body(self, scheme: FixedSteps | ExponentialSteps, strips: Strips) -> list[Statement]:
         """Return the statements that launch the kernel until nothing changes."""
@@ -196,9 +196,9 @@ class Watch:
 
 
 def watch(
-    text: TransientText,
+    text: TransientBuilder,
     layout: RowLayout,
-    apart: dict[str, int],
+    offsets: dict[str, int],
     size: tuple[int, int],
     stages: int,
     scales: tuple[float, ...],
@@ -207,9 +207,9 @@ def watch(
 
     Parameters
     ----------
-    text : TransientText
+    text : TransientBuilder
     layout : RowLayout
-    apart : dict of str to int
+    offsets : dict of str to int
         Of the arrays that are kept; what is declared here is added.
     size : (int, int)
         Levels a launch, and strips.
@@ -220,12 +220,12 @@ def watch(
     steps = max(1, size[0] // stages)
     if steps * stages % 2:
         steps += 1 if steps == 1 else -1
-    span, first = layout.vectors * layout.width, next(iter(apart))
+    span, first = layout.vectors * layout.width, next(iter(offsets))
     lengths = {CONTROL: 3, CHANGES: steps * size[1] * layout.width}
     lengths |= {CELLS: span} if span > layout.cols else {}
     for name, length in lengths.items():
         text.array(Name(name), length)
-        apart[name] = text.arena.places[name] - text.arena.places[first]
+        offsets[name] = text.arena.places[name] - text.arena.places[first]
     tau = text.template.tau
     factors = tuple(float(tau.max() / t) / scale for t, scale in zip(tau, scales, strict=True))
-    return Watch(Rows(text, layout, scales, apart), stages, steps, size[1], factors)
+    return Watch(Rows(text, layout, scales, offsets), stages, steps, size[1], factors)

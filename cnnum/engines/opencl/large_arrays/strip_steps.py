@@ -19,7 +19,7 @@ from cnnum.engines.opencl.large_arrays.strip_settling import BEFORE, watch
 from cnnum.engines.opencl.large_arrays.strip_stage_sums import array_of, sum_cases
 from cnnum.engines.opencl.large_arrays.strip_stages import Stages, stages_of
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import has_history
 from cnnum.engines.opencl.transients.feedforward import LATER, W
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
@@ -30,7 +30,7 @@ from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
 Steps = FixedSteps | ExponentialSteps | AdaptiveSteps | ChebyshevSteps
 
 
-def strips_fit(text: TransientText, scheme: Steps) -> bool:
+def strips_fit(text: TransientBuilder, scheme: Steps) -> bool:
     """Return whether steps of a scheme can be taken strip by strip."""
     return lanes_fit(text) and text.template.output.name in SHOWN and _repeats(scheme)
 
@@ -42,56 +42,56 @@ def _repeats(scheme: Steps) -> bool:
     return scheme.count > 0 and stages_of(scheme, 1.0) is not None
 
 
-def _layers(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> tuple[Stages, ...]:
+def _layers(text: TransientBuilder, scheme: FixedSteps | ExponentialSteps) -> tuple[Stages, ...]:
     """Return the stages of a step, by layer."""
     found = (stages_of(scheme, float(tau)) for tau in text.template.tau)
     return tuple(stages for stages in found if stages is not None)
 
 
-def states_suffice(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> bool:
+def states_suffice(text: TransientBuilder, scheme: FixedSteps | ExponentialSteps) -> bool:
     """Return whether steps need nothing but states."""
     layers = _layers(text, scheme)
     return keeps_states(text, Moments(text, scheme, len(layers[0].stages)), layers)
 
 
-def state_strips(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> Figures:
+def state_strips(text: TransientBuilder, scheme: FixedSteps | ExponentialSteps) -> Figures:
     """Append steps that keep states alone, and return the figures of the run."""
     state_steps(text, scheme, tuple(one.scale for one in _layers(text, scheme)))
     return fixed_figures(text, scheme.count, settle=False)
 
 
-def strip_steps(text: TransientText, scheme: FixedSteps | ExponentialSteps) -> Figures:
+def strip_steps(text: TransientBuilder, scheme: FixedSteps | ExponentialSteps) -> Figures:
     """Append the steps, keep their kernel with the tables, and return the figures of the run."""
     layers = _layers(text, scheme)
     stages, arrays = len(layers[0].stages), layers[0].arrays
     layout = row_layout(text)
     names = tuple(array_of(n) for n in range(arrays))
     scales = tuple(one.scale for one in layers)
-    apart = declare_arrays(text, layout, (*names, BEFORE) if scheme.settle else names)
-    size = levels_of(text, layout, apart)
-    seen = watch(text, layout, apart, size, stages, scales) if scheme.settle else None
+    offsets = declare_arrays(text, layout, (*names, BEFORE) if scheme.settle else names)
+    size = levels_of(text, layout, offsets)
+    seen = watch(text, layout, offsets, size, stages, scales) if scheme.settle else None
     moments = Moments(text, scheme, stages, seen.before if seen else "0")
-    outputs = moments.keep_outputs(apart, size_of(text, layout), seen.steps if seen else 0)
+    outputs = moments.keep_outputs(offsets, size_of(text, layout), seen.steps if seen else 0)
     if has_history(text):
         text.over_cells(
             [add(later, w) for later, w in zip(text.each(LATER), text.each(W), strict=True)]
         )
-    rows = Rows(text, layout, scales, apart)
+    rows = Rows(text, layout, scales, offsets)
     own = StripText(
-        apart,
+        offsets,
         scales,
         f"number % {stages}",
         lambda block: sum_cases(rows, layers, block, moments, seen),
         clear=[],
         rest=[
-            *moments.later(apart, of_layer(text, scales)),
+            *moments.later(offsets, of_layer(text, scales)),
             "show_row(outputs_of(x, 0) + p, x + p);",
             *rows.set_held(),
         ],
         begin=[],
         outputs=outputs,
         ahead=moments.ahead,
-        driven=moments.driven(apart),
+        driven=moments.driven(offsets),
     )
     if seen:
         own = replace(own, clear=seen.clear(), begin=seen.begin(), count=seen.count)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from cnnum.engines.opencl.ir.expressions import Constant, Name
 from cnnum.engines.opencl.large_arrays.strip_boundary import LATER, OUTPUTS, by_turns
 from cnnum.engines.opencl.large_arrays.strip_couplings import NEXT, PART, PAST
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import delays_outputs, has_history
 from cnnum.engines.opencl.transients.nonlinear_couplings import gains
 from cnnum.integrators.choice import FixedSteps
@@ -21,7 +21,7 @@ RING = "strip_ring"
 """The outputs with which the last steps began."""
 
 
-def gain_lines(text: TransientText, since: str) -> list[str]:
+def gain_lines(text: TransientBuilder, since: str) -> list[str]:
     """Return the text that finds what varies in time, at a time since the start."""
     return text.tables.printer.lines(gains(text, Constant(since)))
 
@@ -32,7 +32,7 @@ class Moments:
 
     Attributes
     ----------
-    text : TransientText
+    text : TransientBuilder
     scheme : FixedSteps or ExponentialSteps
     stages : int
         Of a step: as many levels.
@@ -40,7 +40,7 @@ class Moments:
         The steps before those that a launch counts, as an expression.
     """
 
-    text: TransientText
+    text: TransientBuilder
     scheme: FixedSteps | ExponentialSteps
     stages: int
     before: str = "0"
@@ -99,26 +99,26 @@ class Moments:
         level = f"max(steps + {late} - {self.lag}, 0) * {self.stages}"
         return f"__global const scalar *const {name} = outputs_of(x, {level});"
 
-    def keep_outputs(self, apart: dict[str, int], size: int, again: int) -> str:
+    def keep_outputs(self, offsets: dict[str, int], size: int, again: int) -> str:
         """Declare what keeps outputs of earlier steps, and return where those of a `level` are.
 
         Parameters
         ----------
-        apart : dict of str to int
+        offsets : dict of str to int
             How far arrays are from the first; what is declared here is added.
         size : int
             Numbers of an array.
         again : int
             Steps that may be taken again.
         """
-        turns = by_turns(apart, OUTPUTS)
+        turns = by_turns(offsets, OUTPUTS)
         if not self.keeps:
             return turns
         # a level writes while one before it, a few rows ahead, reads what is a delay old
-        slots, first = self.lag + 2 + again, next(iter(apart))
+        slots, first = self.lag + 2 + again, next(iter(offsets))
         self.text.array(Name(RING), slots * size)
-        apart[RING] = self.text.arena.places[RING] - self.text.arena.places[first]
-        ring = f"x + {apart[RING]} + (size_t)(level / {self.stages} % {slots}) * {size}"
+        offsets[RING] = self.text.arena.places[RING] - self.text.arena.places[first]
+        ring = f"x + {offsets[RING]} + (size_t)(level / {self.stages} % {slots}) * {size}"
         return ring if self.stages == 1 else f"level % {self.stages} ? {turns} : {ring}"
 
     @property
@@ -126,15 +126,15 @@ class Moments:
         """The expression of the levels before those that a launch counts."""
         return f"{self.before} * {self.stages}"
 
-    def driven(self, apart: Mapping[str, int]) -> str:
+    def driven(self, offsets: Mapping[str, int]) -> str:
         """Return the expression of what drives the cells at the level `number`."""
         if not has_history(self.text):
             return "w"
-        return f"number + {self.ahead} < {self.lag * self.stages} ? w : x + {apart[LATER]}"
+        return f"number + {self.ahead} < {self.lag * self.stages} ? w : x + {offsets[LATER]}"
 
-    def later(self, apart: Mapping[str, int], scale: str) -> list[str]:
+    def later(self, offsets: Mapping[str, int], scale: str) -> list[str]:
         """Return the text that sets a row's drive of later, which comes with a scale."""
         if not has_history(self.text):
             return []
         later = f"mine + {self.text.arena.places['later']} + cell"
-        return [f"to_lanes(x + {apart[LATER]} + p, {later}, {scale});"]
+        return [f"to_lanes(x + {offsets[LATER]} + p, {later}, {scale});"]

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from cnnum.engines.backend import Solvers
 from cnnum.engines.opencl.ir.expressions import CELL, Cast, Expression, Name, call
-from cnnum.engines.opencl.ir.launch_plan import Parts
+from cnnum.engines.opencl.ir.launch_plan import LaunchPlan
 from cnnum.engines.opencl.ir.number_types import NumberType
 from cnnum.engines.opencl.ir.statements import Array, Statement, Verbatim, sweep
-from cnnum.engines.opencl.lowering.kernel_split import take_apart
+from cnnum.engines.opencl.lowering.kernel_split import split_kernels
 from cnnum.engines.opencl.lowering.program import FRAME, LAST, MEMORY, Lowering
 from cnnum.engines.opencl.lowering.storage import (
     PRIVATE_CELLS,
@@ -88,7 +88,7 @@ def form_of(cells: int) -> Form:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class KernelText:
+class KernelSource:
     """A plan's kernel and what its buffers hold.
 
     Attributes
@@ -106,7 +106,7 @@ class KernelText:
         How each transient runs, in words, by its node.
     private : int
         Values in private arrays of a work item at the most (0: they are in scratch).
-    parts : Parts or None
+    parts : LaunchPlan or None
         The launches that a large array takes; None where the whole plan is one.
     """
 
@@ -118,17 +118,17 @@ class KernelText:
     scratch: int
     strategies: Mapping[int, str]
     private: int
-    parts: Parts | None
+    parts: LaunchPlan | None
 
 
-def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
+def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     """Return the kernel text of a schedule, with tables that hold nothing yet."""
     lanes = tables.lanes
     form = form_of(schedule.cells)
     arena = Arena(private=form.private)
     size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
     whole = not form.split
-    tables.parted = form.split
+    tables.split = form.split
     placed = {} if whole else _placed(schedule)
     # parts of a plan read out their own pieces, and a GPU's private arrays are far
     in_chains = arena.private and whole and tables.by_vectors
@@ -148,13 +148,13 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelText:
     parts = None
     own = "\n".join([tables.text, *dict.fromkeys(tables.strips)])
     if not whole:
-        parts = take_apart(body, schedule.shape[0], tables.printer)
+        parts = split_kernels(body, schedule.shape[0], tables.printer)
         kernels = f"{own}\n{parts.text}\n{exchange_text(tables.printer.numbers)}"
     else:
         if not arena.private:
             body.insert(0, _MINE)
         kernels = fill("plan", tables=own, body="\n".join(tables.printer.lines(body, 1)))
-    return KernelText(
+    return KernelSource(
         f"{_prelude(lanes, tables.printer.numbers)}\n#define FRAME_SIZE {arena.size}\n{kernels}",
         tables.buffer(),
         size,

@@ -18,7 +18,7 @@ from cnnum.engines.opencl.ir.expressions import (
     Negative,
     Number,
 )
-from cnnum.engines.opencl.ir.launch_plan import Launch, Part, Parts, Rounds, Steps
+from cnnum.engines.opencl.ir.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
 from cnnum.engines.opencl.ir.printer import OpenCLPrinter
 from cnnum.engines.opencl.ir.statements import (
     Array,
@@ -44,7 +44,7 @@ PIECE = 1024
 """Values that a work item takes of a sweep that does not go by rows."""
 
 
-def take_apart(body: Sequence[Statement], rows: int, printer: OpenCLPrinter) -> Parts:
+def split_kernels(body: Sequence[Statement], rows: int, printer: OpenCLPrinter) -> LaunchPlan:
     """Return the parts of a plan.
 
     Parameters
@@ -61,7 +61,7 @@ def take_apart(body: Sequence[Statement], rows: int, printer: OpenCLPrinter) -> 
     split.walk((declare(UNFINISHED, ZERO),), scope, None)
     split.walk(body, scope, None)
     split.flush()
-    return Parts(tuple(split.parts), "\n".join(split.kernels), split.registers, split.partials)
+    return LaunchPlan(tuple(split.parts), "\n".join(split.kernels), split.registers, split.partials)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +79,7 @@ class _Split:
 
     rows: int
     printer: OpenCLPrinter
-    parts: list[Part] = field(default_factory=list[Part])
+    parts: list[LaunchStep] = field(default_factory=list[LaunchStep])
     kernels: list[str] = field(default_factory=list[str])
     waiting: list[_Waiting] = field(default_factory=list[_Waiting])
     known: list[Register] = field(default_factory=list[Register])

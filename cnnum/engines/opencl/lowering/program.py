@@ -32,7 +32,7 @@ from cnnum.engines.opencl.lowering.dense_products import product
 from cnnum.engines.opencl.lowering.program_loops import lower_loop
 from cnnum.engines.opencl.lowering.read_outs import begun, chained, chains, rounds, step, taken_in
 from cnnum.engines.opencl.lowering.storage import Arena, Tables, Values
-from cnnum.engines.opencl.transients.builder import Operands, TransientText
+from cnnum.engines.opencl.transients.builder import Operands, TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.strategies import Strategy, run, settled_now, strategy_of
@@ -78,6 +78,8 @@ class Lowering:
     in_chains: bool
     body: list[Statement] = field(default_factory=list[Statement])
     group: list[Node] = field(default_factory=list[Node])
+    grouped: set[int] = field(default_factory=set[int])
+    sums: set[int] = field(default_factory=set[int])
     last_use: dict[int, int] = field(default_factory=dict[int, int])
     users: dict[int, list[Node]] = field(default_factory=dict[int, list[Node]])
     memory_at: dict[int, int] = field(default_factory=dict[int, int])
@@ -155,14 +157,16 @@ class Lowering:
     # local arithmetic: neighbours in the schedule share one loop over the cells
 
     def _join(self, node: Node) -> None:
-        reads = {argument.index for argument in node.arguments}
-        sums = {item.index for item in self.group if isinstance(item.operation, Reduce)}
-        if reads & sums or (self.group and _swept(self.group[0]) != _swept(node)):
+        reads_sums = any(argument.index in self.sums for argument in node.arguments)
+        if reads_sums or (self.group and _swept(self.group[0]) != _swept(node)):
             self._flush()
         self.group.append(node)
+        self.grouped.add(node.index)
+        if isinstance(node.operation, Reduce):
+            self.sums.add(node.index)
 
     def _scalar(self, node: Node, operation: Apply) -> None:
-        if {argument.index for argument in node.arguments} & {item.index for item in self.group}:
+        if any(argument.index in self.grouped for argument in node.arguments):
             self._flush()
         arguments = [self.values.read(argument) for argument in node.arguments]
         name = self.values.name_scalar(node)
@@ -171,8 +175,8 @@ class Lowering:
     def _flush(self) -> None:
         if not self.group:
             return
-        group, self.group = self.group, []
-        inside = {node.index for node in group}
+        group, self.group, inside = self.group, [], self.grouped
+        self.grouped, self.sums = set(), set()
         read_outs = [node for node in group if isinstance(node.operation, Reduce)]
         by_vectors = self.in_chains and self.tables.lanes == 1
         stays = {node.arguments[0].index for node in read_outs} if by_vectors else set[int]()
@@ -280,7 +284,7 @@ class Lowering:
     # templates
 
     def _transient(self, node: Node, operation: Transient) -> None:
-        text = TransientText(
+        text = TransientBuilder(
             operation.template,
             self.schedule.shape,
             self.solvers[node.index],
@@ -314,7 +318,7 @@ class Lowering:
         mask = roles["mask"][0] if roles["mask"] else None
         return Operands(roles["input"], roles["previous"], roles["state"], roles["bias"], mask)
 
-    def _pick_map(self, node: Node, text: TransientText) -> Statement:
+    def _pick_map(self, node: Node, text: TransientBuilder) -> Statement:
         assert isinstance(node.operation, Pick)
         state = X[text.at(node.operation.layer)]
         shown = node.operation.what != "state"

@@ -89,7 +89,7 @@ class Tables:
         Cache of a core that keeps up with its arithmetic.
     by_vectors : bool
         Whether a work item's arithmetic goes by vectors, as a processor's does.
-    parted : bool
+    split : bool
         Whether every sweep is a kernel of its own.
     types : dict of str to str
         Texts of further types and functions that the kernel uses, by name.
@@ -102,7 +102,7 @@ class Tables:
     width: int
     near_bytes: int
     by_vectors: bool
-    parted: bool = False
+    split: bool = False
     types: dict[str, str] = field(default_factory=dict[str, str])
     strips: list[str] = field(default_factory=list[str])
     _tables: dict[str, str] = field(default_factory=dict[str, str])

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
-from cnnum.engines.opencl.ir.launch_plan import Launch, Part, Parts, Rounds, Steps
+from cnnum.engines.opencl.ir.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
 from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array, shares_memory
 
 
 @dataclass(slots=True, eq=False)
-class PartedArrays:
+class LaunchArrays:
     """What the parts of a batch keep between them.
 
     Attributes
@@ -27,28 +27,28 @@ class PartedArrays:
 
 
 @dataclass(slots=True, eq=False)
-class PartedPlan:
+class LaunchRunner:
     """The kernels of a plan's parts.
 
     Attributes
     ----------
     queue : CommandQueue
     program : Program
-    parts : Parts
+    parts : LaunchPlan
     dtype : dtype
     """
 
     queue: cl.CommandQueue
     program: cl.Program
-    parts: Parts
+    parts: LaunchPlan
     dtype: np.dtype[np.floating]
     _kernels: dict[str, cl.Kernel] = field(default_factory=dict[str, cl.Kernel])
 
-    def new_arrays(self, batch: int) -> PartedArrays:
+    def new_arrays(self, batch: int) -> LaunchArrays:
         """Return what so many frames need."""
         context, share = self.queue.context, shares_memory(self.queue.device)
         size = max(1, batch * self.parts.partials) * self.dtype.itemsize
-        return PartedArrays(
+        return LaunchArrays(
             shared_array(context, batch * self.parts.registers, self.dtype, share=share),
             cl.Buffer(context, cl.mem_flags.READ_WRITE, size),
         )
@@ -56,7 +56,7 @@ class PartedPlan:
     def bind(
         self,
         before: "Sequence[cl.Buffer | cl.SVM[Any]]",
-        arrays: PartedArrays,
+        arrays: LaunchArrays,
         batch: int,
         *,
         first: bool,
@@ -67,7 +67,7 @@ class PartedPlan:
             if isinstance(part, Launch):
                 self.kernel(part.kernel).set_args(*before, *own)
 
-    def run(self, scratch: cl.Buffer, arrays: PartedArrays, batch: int) -> None:
+    def run(self, scratch: cl.Buffer, arrays: LaunchArrays, batch: int) -> None:
         """Launch all parts."""
         _Run(self, scratch, arrays, batch).play(self.parts.parts)
 
@@ -78,9 +78,9 @@ class PartedPlan:
         return self._kernels[name]
 
 
-def everything(parts: tuple[Part, ...]) -> list[Part]:
+def everything(parts: tuple[LaunchStep, ...]) -> list[LaunchStep]:
     """Return the parts and all that are repeated."""
-    found: list[Part] = []
+    found: list[LaunchStep] = []
     for part in parts:
         found += everything(part.parts) if isinstance(part, Rounds) else [part]
     return found
@@ -88,12 +88,12 @@ def everything(parts: tuple[Part, ...]) -> list[Part]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Run:
-    plan: PartedPlan
+    plan: LaunchRunner
     scratch: cl.Buffer
-    arrays: PartedArrays
+    arrays: LaunchArrays
     batch: int
 
-    def play(self, parts: tuple[Part, ...]) -> None:
+    def play(self, parts: tuple[LaunchStep, ...]) -> None:
         for part in parts:
             if isinstance(part, Launch):
                 kernel = self.plan.kernel(part.kernel)

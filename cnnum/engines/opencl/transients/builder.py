@@ -52,7 +52,7 @@ class Operands:
 
 
 @dataclass(slots=True)
-class TransientText:
+class TransientBuilder:
     """Collects a transient's statements.
 
     States of all layers are stacked: layer l's cell i is `x[l * cells + i]`. Outputs `y` (and,

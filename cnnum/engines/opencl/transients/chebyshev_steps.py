@@ -32,7 +32,7 @@ from cnnum.engines.opencl.ir.statements import (
     sweep,
 )
 from cnnum.engines.opencl.large_arrays.strip_adaptive import STAGES, chebyshev_attempts
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.runge_kutta_steps import rates_of
 from cnnum.engines.opencl.transients.state_equation import (
@@ -73,21 +73,21 @@ BEGIN, BACK1, BACK2, WEIGHT, START = (
 """Numbers of a method's rows."""
 
 
-def chebyshev(text: TransientText, scheme: ChebyshevSteps) -> Figures:
+def chebyshev(text: TransientBuilder, scheme: ChebyshevSteps) -> Figures:
     """Append the steps as sweeps over all cells, and return the figures of the run."""
     return _controlled(text, scheme, _sweeps, _rates)
 
 
-def chebyshev_in_strips(text: TransientText, scheme: ChebyshevSteps) -> Figures:
+def chebyshev_in_strips(text: TransientBuilder, scheme: ChebyshevSteps) -> Figures:
     """Append the steps by strips of rows, and return the figures of the run."""
     return _controlled(text, scheme, chebyshev_attempts, rates_once)
 
 
 def _controlled(
-    text: TransientText,
+    text: TransientBuilder,
     scheme: ChebyshevSteps,
-    attempts: Callable[[TransientText, int], Attempt],
-    first: Callable[[TransientText, Name, Then, Instant], None],
+    attempts: Callable[[TransientBuilder, int], Attempt],
+    first: Callable[[TransientBuilder, Name, Then, Instant], None],
 ) -> Figures:
     """Append steps of such attempts; `first` finds the rates at the start."""
     text.array(K0, text.states)
@@ -122,7 +122,7 @@ def _count_stages(scheme: ChebyshevSteps) -> list[Statement]:
     ]
 
 
-def _sweeps(text: TransientText, table: int) -> Attempt:
+def _sweeps(text: TransientBuilder, table: int) -> Attempt:
     """Return a step's statements as sweeps over all cells; in the data its rows are a `table`."""
     for name in (XS, OLD, K1):
         text.array(name, text.states)
@@ -160,7 +160,7 @@ def _sweeps(text: TransientText, table: int) -> Attempt:
     return Attempt([], stages, _judge(text), advance(text, K1), [])
 
 
-def _rates(text: TransientText, state: Name, then: Then, instant: Instant) -> None:
+def _rates(text: TransientBuilder, state: Name, then: Then, instant: Instant) -> None:
     outputs(text, text.each(state))
     rates(text, state, then, instant)
 
@@ -180,7 +180,7 @@ def _coefficients() -> Floats:
     return table
 
 
-def _judge(text: TransientText) -> list[Statement]:
+def _judge(text: TransientBuilder) -> list[Statement]:
     """Return what finds the worst error of a step, and the change at its end."""
     tau, e = Number(float(text.template.tau.max())), Name("e")
     # Sommeijer, Shampine & Verwer 1998, section 2.2

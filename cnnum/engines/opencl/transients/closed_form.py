@@ -28,7 +28,7 @@ from cnnum.engines.opencl.ir.statements import (
     sweep,
 )
 from cnnum.engines.opencl.text import comment
-from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientText
+from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive, drive_of
 from cnnum.engines.opencl.transients.initial_state import X, start, start_of
 from cnnum.engines.opencl.transients.step_control import Figures
@@ -39,7 +39,7 @@ LARGEST, X0, HALFWAY, MODES = Name("largest"), Name("x0"), Name("halfway"), Name
 J, K, V = Name("j"), Name("k"), Name("v")
 
 
-def exact(text: TransientText, scheme: Decay | Propagator | Spectral) -> Figures:
+def exact(text: TransientBuilder, scheme: Decay | Propagator | Spectral) -> Figures:
     """Append what sets the states `x` to their end and return the figures of the run."""
     begin_exact(text, "")
     if isinstance(scheme, Decay):
@@ -52,13 +52,13 @@ def exact(text: TransientText, scheme: Decay | Propagator | Spectral) -> Figures
     return exact_figures(text, (terms + 2) * gain)
 
 
-def begin_exact(text: TransientText, why: str) -> None:
+def begin_exact(text: TransientBuilder, why: str) -> None:
     """Append what stands before all else."""
     text.body.append(comment(f"exact after {text.solver.duration:g}{why}"))
     text.body.append(declare(LARGEST, ZERO))
 
 
-def exact_figures(text: TransientText, roundings: float) -> Figures:
+def exact_figures(text: TransientBuilder, roundings: float) -> Figures:
     """Return the figures of a run without steps, which is off by so many roundings of `largest`."""
     rounding = Number(float(np.finfo(text.tables.dtype).eps) * roundings)
     figures: Figures = {
@@ -73,7 +73,7 @@ def _largest(value: Expression) -> Accumulate:
     return Accumulate(LARGEST, "greater", size(value))
 
 
-def _decay(text: TransientText, scheme: Decay) -> int:
+def _decay(text: TransientBuilder, scheme: Decay) -> int:
     text.array(X, text.states)
     body: list[Statement] = []
     for layer in range(text.layers):
@@ -86,7 +86,7 @@ def _decay(text: TransientText, scheme: Decay) -> int:
     return int(np.count_nonzero(text.template.B)) + 2
 
 
-def _drives(text: TransientText) -> bool:
+def _drives(text: TransientBuilder) -> bool:
     """Append the drive as an array where it is constant; return whether there is any."""
     constant = constant_drive(text)
     if constant is None:
@@ -98,7 +98,7 @@ def _drives(text: TransientText) -> bool:
     return True
 
 
-def _propagate(text: TransientText, scheme: Propagator) -> tuple[int, float]:
+def _propagate(text: TransientBuilder, scheme: Propagator) -> tuple[int, float]:
     n, gain = text.states, 0.0
     offset, products, seen = text.tables.data(scheme.constant), list[Statement](), list[Statement]()
 
@@ -124,7 +124,7 @@ def _propagate(text: TransientText, scheme: Propagator) -> tuple[int, float]:
     return 2 * n, max(gain, 1.0)
 
 
-def _spectral(text: TransientText, scheme: Spectral) -> tuple[int, float]:
+def _spectral(text: TransientBuilder, scheme: Spectral) -> tuple[int, float]:
     """Append the way into the modes, their factors, and the way back."""
     (rows, cols), n = text.shape, text.states
     parts: list[tuple[Name, Floats]] = []
@@ -173,7 +173,7 @@ Place = tuple[Name, int]
 """An array, and where in it a map begins."""
 
 
-def _right(text: TransientText, source: Place, to: Place, matrix: Floats) -> None:
+def _right(text: TransientBuilder, source: Place, to: Place, matrix: Floats) -> None:
     """Append to = source · matrix, maps row by row."""
     rows, cols = text.shape
     weight = text.tables.constant(np.ascontiguousarray(matrix), COL * cols + K)
@@ -181,7 +181,7 @@ def _right(text: TransientText, source: Place, to: Place, matrix: Floats) -> Non
     _product(text, rows, cols, cols, (_target(to, cols), value, weight))
 
 
-def _left(text: TransientText, source: Place, to: Place, matrix: Floats) -> None:
+def _left(text: TransientBuilder, source: Place, to: Place, matrix: Floats) -> None:
     """Append to = matrix · source."""
     rows, cols = text.shape
     value = text.tables.constant(np.ascontiguousarray(matrix), ROW * rows + COL)
@@ -194,7 +194,7 @@ def _target(to: Place, cols: int) -> Element:
 
 
 def _product(
-    text: TransientText,
+    text: TransientBuilder,
     outer: int,
     inner: int,
     across: int,

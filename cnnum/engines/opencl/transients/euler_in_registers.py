@@ -29,7 +29,7 @@ from cnnum.engines.opencl.ir.statements import (
     fixed,
 )
 from cnnum.engines.opencl.text import fill
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
 from cnnum.engines.opencl.transients.initial_state import X
@@ -55,7 +55,7 @@ def width(cols: int) -> int | None:
     return next((n for n in WIDTHS if n >= cols), None)
 
 
-def fits_rows(text: TransientText, scheme: FixedSteps) -> bool:
+def fits_rows(text: TransientBuilder, scheme: FixedSteps) -> bool:
     """Return whether a single frame's steps can be written with rows as vectors."""
     rows, cols = text.shape
     work = rows * (int(np.count_nonzero(text.template.A)) + 2 * text.radius * text.layers)
@@ -75,7 +75,7 @@ def _clips(output: OutputFunction) -> bool | None:
     return {"standard": True, "full-range": True, "linear": False}.get(output.name)
 
 
-def row_steps(text: TransientText, scheme: FixedSteps) -> Figures:
+def row_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
     scalar = "double" if text.tables.dtype == np.float64 else "float"
     vector = width(text.shape[1])
@@ -94,7 +94,7 @@ def row_steps(text: TransientText, scheme: FixedSteps) -> Figures:
     return fixed_figures(text, scheme.count, settle=False)
 
 
-def _each(text: TransientText) -> list[tuple[int, int]]:
+def _each(text: TransientBuilder) -> list[tuple[int, int]]:
     return [(layer, row) for layer in range(text.layers) for row in range(text.shape[0])]
 
 
@@ -103,7 +103,7 @@ def _row(array: str, layer: int, row: int) -> Name:
     return Name(f"{array}{layer}_{row}")
 
 
-def _begin(text: TransientText, scheme: FixedSteps) -> list[Statement]:
+def _begin(text: TransientBuilder, scheme: FixedSteps) -> list[Statement]:
     """Return the rows of states and of the scaled drive."""
     lines: list[Statement] = [
         declare(_row("x", layer, r), _gathered(text, X, layer, r), of="row")
@@ -121,23 +121,23 @@ def _begin(text: TransientText, scheme: FixedSteps) -> list[Statement]:
     return lines
 
 
-def _gathered(text: TransientText, array: Name, layer: int, row: int) -> Expression:
+def _gathered(text: TransientBuilder, array: Name, layer: int, row: int) -> Expression:
     cols = text.shape[1]
     start = layer * text.cells + row * cols
     return _vector(text, [array[start + c] for c in range(cols)])
 
 
-def _vector(text: TransientText, cells: Sequence[Expression]) -> Call:
+def _vector(text: TransientBuilder, cells: Sequence[Expression]) -> Call:
     """Return a row of cells; lanes without one hold 0."""
     rest = (width(text.shape[1]) or 0) - len(cells)
     return call("(row)", *cells, *(ZERO for _ in range(rest)))
 
 
-def _number(text: TransientText, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
+def _number(text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
     return Number(factor * scheme.step / float(text.template.tau[layer]))
 
 
-def _step(text: TransientText, scheme: FixedSteps) -> None:
+def _step(text: TransientBuilder, scheme: FixedSteps) -> None:
     output = text.template.output
     for layer, r in _each(text):
         state = _row("x", layer, r)
@@ -158,13 +158,13 @@ def _step(text: TransientText, scheme: FixedSteps) -> None:
         text.body.append(Assign(_row("x", layer, r), value))
 
 
-def _columns(text: TransientText) -> set[int]:
+def _columns(text: TransientBuilder) -> set[int]:
     """Return the column offsets that any weight has."""
     places = np.argwhere(text.template.A)
     return {int(place[3]) - text.template.A.shape[-1] // 2 for place in places} - {0}
 
 
-def _sources(text: TransientText, count: int) -> NDArray[np.int64]:
+def _sources(text: TransientBuilder, count: int) -> NDArray[np.int64]:
     """Return which of so many cells, or rows, each is that lies within the rims; −1 is none."""
     boundary = text.template.boundary
     if boundary.constant is None:
@@ -177,7 +177,7 @@ def _seen(layer: int, row: int, column: int) -> Name:
     return Name(f"y{layer}_{row}_{column}")
 
 
-def _moved(text: TransientText, layer: int, row: int) -> None:
+def _moved(text: TransientBuilder, layer: int, row: int) -> None:
     """Append a row of outputs as each column offset sees it."""
     cols, radius = text.shape[1], text.radius
     source, outputs = _sources(text, cols), _row("y", layer, row)
@@ -188,13 +188,13 @@ def _moved(text: TransientText, layer: int, row: int) -> None:
         text.body.append(fixed(name, _vector(text, cells), of="row"))
 
 
-def _rim(text: TransientText) -> Number:
+def _rim(text: TransientBuilder) -> Number:
     """Return the output of virtual cells of a fixed boundary."""
     value = text.template.output.numpy(np.asarray(text.template.boundary.constant))
     return Number(float(value))
 
 
-def _weighted(text: TransientText, scheme: FixedSteps, layer: int, row: int) -> list[Expression]:
+def _weighted(text: TransientBuilder, scheme: FixedSteps, layer: int, row: int) -> list[Expression]:
     source = _sources(text, text.shape[0])
 
     def output(tap: Tap) -> Expression:
@@ -211,7 +211,7 @@ def _weighted(text: TransientText, scheme: FixedSteps, layer: int, row: int) -> 
     return weighted_terms(taps(text.template.A, layer), number, output, SHARED)
 
 
-def _end(text: TransientText) -> list[Statement]:
+def _end(text: TransientBuilder) -> list[Statement]:
     """Return the statements that write the rows back."""
     cols = text.shape[1]
     return [

@@ -16,7 +16,7 @@ from cnnum.engines.opencl.ir.expressions import (
     pick,
 )
 from cnnum.engines.opencl.ir.statements import Assign, Block, Statement, block, fixed, sweep
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.fixed_steps import repeated
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.state_equation import (
@@ -34,7 +34,7 @@ COUPLED = Name("coupled")
 PerLayer = Callable[[int], Expression]
 
 
-def exponential(text: TransientText, scheme: ExponentialSteps) -> Figures:
+def exponential(text: TransientBuilder, scheme: ExponentialSteps) -> Figures:
     """Append the steps and return the figures of the run."""
     weights = scheme.method.weights(scheme.step, text.template.tau)
     kept, first, second = (_per_layer(text, values) for values in weights)
@@ -63,7 +63,7 @@ def exponential(text: TransientText, scheme: ExponentialSteps) -> Figures:
     return repeated(text, scheme, Number(scheme.step), step)
 
 
-def _per_layer(text: TransientText, values: Floats) -> PerLayer:
+def _per_layer(text: TransientBuilder, values: Floats) -> PerLayer:
     """Return what gives the number of a layer."""
     if np.ptp(values) == 0.0:
         return lambda _: Number(float(values[0]))
@@ -71,11 +71,11 @@ def _per_layer(text: TransientText, values: Floats) -> PerLayer:
     return lambda layer: text.tables.number_at(Integer(at) + layer)
 
 
-def _limited(text: TransientText, value: Expression) -> Expression:
+def _limited(text: TransientBuilder, value: Expression) -> Expression:
     return clip(value) if text.template.output.limited else value
 
 
-def _correct(text: TransientText, tau: PerLayer, second: PerLayer) -> None:
+def _correct(text: TransientBuilder, tau: PerLayer, second: PerLayer) -> None:
     """Append the second stage: the slope of the couplings over the step."""
 
     def then(at: Expression, layer: int) -> list[Statement]:

@@ -14,7 +14,7 @@ from cnnum.engines.opencl.large_arrays.strip_couplings import given, inputs_of, 
 from cnnum.engines.opencl.large_arrays.strip_inputs import keep_rows
 from cnnum.engines.opencl.large_arrays.strip_rows import At
 from cnnum.engines.opencl.text import comment
-from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientText
+from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import (
     has_history,
     inputs_read,
@@ -30,20 +30,20 @@ U, W, LATER = Name("u"), Name("w"), Name("later")
 THEN = Name("then")
 
 
-def constant_drive(text: TransientText) -> tuple[float, ...] | None:
+def constant_drive(text: TransientBuilder) -> tuple[float, ...] | None:
     """Return z of every layer where nothing else drives the cells."""
     if reads_inputs(text) or text.operands.biases:
         return None
     return tuple(float(z) for z in text.template.z)
 
 
-def drive_of(text: TransientText, layer: int) -> Expression:
+def drive_of(text: TransientBuilder, layer: int) -> Expression:
     """Return w in cell `i` of a layer."""
     constant = constant_drive(text)
     return W[text.at(layer)] if constant is None else Number(constant[layer])
 
 
-def drive(text: TransientText) -> None:
+def drive(text: TransientBuilder) -> None:
     """Append the statements that compute w, where it is not just z."""
     text.body.append(comment(f"{text.template.name}: w = B * u + z"))
     if constant_drive(text) is not None:
@@ -82,7 +82,7 @@ def drive(text: TransientText) -> None:
     _keep_inputs(text)
 
 
-def input_seen(text: TransientText, number: int, *, before: bool = False) -> Seen:
+def input_seen(text: TransientBuilder, number: int, *, before: bool = False) -> Seen:
     """Return an input, or what it was before the start, as neighbours see it."""
     given = text.operands.previous if before else text.operands.inputs
     name = inputs_before if before else inputs_of
@@ -96,7 +96,7 @@ def inputs_before(number: int) -> str:
     return f"{inputs_of(number)}_before"
 
 
-def _drive_by_rows(text: TransientText, seen: list[Seen]) -> None:
+def _drive_by_rows(text: TransientBuilder, seen: list[Seen]) -> None:
     """Append what computes w, and what changes after a delay, from inputs in lanes."""
     template, layers = text.template, range(text.layers)
     rows = rows_near(text, len(seen), {one.name: place for place, one in enumerate(seen)})
@@ -123,14 +123,14 @@ def _drive_by_rows(text: TransientText, seen: list[Seen]) -> None:
         sweep_sums(text, seen, changes, changed)
 
 
-def _keep_inputs(text: TransientText) -> None:
+def _keep_inputs(text: TransientBuilder) -> None:
     """Append what keeps inputs that the cells go on reading, for steps by strips."""
     if lanes_fit(text):
         for number in inputs_read(text):
             keep_rows(text, input_seen(text, number))
 
 
-def _driven(text: TransientText, layer: int) -> list[Statement]:
+def _driven(text: TransientBuilder, layer: int) -> list[Statement]:
     """Return statements that add B * u of a layer to `sum`."""
     found = taps(text.template.B, layer)
     if pads_inputs(text):
@@ -139,20 +139,20 @@ def _driven(text: TransientText, layer: int) -> list[Statement]:
     return [add(SUM, Number(tap.weight) * inputs[tap.source]) for tap in found]
 
 
-def arrive(text: TransientText) -> None:
+def arrive(text: TransientBuilder) -> None:
     """Append the statements that let delayed inputs change: those since the start have arrived."""
     text.over_cells(
         [add(w, change) for w, change in zip(text.each(W), text.each(LATER), strict=True)]
     )
 
 
-def _pad(text: TransientText, inputs: tuple[Expression, ...]) -> None:
+def _pad(text: TransientBuilder, inputs: tuple[Expression, ...]) -> None:
     boundary = text.template.input_boundary
     text.over_grid([Assign(U[text.padded_at(m)], source) for m, source in enumerate(inputs)])
     text.fill_rims(U, text.template.inputs, boundary, boundary.constant)
 
 
-def _delayed(text: TransientText, layer: int) -> list[Statement]:
+def _delayed(text: TransientBuilder, layer: int) -> list[Statement]:
     assert text.template.delayed is not None
     found, later = taps(text.template.delayed.B, layer), LATER[text.at(layer)]
     if not has_history(text):
@@ -169,7 +169,7 @@ def _delayed(text: TransientText, layer: int) -> list[Statement]:
     ]
 
 
-def _history(text: TransientText) -> None:
+def _history(text: TransientBuilder) -> None:
     """Append what leaves in `later` what delayed inputs gave before the start."""
     assert text.template.delayed is not None
     text.array(LATER, text.states)

@@ -21,7 +21,7 @@ from cnnum.engines.opencl.ir.statements import (
     add,
     fixed,
 )
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS, TIME, Figures, H
 from cnnum.integrators.estimate import LOST
@@ -29,7 +29,7 @@ from cnnum.integrators.schemes import ExponentialSteps, FixedSteps
 
 
 def repeated(
-    text: TransientText,
+    text: TransientBuilder,
     scheme: FixedSteps | ExponentialSteps,
     length: Expression,
     body: Sequence[Statement],
@@ -38,7 +38,7 @@ def repeated(
 
     Parameters
     ----------
-    text : TransientText
+    text : TransientBuilder
     scheme : FixedSteps or ExponentialSteps
     length : Expression
         Of the step `n`.
@@ -103,7 +103,7 @@ def _settling(
     ]
 
 
-def fixed_figures(text: TransientText, count: int, *, settle: bool) -> Figures:
+def fixed_figures(text: TransientBuilder, count: int, *, settle: bool) -> Figures:
     """Return the figures of steps of a fixed length, whose error is not followed."""
     error = Number(LOST)
     if settle:

@@ -46,7 +46,7 @@ from cnnum.engines.opencl.ir.statements import (
     declare,
     fixed,
 )
-from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientText
+from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
 from cnnum.engines.opencl.transients.initial_state import X
@@ -71,13 +71,13 @@ Z, SCALED, FROM, TO = Name("z"), Name("wh"), Name("from"), Name("to")
 V, B = Name("v"), Name("b")
 
 
-def fuses(text: TransientText, scheme: FixedSteps) -> bool:
+def fuses(text: TransientBuilder, scheme: FixedSteps) -> bool:
     """Return whether steps of a scheme can be written in this way."""
     even = scheme.last == scheme.step and scheme.count > 0
     return scheme.tableau.stages == 1 and text.template.plain and even and text.arena.private
 
 
-def fused_euler(text: TransientText, scheme: FixedSteps) -> Figures:
+def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
     _declare(text, scheme)
     with text.aside() as step:
@@ -120,7 +120,7 @@ def _settling(scheme: FixedSteps, step: list[Statement]) -> list[Statement]:
     ]
 
 
-def _declare(text: TransientText, scheme: FixedSteps) -> None:
+def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
     """Append the second array of outputs, what both are at first, and the scaled drive."""
     boundary = text.template.boundary
     names = (Y, Z) if text.tables.lanes > 1 else (Y,)
@@ -142,17 +142,17 @@ def _declare(text: TransientText, scheme: FixedSteps) -> None:
         text.fill_rims(Y, text.layers, boundary, None)
 
 
-def _outputs(text: TransientText) -> list[Assign]:
+def _outputs(text: TransientBuilder) -> list[Assign]:
     states = enumerate(text.each(X))
     return [Assign(Y[text.padded_at(m)], text.output(state)) for m, state in states]
 
 
-def _number(text: TransientText, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
+def _number(text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
     """Return a number times h/τ of a layer."""
     return Number(factor * scheme.step / float(text.template.tau[layer]))
 
 
-def _block(text: TransientText) -> int:
+def _block(text: TransientBuilder) -> int:
     """Return how many columns are unrolled: a divisor of the columns."""
     cols = text.shape[1]
     taps = max(1, int(np.count_nonzero(text.template.A)))
@@ -160,19 +160,19 @@ def _block(text: TransientText) -> int:
     return max(n for n in range(1, cols + 1) if cols % n == 0 and n <= most)
 
 
-def _together(text: TransientText) -> int:
+def _together(text: TransientBuilder) -> int:
     """Return how many rows are swept side by side."""
     vector = text.tables.lanes * text.tables.dtype.itemsize
     fits = vector >= REGISTERS_FROM and text.shape[0] % 2 == 0 and not _gathers(text)
     return 2 if fits else 1
 
 
-def _gathers(text: TransientText) -> bool:
+def _gathers(text: TransientBuilder) -> bool:
     """Return whether outputs of equal weights are added up before they are weighted."""
     return any(shares_products(taps(text.template.A, layer)) for layer in range(text.layers))
 
 
-def _sweep(text: TransientText, scheme: FixedSteps) -> None:
+def _sweep(text: TransientBuilder, scheme: FixedSteps) -> None:
     """Append one step of all cells."""
     rows, cols = text.shape
     block, together = _block(text), _together(text)
@@ -185,7 +185,9 @@ def _sweep(text: TransientText, scheme: FixedSteps) -> None:
         text.body.append(Loop(ROW, rows, tuple(_rim_columns(text, text.template.boundary))))
 
 
-def _block_of_columns(text: TransientText, scheme: FixedSteps, block: int, together: int) -> None:
+def _block_of_columns(
+    text: TransientBuilder, scheme: FixedSteps, block: int, together: int
+) -> None:
     """Append one step of the columns `b` to `b + block` of so many rows.
 
     Where weights are equal, what is loaded is kept and added up before it is weighted, else it is
@@ -208,7 +210,7 @@ def _block_of_columns(text: TransientText, scheme: FixedSteps, block: int, toget
                 _end(text, scheme, row, done)
 
 
-def _two_sweeps(text: TransientText, scheme: FixedSteps) -> None:
+def _two_sweeps(text: TransientBuilder, scheme: FixedSteps) -> None:
     """Append one step of all cells of a single frame, as loops that compilers vectorise.
 
     They do where nothing that is written may be what is read, so new outputs wait for a sweep of
@@ -229,7 +231,7 @@ def _two_sweeps(text: TransientText, scheme: FixedSteps) -> None:
     text.over_grid(_outputs(text))
 
 
-def _driven(text: TransientText, scheme: FixedSteps, layer: int, state: Element) -> Expression:
+def _driven(text: TransientBuilder, scheme: FixedSteps, layer: int, state: Element) -> Expression:
     """Return the scaled drive of a cell, by its state."""
     constant = constant_drive(text)
     if constant is None:
@@ -237,7 +239,7 @@ def _driven(text: TransientText, scheme: FixedSteps, layer: int, state: Element)
     return _number(text, scheme, layer, constant[layer])
 
 
-def _state(text: TransientText, layer: int, row: int, column: int) -> Element:
+def _state(text: TransientBuilder, layer: int, row: int, column: int) -> Element:
     return X[Integer(layer * text.cells + row * text.shape[1] + column) + CELL]
 
 
@@ -245,7 +247,7 @@ def _sum(layer: int, row: int, column: int) -> Name:
     return Name(f"s{layer}_{row}_{column}")
 
 
-def _begin(text: TransientText, scheme: FixedSteps, row: int, column: int) -> None:
+def _begin(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) -> None:
     """Append the sums of a cell of the block, begun with what does not come from neighbours."""
     for layer in range(text.layers):
         state = _state(text, layer, row, column)
@@ -253,13 +255,13 @@ def _begin(text: TransientText, scheme: FixedSteps, row: int, column: int) -> No
         text.body.append(declare(_sum(layer, row, column), begun))
 
 
-def _kept(text: TransientText, scheme: FixedSteps, layer: int) -> Number:
+def _kept(text: TransientBuilder, scheme: FixedSteps, layer: int) -> Number:
     """Return what a step leaves of a state."""
     return Number(1.0 - scheme.step / float(text.template.tau[layer]))
 
 
 def _scatter(
-    text: TransientText, scheme: FixedSteps, column: int, block: int, together: int
+    text: TransientBuilder, scheme: FixedSteps, column: int, block: int, together: int
 ) -> None:
     """Append the outputs of a column, each added to all sums of the block that it reaches."""
     feedback = text.template.A
@@ -276,12 +278,12 @@ def _scatter(
                 text.body.append(Block((fixed(V, output), *adds)))
 
 
-def _output_at(text: TransientText, source: int, row: int, column: int) -> Element:
+def _output_at(text: TransientBuilder, source: int, row: int, column: int) -> Element:
     """Return the output at a place of the padded block."""
     return FROM[Integer(source * text.padded + row * text.pitch + column) + PLACE]
 
 
-def _load(text: TransientText, column: int) -> None:
+def _load(text: TransientBuilder, column: int) -> None:
     """Append what is read of a padded column."""
     span, rim = text.template.A.shape[-1], text.radius - text.template.A.shape[-1] // 2
     for source in range(text.layers):
@@ -294,7 +296,7 @@ def _loaded(source: int, row: int, column: int) -> Name:
     return Name(f"v{source}_{row}_{column}")
 
 
-def _gather(text: TransientText, scheme: FixedSteps, column: int) -> None:
+def _gather(text: TransientBuilder, scheme: FixedSteps, column: int) -> None:
     """Append the sums of a column's cells, equal weights together."""
     for layer in range(text.layers):
 
@@ -309,7 +311,7 @@ def _gather(text: TransientText, scheme: FixedSteps, column: int) -> None:
 
 
 def _reached(
-    text: TransientText, weights: Floats, column: int, block: int
+    text: TransientBuilder, weights: Floats, column: int, block: int
 ) -> Iterator[tuple[int, int, float]]:
     """Yield (layer, cell of the block, weight) of what an output in a padded column adds to."""
     span, radius = weights.shape[-1], text.radius
@@ -320,7 +322,7 @@ def _reached(
                 yield to, cell, float(weights[to, col])
 
 
-def _end(text: TransientText, scheme: FixedSteps, row: int, column: int) -> None:
+def _end(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) -> None:
     """Append what becomes of a cell's finished sums."""
     for layer in range(text.layers):
         new, old = _sum(layer, row, column), _state(text, layer, row, column)
@@ -331,7 +333,7 @@ def _end(text: TransientText, scheme: FixedSteps, row: int, column: int) -> None
 
 
 def _settle(
-    text: TransientText, scheme: FixedSteps, new: Name, old: Element, offset: int
+    text: TransientBuilder, scheme: FixedSteps, new: Name, old: Element, offset: int
 ) -> list[Statement]:
     """Return statements that keep a new state within limits, masks and lanes that have settled.
 
@@ -351,7 +353,7 @@ def _settle(
     return lines
 
 
-def _rim_columns(text: TransientText, boundary: Boundary) -> list[Statement]:
+def _rim_columns(text: TransientBuilder, boundary: Boundary) -> list[Statement]:
     """Return statements that fill the rim left and right of row `r`."""
     cols, radius = text.shape[1], text.radius
     source = np.pad(np.arange(cols), radius, mode=boundary.pad_mode)
@@ -365,7 +367,7 @@ def _rim_columns(text: TransientText, boundary: Boundary) -> list[Statement]:
     return lines
 
 
-def _rim_rows(text: TransientText) -> None:
+def _rim_rows(text: TransientBuilder) -> None:
     """Append the rim above and below, copied from whole rows."""
     rows, radius = text.shape[0], text.radius
     source = np.pad(np.arange(rows), radius, mode=text.template.boundary.pad_mode)

@@ -2,13 +2,13 @@
 
 from cnnum.engines.opencl.ir.expressions import Expression, Name, Number
 from cnnum.engines.opencl.ir.statements import Assign
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 
 X = Name("x")
 """The states."""
 
 
-def start_of(text: TransientText, layer: int) -> Expression:
+def start_of(text: TransientBuilder, layer: int) -> Expression:
     """Return the initial state in cell `i` of a layer."""
     if text.operands.states:
         return text.operands.states[layer]
@@ -16,7 +16,7 @@ def start_of(text: TransientText, layer: int) -> Expression:
     return text.operands.inputs[layer] if initial == "input" else Number(float(initial))
 
 
-def start(text: TransientText, name: Name = X) -> None:
+def start(text: TransientBuilder, name: Name = X) -> None:
     """Append the array of states, set to where they start."""
     text.array(name, text.states)
     text.over_cells(

@@ -7,7 +7,7 @@ import numpy as np
 from cnnum.couplings import NonlinearCoupling
 from cnnum.engines.opencl.ir.expressions import Expression, Name, Number, call, pick
 from cnnum.engines.opencl.ir.statements import Statement, add, block, fixed
-from cnnum.engines.opencl.transients.builder import SUM, TransientText
+from cnnum.engines.opencl.transients.builder import SUM, TransientBuilder
 from cnnum.network import Tap
 from cnnum.tables import Table
 
@@ -33,7 +33,7 @@ def table(function: Table, argument: Name) -> Expression:
     return value
 
 
-def nonlinear(text: TransientText, coupling: NonlinearCoupling) -> list[Statement]:
+def nonlinear(text: TransientBuilder, coupling: NonlinearCoupling) -> list[Statement]:
     """Return statements that add a nonlinear coupling's sum in cell `p` to `sum`."""
     radius = coupling.weights.shape[0] // 2
     array = ARRAYS[coupling.neighbour]
@@ -56,7 +56,7 @@ def gain_name(number: int) -> Name:
     return Name(f"gain{number}")
 
 
-def gains(text: TransientText, since: Expression) -> list[Statement]:
+def gains(text: TransientBuilder, since: Expression) -> list[Statement]:
     """Return the statements that find what varies in time, at a time since the start."""
     found = text.template.gains
     lines: list[Statement] = [fixed(SINCE, since)] if found else []

@@ -24,7 +24,7 @@ from cnnum.engines.opencl.ir.statements import (
     block,
     fixed,
 )
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import delays_outputs, has_history
 from cnnum.engines.opencl.transients.feedforward import arrive
 from cnnum.engines.opencl.transients.fixed_steps import last_number, repeated
@@ -73,7 +73,9 @@ def _combination(weights: Row, at: Expression) -> Expression:
     )
 
 
-def _stage(text: TransientText, tableaux: tuple[Pair, ...], stage: int, instant: Instant) -> None:
+def _stage(
+    text: TransientBuilder, tableaux: tuple[Pair, ...], stage: int, instant: Instant
+) -> None:
     """Append one stage of step `h`: outputs at its state, then its rates in k."""
 
     def keep(at: Expression, _: int) -> list[Statement]:
@@ -95,12 +97,12 @@ def _stage(text: TransientText, tableaux: tuple[Pair, ...], stage: int, instant:
 # delays: a ring of the outputs of the last steps
 
 
-def _lag(text: TransientText, step: float) -> int:
+def _lag(text: TransientBuilder, step: float) -> int:
     """Return the delay in steps."""
     return round(text.template.delayed.delay / step) if text.template.delayed else 0
 
 
-def _remember(text: TransientText) -> None:
+def _remember(text: TransientBuilder) -> None:
     """Append what keeps this step's outputs in the ring."""
     if delays_outputs(text):
         text.over_grid(
@@ -111,7 +113,7 @@ def _remember(text: TransientText) -> None:
         )
 
 
-def _past(text: TransientText, c: float) -> Callable[[Expression], Expression] | None:
+def _past(text: TransientBuilder, c: float) -> Callable[[Expression], Expression] | None:
     """Return the outputs a delay ago, at the start or the end of a step."""
     if not delays_outputs(text):
         return None
@@ -125,7 +127,7 @@ def _past(text: TransientText, c: float) -> Callable[[Expression], Expression] |
     return past
 
 
-def _ring(text: TransientText, scheme: FixedSteps) -> list[Statement]:
+def _ring(text: TransientBuilder, scheme: FixedSteps) -> list[Statement]:
     """Return what stands at the head of a step and finds the ring's places."""
     lag = _lag(text, scheme.step)
     lines: list[Statement] = []
@@ -144,12 +146,12 @@ def _ring(text: TransientText, scheme: FixedSteps) -> list[Statement]:
     return lines
 
 
-def _instant(text: TransientText, step: float, c: float) -> Instant:
+def _instant(text: TransientBuilder, step: float, c: float) -> Instant:
     time = Number(step) * real(ROUND) + Number(c) * H if text.template.gains else ZERO
     return Instant(time, _past(text, c))
 
 
-def fixed_steps(text: TransientText, scheme: FixedSteps) -> Figures:
+def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append steps of a fixed length and return the figures of the run."""
     stages = scheme.tableau.stages
     if stages > 1:
@@ -167,11 +169,11 @@ def fixed_steps(text: TransientText, scheme: FixedSteps) -> Figures:
     return repeated(text, scheme, length, [*head, *body])
 
 
-def _limited(text: TransientText, state: Expression) -> Expression:
+def _limited(text: TransientBuilder, state: Expression) -> Expression:
     return clip(state) if text.template.output.limited else state
 
 
-def _euler_step(text: TransientText, scheme: FixedSteps) -> None:
+def _euler_step(text: TransientBuilder, scheme: FixedSteps) -> None:
     outputs(text, text.each(X))
     _remember(text)
 
@@ -182,7 +184,7 @@ def _euler_step(text: TransientText, scheme: FixedSteps) -> None:
     rates(text, X, then, _instant(text, scheme.step, 0.0))
 
 
-def _several_stages(text: TransientText, scheme: FixedSteps) -> None:
+def _several_stages(text: TransientBuilder, scheme: FixedSteps) -> None:
     tableau = scheme.tableau
     for stage in range(tableau.stages):
         c = float(sum(tableau.a[stage]))
@@ -198,7 +200,7 @@ def _several_stages(text: TransientText, scheme: FixedSteps) -> None:
     text.over_cells(body)
 
 
-def sweeps(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
+def sweeps(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     """Return a step's statements as sweeps over all cells, a stage after the other."""
     tableau = scheme.tableau
     tableaux = tuple(scheme.of(layer) for layer in range(text.layers))
@@ -215,9 +217,9 @@ def sweeps(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
 
 
 def adaptive(
-    text: TransientText,
+    text: TransientBuilder,
     scheme: AdaptiveSteps,
-    attempts: Callable[[TransientText, AdaptiveSteps], Attempt] = sweeps,
+    attempts: Callable[[TransientBuilder, AdaptiveSteps], Attempt] = sweeps,
 ) -> Figures:
     """Append steps that follow the error estimate and return the figures of the run."""
     text.array(K0, text.states)
@@ -238,7 +240,7 @@ def adaptive(
     return controlled(text, control, first_rates, attempt, attempt.stages)
 
 
-def judge(text: TransientText, tableaux: tuple[Pair, ...]) -> list[Statement]:
+def judge(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> list[Statement]:
     """Return statements that find the worst error of a step, and the change at its end."""
     last, body = rates_of(tableaux[0].stages - 1), list[Statement]()
     tau, e = Number(float(text.template.tau.max())), Name("e")

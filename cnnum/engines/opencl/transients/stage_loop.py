@@ -10,7 +10,7 @@ import numpy as np
 
 from cnnum.engines.opencl.ir.expressions import CELL, ZERO, Expression, Integer, Name, after, total
 from cnnum.engines.opencl.ir.statements import Assign, Counted, Statement, Verbatim, fixed, sweep
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.runge_kutta_steps import judge, rates_of
 from cnnum.engines.opencl.transients.state_equation import RATE, Instant, outputs, rates
@@ -22,12 +22,12 @@ LATER_RATES, STAGE = Name("later"), Name("stage")
 """The rates of all stages but the first, one after the other; the stage at hand."""
 
 
-def rolls(text: TransientText) -> bool:
+def rolls(text: TransientBuilder) -> bool:
     """Whether steps are to be built quickly: frames side by side are worth the longer text."""
     return text.arena.private and text.tables.lanes == 1
 
 
-def rolled(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
+def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     """Return a step's statements as a loop over its stages."""
     stages, n = scheme.tableau.stages, text.states
     tableaux = tuple(scheme.of(layer) for layer in range(text.layers))
@@ -48,7 +48,7 @@ def rolled(text: TransientText, scheme: AdaptiveSteps) -> Attempt:
     return Attempt([], body, judge(text, tableaux), taken, [])
 
 
-def _stage(text: TransientText, tableaux: tuple[Pair, ...]) -> None:
+def _stage(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> None:
     """Append the round of one stage."""
     stages = tableaux[0].stages
     states: list[Expression] = []

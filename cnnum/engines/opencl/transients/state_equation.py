@@ -34,7 +34,7 @@ from cnnum.engines.opencl.large_arrays.neighbourhood_sums import (
 )
 from cnnum.engines.opencl.large_arrays.strip_couplings import FROM, PAST, STATES, fed_back
 from cnnum.engines.opencl.large_arrays.strip_rows import At
-from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientText
+from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import (
     delays_outputs,
     inputs_read,
@@ -76,7 +76,7 @@ class Instant:
         return self.past(place)
 
 
-def declare_outputs(text: TransientText) -> None:
+def declare_outputs(text: TransientBuilder) -> None:
     """Append the padded arrays of outputs (and states), and what of their rims stays the same."""
     names = [Y, *([PADDED_STATES] if pads_states(text) else [])]
     names += [DELAYED] if delays_outputs(text) else []
@@ -89,7 +89,7 @@ def declare_outputs(text: TransientText) -> None:
             text.fill_rims(name, text.layers, boundary, float(value))
 
 
-def outputs(text: TransientText, state: Sequence[Expression], keep: Name | None = None) -> None:
+def outputs(text: TransientBuilder, state: Sequence[Expression], keep: Name | None = None) -> None:
     """Append y = f(state), the state given by one expression a layer; keep it in an array."""
     template, body = text.template, list[Statement]()
     for layer, expression in enumerate(state):
@@ -107,18 +107,18 @@ def outputs(text: TransientText, state: Sequence[Expression], keep: Name | None 
             text.fill_rims(PADDED_STATES, text.layers, template.boundary, None)
 
 
-def _limits(text: TransientText) -> list[Statement]:
+def _limits(text: TransientBuilder) -> list[Statement]:
     return [Assign(NOW, clip(NOW))] if text.template.output.limited else []
 
 
-def rates(text: TransientText, state: Name, then: Then, instant: Instant) -> None:
+def rates(text: TransientBuilder, state: Name, then: Then, instant: Instant) -> None:
     """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it."""
     _delayed_outputs(text, instant)
     _gains(text, instant)
     text.over_grid(_rate_lines(text, state, then, lambda layer: _couplings(text, layer)))
 
 
-def rates_once(text: TransientText, state: Name, then: Then, instant: Instant) -> None:
+def rates_once(text: TransientBuilder, state: Name, then: Then, instant: Instant) -> None:
     """Append the same of states whose outputs are not known, in one sweep where lanes are for it.
 
     What is done in `then` may not change what other cells see.
@@ -141,18 +141,18 @@ def rates_once(text: TransientText, state: Name, then: Then, instant: Instant) -
     sweep_sums(text, seen, sums, found, begin)
 
 
-def once_by_rows(text: TransientText) -> bool:
+def once_by_rows(text: TransientBuilder) -> bool:
     """Return whether `rates_once` needs no arrays of outputs."""
     return sums_by_rows(text)
 
 
-def _sees(text: TransientText) -> int:
+def _sees(text: TransientBuilder) -> int:
     """Return how many things couplings see of neighbours."""
     inputs = len(inputs_read(text))
     return pads_outputs(text) + pads_states(text) + delays_outputs(text) + inputs
 
 
-def _seen(text: TransientText, state: Name, instant: Instant) -> list[Seen]:
+def _seen(text: TransientBuilder, state: Name, instant: Instant) -> list[Seen]:
     """Return what couplings see: outputs, and those of earlier, states and inputs if they do."""
     template, boundary = text.template, text.template.boundary
     held = boundary.constant
@@ -172,7 +172,7 @@ def _seen(text: TransientText, state: Name, instant: Instant) -> list[Seen]:
 
 
 def _rate_lines(
-    text: TransientText, state: Name, then: Then, couplings: Callable[[int], Sequence[Statement]]
+    text: TransientBuilder, state: Name, then: Then, couplings: Callable[[int], Sequence[Statement]]
 ) -> list[Statement]:
     """Return statements that find the rates of a cell; `couplings` returns what adds to its sum."""
     body: list[Statement] = [Declare("real", ((SUM, None), (RATE, None)))]
@@ -190,7 +190,7 @@ def _rate_lines(
     return body
 
 
-def _couplings(text: TransientText, layer: int) -> list[Statement]:
+def _couplings(text: TransientBuilder, layer: int) -> list[Statement]:
     template = text.template
     gained = {gain.source: k for k, gain in enumerate(template.gains) if gain.to == layer}
     found = taps(template.A, layer)
@@ -206,11 +206,11 @@ def _couplings(text: TransientText, layer: int) -> list[Statement]:
     return lines
 
 
-def _gains(text: TransientText, instant: Instant) -> None:
+def _gains(text: TransientBuilder, instant: Instant) -> None:
     text.body += gains(text, instant.time)
 
 
-def _delayed_outputs(text: TransientText, instant: Instant) -> None:
+def _delayed_outputs(text: TransientBuilder, instant: Instant) -> None:
     if not delays_outputs(text):
         return
     text.over_grid(
@@ -223,7 +223,7 @@ def _delayed_outputs(text: TransientText, instant: Instant) -> None:
         text.fill_rims(DELAYED, text.layers, text.template.boundary, None)
 
 
-def watch_change(text: TransientText, state: Expression) -> Accumulate:
+def watch_change(text: TransientBuilder, state: Expression) -> Accumulate:
     """Return the statement that keeps the largest rate, in units of the tolerance, in `change`.
 
     A state whose rate times its layer's τ is below the tolerance stays within about that of its

@@ -31,7 +31,7 @@ from cnnum.engines.opencl.ir.statements import (
     sweep,
 )
 from cnnum.engines.opencl.lowering.storage import UNFINISHED
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.integrators.choice import MAX_STEPS
@@ -114,7 +114,7 @@ class Control:
 
 
 def controlled(
-    text: TransientText,
+    text: TransientBuilder,
     control: Control,
     first_rates: Sequence[Statement],
     attempt: Attempt,
@@ -124,7 +124,7 @@ def controlled(
 
     Parameters
     ----------
-    text : TransientText
+    text : TransientBuilder
     control : Control
     first_rates : sequence of Statement
         What sets `k0`.
@@ -181,7 +181,7 @@ def _moved_on(control: Control) -> list[Statement]:
     ]
 
 
-def _followed(text: TransientText) -> list[Statement]:
+def _followed(text: TransientBuilder) -> list[Statement]:
     """Return what follows the error: it grows as the rates do, within what the feedback allows."""
     before = call("fmax", SPEED_BEFORE, Number(SMALLEST_RATE))
     growth = call("fmin", Number(error_growth(text.template)) * H, Number(LARGEST_EXPONENT))
@@ -214,7 +214,7 @@ def _next(control: Control, duration: Expression) -> list[Statement]:
     ]
 
 
-def advance(text: TransientText, last: Name) -> list[Statement]:
+def advance(text: TransientBuilder, last: Name) -> list[Statement]:
     """Return statements that take a step over where `accept` is not 0."""
     accepted = ACCEPT.differs(ZERO)
     body = [
@@ -224,6 +224,6 @@ def advance(text: TransientText, last: Name) -> list[Statement]:
     return [sweep(CELL, text.states, body)]
 
 
-def rounding(text: TransientText) -> Number:
+def rounding(text: TransientBuilder) -> Number:
     """Return what a step's roundings are, of a state of 1."""
     return Number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))

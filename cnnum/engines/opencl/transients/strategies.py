@@ -13,7 +13,7 @@ from cnnum.engines.opencl.large_arrays.strip_steps import (
     strip_steps,
     strips_fit,
 )
-from cnnum.engines.opencl.transients.builder import TransientText
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.chebyshev_steps import chebyshev, chebyshev_in_strips
 from cnnum.engines.opencl.transients.closed_form import exact
 from cnnum.engines.opencl.transients.euler_in_registers import fits_rows, row_steps
@@ -41,12 +41,12 @@ from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
 
 
-def _always(text: TransientText, scheme: Any) -> bool:
+def _always(text: TransientBuilder, scheme: Any) -> bool:
     del text, scheme
     return True
 
 
-def _never(text: TransientText) -> bool:
+def _never(text: TransientBuilder) -> bool:
     del text
     return False
 
@@ -75,13 +75,13 @@ class Strategy:
     name: str
     reason: str
     schemes: tuple[type, ...]
-    lower: Callable[[TransientText, Any], Figures]
-    fits: Callable[[TransientText, Any], bool] = _always
+    lower: Callable[[TransientBuilder, Any], Figures]
+    fits: Callable[[TransientBuilder, Any], bool] = _always
     starts: bool = True
-    pads: Callable[[TransientText], bool] = lambda _: True
+    pads: Callable[[TransientBuilder], bool] = lambda _: True
 
 
-def _pads_once(text: TransientText) -> bool:
+def _pads_once(text: TransientBuilder) -> bool:
     """Return whether the rates at the start of strips need padded outputs."""
     return not once_by_rows(text)
 
@@ -163,7 +163,7 @@ STRATEGIES = (
 )
 
 
-def strategy_of(text: TransientText) -> Strategy:
+def strategy_of(text: TransientBuilder) -> Strategy:
     """Return the first strategy that fits."""
     scheme = text.solver.scheme
     return next(
@@ -171,7 +171,7 @@ def strategy_of(text: TransientText) -> Strategy:
     )
 
 
-def run(text: TransientText, strategy: Strategy) -> Figures:
+def run(text: TransientBuilder, strategy: Strategy) -> Figures:
     """Append what brings the state `x` to its end and return the figures of the run.
 
     A step that was forced upon a run leaves nothing known of its answer.
@@ -187,7 +187,7 @@ def run(text: TransientText, strategy: Strategy) -> Figures:
     return figures
 
 
-def settled_now(text: TransientText, strategy: Strategy) -> None:
+def settled_now(text: TransientBuilder, strategy: Strategy) -> None:
     """Append what finds in `change` whether the state `x` is at equilibrium.
 
     Delayed outputs are taken as those of now, as they are once nothing changes.

@@ -17,7 +17,7 @@ from cnnum.engines.opencl.ir.expressions import (
     size,
 )
 from cnnum.engines.opencl.ir.statements import Accumulate, Assign, Declare, Statement, fixed
-from cnnum.engines.opencl.transients.builder import NOW, TransientText
+from cnnum.engines.opencl.transients.builder import NOW, TransientBuilder
 from cnnum.engines.opencl.transients.closed_form import LARGEST, begin_exact, exact_figures
 from cnnum.engines.opencl.transients.feedforward import drive_of
 from cnnum.engines.opencl.transients.initial_state import X, start_of
@@ -37,7 +37,7 @@ G, B, AT_B, CROSSES, OVER, BETWEEN, LEFT, ENDS = (
 SEEN, AFTER, GROWN, SIZES = (Name(name) for name in ("seen", "after", "grown", "sizes"))
 
 
-def separate(text: TransientText, scheme: Separate) -> Figures:
+def separate(text: TransientBuilder, scheme: Separate) -> Figures:
     """Append what sets the states `x` to their end and return the figures of the run."""
     begin_exact(text, ": no cell sees another")
     text.array(X, text.states)
@@ -46,7 +46,7 @@ def separate(text: TransientText, scheme: Separate) -> Figures:
     return exact_figures(text, roundings(text.template))
 
 
-def _cell(text: TransientText, scheme: Separate, layer: int) -> list[Statement]:
+def _cell(text: TransientBuilder, scheme: Separate, layer: int) -> list[Statement]:
     own, time = float(scheme.own[layer]), float(scheme.time[layer])
     a, slope, d = Number(own), Number(own - 1.0), Number(math.exp(-time))
     inside = pick(CROSSES.differs(ZERO), OVER, BETWEEN)
