@@ -41,6 +41,10 @@ class NumberType:
     pragma: str = ""
 
     def literal(self, value: float) -> str:
+        """Return a number of the kernel's registers."""
+        return f"R({self.digits(value)})"
+
+    def digits(self, value: float) -> str:
         """Return the shortest literal that is exactly the value rounded to the type.
 
         Raises
@@ -48,11 +52,11 @@ class NumberType:
         ArrayError
             If the value is not finite, or too large for the type.
         """
-        return _literal(self, float(value), math.copysign(1.0, value))
+        return _digits(self, float(value), math.copysign(1.0, value))
 
 
 @lru_cache(maxsize=4096)
-def _literal(numbers: NumberType, value: float, sign: float) -> str:
+def _digits(numbers: NumberType, value: float, sign: float) -> str:
     """Return a literal; 0 and −0 are the same key but for the sign."""
     del sign
     with np.errstate(over="ignore"):
@@ -65,7 +69,7 @@ def _literal(numbers: NumberType, value: float, sign: float) -> str:
     digits = repr(value) if numbers.dtype == np.float64 else repr(float(str(rounded)))
     if "." not in digits and "e" not in digits:
         digits += ".0"
-    return f"R({digits}{numbers.suffix})"
+    return digits + numbers.suffix
 
 
 FLOAT32 = NumberType(

@@ -85,16 +85,19 @@ class Rows:
 
     def vector(self, value: float) -> str:
         """Return a number in all lanes."""
-        return self.text.literal(value).replace("R(", "(vec)(")
+        return f"(vec)({self.text.tables.printer.numbers.digits(value)})"
 
     def array(self, name: str, at: At) -> str:
         """Return the expression of the cells of an array."""
-        offsets = self.offsets[name]
-        return self.cells(f"x + {offsets}" if offsets else "x", at)
+        return self.cells(self._base(name), at)
+
+    def _base(self, name: str) -> str:
+        """Return the expression of where an array begins."""
+        return f"x + {self.offsets[name]}" if self.offsets[name] else "x"
 
     def store(self, name: str, at: At, value: str) -> str:
         """Return the statement that keeps the cells of an array."""
-        return f"{self.array(name, at).replace('const vec', 'vec')} = {value};"
+        return f"*(__global vec *)({self._base(name)} + {self.place(at)}) = {value};"
 
     def show(self, at: At, state: str) -> list[str]:
         """Return the statements that keep a new state's outputs, and it within its limits."""

@@ -133,10 +133,6 @@ class TransientBuilder:
         """Run the body for every cell `i`."""
         self.body.append(sweep(CELL, self.cells, body))
 
-    def over_states(self, body: Sequence[Statement]) -> None:
-        """Run the body for every cell `i` of all layers."""
-        self.body.append(sweep(CELL, self.states, body))
-
     def over_grid(self, body: Sequence[Statement]) -> None:
         """Run the body for every cell `i` that stands at `p` in a padded array."""
         rows, cols = self.shape

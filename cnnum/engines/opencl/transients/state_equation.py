@@ -32,7 +32,13 @@ from cnnum.engines.opencl.large_arrays.neighbourhood_sums import (
     sums_by_rows,
     sweep_sums,
 )
-from cnnum.engines.opencl.large_arrays.strip_couplings import FROM, PAST, STATES, fed_back
+from cnnum.engines.opencl.large_arrays.strip_couplings import (
+    FROM,
+    PAST,
+    STATES,
+    fed_back,
+    inputs_of,
+)
 from cnnum.engines.opencl.large_arrays.strip_rows import At
 from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import (
@@ -133,7 +139,8 @@ def rates_once(text: TransientBuilder, state: Name, then: Then, instant: Instant
         return
     _gains(text, instant)
     seen = _seen(text, state, instant)
-    inputs = {one.name: place for place, one in enumerate(seen) if one.name.startswith("lane_u")}
+    read = {inputs_of(n) for n in inputs_read(text)}
+    inputs = {one.name: place for place, one in enumerate(seen) if one.name in read}
     rows = rows_near(text, len(seen), inputs)
     sums = [fed_back(rows, [At(layer, 0)]) for layer in range(text.layers)]
     found = _rate_lines(text, state, then, lambda layer: [add(SUM, line_of(layer))])
