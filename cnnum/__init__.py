@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cnnum import tactile
-    from cnnum.engine import Engine, Result
+    from cnnum.engine import Engine
     from cnnum.errors import CnnumError
     from cnnum.events import Event
     from cnnum.frame import Frame, Quality
@@ -30,7 +30,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Engine": "cnnum.engine",
-    "Result": "cnnum.engine",
+    "Result": "cnnum.runs.result",
     "CnnumError": "cnnum.errors",
     "Event": "cnnum.events",
     "Frame": "cnnum.frame",

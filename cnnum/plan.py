@@ -180,7 +180,7 @@ class Plan:
             return None
         outputs, all_finite = ran
         if not all_finite:
-            self._refuse_infinite(outputs)
+            self.refuse_infinite(outputs)
         return {n: values.reshape((*lead, *values.shape[1:])) for n, values in outputs.items()}
 
     def stream(self, batch: Sequence[int] = ()) -> "Stream":
@@ -242,12 +242,19 @@ class Plan:
         self, frames: NDArray[np.floating], lead: tuple[int, ...], memory: object, *, first: bool
     ) -> dict[str, Floats]:
         outputs = self.executable.run(frames, memory, first=first)
-        self._refuse_infinite(outputs)
+        self.refuse_infinite(outputs)
         return {
             name: values.reshape((*lead, *values.shape[1:])) for name, values in outputs.items()
         }
 
-    def _refuse_infinite(self, outputs: dict[str, Floats]) -> None:
+    def refuse_infinite(self, outputs: dict[str, Floats]) -> None:
+        """Raise if an output is not finite.
+
+        Raises
+        ------
+        ArrayError
+            If one is not; the sentence names it.
+        """
         for name, values in outputs.items():
             if not all_finite(values):
                 raise ArrayError(f"Output '{name}' of program '{self.program}' is not finite.")
@@ -368,7 +375,7 @@ class Stream:
                 return self._advance(values[np.newaxis], ())
             outputs = one.run(values, first=self.frames == 0)
             if not all_finite(one.packed):
-                self.plan._refuse_infinite(outputs)  # pyright: ignore[reportPrivateUsage]
+                self.plan.refuse_infinite(outputs)
             self.frames += 1
             return outputs
 
