@@ -6,8 +6,10 @@ A run on 8×8 cells takes a few microseconds; looking at every argument anew tak
 import math
 from collections.abc import Hashable, Mapping, Sequence
 from threading import RLock
+from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import all_finite
 from cnnum.engines.backend import OneFrame
@@ -98,7 +100,7 @@ class PreparedRun:
             for array in arrays:
                 if not isinstance(array, np.ndarray):
                     continue
-                numbers = array.ravel(order="K")
+                numbers = cast(NDArray[np.floating], array).ravel(order="K")
                 # below: every number is finite, and none is too large for the precision
                 if not float(np.vdot(numbers, numbers)) < self._square:
                     return None
