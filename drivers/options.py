@@ -16,6 +16,9 @@ Record = TypeVar("Record")
 LARGEST = 2**63 - 1
 """What a whole number of an option may reach, as in TOML."""
 
+LONGEST_PATH = 4096
+"""Signs of a path; Linux, whose paths are longest, takes fewer."""
+
 
 def read_options(record: type[Record], table: Mapping[str, object], base: Path) -> Record:
     """Return the record that a table of options describes.
@@ -105,7 +108,7 @@ def _path(key: str, value: str | Path, base: Path) -> Path:
         os.fsencode(path)
     except (RuntimeError, ValueError):  # the folder of a user whom nobody knows; a lone surrogate
         raise _wrong(key, "a path", value) from None
-    if "\0" in str(path):
+    if "\0" in str(path) or len(str(path)) > LONGEST_PATH:
         raise _wrong(key, "a path", value)
     return path
 

@@ -73,7 +73,7 @@ class UskinCsvOptions:
     def __post_init__(self) -> None:
         holds = self.rate is None or 0 < self.rate < FASTEST
         require("rate", holds, f"Hz above 0, below {FASTEST:g}", self.rate)
-        if not self.path.is_dir():
+        if not (names_something(self.path) and self.path.is_dir()):
             raise RecordingError(
                 f"The option 'path' must name the folder of a trial, but there is no folder "
                 f"'{self.path}'."
