@@ -39,6 +39,12 @@ class ClosedPipe(Exception):  # noqa: N818 - nothing went wrong
 class Root(click.Group):
     """Finds commands by the registry, and ends every one of them in the same way."""
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Refuse what no shell can pass on, then read the options."""
+        if any("\0" in argument for argument in args):
+            raise click.UsageError("Expected arguments without a NUL in them.", ctx)
+        return super().parse_args(ctx, args)
+
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands."""
         return list(COMMANDS)
