@@ -60,7 +60,7 @@ def halfspace_layers(
     ProgramError
         If a size, the layers, the order or the tolerance is out of range.
     """
-    refuse_outside(youngs_modulus=(youngs_modulus, 1e-9, 1e15), layers=(layers, 1, 256))
+    refuse_outside(youngs_modulus=(youngs_modulus, 1e-9, 1e15), layers=(layers, 0, 256))
     depth = depth_in_cells(thickness, pitch, cells)
     stack = stack_of(depth, frame.shape, layers, order, tolerance)
     x, y, p = (
