@@ -90,7 +90,7 @@ def _int(value: object) -> str | None:
 
 
 def _odd(value: Real) -> bool:
-    return abs(value) > LARGEST if isinstance(value, Integral) else math.isnan(value)
+    return abs(int(value)) > LARGEST if isinstance(value, Integral) else math.isnan(value)
 
 
 def _text(value: object) -> str | None:

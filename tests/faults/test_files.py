@@ -135,20 +135,21 @@ def test_damaged_recordings(faults, tmp_path, compressed):
     content, rng = path.read_bytes(), random.Random(7 + compressed)
     places = headers(content)
     assert len(read_npz(path).values) == 7
-    refused = 0
-    for trial in faults.trials(short=400, full=12_000):
+    read = []
+    for trial in faults.trials(short=400, full=10_000):
         path.write_bytes(damaged(content, rng, places))
-        if fault := fault_of(read_frames, path):
+        if fault := fault_of(read_frames, path, read):
             faults.lose(f"trial {trial}: {fault}")
-        refused += fault_of(read_npz, path, may_pass=False) is None
-    assert refused > faults.tried / 4  # the damage does damage
+    assert len(read) < 0.75 * faults.tried  # the damage does damage
 
 
-def read_frames(path):
+def read_frames(path, read=None):
     recording = read_npz(path)
     for number in range(len(recording.values)):
         recording.frame(number)
         recording.lost_before(number)
+    if read is not None:
+        read.append(path)
 
 
 def test_rewritten_array_headers(faults, tmp_path):
