@@ -7,6 +7,7 @@ machine, and be no more than the file can honestly hold.
 
 import math
 import struct
+import tokenize
 import warnings
 import zipfile
 import zlib
@@ -56,6 +57,7 @@ _DAMAGE = (
     ArithmeticError,
     RuntimeError,
     SyntaxError,
+    tokenize.TokenError,
 )
 
 
