@@ -1,6 +1,5 @@
 """A scene file: which array, read how, by which program, for which events and fields."""
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
@@ -8,7 +7,9 @@ from pathlib import Path
 from typing import Any, cast
 
 from cnnum.errors import SceneError, name_error
-from cnnum.names import LONGEST, checked_name, tidied
+from cnnum.names import LONGEST, checked_name, shown, tidied
+from cnnum.reading import names_something, read_text
+from cnnum.toml_reading import LARGEST, parse_toml
 
 _TABLES = ("array", "calibration", "program", "engine")
 _KEYS = ("name", "wants", *_TABLES)
@@ -91,16 +92,18 @@ def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None
     """
     path = Path(scene)
     packaged = resources.files("cnnum.scenes") / f"{scene}.toml"
-    if path.suffix != ".toml" and packaged.is_file():
+    if str(scene) in scene_names():
         text, base = packaged.read_text(encoding="utf-8"), Path()
-    elif path.is_file():
+    elif names_something(path):
         text, base = _read(path), path.parent
     else:
         known = ", ".join(scene_names())
-        raise SceneError(f"There is no scene '{scene}': expected a TOML file or one of {known}.")
+        raise SceneError(
+            f"There is no scene {shown(str(scene))}: expected a TOML file or one of {known}."
+        )
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = parse_toml(text)
+    except ValueError as error:
         raise SceneError(f"Scene '{scene}' is not TOML: {error}.") from None
     for key, value in (changes or {}).items():
         _set(table, key, value)
@@ -109,8 +112,10 @@ def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_text(path, most=LARGEST)
+    except OSError as error:
+        raise SceneError(f"Scene '{path}' can not be read: {error.strerror}.") from None
+    except UnicodeDecodeError as error:
         raise SceneError(f"Scene '{path}' can not be read: {error}.") from None
 
 
@@ -155,14 +160,14 @@ def _known(scene: str, prefix: str, table: Mapping[str, Any], keys: tuple[str, .
 def _table(scene: str, table: Mapping[str, Any], name: str) -> dict[str, Any]:
     value = table.get(name, {})
     if not isinstance(value, dict):
-        raise SceneError(f"Scene '{scene}': '{name}' must be a table, got {value!r}.")
+        raise SceneError(f"Scene '{scene}': '{name}' must be a table, got {shown(value)}.")
     return cast(dict[str, Any], value)
 
 
 def _text(scene: str, table: Mapping[str, Any], key: str, default: str | None) -> str:
     value = table.get(key, default)
     if not isinstance(value, str):
-        raise SceneError(f"Scene '{scene}': '{key}' must be a string, got {value!r}.")
+        raise SceneError(f"Scene '{scene}': '{key}' must be a string, got {shown(value)}.")
     return value
 
 
@@ -171,5 +176,5 @@ def _wants(scene: str, table: Mapping[str, Any]) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(
         isinstance(v, str) for v in cast(list[object], value)
     ):
-        raise SceneError(f"Scene '{scene}': 'wants' must be a list of names, got {value!r}.")
+        raise SceneError(f"Scene '{scene}': 'wants' must be a list of names, got {shown(value)}.")
     return tuple(cast(list[str], value))

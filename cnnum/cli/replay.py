@@ -8,6 +8,7 @@ from cnnum.cli.following import follow
 from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
 from cnnum.cli.output import Output
 from cnnum.errors import RecordingError
+from cnnum.reading import names_something
 
 
 @click.command("replay")
@@ -40,7 +41,7 @@ def command(
 
 def _array(file: Path) -> dict[str, object]:
     """Return the table of a scene that reads this recording."""
-    if not file.exists():
+    if not names_something(file):
         raise RecordingError(f"There is no recording '{file}': expected a .npz file or a folder.")
     # a relative path in a scene starts from the scene's folder, not from the working one
     path = str(file.absolute())

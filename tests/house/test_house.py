@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 # A room may import from rooms on its own floor or below, never from above.
 FLOORS = [
     ["errors"],
-    ["arrays", "expressions", "files", "names"],
+    ["arrays", "expressions", "files", "names", "reading", "toml_reading"],
     ["room"],
     ["boundary", "outputs", "frame", "tables"],
     ["couplings"],
