@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import pyopencl as cl
 
 from cnnum.engines.opencl.inline import asked_for, without_partners
+from cnnum.engines.opencl.runtime.pocl_folder import given_a_folder
 from cnnum.engines.opencl_advice import how_to_get_opencl
 from cnnum.errors import NoOpenCLError
 
@@ -81,7 +82,7 @@ def list_devices() -> tuple[Device, ...]:
         If there is none; the sentence says what to install.
     """
     try:
-        with asked_for():
+        with given_a_folder(), asked_for():
             listed = [(platform, _devices_of(platform)) for platform in cl.get_platforms()]
     except cl.Error:
         raise NoOpenCLError(NONE, how_to_get_opencl()) from None
