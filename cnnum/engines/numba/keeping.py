@@ -9,17 +9,18 @@ import hashlib
 import pickle
 import sys
 from collections.abc import Callable
-from typing import Any, cast
+from typing import Any
 
 import numba
+from numba.core import serialize
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
-from numba.core.serialize import dumps
 
 from cnnum.engines.cache import Shelf
 
+# Numba's own ways to take a form apart and to put it together have no types
 _FORM: Any = CompileResult
-_pack = cast(Callable[[object], bytes], dumps)
+_NUMBA: Any = serialize
 
 SHELF = Shelf("numba", "NUMBA_CACHE_DIR")
 
@@ -57,7 +58,7 @@ class KeptForms(NullCache):
         if cres.lifted or cres.library.has_dynamic_globals:
             return
         key = self._key(sig, cres.codegen)
-        SHELF.put(_name(key), _pack((key, cres._reduce())))
+        SHELF.put(_name(key), _NUMBA.dumps((key, cres._reduce())))
 
     def _key(self, sig: Any, codegen: Any) -> str:
         return repr((*self._about, str(sig), codegen.magic_tuple()))
