@@ -103,7 +103,7 @@ def test_the_wheel_is_repaired(wheel, tmp_path):
         done = python(code, tmp_path)
         assert done.stdout.split() == ["opencl", "12"]  # black cells at the rim of 4×4, done.stderr
         assert done.stderr == ""
-    (place,) = (tmp_path / "cnnum" / "devices").iterdir()
+    (place,) = (tmp_path / "cnnum" / "verdicts").iterdir()
     checksum, record = place.read_bytes().split(b"\n", 1)
     assert checksum.decode() == hashlib.sha256(record).hexdigest()
     record = json.loads(record)
@@ -184,7 +184,7 @@ def test_a_verdict_that_cannot_be_read_is_none(kept, device, text):
     subject = subject_of(device, None)
     keep_verdict(subject, Verdict("", None))
     assert kept_verdict(subject) == Verdict("", None)
-    (place,) = (kept.folder / "cnnum" / "devices").iterdir()
+    (place,) = (kept.folder / "cnnum" / "verdicts").iterdir()
     SHELF.put(place.name, text.encode())
     assert kept_verdict(subject) is None
     assert selection.verdict_on(device).works

@@ -17,7 +17,7 @@ from cnnum.engines.cache import Shelf
 from cnnum.engines.opencl.devices import Device
 from cnnum.engines.processor import processor
 
-SHELF = Shelf("devices")
+SHELF = Shelf("verdicts")
 
 PACKAGES = ("pyopencl", "pocl-binary-distribution")
 
