@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
+from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.exchange import Exchange, exchanges
 from cnnum.engines.opencl.kernel_text import KernelText, lower
@@ -127,6 +128,7 @@ class OpenCLExecutable:
 
     def new_memory(self, batch: int) -> object:
         """Return cleared memories on the device; the same for all where a plan has none."""
+        refuse_after_fork()  # before a lock that another thread held then
         with self._turn:
             size = batch * self._text(self.lanes_for(batch)).memory_size
             queue = self.queue_for(batch)
@@ -145,6 +147,7 @@ class OpenCLExecutable:
     def one(self, memory: object) -> OneFrame | None:
         """Return the quick way for the single frames of a stream; None where there is none."""
         assert isinstance(memory, SharedArray)
+        refuse_after_fork()
         if self.schedule.cells > WIDE_CELLS:
             return None
         with self._turn:
@@ -167,6 +170,7 @@ class OpenCLExecutable:
     ) -> dict[str, Floats]:
         """Hand frames over, launch once, read what is wanted."""
         assert isinstance(memory, SharedArray)
+        refuse_after_fork()
         with self._turn:
             return self._run(frames, memory, first=first)
 
@@ -174,6 +178,7 @@ class OpenCLExecutable:
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
     ) -> tuple[dict[str, Floats], bool] | None:
         """Let kernels read and write the host's arrays where the device can, None elsewhere."""
+        refuse_after_fork()
         with self._turn:
             return self._run_large(maps, lead)
 
