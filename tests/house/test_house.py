@@ -24,7 +24,7 @@ FLOORS = [
     ["engines"],
     ["programs"],
     ["tracing"],
-    ["plan"],
+    ["plan", "stream"],
     ["engine", "run_arguments"],
     ["checks"],
     ["templates"],
