@@ -3,6 +3,7 @@
 import hashlib
 import math
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,7 +49,7 @@ def numbers(name: str, value: ArrayLike) -> Floats:
     ArrayError
         If `value` is not numeric.
     """
-    return np.asarray(_real(name, value, np.float64), dtype=np.float64)
+    return cast(Floats, _real(name, value, np.float64))
 
 
 def real_numbers(name: str, value: ArrayLike) -> NDArray[np.floating]:

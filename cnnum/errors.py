@@ -89,6 +89,10 @@ class PortError(CnnumError, OSError):
     """A port can not be opened, or went away."""
 
 
+class OtherArrayError(PortError):
+    """Another array answers at a port than before."""
+
+
 class RecordingError(CnnumError, OSError):
     """A recording can not be read or written."""
 

@@ -7,7 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.arrays import HELD, Floats, Shape, all_finite, finite, largest, magnitude, numbers
+from cnnum.arrays import (
+    HELD,
+    Floats,
+    Shape,
+    all_finite,
+    finite,
+    largest,
+    magnitude,
+    numbers,
+)
 from cnnum.engines.backend import Backend, Executable, Solvers
 from cnnum.errors import ArrayError, FrameError, MethodError
 from cnnum.graph.nodes import Transient
@@ -15,6 +24,8 @@ from cnnum.graph.schedule import LeftOut, Schedule
 from cnnum.integrators.cost import work
 from cnnum.stream import Stream
 from cnnum.tracing import TraceStep, everything_kept, trace_steps
+
+HELD_BY_ALL = min(HELD.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -219,7 +230,7 @@ class Plan:
         """
         array, channels = numbers("frame", frame), self.schedule.channels
         size = magnitude(array)
-        if not size <= HELD[self.precision]:
+        if not size <= HELD_BY_ALL:
             size = _largest_held(array, self.precision)
         shape = self.schedule.shape
         if len(channels) == 1 and array.shape[-2:] == shape and array.shape[-3:] != (*shape, 1):
@@ -260,6 +271,7 @@ class Plan:
         }
 
     def refuse_infinite(self, outputs: dict[str, Floats]) -> None:
+        """Raise FrameError if an output of a frame is not finite."""
         for name, values in outputs.items():
             if not all_finite(values):
                 raise FrameError(

@@ -1,7 +1,6 @@
 """A stream: frames of an array in time, with memories that outlive each frame and no bad one."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from threading import RLock
 from typing import TYPE_CHECKING
@@ -139,9 +138,7 @@ class Stream:
             self._before = self._before if self._watch else ()
         return outputs
 
-    def _checked(
-        self, frames: NDArray[np.floating], lead: tuple[int, ...]
-    ) -> dict[str, Floats]:
+    def _checked(self, frames: NDArray[np.floating], lead: tuple[int, ...]) -> dict[str, Floats]:
         """Run a frame; refuse it if an output or a memory is not finite after it."""
         if lead or self._one is None:
             ran = self.plan.executable.run(frames, self._memory, first=self.frames == 0)

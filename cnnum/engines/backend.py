@@ -85,9 +85,7 @@ class Executable(Protocol):
         """Return the numbers that memories of `batch` streams hold: to look at, or to copy."""
         ...
 
-    def restore(
-        self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int
-    ) -> None:
+    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
         """Let memories hold a copy of the numbers that `held` gave before."""
         ...
 

@@ -100,9 +100,7 @@ class NumbaExecutable:
         assert isinstance(memory, NumbaMemory)
         return tuple(memory.values.values())
 
-    def restore(
-        self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int
-    ) -> None:
+    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
         """Let memories hold a copy of these numbers."""
         assert isinstance(memory, NumbaMemory)
         copies = (values.copy() for values in numbers)

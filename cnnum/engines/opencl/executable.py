@@ -149,9 +149,7 @@ class OpenCLExecutable:
             memory.pull(self.queue_for(batch))
             return (memory.host,)
 
-    def restore(
-        self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int
-    ) -> None:
+    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
         """Let memories hold a copy of these numbers."""
         assert isinstance(memory, SharedArray)
         with self._turn:

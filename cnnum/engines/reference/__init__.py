@@ -96,12 +96,10 @@ class ReferenceExecutable:
         assert isinstance(memory, ReferenceMemory)
         return tuple(memory.values.values())
 
-    def restore(
-        self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int
-    ) -> None:
+    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
         """Let memories hold a copy of these numbers."""
         assert isinstance(memory, ReferenceMemory)
-        copies = (values.copy() for values in numbers)
+        copies = (np.array(values, dtype=np.float64) for values in numbers)
         memory.values = dict(zip(memory.values, copies, strict=True))
 
     def one(self, memory: object) -> None:
