@@ -24,7 +24,7 @@ class Histogram:
 
     def add(self, value: float) -> None:
         """Count a number."""
-        place = int(PER_DECADE * math.log10(min(max(value, LEAST), MOST) / LEAST))
+        place = int(PER_DECADE * math.log10(min(max(LEAST, value), MOST) / LEAST))
         self._counts[place] += 1
         self._sums[place] += value
         self.total += 1
