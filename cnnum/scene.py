@@ -1,5 +1,6 @@
 """A scene file: which array, read how, by which program, for which events and fields."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
@@ -11,7 +12,7 @@ from cnnum.names import LONGEST, checked_name, shown, tidied
 from cnnum.reading import names_something, read_text
 from cnnum.toml_reading import LARGEST, parse_toml
 
-_TABLES = ("array", "calibration", "program", "engine")
+_TABLES = ("array", "frames", "calibration", "program", "engine")
 _KEYS = ("name", "wants", *_TABLES)
 
 
@@ -31,6 +32,10 @@ class SceneSpec:
         the rest of the program is left out.
     driver : str
     driver_options : mapping
+    frame_range : float or None
+        Largest magnitude of a good frame's values, in the driver's unit, where the scene says so.
+    dead : tuple of (row, column)
+        Taxels whose values come from their neighbours.
     calibration : str
         "driver" (what the driver knows about its array), "none", or the path of a file.
     program : str
@@ -51,6 +56,8 @@ class SceneSpec:
     wants: tuple[str, ...]
     driver: str
     driver_options: Mapping[str, object] = field(default_factory=dict[str, object])
+    frame_range: float | None = None
+    dead: tuple[tuple[int, int], ...] = ()
     calibration: str = "driver"
     program: str = "tactile"
     parameters: Mapping[str, object] = field(default_factory=dict[str, object])
@@ -131,6 +138,7 @@ def _set(table: dict[str, Any], key: str, value: object) -> None:
 def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
     _known(scene, "", table, _KEYS)
     tables = {name: _table(scene, table, name) for name in _TABLES}
+    _known(scene, "frames.", tables["frames"], ("range", "dead"))
     _known(scene, "calibration.", tables["calibration"], ("file", "use"))
     _known(scene, "program.", tables["program"], ("name", "parameters"))
     _known(scene, "engine.", tables["engine"], ("name", "device", "precision"))
@@ -141,6 +149,8 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         wants=_wants(scene, table),
         driver=_text(scene, array, "driver", None),
         driver_options={key: value for key, value in array.items() if key != "driver"},
+        frame_range=_range(scene, tables["frames"].get("range")),
+        dead=_cells(scene, tables["frames"].get("dead", [])),
         calibration=_text(scene, calibration, "file", _text(scene, calibration, "use", "driver")),
         program=_text(scene, tables["program"], "name", "tactile"),
         parameters=_table(scene, tables["program"], "parameters"),
@@ -169,6 +179,32 @@ def _text(scene: str, table: Mapping[str, Any], key: str, default: str | None) -
     if not isinstance(value, str):
         raise SceneError(f"Scene '{scene}': '{key}' must be a string, got {shown(value)}.")
     return value
+
+
+def _range(scene: str, value: object) -> float | None:
+    """Return the largest magnitude that a scene allows, None where it says nothing."""
+    if value is None:
+        return None
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (number and 0.0 < cast(float, value) < math.inf):
+        raise SceneError(
+            f"Scene '{scene}': 'frames.range' must be a positive number, the largest magnitude in "
+            f"the driver's unit, got {value!r}."
+        )
+    return float(cast(float, value))
+
+
+def _cells(scene: str, value: object) -> tuple[tuple[int, int], ...]:
+    """Return taxels as rows and columns."""
+    cells = cast(list[object], value if isinstance(value, list) else [None])
+    for cell in cells:
+        pair = cast(list[object], cell if isinstance(cell, list) else [])
+        if len(pair) != 2 or not all(type(number) is int for number in pair):
+            raise SceneError(
+                f"Scene '{scene}': 'frames.dead' must be a list of taxels as [row, column], got "
+                f"{value!r}."
+            )
+    return tuple((cell[0], cell[1]) for cell in cast(list[list[int]], cells))
 
 
 def _wants(scene: str, table: Mapping[str, Any]) -> tuple[str, ...]:

@@ -85,7 +85,8 @@ class SerialArray(Closing):
 
     def __init__(self, options: SerialOptions) -> None:
         self._options = options
-        self._mail = Mailbox(1 if options.mode == "latest" else options.depth)
+        latest = options.mode == "latest"
+        self._mail = Mailbox(1 if latest else options.depth, lost=not latest)
         self._reader = SerialReader(options, self._mail)
         self._handed_on = 0
         try:
@@ -102,7 +103,7 @@ class SerialArray(Closing):
     def counters(self) -> Counters:
         """What has been seen so far."""
         seen = self._reader.counters
-        pushed_out = self._mail.pushed_out
+        pushed_out, waiting = self._mail.pushed_out, self._mail.waiting
         latest = self._options.mode == "latest"
         return Counters(
             frames=self._handed_on,
@@ -113,6 +114,8 @@ class SerialArray(Closing):
             resyncs=seen.resyncs,
             discarded=seen.discarded,
             gaps=seen.gaps,
+            waiting=waiting,
+            sent=seen.sent,
         )
 
     def frames(self) -> Iterator[Frame]:

@@ -120,6 +120,7 @@ class UskinCsv(Closing):
         self.shape: Shape = (SIDE, SIDE * len(pads))
         self.channels = FORCE_AXES
         self.unit = "count"
+        self.full_scale = ENDS[1]
         self._counters = Counters()
         self.total_frames = rows
 

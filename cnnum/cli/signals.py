@@ -46,11 +46,12 @@ class Stop:
 
 @contextmanager
 def stoppable() -> Generator[Stop, None, None]:
-    """Let SIGTERM end the block as Ctrl-C does; one that the parent ignores stays ignored."""
+    """Let SIGTERM and SIGHUP end the block as Ctrl-C does; what a parent ignores stays ignored."""
     stop = Stop()
     heeded = [signal.SIGTERM]
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        heeded.append(signal.SIGINT)
+    for other in (signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGINT)):
+        if signal.getsignal(other) is not signal.SIG_IGN:
+            heeded.append(other)
     with handled(stop, *heeded):
         yield stop
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from contextlib import suppress
 
+import numpy as np
 import pytest
 
 from cnnum.drivers import open_driver
@@ -157,6 +158,46 @@ def test_ctrl_c_ends_with_the_summary(scene, records):
     *events, summary = records(first + rest)
     assert events[0]["kind"] == "contact"
     assert 0 < summary["frames"] < 200_000
+
+
+def over_and_over(tape, times):
+    """Lengthen a recording, so that there is time to stop its replay."""
+    with np.load(tape) as held:
+        parts = dict(held)
+    for name in ("values", "sequence", "time", "quality", "truth"):
+        parts[name] = np.concatenate([parts[name]] * times)
+    parts["time"] = np.arange(len(parts["time"])) / 200.0
+    parts["sequence"] = np.arange(len(parts["sequence"]))
+    np.savez(tape, **parts)
+
+
+@pytest.mark.parametrize(
+    ("command", "number"),
+    [
+        ("run", signal.SIGTERM),
+        ("run", signal.SIGHUP),
+        ("replay", signal.SIGTERM),
+        ("demo", signal.SIGHUP),
+    ],
+)
+def test_other_signals_end_with_the_summary_too(scene, records, call, tmp_path, command, number):
+    more = {"run": [scene, *LONG], "demo": [*LONG, "--out", tmp_path / "demo.html"]}
+    if command == "replay":
+        tape = tmp_path / "long.npz"
+        assert call("record", scene, tape).exit_code == 0
+        over_and_over(tape, 100)
+        more["replay"] = [tape, "--scene", scene]
+    process = start(
+        command, *more[command], "--json", stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    first = process.stdout.readline()
+    process.send_signal(number)
+    rest, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    *_, summary = records(first + rest)
+    assert summary["kind"] == "summary"
+    assert summary["sent"] == summary["handed_on"] + summary["skipped"] > 0
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

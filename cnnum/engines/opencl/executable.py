@@ -144,6 +144,20 @@ class OpenCLExecutable:
         alone = self.lanes_for(batch) == 1 and batch * self.schedule.cells <= WIDE_CELLS
         return self.own if alone and self.own is not None else self.queue
 
+    def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
+        """Return what memories hold, as the host sees it."""
+        assert isinstance(memory, SharedArray)
+        with self._turn:
+            memory.pull(self.queue_for(batch))
+            return (memory.host,)
+
+    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
+        """Let memories hold a copy of these numbers."""
+        assert isinstance(memory, SharedArray)
+        with self._turn:
+            (memory.host[:],) = numbers
+            memory.push(self.queue_for(batch))
+
     def one(self, memory: object) -> OneFrame | None:
         """Return the quick way for the single frames of a stream; None where there is none."""
         assert isinstance(memory, SharedArray)
