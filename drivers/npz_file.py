@@ -10,7 +10,7 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,11 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters
 from cnnum.errors import CalibrationError, CodecError, RecordingError
 from cnnum.frame import Frame, Quality, Truth
+from cnnum.recordings.npz_archive import CALIBRATION, FRAMES, KIND
 from cnnum.tactile.taxel import Calibration
 from cnnum.tactile.taxel.readout import Heat
 
-KIND = "cnnum recording 1"
-
-_FRAMES = ("values", "sequence", "time", "quality", "truth")
-_KEYS = ("kind", "channels", "unit", "rate", "truths", *_FRAMES)
-_CALIBRATION = ("alpha_normal", "beta_ns", "limit", "offsets", "cross", "drift")
+_KEYS = ("kind", "channels", "unit", "rate", "truths", *FRAMES)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -92,25 +89,6 @@ class Recording:
         return max(0, int(self.sequence[number] - self.sequence[number - 1]) - 1)
 
 
-def write_npz(file: IO[bytes], recording: Recording) -> None:
-    """Write a recording to an open file."""
-    values: dict[str, Any] = {
-        "kind": KIND,
-        "channels": list(recording.channels),
-        "unit": recording.unit,
-        "rate": recording.rate,
-        "truths": np.array(recording.truths, dtype=np.str_),
-        **{name: getattr(recording, name) for name in _FRAMES},
-    }
-    known = recording.calibration
-    if known is not None:
-        parts: dict[str, Any] = {name: getattr(known, name) for name in _CALIBRATION}
-        parts["depth"] = np.nan if known.depth is None else known.depth
-        parts["heat"] = [known.heat.amplitude, known.heat.time_constant]
-        values |= {f"calibration_{name}": value for name, value in parts.items()}
-    np.savez(file, **values)
-
-
 def read_npz(path: Path) -> Recording:
     """Read a recording.
 
@@ -157,7 +135,7 @@ def _recording(held: Mapping[str, NDArray[Any]]) -> Recording:
 def _calibration(held: Mapping[str, NDArray[Any]]) -> Calibration | None:
     if "calibration_alpha_normal" not in held:
         return None
-    names = (*_CALIBRATION, "depth", "heat")
+    names = (*CALIBRATION, "depth", "heat")
     missing = [name for name in names if f"calibration_{name}" not in held]
     if missing:
         raise CodecError(f"it has no 'calibration_{missing[0]}'.")

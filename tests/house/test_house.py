@@ -29,6 +29,7 @@ FLOORS = [
     ["checks"],
     ["templates"],
     ["program_library"],
+    ["recordings"],
     ["drivers"],
     ["conversion", "events", "scene", "scenes"],
     ["pipeline"],
@@ -42,6 +43,9 @@ ORACLES = {"tactile", "checks"}
 HEAVY = {
     "pyopencl": {"cnnum/engines/opencl"},
     "serial": {"drivers/serial_port.py"},
+    "mcap": {"cnnum/recordings"},
+    "zstandard": {"cnnum/recordings"},
+    "lz4": {"cnnum/recordings"},
     "matplotlib": {"cnnum/report", "cnnum/reproduce", "cnnum/bench"},
     "numba": {"cnnum/engines/numba", "cnnum/bench/peers"},
 }
