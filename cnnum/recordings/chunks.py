@@ -2,6 +2,7 @@
 
 import struct
 import zlib
+from dataclasses import dataclass
 
 import numpy as np
 from mcap.data_stream import RecordBuilder
@@ -116,20 +117,13 @@ class ChunkMaker:
 
     def end(self) -> bytes:
         """Return the chunk of all frames that wait, with its index, and begin the next."""
-        records, index = built(self._records), self._index
+        return self.take().chunk()
+
+    def take(self) -> "Waiting":
+        """Return all frames that wait, and begin anew."""
+        waiting = Waiting(self._opening, built(self._records), tuple(self._index))
         self._index = []
-        times = [log_time for log_time, _ in index]
-        whole = RecordBuilder()
-        Chunk(
-            compression="",
-            data=records,
-            message_start_time=min(times),
-            message_end_time=max(times),
-            uncompressed_crc=zlib.crc32(records),
-            uncompressed_size=len(records),
-        ).write(whole)
-        MessageIndex(CHANNEL, index).write(whole)
-        return built(whole)
+        return waiting
 
     def _encoded(self, frame: Frame) -> bytes:
         layout = self.layout
@@ -150,6 +144,53 @@ class ChunkMaker:
             ) from None
         values = np.ascontiguousarray(frame.values, "<f8").tobytes()
         return b"".join((head, values, self._tail.pack(len(truth), *truth)))
+
+
+@dataclass(frozen=True, slots=True)
+class Waiting:
+    """Frames on their way to a file.
+
+    Attributes
+    ----------
+    opening : bytes
+        The records that every chunk begins with.
+    records : bytes
+        These, then the messages.
+    index : tuple of (int, int)
+        The host's time of each message in ns, and its place in `records`.
+    """
+
+    opening: bytes
+    records: bytes
+    index: tuple[tuple[int, int], ...]
+
+    def chunk(self) -> bytes:
+        """Return the frames as one chunk, with its index."""
+        times = [log_time for log_time, _ in self.index]
+        whole = RecordBuilder()
+        Chunk(
+            compression="",
+            data=self.records,
+            message_start_time=min(times),
+            message_end_time=max(times),
+            uncompressed_crc=zlib.crc32(self.records),
+            uncompressed_size=len(self.records),
+        ).write(whole)
+        MessageIndex(CHANNEL, list(self.index)).write(whole)
+        return built(whole)
+
+    def halves(self) -> "tuple[Waiting, ...]":
+        """Return the first and the second half of the frames; nothing where there is but one."""
+        if len(self.index) < 2:
+            return ()
+        middle = len(self.index) // 2
+        cut = self.index[middle][1]
+        shift = cut - len(self.opening)
+        rest = tuple((log_time, place - shift) for log_time, place in self.index[middle:])
+        return (
+            Waiting(self.opening, self.records[:cut], self.index[:middle]),
+            Waiting(self.opening, self.opening + self.records[cut:], rest),
+        )
 
 
 def _nanoseconds(time: float, otherwise: int) -> int:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -49,6 +49,10 @@ class Decoder:
         """
         parts = list[bytes]()
         for opcode, begin, end in records_in(records):
+            if opcode == Opcode.MESSAGE and not parts:
+                rest = self._all_of_it(records, begin)
+                if rest is not None:
+                    return rest
             data = records[begin + PREFIX.size : end] if opcode != Opcode.MESSAGE else b""
             if opcode == Opcode.SCHEMA:
                 fields = Fields(data)
@@ -61,6 +65,14 @@ class Decoder:
         if self._topic is None:
             raise CodecError(f"it has no messages of the kind '{SCHEMA.name}'.")
         return _rows(b"".join(parts), len(parts), self._topic.layout)
+
+    def _all_of_it(self, records: bytes, begin: int) -> NDArray[np.void] | None:
+        """Return the rest of a chunk where it is frames alone, as in the files that we write."""
+        if self._topic is None or (len(records) - begin) % self._topic.layout.message.itemsize:
+            return None
+        rows: Any = np.frombuffer(records, self._topic.layout.message, offset=begin)
+        ours = (rows["opcode"] == Opcode.MESSAGE) & (rows["channel"] == self._topic.channel)
+        return cast("NDArray[np.void]", rows) if _fit(rows, self._topic.layout, ours) else None
 
     def _meet(self, data: bytes) -> None:
         """Take in a channel; the bytes of one that is known already are not read again."""
@@ -91,16 +103,22 @@ def _rows(data: bytes, count: int, layout: Layout) -> NDArray[np.void]:
     form = layout.message
     if len(data) != count * form.itemsize:
         raise CodecError("a message of it has not the length of a frame.")
-    rows: NDArray[Any] = np.frombuffer(data, form)
+    rows: Any = np.frombuffer(data, form)
+    if not _fit(rows, layout):
+        raise CodecError("a message of it is no frame of its array.")
+    return cast("NDArray[np.void]", rows)
+
+
+def _fit(rows: Any, layout: Layout, ours: Any = True) -> bool:
+    """Return whether all rows are `ours`, and as long as frames of this layout."""
     expected = {
         "encoding": np.void(ENCODING),
-        "length": form.itemsize - PREFIX.size,
+        "length": layout.message.itemsize - PREFIX.size,
         "count": layout.values,
         "truths": len(layout.truths),
     }
-    if not all((rows[name] == value).all() for name, value in expected.items()):
-        raise CodecError("a message of it is no frame of its array.")
-    return rows
+    fit = [(rows[name] == value).all() for name, value in expected.items()]
+    return bool(np.all(ours) and all(fit))
 
 
 def frames_of(rows: NDArray[np.void], layout: Layout) -> Iterator[tuple[Frame, int]]:

@@ -7,7 +7,7 @@ from threading import Event, Lock, Thread
 from cnnum.errors import RecordingError
 from cnnum.frame import Frame
 from cnnum.recordings.chunk_file import ChunkFile
-from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker
+from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, Waiting
 from cnnum.recordings.layout import Layout
 from cnnum.tactile.taxel import Calibration
 
@@ -108,12 +108,17 @@ class Journal:
         """Append what waits; the lock is held."""
         if self._maker is None or not self._maker.count or self.failure is not None:
             return
-        count = self._maker.count
+        self._store(self._maker.take())
+
+    def _store(self, waiting: Waiting) -> bool:
+        """Append frames, on a disk that is full as many of them as it takes."""
         try:
-            self._file.append(self._maker.end())
-            self.stored += count
+            self._file.append(waiting.chunk())
         except OSError as error:
             self.failure = error
+            return all(self._store(half) for half in waiting.halves()) and bool(waiting.index[1:])
+        self.stored += len(waiting.index)
+        return True
 
     def _keep_up(self) -> None:
         synced = 0
