@@ -10,7 +10,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,20 +21,17 @@ from cnnum.drivers.npz_archive import read_arrays
 from cnnum.errors import CalibrationError, CodecError
 from cnnum.frame import Frame, Quality, Truth
 from cnnum.names import shown
+from cnnum.recordings.npz_writer import CALIBRATION, FRAMES, KIND
 from cnnum.tactile.taxel import Calibration
 from cnnum.tactile.taxel.readout import Heat
 
-KIND = "cnnum recording 1"
-
-_FRAMES = ("values", "sequence", "time", "quality", "truth")
-_KEYS = ("kind", "channels", "unit", "rate", "truths", *_FRAMES)
+_KEYS = ("kind", "channels", "unit", "rate", "truths", *FRAMES)
 _FLAGS = int(~Quality.GOOD)
 _NUMBERS, _WHOLE, _TEXT = "fiub", "iub", "U"
 _KINDS = {"kind": _TEXT, "channels": _TEXT, "unit": _TEXT, "truths": _TEXT}
 _KINDS |= {"sequence": _WHOLE, "quality": _WHOLE}
 _AXES = {"kind": 0, "channels": 1, "unit": 0, "rate": 0, "truths": 1}
-_CALIBRATION = ("alpha_normal", "beta_ns", "limit", "offsets", "cross", "drift")
-_HELD = (*_CALIBRATION, "depth", "heat")
+_HELD = (*CALIBRATION, "depth", "heat")
 _PARTS = tuple(f"calibration_{name}" for name in _HELD)
 _AXES |= {f"calibration_{name}": 0 for name in ("alpha_normal", "beta_ns", "limit", "depth")}
 _AXES |= {"calibration_heat": 1}
@@ -102,25 +99,6 @@ class Recording:
         if number == 0 or not self.quality[number] & Quality.DROPPED_BEFORE:
             return 0
         return max(0, int(self.sequence[number]) - int(self.sequence[number - 1]) - 1)
-
-
-def write_npz(file: IO[bytes], recording: Recording) -> None:
-    """Write a recording to an open file."""
-    values: dict[str, Any] = {
-        "kind": KIND,
-        "channels": list(recording.channels),
-        "unit": recording.unit,
-        "rate": recording.rate,
-        "truths": np.array(recording.truths, dtype=np.str_),
-        **{name: getattr(recording, name) for name in _FRAMES},
-    }
-    known = recording.calibration
-    if known is not None:
-        parts: dict[str, Any] = {name: getattr(known, name) for name in _CALIBRATION}
-        parts["depth"] = np.nan if known.depth is None else known.depth
-        parts["heat"] = [known.heat.amplitude, known.heat.time_constant]
-        values |= {f"calibration_{name}": value for name, value in parts.items()}
-    np.savez(file, **values)
 
 
 def read_npz(path: Path) -> Recording:

@@ -101,8 +101,9 @@ def test_plan_of_the_scene(call, records, scene):
     assert first in call("plan", scene, "--source").stdout
 
 
-def test_replay_finds_the_same_events(call, records, scene, tmp_path):
-    tape = tmp_path / "tap.npz"
+@pytest.mark.parametrize("suffix", ["npz", "mcap"])
+def test_replay_finds_the_same_events(call, records, scene, tmp_path, suffix):
+    tape = tmp_path / f"tap.{suffix}"
     assert call("record", scene, tape).exit_code == 0
     live = records(call("run", scene, "--json").stdout)
     again = records(call("replay", tape, "--scene", scene, "--json").stdout)
@@ -134,8 +135,9 @@ def test_a_recording_that_an_error_ends_is_kept_and_told(call, records, tmp_path
 
 
 def start(*arguments: object, **streams: object) -> subprocess.Popen:
-    # a suite that was started in the background hands on that Ctrl-C is ignored
+    # a suite that was started in the background hands on that Ctrl-C or SIGHUP is ignored
     code = "import signal as s, runpy; s.signal(s.SIGINT, s.default_int_handler); "
+    code += "s.signal(s.SIGHUP, s.SIG_DFL); "
     code += "runpy.run_module('cnnum', run_name='__main__', alter_sys=True)"
     # as users have it: what is written waits in a buffer
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
@@ -200,7 +202,7 @@ def test_other_signals_end_with_the_summary_too(scene, records, call, tmp_path, 
     assert summary["sent"] == summary["handed_on"] + summary["skipped"] > 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_recording_that_is_stopped_is_whole(tmp_path, number):
     import time
 
@@ -208,7 +210,7 @@ def test_a_recording_that_is_stopped_is_whole(tmp_path, number):
     options = [option.replace("array.", "") for option in LONG]
     process = start("record", "simulated", path, *options, stdout=subprocess.PIPE)
     deadline = time.monotonic() + 60
-    while not any(item.stat().st_size > 100_000 for item in tmp_path.iterdir()):
+    while not any(item.stat().st_size > 200_000 for item in tmp_path.iterdir()):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     process.send_signal(number)

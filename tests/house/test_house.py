@@ -30,6 +30,7 @@ FLOORS = [
     ["checks"],
     ["templates"],
     ["program_library"],
+    ["recordings"],
     ["drivers"],
     ["conversion", "dead_cells", "events", "frame_range", "scene", "scenes", "summary"],
     ["bad_frames", "histogram"],
@@ -44,6 +45,9 @@ ORACLES = {"tactile", "checks"}
 HEAVY = {
     "pyopencl": {"cnnum/engines/opencl"},
     "serial": {"drivers/serial_port.py"},
+    "mcap": {"cnnum/recordings"},
+    "zstandard": {"cnnum/recordings"},
+    "lz4": {"cnnum/recordings"},
     "matplotlib": {"cnnum/report", "cnnum/reproduce", "cnnum/bench"},
     "numba": {"cnnum/engines/numba", "cnnum/bench/peers"},
 }

@@ -32,7 +32,7 @@ def save(path: Path, values: Mapping[str, Any]) -> None:
         If the folder or the file can not be written.
     """
     try:
-        write_whole(path, _text(values).encode("utf-8"))
+        write_whole(path, to_text(values).encode("utf-8"))
     except OSError as error:
         raise CalibrationError(
             f"Calibration '{path}' can not be written: {error.strerror}; choose a folder that "
@@ -49,11 +49,25 @@ def load(path: Path) -> dict[str, Any]:
         If the file can not be read, or a key of it is missing, unknown or wrong.
     """
     try:
-        data = parse_toml(read_text(path, most=LARGEST))
+        return from_text(read_text(path, most=LARGEST), path)
     except OSError as error:
         raise CalibrationError(
             f"Calibration {str(path)!r} can not be read: {error.strerror}."
         ) from None
+    except UnicodeDecodeError as error:
+        raise CalibrationError(f"Calibration '{path}' is not a TOML file: {error}.") from None
+
+
+def from_text(text: str, path: Path) -> dict[str, Any]:
+    """Return the values of a calibration's TOML text; `path` names it in an error.
+
+    Raises
+    ------
+    CalibrationError
+        If a key is missing, unknown or wrong.
+    """
+    try:
+        data = parse_toml(text)
     except ValueError as error:
         raise CalibrationError(f"Calibration '{path}' is not a TOML file: {error}.") from None
     _check_keys(path, data)
@@ -116,8 +130,8 @@ def _heat(path: Path, data: Mapping[str, object]) -> Heat:
         raise CalibrationError(f"Calibration '{path}': key 'heat': {error}") from None
 
 
-def _text(values: Mapping[str, Any]) -> str:
-    """Return the TOML text; repr keeps every digit of a float."""
+def to_text(values: Mapping[str, Any]) -> str:
+    """Return the TOML text of a calibration's values; repr keeps every digit of a float."""
     lines = [f'kind = "{_KIND}"']
     for name in _NUMBERS:
         value = values[name]
