@@ -37,7 +37,7 @@ ENCODING = b"\x00\x01\x00\x00"
 """The first bytes of a CDR message: version 1, little-endian."""
 
 _MESSAGE = struct.Struct("<BQHIQQ4sqdII")
-"""A message's record up to its values, in one step: the library's class takes one for each field."""
+"""A message's record up to its values, in one step; the library's class takes one a field."""
 
 MESSAGE_HEAD = struct.calcsize("<BQHIQQ")
 """Bytes of a message's record before its CDR data."""
