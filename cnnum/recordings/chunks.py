@@ -6,13 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 from mcap.data_stream import RecordBuilder
-from mcap.records import Channel, Chunk, Header, Message, MessageIndex, Schema
+from mcap.opcode import Opcode
+from mcap.records import Channel, Chunk, Header, MessageIndex, Schema
 
 from cnnum import __version__
 from cnnum.errors import RecordingError
 from cnnum.frame import Frame
 from cnnum.recordings.layout import Layout
-from cnnum.recordings.records import MAGIC, built
+from cnnum.recordings.records import MAGIC, PREFIX, built
 
 CHANNEL = 1
 TOPIC = "/taxels"
@@ -35,7 +36,12 @@ SCHEMA = Schema(
 ENCODING = b"\x00\x01\x00\x00"
 """The first bytes of a CDR message: version 1, little-endian."""
 
-_HEAD = struct.Struct("<4sqdII")
+_MESSAGE = struct.Struct("<BQHIQQ4sqdII")
+"""A message's record up to its values, in one step; the library's class takes one a field."""
+
+MESSAGE_HEAD = struct.calcsize("<BQHIQQ")
+"""Bytes of a message's record before its CDR data."""
+
 CHUNK_BYTES = 1 << 20
 """A chunk is written before its time when it is as large as this."""
 
@@ -71,12 +77,14 @@ class ChunkMaker:
 
     def __init__(self, layout: Layout) -> None:
         self.layout = layout
-        self._records = RecordBuilder()
+        self._records: list[bytes] = []
+        self._size = 0
         self._index: list[tuple[int, int]] = []
         opening = RecordBuilder()
         SCHEMA.write(opening)
         channel_of(layout).write(opening)
         self._opening = built(opening)
+        self._length = layout.message.itemsize - PREFIX.size
         self._tail = struct.Struct(f"<I4x{len(layout.truths)}d" if layout.truths else "<I")
 
     @property
@@ -87,7 +95,7 @@ class ChunkMaker:
     @property
     def size(self) -> int:
         """Bytes that wait."""
-        return self._records.count
+        return self._size
 
     def add(self, frame: Frame, log_time: int) -> None:
         """Take in a frame.
@@ -103,17 +111,12 @@ class ChunkMaker:
         RecordingError
             If it has another shape than the first frame, or numbers that no recording holds.
         """
-        data = self._encoded(frame)
+        record = self.record(frame, log_time)
         if not self._index:
-            self._records.write(self._opening)
-        self._index.append((log_time, self._records.count))
-        Message(
-            channel_id=CHANNEL,
-            log_time=log_time,
-            data=data,
-            publish_time=_nanoseconds(frame.time, log_time),
-            sequence=frame.sequence & 0xFFFFFFFF,
-        ).write(self._records)
+            self._records, self._size = [self._opening], len(self._opening)
+        self._index.append((log_time, self._size))
+        self._records.append(record)
+        self._size += len(record)
 
     def end(self) -> bytes:
         """Return the chunk of all frames that wait, with its index, and begin the next."""
@@ -121,29 +124,45 @@ class ChunkMaker:
 
     def take(self) -> "Waiting":
         """Return all frames that wait, and begin anew."""
-        waiting = Waiting(self._opening, built(self._records), tuple(self._index))
-        self._index = []
+        waiting = Waiting(self._opening, b"".join(self._records), tuple(self._index))
+        self._records, self._size, self._index = [], 0, []
         return waiting
 
-    def _encoded(self, frame: Frame) -> bytes:
+    def record(self, frame: Frame, log_time: int) -> bytes:
+        """Return a frame as the record of a message; arguments and errors are those of `add`."""
         layout = self.layout
         if frame.values.shape != layout.whole:
             raise RecordingError(
                 f"A recording holds frames of one shape: expected {layout.whole}, got "
                 f"{frame.values.shape}; record them to another file."
             )
-        known = frame.truth.values if frame.truth else {}
-        truth = [known.get(name, np.nan) for name in layout.truths]
         try:
-            head = _HEAD.pack(
-                ENCODING, frame.sequence, frame.time, int(frame.quality), frame.values.size
+            head = _MESSAGE.pack(
+                Opcode.MESSAGE,
+                self._length,
+                CHANNEL,
+                frame.sequence & 0xFFFFFFFF,
+                log_time,
+                _nanoseconds(frame.time, log_time),
+                ENCODING,
+                frame.sequence,
+                frame.time,
+                frame.quality,
+                layout.values,
             )
         except struct.error as error:
             raise RecordingError(
                 f"Scan {frame.sequence} cannot be recorded: {error}; check its driver."
             ) from None
-        values = np.ascontiguousarray(frame.values, "<f8").tobytes()
-        return b"".join((head, values, self._tail.pack(len(truth), *truth)))
+        values = frame.values.astype("<f8", copy=False).tobytes()
+        return b"".join((head, values, self._truth(frame)))
+
+    def _truth(self, frame: Frame) -> bytes:
+        names = self.layout.truths
+        known = frame.truth.values if frame.truth else {}
+        if tuple(known) == names:
+            return self._tail.pack(len(names), *known.values())
+        return self._tail.pack(len(names), *(known.get(name, np.nan) for name in names))
 
 
 @dataclass(frozen=True, slots=True)

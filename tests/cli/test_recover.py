@@ -32,15 +32,15 @@ def test_what_is_whole_is_recovered_and_the_rest_is_counted(call, records, torn)
     before = torn.read_bytes()
     result = call("recover", torn, "--json")
     assert result.exit_code == 0, result.stderr
-    (told,) = records(result.stdout)
-    assert (told["frames"], told["gaps"], told["missing"]) == (20, 1, 10)
-    assert (told["damaged_places"], told["whole"]) == (2, False)
-    assert told["unreadable_bytes"] > 5000
+    (report,) = records(result.stdout)
+    assert (report["frames"], report["gaps"], report["missing"]) == (20, 1, 10)
+    assert (report["damaged_places"], report["whole"]) == (2, False)
+    assert report["unreadable_bytes"] > 5000
     out = torn.with_name("torn.recovered.mcap")
-    assert told["file"] == str(out)
+    assert report["file"] == str(out)
     again = call("recover", out, out.with_name("again.mcap"), "--json")
-    (told,) = records(again.stdout)
-    assert (told["frames"], told["unreadable_bytes"], told["whole"]) == (20, 0, True)
+    (report,) = records(again.stdout)
+    assert (report["frames"], report["unreadable_bytes"], report["whole"]) == (20, 0, True)
     with open_driver("mcap", {"path": out}) as tape:
         assert [frame.sequence for frame in tape.frames()] == [*range(10), *range(20, 30)]
         assert tape.counters.dropped == 10

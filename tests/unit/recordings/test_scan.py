@@ -12,7 +12,7 @@ from mcap.writer import CompressionType, Writer
 
 from cnnum.drivers import open_driver
 from cnnum.errors import CodecError, RecordingError, RecordingWarning
-from cnnum.recordings.chunks import SCHEMA, ChunkMaker, beginning, channel_of
+from cnnum.recordings.chunks import MESSAGE_HEAD, SCHEMA, ChunkMaker, beginning, channel_of
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.reader import look
 from cnnum.recordings.records import LARGEST
@@ -40,7 +40,7 @@ def test_a_file_that_another_program_has_packed_is_read(recorded, scans, tmp_pat
         maker = ChunkMaker(contents.layout)
         for frame in scans(20):
             writer.add_message(other, frame.sequence, b"\x00\x01\x00\x00\x05", frame.sequence)
-            data = maker._encoded(frame)
+            data = maker.record(frame, 0)[MESSAGE_HEAD:]
             writer.add_message(ours, frame.sequence, data, frame.sequence)
         writer.finish()
     with warnings.catch_warnings():
