@@ -126,11 +126,13 @@ def leaky(frame):
     late.store(0.5 * mean.value * mean.value + frame.shear_x)
     growth = frame.memory("growth")
     growth.store(0.5 * growth.value + cnnum.exp(frame.shear_y))
-    return {"mean": mean.value, "late": late.value.max(), "wanted": frame.normal > 0.5,
-            "growth": growth.value.sum(), "power": power.value.sum()}  # fmt: skip
+    numbers = {"mean": mean.value, "late": late.value.max(), "growth": growth.value.sum(),
+               "power": power.value.sum()}  # fmt: skip
+    # a flag is finite whatever the memories hold
+    return {**numbers, "wanted": mean.value + late.value + growth.value + power.value > 0.5}
 
 
-ENGINES = (("opencl", "float32"), ("numba", "float32"), ("numba", "float64"), ("reference", None))
+ENGINES = (("opencl", "float32"), ("numba", "float32"), ("reference", "float64"))
 
 
 @pytest.mark.parametrize(("engine", "precision"), ENGINES)
@@ -140,7 +142,7 @@ def test_a_finite_outlier_never_poisons_a_stream(faults, engine, precision, want
     plan = cnnum.Engine(engine, precision=precision).compile(leaky, (3, 4), wanted)
     rng, tiny = np.random.default_rng(3), 1e-3  # of the memories' half-lives: 2⁻¹⁰ of 1
     frames = rng.uniform(-1.0, 1.0, (200, 3, 4, 3))
-    sizes = (89.0, 200.0, 1e3, *SIZES, 1e77, 1e154, 1e200, 1e308)
+    sizes = (89.0, 100.0, 1e3, *SIZES, 1e77, 1e154, 1e200, 1e308)
     channels = sorted(map(plan.schedule.channels.index, plan.schedule.channels_read))
     for at, sign, size in faults.each(list(product(channels, (1, -1), sizes)), short=12):
         clean, hit = plan.stream(), plan.stream()
@@ -154,7 +156,7 @@ def test_a_finite_outlier_never_poisons_a_stream(faults, engine, precision, want
             faults.lose(f"{size:g}: a later frame is refused")
         elif refused and not all(_equal(a, b, 0.0) for a, b in after):
             faults.lose(f"{size:g}: a later frame differs")
-        # what it has left halves a frame: 1e38 is 1e-9 after 156 frames, and late a square of it
+        # what it has left halves a frame: of exp(100), 3e43, 7e-5 is left after 158 frames
         elif size < 1e19 and not _equal(*after[-1], tiny):
             faults.lose(f"{size:g}: it is not forgotten")
 
