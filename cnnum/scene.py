@@ -212,5 +212,7 @@ def _wants(scene: str, table: Mapping[str, Any]) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(
         isinstance(v, str) for v in cast(list[object], value)
     ):
-        raise SceneError(f"Scene '{scene}': 'wants' must be a list of names, got {shown(value)}.")
+        raise SceneError(
+            f"Scene '{scene}': 'wants' must be a list of names, got {shown(cast(object, value))}."
+        )
     return tuple(cast(list[str], value))

@@ -91,7 +91,7 @@ class _Header:
     @property
     def memory(self) -> int:
         """Bytes of the values, and of what becomes of them: numbers of 64 bits."""
-        as_it_is = self.dtype in (np.float64, np.int64)
+        as_it_is = self.dtype in (np.dtype("f8"), np.dtype("i8"))
         return self.bytes + (0 if as_it_is else 8 * math.prod(self.shape))
 
 

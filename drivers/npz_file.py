@@ -28,13 +28,17 @@ from cnnum.tactile.taxel.readout import Heat
 _KEYS = ("kind", "channels", "unit", "rate", "truths", *FRAMES)
 _FLAGS = int(~Quality.GOOD)
 _NUMBERS, _WHOLE, _TEXT = "fiub", "iub", "U"
-_KINDS = {"kind": _TEXT, "channels": _TEXT, "unit": _TEXT, "truths": _TEXT}
-_KINDS |= {"sequence": _WHOLE, "quality": _WHOLE}
-_AXES = {"kind": 0, "channels": 1, "unit": 0, "rate": 0, "truths": 1}
+_KINDS = {
+    **dict.fromkeys(("kind", "channels", "unit", "truths"), _TEXT),
+    **dict.fromkeys(("sequence", "quality"), _WHOLE),
+}
 _HELD = (*CALIBRATION, "depth", "heat")
 _PARTS = tuple(f"calibration_{name}" for name in _HELD)
-_AXES |= {f"calibration_{name}": 0 for name in ("alpha_normal", "beta_ns", "limit", "depth")}
-_AXES |= {"calibration_heat": 1}
+_SINGLE = tuple(f"calibration_{name}" for name in ("alpha_normal", "beta_ns", "limit", "depth"))
+_AXES = {
+    **dict.fromkeys(("kind", "unit", "rate", *_SINGLE), 0),
+    **dict.fromkeys(("channels", "truths", "calibration_heat"), 1),
+}
 _WANTED = frozenset((*_KEYS, *_PARTS))
 
 

@@ -85,7 +85,7 @@ def _float(value: object) -> str | None:
 
 
 def _int(value: object) -> str | None:
-    fits = isinstance(value, Integral) and not isinstance(value, bool) and not _odd(value)
+    fits = not isinstance(value, bool) and isinstance(value, Integral) and not _odd(value)
     return None if fits else "a whole number of at most 63 bits"
 
 
