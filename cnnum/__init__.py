@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cnnum.programs.logic import logic
     from cnnum.programs.loops import branch, loop
     from cnnum.programs.transients import apply, shift, transient
+    from cnnum.runs.result import Result
     from cnnum.template import Check, Template
     from cnnum.template_files import load_template, save_template
 
