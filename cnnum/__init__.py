@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cnnum import tactile
-    from cnnum.engine import Engine, Result
+    from cnnum.engine import Engine
     from cnnum.errors import CnnumError
     from cnnum.events import Event
     from cnnum.frame import Frame, Quality
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cnnum.programs.logic import logic
     from cnnum.programs.loops import branch, loop
     from cnnum.programs.transients import apply, shift, transient
+    from cnnum.runs.result import Result
     from cnnum.template import Check, Template
     from cnnum.template_files import load_template, save_template
 
@@ -30,7 +31,7 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Engine": "cnnum.engine",
-    "Result": "cnnum.engine",
+    "Result": "cnnum.runs.result",
     "CnnumError": "cnnum.errors",
     "Event": "cnnum.events",
     "Frame": "cnnum.frame",

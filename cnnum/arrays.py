@@ -3,6 +3,7 @@
 import hashlib
 import math
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +15,9 @@ Floats = NDArray[np.float64]
 
 Shape = tuple[int, int]
 """Rows and columns of a cell array."""
+
+HELD = {name: float(np.finfo(name).max) for name in ("float32", "float64")}
+"""The largest number that a precision holds."""
 
 FEW = 4096
 """Numbers whose squares OpenBLAS sums in one thread; 16,384 are shared."""
@@ -35,6 +39,17 @@ def finite(name: str, value: ArrayLike) -> Floats:
             "replace them, or mark those cells with a fixed-state mask."
         )
     return np.asarray(array, dtype=np.float64)
+
+
+def numbers(name: str, value: ArrayLike) -> Floats:
+    """Return `value` as a float64 array of real numbers that nobody has looked at yet.
+
+    Raises
+    ------
+    ArrayError
+        If `value` is not numeric.
+    """
+    return cast(Floats, _real(name, value, np.float64))
 
 
 def real_numbers(name: str, value: ArrayLike) -> NDArray[np.floating]:
@@ -75,6 +90,25 @@ def all_finite(array: NDArray[np.floating]) -> bool:
         return bool(np.isfinite(array).all())
     numbers = array.ravel(order="K")  # as they lie in memory: no copy
     return math.isfinite(np.vdot(numbers, numbers)) or bool(np.isfinite(array).all())
+
+
+def magnitude(array: NDArray[np.floating]) -> float:
+    """Return a bound of the magnitudes in an array, in the time that `all_finite` takes.
+
+    It is the root of the sum of squares of a small array, and the largest magnitude of a large one
+    or where that sum overflows. It is NaN or infinite only if a number of the array is.
+    """
+    if array.size <= FEW:
+        numbers = array.ravel(order="K")
+        bound = math.sqrt(np.vdot(numbers, numbers))
+        if math.isfinite(bound):
+            return bound
+    return largest(array)
+
+
+def largest(array: NDArray[np.floating]) -> float:
+    """Return the largest magnitude in an array; NaN if a number of it is, 0 of an empty one."""
+    return max(abs(float(array.max())), abs(float(array.min()))) if array.size else 0.0
 
 
 def maps(name: str, array: NDArray[np.floating], shape: Shape, layers: int) -> NDArray[np.floating]:

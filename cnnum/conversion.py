@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Protocol
 
@@ -13,7 +14,7 @@ from cnnum.frame import FORCE_AXES, Frame
 from cnnum.tactile.taxel import SIDES, Calibration
 
 Reader = Callable[[Frame], Floats]
-"""Takes a driver's frame to new (rows, cols, wanted) numbers; refuses NaN and infinity."""
+"""Takes a driver's frame to (rows, cols, wanted) numbers."""
 
 
 class Conversion(Protocol):
@@ -24,13 +25,19 @@ class Conversion(Protocol):
         """What it can give."""
         ...
 
-    def reader(self, wanted: Sequence[str]) -> Reader:
+    def reader(self, wanted: Sequence[str], *, checks: bool = True) -> Reader:
         """Return what reads the wanted channels, and nothing else, from every frame.
+
+        Parameters
+        ----------
+        wanted : sequence of str
+        checks : bool
+            Whether it looks for NaN and infinity; not where the caller has looked.
 
         Raises
         ------
         ArrayError
-            When it reads a frame that holds NaN or infinity.
+            When it looks at a frame that holds NaN or infinity.
         """
         ...
 
@@ -41,12 +48,13 @@ class AsRead:
 
     channels: tuple[str, ...]
 
-    def reader(self, wanted: Sequence[str]) -> Reader:
+    def reader(self, wanted: Sequence[str], *, checks: bool = True) -> Reader:
         """Return what picks the wanted channels."""
+        values: Reader = _checked if checks else attrgetter("values")
         if tuple(wanted) == self.channels:
-            return _checked
+            return values
         picked = [self.channels.index(name) for name in wanted]
-        return lambda frame: _checked(frame)[..., picked]
+        return lambda frame: values(frame)[..., picked]
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,9 +68,9 @@ class ByCalibration:
         """The three rows of the strain tensor that a taxel sees."""
         return FORCE_AXES
 
-    def reader(self, wanted: Sequence[str]) -> Reader:
+    def reader(self, wanted: Sequence[str], *, checks: bool = True) -> Reader:
         """Return what computes the wanted strains."""
-        return StrainReader(self.calibration, tuple(wanted))
+        return StrainReader(self.calibration, tuple(wanted), checks=checks)
 
 
 class StrainReader:
@@ -73,11 +81,16 @@ class StrainReader:
     calibration : Calibration
     wanted : tuple of str
         Channels; only the bridges that they read are looked at.
+    checks : bool
+        Whether it looks for NaN and infinity.
     """
 
-    __slots__ = ("_calibration", "_offsets", "_part", "_wanders", "_wanted", "_weights")
+    __slots__ = ("_calibration", "_checks", "_offsets", "_part", "_wanders", "_wanted", "_weights")
 
-    def __init__(self, calibration: Calibration, wanted: tuple[str, ...]) -> None:
+    def __init__(
+        self, calibration: Calibration, wanted: tuple[str, ...], *, checks: bool = True
+    ) -> None:
+        self._checks = checks
         weights = calibration.strain_weights(wanted)
         used = np.flatnonzero(weights.reshape(-1, 4).any(axis=0))
         self._calibration, self._wanted = calibration, wanted
@@ -100,7 +113,9 @@ class StrainReader:
         values, weights = frame.values, self._weights
         if values.shape[2] != 4 or not frame.time >= 0.0:  # in the words of the general way
             return self._calibration.to_strain(values, self._wanted, time=frame.time)
-        volts = _checked(frame)[..., self._part] - self._offsets
+        if self._checks:
+            _checked(frame)
+        volts = values[..., self._part] - self._offsets
         if self._wanders:
             volts -= np.broadcast_to(self._calibration.wander(frame.time), values.shape)[
                 ..., self._part

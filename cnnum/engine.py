@@ -1,8 +1,7 @@
 """The engine as users see it: it runs single templates and compiles programs."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from threading import RLock
 from types import MappingProxyType
 from typing import Any, cast
@@ -10,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cnnum.arrays import Floats, Shape
+from cnnum.arrays import Shape
 from cnnum.engines.backend import open_backend
 from cnnum.engines.support import FUSING
 from cnnum.errors import ProgramError
@@ -28,47 +27,19 @@ from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import Applied, transient
 from cnnum.room import refuse_on_host
-from cnnum.run_arguments import as_frame, channels_and_lead, has_many_cells, maps_by_role
+from cnnum.runs.arguments import as_frame, channels_and_lead, has_many_cells, maps_by_role
+from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
+from cnnum.runs.result import Result, result_of
 from cnnum.template import Duration, Template
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 
+ROLES = ("input", "previous", "state", "bias", "mask")
+
+MOST_PREPARED = 64
+"""Runs kept ready; each holds a template and a frame's arrays, so the oldest goes first."""
+
 NEVER_SATURATES = "no cell leaves the linear range"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Result:
-    """What a template made of its maps.
-
-    Attributes
-    ----------
-    output, state : (..., rows, cols) or (..., layers, rows, cols) float
-    time : (...) float
-        Time constants reached.
-    steps : (...) int
-        Steps taken, rejected ones counted; 0 where none were needed.
-    settled : (...) bool
-        Whether |dx/dt|·τ is below the tolerance in every cell.
-    error : (...) float
-        Estimated error of the state: the sum of the steps' local errors and roundings, times a
-        safety factor; of an exact answer, its roundings. Infinity means that nothing is known of
-        it: so it is of steps of a fixed length, or in discrete time, which are not followed unless
-        `estimate=True`; of steps that were forced; and where an estimate grew beyond 1e30.
-    method : str
-    reason : str
-        Why this method: what makes the array exact, or about how many evaluations of the rates it
-        takes beside others. The `reference` engine solves far below the tolerance instead, unless
-        it is exact or the steps were asked for.
-    """
-
-    output: Floats
-    state: Floats
-    time: Floats
-    steps: np.ndarray
-    settled: np.ndarray
-    error: Floats
-    method: str
-    reason: str
 
 
 class Engine:
@@ -92,7 +63,7 @@ class Engine:
         If there is no such device.
     """
 
-    __slots__ = ("_backend", "_plans", "_turn")
+    __slots__ = ("_backend", "_plans", "_prepared", "_turn")
 
     def __init__(
         self,
@@ -103,6 +74,7 @@ class Engine:
     ) -> None:
         self._backend = open_backend(name, device, precision)
         self._plans: dict[tuple[object, ...], Plan] = {}
+        self._prepared: dict[Form, PreparedRun] = {}
         self._turn = RLock()
 
     @property
@@ -279,18 +251,25 @@ class Engine:
         SizeError
             If the machine or the device has less memory than the array needs.
         """
-        roles = {"input": input, "previous": previous, "state": state, "bias": bias, "mask": mask}
-        given, shape = maps_by_role(template, roles)
+        arrays = (input, previous, state, bias, mask)
+        asked = (duration, method, rtol, atol, dt, force, estimate)
+        form = form_of(template, arrays, asked)
+        prepared = None if form is None else self._prepared.get(form)
+        result = None if prepared is None else prepared.run(arrays)
+        if result is not None:
+            return result
+        given, shape = maps_by_role(template, dict(zip(ROLES, arrays, strict=True)))
         names, lead = channels_and_lead(given)
         spec = RunSpec(duration, method, rtol, atol, dt, force=force, estimate=estimate)
         check_spec(spec)
         exact = dt is None and method in ("auto", "propagator")
         ran = as_linear(template) if exact and stays_linear(template, given) else template
-        key = (ran.digest, shape, names, spec)
-        plan = self._plan_for(key, ran, shape, names, spec)
+        plan = self._plan_for((ran.digest, shape, names, spec), ran, shape, names, spec)
         outputs = plan.run_large(list(given.values()), lead) if has_many_cells(shape) else None
         if outputs is None:
             outputs = plan.run_finite(as_frame(given, lead, np.dtype(self.precision)))
+        if form is not None and prepared is None:
+            self._prepare(form, template, plan, given, exact=exact)
         (solver,) = plan.solvers.values()
         if solver.forced:
             outputs |= {
@@ -301,7 +280,24 @@ class Engine:
             # rounding may lie beyond 1
             outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in _outputs(template)}
         reason = solver.reason if ran is template else f"{NEVER_SATURATES}; {solver.reason}"
-        return _result(template, outputs, lead, solver.method, reason)
+        return result_of(outputs, template.layers, solver.method, reason)
+
+    def _prepare(
+        self,
+        form: Form,
+        template: Template,
+        plan: Plan,
+        given: Mapping[str, np.ndarray],
+        *,
+        exact: bool,
+    ) -> None:
+        """Keep what a run of the same form can do without, if there is anything."""
+        prepared = prepared_run(template, plan, given, exact=exact)
+        if prepared is not None:
+            with self._turn:
+                while len(self._prepared) >= MOST_PREPARED:
+                    self._prepared.pop(next(iter(self._prepared)))
+                self._prepared[form] = prepared
 
     def _plan_for(
         self,
@@ -350,28 +346,4 @@ def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
         bias=role("bias"),
         mask=mask[0] > 0.5 if mask else None,
         spec=spec,
-    )
-
-
-def _result(
-    template: Template,
-    outputs: dict[str, Floats],
-    lead: tuple[int, ...],
-    method: str,
-    reason: str,
-) -> Result:
-    def layers(what: str) -> Floats:
-        planes = [outputs[f"{what} {layer}"] for layer in range(template.layers)]
-        return planes[0] if template.layers == 1 else np.stack(planes, axis=len(lead))
-
-    error = outputs["error"]
-    return Result(
-        output=layers("output"),
-        state=layers("state"),
-        time=outputs["time"],
-        steps=outputs["steps"].astype(np.int64),
-        settled=outputs["settled"].astype(bool),
-        error=np.where(error < LOST, error, math.inf),
-        method=method,
-        reason=reason,
     )

@@ -14,6 +14,18 @@ class ArrayError(CnnumError, ValueError):
     """An array has the wrong shape, type or content (NaN, infinity)."""
 
 
+class FrameError(ArrayError):
+    """A frame cannot be used: a value is out of range, or the program cannot work with it.
+
+    Attributes
+    ----------
+    cells : tuple of (row, column)
+        Taxels whose values are to blame, where it is known.
+    """
+
+    cells: tuple[tuple[int, int], ...] = ()
+
+
 class SizeError(CnnumError, MemoryError):
     """An array needs more memory than the machine or the device has."""
 
@@ -75,6 +87,10 @@ class CodecError(CnnumError, ValueError):
 
 class PortError(CnnumError, OSError):
     """A port can not be opened, or went away."""
+
+
+class OtherArrayError(PortError):
+    """Another array answers at a port than before."""
 
 
 class RecordingError(CnnumError, OSError):

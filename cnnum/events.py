@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,12 @@ class Event:
         In the unit of the program's output.
     sense : int or None
         Of a twist: +1 from x towards y, −1 the other way.
+    after_gap : float or None
+        s, of the first event of its flag after frames were lost or refused: how long the program
+        saw nothing, from frame to frame. What it remembers reaches over that gap; of several since
+        the flag's last event, the longest.
+    gap_end : float or None
+        s, on the clock of the frames, when that gap ended.
     """
 
     t: float
@@ -42,6 +48,8 @@ class Event:
     direction: float | None = None
     strength: float | None = None
     sense: int | None = None
+    after_gap: float | None = None
+    gap_end: float | None = None
 
     def record(self) -> dict[str, object]:
         """Return the event as a JSON object; what it does not have is left out."""
@@ -54,6 +62,8 @@ class Event:
             "strength": self.strength,
             "sense": self.sense,
             "frame": self.frame,
+            "after_gap": None if self.after_gap is None else round(self.after_gap, 6),
+            "gap_end": None if self.gap_end is None else round(self.gap_end, 6),
         }
         return {name: value for name, value in values.items() if value is not None}
 
@@ -65,6 +75,8 @@ class Event:
             parts.append(f"towards {math.degrees(self.direction):.0f}°")
         if self.sense:
             parts.append("from x to y" if self.sense > 0 else "from y to x")
+        if self.after_gap is not None:
+            parts.append(f"after a gap of {self.after_gap:.3f} s")
         return ", ".join(parts)
 
 
@@ -162,25 +174,59 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
 """What a scene can want as events: name to rules."""
 
 
+_NO_GAP = (0.0, 0.0)
+
+
 @dataclass(slots=True)
 class EventDetector:
-    """Follows flags from frame to frame and says which have changed."""
+    """Follows flags from frame to frame and says which have changed.
+
+    Attributes
+    ----------
+    longest_gap : float
+        s, the longest time between two frames with a missing one between them; 0 without.
+    """
 
     rules: tuple[EventRule, ...]
+    longest_gap: float = field(init=False, default=0.0)
     _held: list[bool] = field(init=False)
+    _gaps: list[tuple[float, float]] = field(init=False)
+    _last: float | None = field(init=False, default=None)
+    _missed: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         self._held = [False] * len(self.rules)
+        self._gaps = [_NO_GAP] * len(self.rules)
+
+    def miss(self) -> None:
+        """Take in that a frame before the next one was lost or refused."""
+        self._missed = True
 
     def update(self, t: float, frame: int, outputs: Outputs) -> tuple[Event, ...]:
         """Return the events of one frame, in the order of the rules."""
+        if self._missed:
+            self._note_gap(t)
+        self._last = t
         held, now = self._held, [_number(outputs, rule.flag) > 0.0 for rule in self.rules]
         if now == held:
             return ()
         self._held = now
-        changed = zip(self.rules, held, now, strict=True)
+        changed = enumerate(zip(self.rules, held, now, strict=True))
         return tuple(
-            rule.event(rule.kind if on else rule.ends, t, frame, outputs)
-            for rule, was, on in changed
+            self._after_gap(place, rule.event(rule.kind if on else rule.ends, t, frame, outputs))
+            for place, (rule, was, on) in changed
             if on != was and (on or rule.ends)
         )
+
+    def _note_gap(self, t: float) -> None:
+        """Keep the gap that ends now for the next event of each flag, unless a longer one waits."""
+        self._missed = False
+        if self._last is None:  # nothing was seen before it: no memory reaches over it
+            return
+        gap = (t - self._last, t)
+        self.longest_gap = max(self.longest_gap, gap[0])
+        self._gaps = [max(waiting, gap) for waiting in self._gaps]
+
+    def _after_gap(self, place: int, event: Event) -> Event:
+        (length, end), self._gaps[place] = self._gaps[place], _NO_GAP
+        return replace(event, after_gap=length, gap_end=end) if length > 0.0 else event

@@ -38,6 +38,14 @@ def checked_name(what: str, name: object, error: type[CnnumError]) -> str:
     return name
 
 
+def shown(value: object) -> str:
+    """Return a value as a sentence shows it: its first 60 signs, however large it is."""
+    try:
+        return f"{value!r:.60}"
+    except ValueError:  # Python writes no whole number of more than some thousands of digits
+        return "a whole number of thousands of digits"
+
+
 def tidied(text: str) -> str:
     """Return a text with '_' in place of all that a name may not hold."""
     return "".join(sign if sign.isalnum() or sign in SIGNS else "_" for sign in text)

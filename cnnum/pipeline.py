@@ -1,31 +1,33 @@
 """The way of a frame: driver, conversion, plan, events; one obvious path."""
 
 import inspect
+import math
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
 
-import numpy as np
-
 from cnnum.arrays import Floats, Shape
-from cnnum.conversion import Conversion, Reader, conversion_for
-from cnnum.drivers.driver import Counters, Driver
+from cnnum.bad_frames import BadFrames
+from cnnum.conversion import ByCalibration, Conversion, Reader, conversion_for
+from cnnum.dead_cells import DeadCells
+from cnnum.drivers.driver import Driver
 from cnnum.drivers.registry import open_driver
 from cnnum.engine import Engine
-from cnnum.errors import ArrayError, SceneError, name_error
+from cnnum.errors import ArrayError, CnnumError, FrameError, MethodError, SceneError, name_error
 from cnnum.events import EVENT_RULES, Event, EventDetector, EventRule
-from cnnum.frame import BAD, Frame, Quality
-from cnnum.plan import Plan, Stream
+from cnnum.frame import Frame, Quality
+from cnnum.frame_range import ANY, FrameRange, range_for
+from cnnum.histogram import Histogram
+from cnnum.plan import Plan
 from cnnum.program_library import get_program
 from cnnum.programs import Program
 from cnnum.scene import EVERYTHING, SceneSpec, read_scene
+from cnnum.stream import Stream
+from cnnum.summary import Summary
 from cnnum.tactile.taxel import Calibration
 from cnnum.tracing import TraceStep, trace_steps
-
-REFUSED = BAD | Quality.REPEATED
-"""Flags under which the program does not run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,6 +47,8 @@ class Moment:
     events : tuple of Event
     seconds : float
         From the frame in host memory to its events.
+    error : CnnumError or None
+        What is wrong with a bad frame, which is passed over.
     """
 
     number: int
@@ -53,6 +57,7 @@ class Moment:
     outputs: dict[str, Floats]
     events: tuple[Event, ...]
     seconds: float
+    error: CnnumError | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -65,53 +70,60 @@ class Way:
         From a driver's frame to what the program takes.
     stream : Stream
     detector : EventDetector
+    range : FrameRange
+        What a good frame holds.
+    dead : DeadCells or None
+        Taxels that are not looked at.
     """
 
     read: Reader
     stream: Stream
     detector: EventDetector
+    range: FrameRange = ANY
+    dead: DeadCells | None = None
 
     def step(self, number: int, frame: Frame) -> Moment:
-        """Return what comes of a frame; the program does not run on one that is bad or a repeat.
+        """Return what comes of a frame; a bad one or a repeat leaves everything as it was.
 
         Raises
         ------
         ArrayError
-            If the frame is not of the array's shape, or holds NaN or infinity.
+            If the frame is not of the array's shape.
+        MethodError
+            If a transient of the first frame does not reach its end: that is the method's fault.
         """
         started = time.perf_counter()
         # a good frame has no flags, and is asked no more: flags are slow to take apart
-        if frame.quality and frame.quality & REFUSED:
-            return Moment(number, frame, None, {}, (), 0.0)
+        if frame.quality and (passed_over := self._flagged(number, frame)) is not None:
+            return passed_over
         _refuse_other_shape(frame, self.stream.plan.schedule.shape)
-        values = self.read(frame)
-        outputs = self.stream.push_read(values)
+        try:
+            looked_at = frame if self.dead is None else self.dead.without(frame)
+            size = self.range.size(looked_at)
+            values = self.read(looked_at)
+            if self.dead is not None:
+                values = self.dead.filled(values)
+            outputs = self.stream.push_read(values, size)
+        except FrameError as error:
+            return self._bad(number, frame, error)
+        except MethodError as error:
+            if not self.stream.frames:
+                raise
+            return self._bad(number, frame, error)
         events = self.detector.update(frame.time, number, outputs)
         return Moment(number, frame, values, outputs, events, time.perf_counter() - started)
 
+    def _flagged(self, number: int, frame: Frame) -> Moment | None:
+        """Return what comes of a frame that its driver flags as bad or as a repeat."""
+        if frame.quality & Quality.DROPPED_BEFORE:
+            self.detector.miss()
+        if frame.bad:
+            return self._bad(number, frame, FrameError("its driver flags it as damaged"))
+        return Moment(number, frame, None, {}, (), 0.0) if frame.repeated else None
 
-@dataclass(frozen=True, slots=True)
-class Summary:
-    """What a scene came to.
-
-    Attributes
-    ----------
-    frames : int
-        Handed on by the driver; bad and repeated ones are among them.
-    bad_frames, repeated : int
-        Frames that were not allowed to become an event, and repeats of the scan before.
-    counters : Counters
-        The driver's own.
-    p50_us, p99_us : float
-        Time from a frame in host memory to its events, µs.
-    """
-
-    frames: int
-    bad_frames: int
-    repeated: int
-    counters: Counters
-    p50_us: float
-    p99_us: float
+    def _bad(self, number: int, frame: Frame, error: CnnumError) -> Moment:
+        self.detector.miss()
+        return Moment(number, frame, None, {}, (), 0.0, error)
 
 
 @dataclass(slots=True, eq=False)
@@ -126,6 +138,12 @@ class Scene:
     conversion : Conversion
     plan : Plan
     rules : tuple of EventRule
+    range : FrameRange
+        What a good frame holds.
+    dead : DeadCells or None
+        Taxels whose values come from their neighbours.
+    bad : BadFrames
+        Those passed over so far.
     """
 
     spec: SceneSpec
@@ -134,10 +152,13 @@ class Scene:
     conversion: Conversion
     plan: Plan
     rules: tuple[EventRule, ...]
-    _seconds: list[float] = field(default_factory=list[float])
-    _frames: int = 0
-    _bad: int = 0
+    range: FrameRange
+    dead: DeadCells | None
+    bad: BadFrames = field(default_factory=BadFrames)
+    _micros: Histogram = field(default_factory=Histogram)
+    _begun: int = 0
     _repeated: int = 0
+    _longest_gap: float = 0.0
 
     @classmethod
     def of(cls, spec: SceneSpec, engine: Engine | None = None) -> "Scene":
@@ -159,33 +180,40 @@ class Scene:
             rules = _rules(spec, wants, outputs)
             fields = tuple(want for want in wants if want not in EVENT_RULES)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
+            dead = DeadCells(spec.dead, driver.shape) if spec.dead else None
             plan = used.compile(program, driver.shape, needs, channels=conversion.channels)
             plan.warm_up()
         except BaseException:
             driver.close()
             raise
-        return cls(spec, used, driver, conversion, plan, rules)
+        within = _range(spec, driver, conversion, used.precision)
+        return cls(spec, used, driver, conversion, plan, rules, within, dead)
 
     def moments(self) -> Iterator[Moment]:
         """Yield every frame with what came of it, until the source ends or the caller stops."""
         way = self.way()
         with self.driver:
             for number, frame in enumerate(self.driver.frames()):
+                self._begun = number + 1
                 moment = way.step(number, frame)
-                self._count(moment)
+                self._count(moment, way)
                 yield moment
 
     def way(self) -> "Way":
         """Return the way of a frame from host memory to its events, with memories of its own."""
-        wanted = self.plan.schedule.channels_read
-        return Way(self.conversion.reader(wanted), self.plan.stream(), EventDetector(self.rules))
+        return self._way(self.plan, self.rules)
 
-    def _count(self, moment: Moment) -> None:
-        self._frames += 1
+    def _way(self, plan: Plan, rules: tuple[EventRule, ...]) -> Way:
+        read = self.conversion.reader(plan.schedule.channels_read, checks=False)
+        return Way(read, plan.stream(), EventDetector(rules), self.range, self.dead)
+
+    def _count(self, moment: Moment, way: Way) -> None:
         if moment.values is not None:
-            self._seconds.append(moment.seconds)
-        elif moment.frame.bad:
-            self._bad += 1
+            self._micros.add(1e6 * moment.seconds)
+            self._longest_gap = way.detector.longest_gap
+        elif moment.error is not None:
+            frame = moment.frame
+            self.bad.add(moment.number, frame.time, moment.error, self._micros.total)
         else:
             self._repeated += 1
 
@@ -204,30 +232,28 @@ class Scene:
         SceneError
             If the scene has no such frame, or it was bad or a repeat and nothing ran on it.
         """
-        plan = self.plan.keeping_everything()
-        stream, read = plan.stream(), self.conversion.reader(plan.schedule.channels_read)
+        way = self._way(self.plan.keeping_everything(), ())
         with self.driver:
             for at, frame in enumerate(self.driver.frames()):
-                runs = not frame.quality & REFUSED
-                if runs:
-                    _refuse_other_shape(frame, plan.schedule.shape)
-                outputs = stream.push_read(read(frame)) if runs else {}
-                if at == number and runs:
-                    return tuple(trace_steps(self.plan.schedule, outputs))
-                if at == number:
+                moment = way.step(at, frame)
+                if at == number and moment.values is None:
                     raise SceneError(f"Frame {number} is bad or a repeat: nothing runs on it.")
+                if at == number:
+                    return tuple(trace_steps(self.plan.schedule, moment.outputs))
         raise SceneError(f"The scene '{self.spec.name}' has no frame {number}.")
 
     def summary(self) -> Summary:
         """Return what has been seen so far."""
-        micros = 1e6 * np.array(self._seconds or [0.0])
+        handed_on = self._micros.total
         return Summary(
-            frames=self._frames,
-            bad_frames=self._bad + self.driver.counters.bad,
+            frames=self._begun,
+            handed_on=handed_on,
+            refused=self.bad.count,
             repeated=self._repeated,
             counters=self.driver.counters,
-            p50_us=float(np.percentile(micros, 50)),
-            p99_us=float(np.percentile(micros, 99)),
+            longest_gap=self._longest_gap,
+            p50_us=self._micros.quantile(0.50),
+            p99_us=self._micros.quantile(0.99),
         )
 
 
@@ -238,6 +264,18 @@ def _refuse_other_shape(frame: Frame, shape: Shape) -> None:
             f"A frame of this array has {shape[0]}×{shape[1]} taxels, got "
             f"{frame.shape[0]}×{frame.shape[1]} in frame {frame.sequence}."
         )
+
+
+def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: str) -> FrameRange:
+    """Return what a good frame of a scene holds."""
+    known = conversion.calibration if isinstance(conversion, ByCalibration) else None
+    return range_for(
+        driver.unit,
+        precision,
+        given=spec.frame_range,
+        full_scale=cast(float | None, getattr(driver, "full_scale", None)),
+        saturated=known.limit if known is not None else math.inf,
+    )
 
 
 def _wants(spec: SceneSpec, outputs: Collection[str]) -> tuple[str, ...]:

@@ -2,19 +2,30 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from threading import RLock
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.arrays import Floats, Shape, all_finite, finite
-from cnnum.engines.backend import Backend, Executable, OneFrame, Solvers
-from cnnum.errors import ArrayError, MethodError
+from cnnum.arrays import (
+    HELD,
+    Floats,
+    Shape,
+    all_finite,
+    finite,
+    largest,
+    magnitude,
+    numbers,
+)
+from cnnum.engines.backend import Backend, Executable, Solvers
+from cnnum.errors import ArrayError, FrameError, MethodError
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import LeftOut, Schedule
 from cnnum.integrators.cost import work
+from cnnum.stream import Stream
 from cnnum.tracing import TraceStep, everything_kept, trace_steps
+
+HELD_BY_ALL = min(HELD.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,18 +151,19 @@ class Plan:
         Raises
         ------
         ArrayError
-            If the frame has another shape, or holds NaN or infinity.
+            If the frame has another shape, holds NaN or infinity, or a number that the precision
+            does not hold.
         MethodError
             If a transient does not reach its end.
         """
-        return self.run_finite(self._finite(frame))
+        return self.run_finite(self.looked_at(frame)[0])
 
     def run_finite(self, frame: NDArray[np.floating]) -> dict[str, Floats]:
         """Run the program on a frame or a batch whose numbers have been checked.
 
         Parameters and errors are those of a call.
         """
-        frames, lead = self._read(frame)
+        frames, lead = self.read(frame)
         memory = self.executable.new_memory(len(frames))
         return self._run(frames, lead, memory, first=True)
 
@@ -180,10 +192,10 @@ class Plan:
             return None
         outputs, all_finite = ran
         if not all_finite:
-            self._refuse_infinite(outputs)
+            self.refuse_infinite(outputs)
         return {n: values.reshape((*lead, *values.shape[1:])) for n, values in outputs.items()}
 
-    def stream(self, batch: Sequence[int] = ()) -> "Stream":
+    def stream(self, batch: Sequence[int] = ()) -> Stream:
         """Return a stream of frames whose memories outlive each frame.
 
         Parameters
@@ -203,22 +215,33 @@ class Plan:
             stream.push_read(empty)
             stream.push_read(empty)
 
-    def _frames(self, frame: ArrayLike) -> tuple[NDArray[np.floating], tuple[int, ...]]:
-        return self._read(self._finite(frame))
+    def looked_at(self, frame: ArrayLike) -> tuple[Floats, float]:
+        """Return a frame or a batch of numbers that the precision holds, with an axis of channels.
 
-    def _finite(self, frame: ArrayLike) -> Floats:
-        """Return a frame or a batch of finite numbers, with an axis of its channels."""
-        array, channels = finite("frame", frame), self.schedule.channels
+        Returns
+        -------
+        (..., rows, cols, channels) float, and a bound of its magnitudes
+
+        Raises
+        ------
+        ArrayError
+            If it is not of real numbers, or holds NaN or infinity; FrameError if a number is too
+            large for the precision.
+        """
+        array, channels = numbers("frame", frame), self.schedule.channels
+        size = magnitude(array)
+        if not size <= HELD_BY_ALL:
+            size = _largest_held(array, self.precision)
         shape = self.schedule.shape
         if len(channels) == 1 and array.shape[-2:] == shape and array.shape[-3:] != (*shape, 1):
             array = array[..., np.newaxis]
-        return array
+        return array, size
 
-    def _read(self, array: NDArray[np.floating]) -> tuple[NDArray[np.floating], tuple[int, ...]]:
+    def read(self, array: NDArray[np.floating]) -> tuple[NDArray[np.floating], tuple[int, ...]]:
         """Return the channels that are read, as (batch, rows, cols, channels), and leading axes."""
         lead, channels = array.shape[:-3], self.schedule.channels
         if array.shape[-3:] != (*self.schedule.shape, len(channels)):
-            raise self._misshapen("(..., ", channels, array.shape)
+            raise self.misshapen("(..., ", channels, array.shape)
         frames = array.reshape(-1, *array.shape[-3:])
         if len(frames) == 0:
             raise ArrayError("A batch needs at least one frame, got none.")
@@ -227,7 +250,7 @@ class Plan:
             return frames, lead
         return frames[..., [channels.index(name) for name in read]], lead
 
-    def _misshapen(
+    def misshapen(
         self, opening: str, channels: Sequence[str], shape: tuple[int, ...]
     ) -> ArrayError:
         """Return the error of a frame of another shape than the plan's."""
@@ -242,15 +265,19 @@ class Plan:
         self, frames: NDArray[np.floating], lead: tuple[int, ...], memory: object, *, first: bool
     ) -> dict[str, Floats]:
         outputs = self.executable.run(frames, memory, first=first)
-        self._refuse_infinite(outputs)
+        self.refuse_infinite(outputs)
         return {
             name: values.reshape((*lead, *values.shape[1:])) for name, values in outputs.items()
         }
 
-    def _refuse_infinite(self, outputs: dict[str, Floats]) -> None:
+    def refuse_infinite(self, outputs: dict[str, Floats]) -> None:
+        """Raise FrameError if an output of a frame is not finite."""
         for name, values in outputs.items():
             if not all_finite(values):
-                raise ArrayError(f"Output '{name}' of program '{self.program}' is not finite.")
+                raise FrameError(
+                    f"Output '{name}' of program '{self.program}' is not finite: the values of "
+                    "the frame are too large for it."
+                )
 
     def trace(self, frame: ArrayLike) -> Iterator[TraceStep]:
         """Yield each operation with its result for a frame, or a batch of frames.
@@ -316,76 +343,12 @@ class Plan:
         return texts
 
 
-@dataclass(slots=True, eq=False)
-class Stream:
-    """Frames of one array (or of a batch of arrays) in time; owns their memories.
-
-    Threads that push to one stream take turns; streams of one plan know nothing of each other.
-    """
-
-    plan: Plan
-    batch: tuple[int, ...]
-    frames: int = 0
-    _memory: object = field(default=None)
-    _one: OneFrame | None = field(default=None)
-    _turn: RLock = field(default_factory=RLock)
-
-    def push(self, frame: ArrayLike) -> dict[str, Floats]:
-        """Run the program on the next frame of every array and bring the memories up to date.
-
-        Raises
-        ------
-        ArrayError
-            If the frame's leading axes are not those of the stream.
-        """
-        frames, lead = self.plan._frames(frame)  # pyright: ignore[reportPrivateUsage]
-        if lead != self.batch:
-            raise ArrayError(
-                f"A frame of this stream has the leading axes {self.batch}, got {lead}."
-            )
-        return self._advance(frames, lead) if lead else self.push_read(frames[0])
-
-    def push_read(self, values: Floats) -> dict[str, Floats]:
-        """Run the program on the next frame of one array, of which only what is read is at hand.
-
-        Parameters
-        ----------
-        values : (rows, cols, channels read) float
-            In the order of `plan.schedule.channels_read`; finite.
-
-        Raises
-        ------
-        ArrayError
-            If they have another shape.
-        """
-        schedule = self.plan.schedule
-        if values.shape != (*schedule.shape, len(schedule.channels_read)):
-            raise self.plan._misshapen(  # pyright: ignore[reportPrivateUsage]
-                "(", schedule.channels_read, values.shape
-            )
-        with self._turn:
-            self._open(1)
-            one = self._one
-            if one is None:
-                return self._advance(values[np.newaxis], ())
-            outputs = one.run(values, first=self.frames == 0)
-            if not all_finite(one.packed):
-                self.plan._refuse_infinite(outputs)  # pyright: ignore[reportPrivateUsage]
-            self.frames += 1
-            return outputs
-
-    def _open(self, batch: int) -> None:
-        """Take the memories when the first frame comes."""
-        if self._memory is None:
-            executable = self.plan.executable
-            self._memory = executable.new_memory(batch)
-            self._one = None if self.batch else executable.one(self._memory)
-
-    def _advance(self, frames: NDArray[np.floating], lead: tuple[int, ...]) -> dict[str, Floats]:
-        with self._turn:
-            self._open(len(frames))
-            outputs = self.plan._run(  # pyright: ignore[reportPrivateUsage]
-                frames, lead, self._memory, first=self.frames == 0
-            )
-            self.frames += 1
-            return outputs
+def _largest_held(array: Floats, precision: str) -> float:
+    """Return the largest magnitude in an array; refuse one that the precision does not hold."""
+    size = largest(finite("frame", array))
+    if size > HELD[precision]:
+        raise FrameError(
+            f"A frame in {precision} holds numbers up to {HELD[precision]:.3g}, got {size:.3g}: "
+            "leave that frame out, or scale its values."
+        )
+    return size

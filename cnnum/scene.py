@@ -1,6 +1,6 @@
 """A scene file: which array, read how, by which program, for which events and fields."""
 
-import tomllib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib import resources
@@ -8,9 +8,11 @@ from pathlib import Path
 from typing import Any, cast
 
 from cnnum.errors import SceneError, name_error
-from cnnum.names import LONGEST, checked_name, tidied
+from cnnum.names import LONGEST, checked_name, shown, tidied
+from cnnum.reading import names_something, read_text
+from cnnum.toml_reading import LARGEST, parse_toml
 
-_TABLES = ("array", "calibration", "program", "engine")
+_TABLES = ("array", "frames", "calibration", "program", "engine")
 _KEYS = ("name", "wants", *_TABLES)
 
 
@@ -30,6 +32,10 @@ class SceneSpec:
         the rest of the program is left out.
     driver : str
     driver_options : mapping
+    frame_range : float or None
+        Largest magnitude of a good frame's values, in the driver's unit, where the scene says so.
+    dead : tuple of (row, column)
+        Taxels whose values come from their neighbours.
     calibration : str
         "driver" (what the driver knows about its array), "none", or the path of a file.
     program : str
@@ -50,6 +56,8 @@ class SceneSpec:
     wants: tuple[str, ...]
     driver: str
     driver_options: Mapping[str, object] = field(default_factory=dict[str, object])
+    frame_range: float | None = None
+    dead: tuple[tuple[int, int], ...] = ()
     calibration: str = "driver"
     program: str = "tactile"
     parameters: Mapping[str, object] = field(default_factory=dict[str, object])
@@ -91,16 +99,18 @@ def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None
     """
     path = Path(scene)
     packaged = resources.files("cnnum.scenes") / f"{scene}.toml"
-    if path.suffix != ".toml" and packaged.is_file():
+    if str(scene) in scene_names():
         text, base = packaged.read_text(encoding="utf-8"), Path()
-    elif path.is_file():
+    elif names_something(path):
         text, base = _read(path), path.parent
     else:
         known = ", ".join(scene_names())
-        raise SceneError(f"There is no scene '{scene}': expected a TOML file or one of {known}.")
+        raise SceneError(
+            f"There is no scene {shown(str(scene))}: expected a TOML file or one of {known}."
+        )
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = parse_toml(text)
+    except ValueError as error:
         raise SceneError(f"Scene '{scene}' is not TOML: {error}.") from None
     for key, value in (changes or {}).items():
         _set(table, key, value)
@@ -109,8 +119,10 @@ def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_text(path, most=LARGEST)
+    except OSError as error:
+        raise SceneError(f"Scene '{path}' can not be read: {error.strerror}.") from None
+    except UnicodeDecodeError as error:
         raise SceneError(f"Scene '{path}' can not be read: {error}.") from None
 
 
@@ -126,6 +138,7 @@ def _set(table: dict[str, Any], key: str, value: object) -> None:
 def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
     _known(scene, "", table, _KEYS)
     tables = {name: _table(scene, table, name) for name in _TABLES}
+    _known(scene, "frames.", tables["frames"], ("range", "dead"))
     _known(scene, "calibration.", tables["calibration"], ("file", "use"))
     _known(scene, "program.", tables["program"], ("name", "parameters"))
     _known(scene, "engine.", tables["engine"], ("name", "device", "precision"))
@@ -136,6 +149,8 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         wants=_wants(scene, table),
         driver=_text(scene, array, "driver", None),
         driver_options={key: value for key, value in array.items() if key != "driver"},
+        frame_range=_range(scene, tables["frames"].get("range")),
+        dead=_cells(scene, tables["frames"].get("dead", [])),
         calibration=_text(scene, calibration, "file", _text(scene, calibration, "use", "driver")),
         program=_text(scene, tables["program"], "name", "tactile"),
         parameters=_table(scene, tables["program"], "parameters"),
@@ -155,15 +170,41 @@ def _known(scene: str, prefix: str, table: Mapping[str, Any], keys: tuple[str, .
 def _table(scene: str, table: Mapping[str, Any], name: str) -> dict[str, Any]:
     value = table.get(name, {})
     if not isinstance(value, dict):
-        raise SceneError(f"Scene '{scene}': '{name}' must be a table, got {value!r}.")
+        raise SceneError(f"Scene '{scene}': '{name}' must be a table, got {shown(value)}.")
     return cast(dict[str, Any], value)
 
 
 def _text(scene: str, table: Mapping[str, Any], key: str, default: str | None) -> str:
     value = table.get(key, default)
     if not isinstance(value, str):
-        raise SceneError(f"Scene '{scene}': '{key}' must be a string, got {value!r}.")
+        raise SceneError(f"Scene '{scene}': '{key}' must be a string, got {shown(value)}.")
     return value
+
+
+def _range(scene: str, value: object) -> float | None:
+    """Return the largest magnitude that a scene allows, None where it says nothing."""
+    if value is None:
+        return None
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (number and 0.0 < cast(float, value) < math.inf):
+        raise SceneError(
+            f"Scene '{scene}': 'frames.range' must be a positive number, the largest magnitude in "
+            f"the driver's unit, got {value!r}."
+        )
+    return float(cast(float, value))
+
+
+def _cells(scene: str, value: object) -> tuple[tuple[int, int], ...]:
+    """Return taxels as rows and columns."""
+    cells = cast(list[object], value if isinstance(value, list) else [None])
+    for cell in cells:
+        pair = cast(list[object], cell if isinstance(cell, list) else [])
+        if len(pair) != 2 or not all(type(number) is int for number in pair):
+            raise SceneError(
+                f"Scene '{scene}': 'frames.dead' must be a list of taxels as [row, column], got "
+                f"{value!r}."
+            )
+    return tuple((cell[0], cell[1]) for cell in cast(list[list[int]], cells))
 
 
 def _wants(scene: str, table: Mapping[str, Any]) -> tuple[str, ...]:
@@ -171,5 +212,7 @@ def _wants(scene: str, table: Mapping[str, Any]) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(
         isinstance(v, str) for v in cast(list[object], value)
     ):
-        raise SceneError(f"Scene '{scene}': 'wants' must be a list of names, got {value!r}.")
+        raise SceneError(
+            f"Scene '{scene}': 'wants' must be a list of names, got {shown(cast(object, value))}."
+        )
     return tuple(cast(list[str], value))

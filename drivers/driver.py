@@ -13,7 +13,8 @@ from cnnum.frame import Frame
 class Counters:
     """What a driver has seen so far: a snapshot, which does not change any more.
 
-    Of an array that numbers its scans, ``frames + skipped + dropped`` is the number it has sent.
+    Of an array that numbers its scans, ``sent`` is known: it is ``frames + repeated + dropped +
+    skipped + waiting``.
 
     Attributes
     ----------
@@ -34,7 +35,12 @@ class Counters:
     discarded : int
         Bytes that belonged to no good packet.
     gaps : int
-        Breaks of which nobody knows how many scans they cost: unplugged, or the device restarted.
+        Breaks of the connection, or restarts of the device. Where the device counts anew after one,
+        ``dropped`` holds the scans that its period makes of the time away, by the host's clock.
+    waiting : int
+        Scans that have come and were not handed on yet.
+    sent : int or None
+        Scans that the device has sent by its own numbers, repeats included; None without numbers.
     """
 
     frames: int = 0
@@ -45,10 +51,17 @@ class Counters:
     resyncs: int = 0
     discarded: int = 0
     gaps: int = 0
+    waiting: int = 0
+    sent: int | None = None
 
 
 class Driver(Protocol):
-    """A source of frames: an array at a port, a recording, a simulation."""
+    """A source of frames: an array at a port, a recording, a simulation.
+
+    Two attributes more are used where a driver has them: ``calibration`` (a
+    `cnnum.tactile.taxel.Calibration`), and ``full_scale``, the largest magnitude that a value can
+    have; a frame with a larger one is a bad frame.
+    """
 
     @property
     def shape(self) -> Shape:

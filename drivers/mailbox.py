@@ -1,9 +1,10 @@
 """Frames from the thread that reads the port to the one that works on them."""
 
 from collections import deque
+from dataclasses import replace
 from threading import Condition
 
-from cnnum.frame import Frame
+from cnnum.frame import Frame, Quality
 
 
 class Mailbox:
@@ -13,9 +14,13 @@ class Mailbox:
     ----------
     depth : int
         Frames that may wait; 1 keeps the newest only.
+    lost : bool
+        Whether frames that go are lost, which the one after them is flagged with, or only skipped.
     """
 
-    def __init__(self, depth: int) -> None:
+    def __init__(self, depth: int, *, lost: bool = True) -> None:
+        self._lost = Quality.DROPPED_BEFORE if lost else Quality.GOOD
+        self._owed = Quality.GOOD  # flags of frames that went, for the next one
         self._frames: deque[Frame] = deque()
         self._depth = depth
         self._changed = Condition()
@@ -29,11 +34,18 @@ class Mailbox:
         with self._changed:
             return self._pushed_out
 
+    @property
+    def waiting(self) -> int:
+        """Frames that nobody has fetched yet."""
+        with self._changed:
+            return len(self._frames)
+
     def put(self, frame: Frame) -> None:
         """Leave a frame."""
         with self._changed:
             if len(self._frames) == self._depth:
-                self._frames.popleft()
+                gone = self._frames.popleft()
+                self._owed |= self._lost | (gone.quality & Quality.DROPPED_BEFORE)
                 self._pushed_out += 1
             self._frames.append(frame)
             self._changed.notify()
@@ -56,7 +68,9 @@ class Mailbox:
         with self._changed:
             self._changed.wait_for(lambda: self._frames or self._ended)
             if self._frames:
-                return self._frames.popleft()
+                owed, self._owed = self._owed, Quality.GOOD
+                frame = self._frames.popleft()
+                return replace(frame, quality=frame.quality | owed) if owed else frame
             if self._error is not None:
                 raise self._error
             return None

@@ -6,27 +6,40 @@ An archive holds, a row a frame: ``values`` (frames, rows, cols, channels), ``se
 a calibration. ``kind`` tells that it is one.
 """
 
-import zipfile
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Closing, Counters
-from cnnum.errors import CalibrationError, CodecError, RecordingError
+from cnnum.drivers.npz_archive import read_arrays
+from cnnum.errors import CalibrationError, CodecError
 from cnnum.frame import Frame, Quality, Truth
+from cnnum.names import shown
+from cnnum.recordings.npz_writer import CALIBRATION, FRAMES, KIND
 from cnnum.tactile.taxel import Calibration
 from cnnum.tactile.taxel.readout import Heat
 
-KIND = "cnnum recording 1"
-
-_FRAMES = ("values", "sequence", "time", "quality", "truth")
-_KEYS = ("kind", "channels", "unit", "rate", "truths", *_FRAMES)
-_CALIBRATION = ("alpha_normal", "beta_ns", "limit", "offsets", "cross", "drift")
+_KEYS = ("kind", "channels", "unit", "rate", "truths", *FRAMES)
+_FLAGS = int(~Quality.GOOD)
+_NUMBERS, _WHOLE, _TEXT = "fiub", "iub", "U"
+_KINDS = {
+    **dict.fromkeys(("kind", "channels", "unit", "truths"), _TEXT),
+    **dict.fromkeys(("sequence", "quality"), _WHOLE),
+}
+_HELD = (*CALIBRATION, "depth", "heat")
+_PARTS = tuple(f"calibration_{name}" for name in _HELD)
+_SINGLE = tuple(f"calibration_{name}" for name in ("alpha_normal", "beta_ns", "limit", "depth"))
+_AXES = {
+    **dict.fromkeys(("kind", "unit", "rate", *_SINGLE), 0),
+    **dict.fromkeys(("channels", "truths", "calibration_heat"), 1),
+}
+_WANTED = frozenset((*_KEYS, *_PARTS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,26 +102,7 @@ class Recording:
         """Return how many scans never arrived between a frame and the one before it."""
         if number == 0 or not self.quality[number] & Quality.DROPPED_BEFORE:
             return 0
-        return max(0, int(self.sequence[number] - self.sequence[number - 1]) - 1)
-
-
-def write_npz(file: IO[bytes], recording: Recording) -> None:
-    """Write a recording to an open file."""
-    values: dict[str, Any] = {
-        "kind": KIND,
-        "channels": list(recording.channels),
-        "unit": recording.unit,
-        "rate": recording.rate,
-        "truths": np.array(recording.truths, dtype=np.str_),
-        **{name: getattr(recording, name) for name in _FRAMES},
-    }
-    known = recording.calibration
-    if known is not None:
-        parts: dict[str, Any] = {name: getattr(known, name) for name in _CALIBRATION}
-        parts["depth"] = np.nan if known.depth is None else known.depth
-        parts["heat"] = [known.heat.amplitude, known.heat.time_constant]
-        values |= {f"calibration_{name}": value for name, value in parts.items()}
-    np.savez(file, **values)
+        return max(0, int(self.sequence[number]) - int(self.sequence[number - 1]) - 1)
 
 
 def read_npz(path: Path) -> Recording:
@@ -117,20 +111,14 @@ def read_npz(path: Path) -> Recording:
     Raises
     ------
     RecordingError
-        If the file can not be read.
+        If the file can not be read, or needs more memory than there is.
     CodecError
-        If it is no recording; the sentence names the file and what is wrong.
+        If it is no recording or is damaged; the sentence names the file and what is wrong.
     """
+    held = read_arrays(path, _WANTED)
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-            held = {name: np.asarray(archive[name]) for name in archive.files}
-    except OSError as error:
-        raise RecordingError(f"'{path}' can not be read: {error.strerror or error}.") from None
-    except (ValueError, EOFError, zipfile.BadZipFile, AttributeError):
-        raise CodecError(f"'{path}' is no NumPy archive (.npz), or it is cut off.") from None
-    try:
-        return _recording(held)
-    except (CodecError, CalibrationError, TypeError, ValueError) as error:
+        return _checked(_recording(held))
+    except (CodecError, CalibrationError) as error:
         raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
 
 
@@ -138,30 +126,55 @@ def _recording(held: Mapping[str, NDArray[Any]]) -> Recording:
     for name in _KEYS:
         if name not in held:
             raise CodecError(f"it has no '{name}'.")
+    for name, array in held.items():
+        _check_array(name, array)
     if str(held["kind"]) != KIND:
-        raise CodecError(f"'kind' must be '{KIND}', got '{held['kind']}'.")
+        raise CodecError(f"'kind' must be '{KIND}', got {shown(str(held['kind']))}.")
     return Recording(
-        values=held["values"].astype(np.float64),
+        values=held["values"].astype(np.float64, copy=False),
         channels=tuple(str(name) for name in held["channels"]),
         unit=str(held["unit"]),
         rate=float(held["rate"]),
-        sequence=held["sequence"].astype(np.int64),
-        time=held["time"].astype(np.float64),
-        quality=held["quality"].astype(np.int64),
+        sequence=held["sequence"].astype(np.int64, copy=False),
+        time=held["time"].astype(np.float64, copy=False),
+        quality=held["quality"].astype(np.int64, copy=False),
         truths=tuple(str(name) for name in held["truths"]),
-        truth=held["truth"].astype(np.float64),
+        truth=held["truth"].astype(np.float64, copy=False),
         calibration=_calibration(held),
     )
+
+
+def _checked(recording: Recording) -> Recording:
+    """Return a recording unless it holds what no array sends."""
+    if not recording.values.size:
+        raise CodecError(f"'values' must have a cell at least, got {recording.values.shape}.")
+    if not 0 <= recording.rate < math.inf:
+        raise CodecError(f"'rate' must be 0 Hz or more, and finite, got {recording.rate}.")
+    if not np.isfinite(recording.time).all():
+        raise CodecError("'time' must be finite; it holds NaN or infinity.")
+    if (recording.quality & ~_FLAGS).any():
+        raise CodecError(f"'quality' must hold flags of 0 to {_FLAGS}.")
+    return recording
+
+
+def _check_array(name: str, array: NDArray[Any]) -> None:
+    kinds = _KINDS.get(name, _NUMBERS)
+    if array.dtype.kind not in kinds:
+        wanted = {_TEXT: "texts", _WHOLE: "whole numbers"}.get(kinds, "numbers")
+        raise CodecError(f"'{name}' must hold {wanted}, got the type '{array.dtype}'.")
+    if name in _AXES and array.ndim != _AXES[name]:
+        raise CodecError(f"'{name}' must have {_AXES[name]} axes, got {array.ndim}.")
 
 
 def _calibration(held: Mapping[str, NDArray[Any]]) -> Calibration | None:
     if "calibration_alpha_normal" not in held:
         return None
-    names = (*_CALIBRATION, "depth", "heat")
-    missing = [name for name in names if f"calibration_{name}" not in held]
-    if missing:
-        raise CodecError(f"it has no 'calibration_{missing[0]}'.")
-    parts = {name: held[f"calibration_{name}"].astype(np.float64) for name in names}
+    for name in _PARTS:
+        if name not in held:
+            raise CodecError(f"it has no '{name}'.")
+    parts = {name: held[f"calibration_{name}"].astype(np.float64, copy=False) for name in _HELD}
+    if parts["heat"].shape != (2,):
+        raise CodecError(f"'calibration_heat' must be (2,), got {parts['heat'].shape}.")
     depth = float(parts["depth"])
     return Calibration(
         alpha_normal=float(parts["alpha_normal"]),

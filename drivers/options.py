@@ -1,5 +1,7 @@
 """From the table of a scene file to a driver's record of options, checked key by key."""
 
+import math
+import os
 import types
 from collections.abc import Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
@@ -7,8 +9,15 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from cnnum.errors import SceneError
+from cnnum.names import shown
 
 Record = TypeVar("Record")
+
+LARGEST = 2**63 - 1
+"""What a whole number of an option may reach, as in TOML."""
+
+LONGEST_PATH = 4096
+"""Signs of a path; Linux, whose paths are longest, takes fewer."""
 
 
 def read_options(record: type[Record], table: Mapping[str, object], base: Path) -> Record:
@@ -34,7 +43,7 @@ def read_options(record: type[Record], table: Mapping[str, object], base: Path) 
     for key in table:
         if key not in known:
             choices = ", ".join(f"'{name}'" for name in known)
-            raise SceneError(f"Unknown option {key!r:.60}: expected one of {choices}.")
+            raise SceneError(f"Unknown option {shown(key)}: expected one of {choices}.")
     for name, field in known.items():
         required = field.default is MISSING and field.default_factory is MISSING
         if required and name not in table:
@@ -67,9 +76,11 @@ def convert(key: str, value: object, kind: Any, base: Path) -> Any:
 
 def _scalar(key: str, value: object, kind: Any, base: Path) -> object:
     if kind is Path and isinstance(value, str | Path):
-        return base / Path(value).expanduser()
+        return _path(key, value, base)
     if kind is float and isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
+        return _number(key, value)
+    if kind is int and isinstance(value, int) and not -LARGEST <= value <= LARGEST:
+        raise _wrong(key, "a whole number of at most 63 bits", value)
     if isinstance(value, kind) and not (kind is int and isinstance(value, bool)):
         return value
     names: dict[Any, str] = {
@@ -79,6 +90,27 @@ def _scalar(key: str, value: object, kind: Any, base: Path) -> object:
         bool: "true or false",
     }
     raise _wrong(key, names.get(kind, "a path"), value)
+
+
+def _number(key: str, value: float) -> float:
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise _wrong(key, "a finite number", value)
+    return number
+
+
+def _path(key: str, value: str | Path, base: Path) -> Path:
+    try:
+        path = base / Path(value).expanduser()
+        os.fsencode(path)
+    except (RuntimeError, ValueError):  # the folder of a user whom nobody knows; a lone surrogate
+        raise _wrong(key, "a path", value) from None
+    if "\0" in str(path) or len(str(path)) > LONGEST_PATH:
+        raise _wrong(key, "a path", value)
+    return path
 
 
 def _choice(key: str, value: object, choices: tuple[object, ...]) -> object:
@@ -113,7 +145,7 @@ def _items(key: str, value: object, kinds: tuple[Any, ...], base: Path) -> tuple
 
 
 def _wrong(key: str, expected: str, value: object) -> SceneError:
-    return SceneError(f"The option '{key}' must be {expected}, got {value!r}.")
+    return SceneError(f"The option '{key}' must be {expected}, got {shown(value)}.")
 
 
 def require(key: str, holds: bool, expected: str, value: object) -> None:

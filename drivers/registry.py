@@ -13,6 +13,7 @@ DRIVERS: Mapping[str, str] = {
     "simulated": "cnnum.drivers.simulated.array:SimulatedOptions",
     "serial": "cnnum.drivers.serial_array:SerialOptions",
     "uskin-csv": "cnnum.drivers.uskin_csv:UskinCsvOptions",
+    "mcap": "cnnum.drivers.mcap_file:McapOptions",
     "npz": "cnnum.drivers.npz_file:NpzOptions",
 }
 """Name in a scene file to the record of its options, imported when it is asked for."""

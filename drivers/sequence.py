@@ -37,10 +37,12 @@ class FrameClock:
         Packets that bore the number of the one before.
     gaps : int
         Restarts and reconnections.
+    sent : int
+        Scans that the device has sent by its numbers, repeats included.
     """
 
     def __init__(self) -> None:
-        self.dropped = self.repeated = self.gaps = 0
+        self.dropped = self.repeated = self.gaps = self.sent = 0
         self._last: Packet | None = None
         self._sequence = 0
         self._time_us = 0
@@ -66,28 +68,37 @@ class FrameClock:
     def _advance(self, packet: Packet) -> Quality:
         last, self._last = self._last, packet
         if last is None:
-            self._sequence = packet.sequence
+            self._sequence, self.sent = packet.sequence, 1
             return Quality.GOOD
         away, self._broken = self._broken, None
         moved = step(last.sequence, packet.sequence)
         elapsed = packet.time_us - last.time_us
-        if moved.restarted or elapsed < 0:
+        if moved.restarted or elapsed < 0 or _began_anew(away, elapsed):
             return self._restart(away, packet.period_us)
         self._time_us += elapsed
-        self._sequence += moved.ahead
         self.gaps += away is not None
-        return self._lost(moved.ahead)
+        return self._go_on(moved.ahead)
 
     def _restart(self, away: float | None, period_us: int) -> Quality:
         """Go on after a device that counts anew: by the host's clock, or by one period."""
         self.gaps += 1
-        self._sequence += 1
-        self._time_us += round((away or 0.0) * 1e6) or period_us
+        away_us = round((away or 0.0) * 1e6)
+        self._time_us += away_us or period_us
+        # scans that its period makes of the time away, the present one among them
+        self._go_on(max(1, round(away_us / period_us)) if period_us else 1)
         return Quality.DROPPED_BEFORE
 
-    def _lost(self, ahead: int) -> Quality:
+    def _go_on(self, ahead: int) -> Quality:
+        """Count the scans up to the present one."""
+        self._sequence += ahead
+        self.sent += max(1, ahead)
         if ahead == 0:
             self.repeated += 1
             return Quality.REPEATED
         self.dropped += ahead - 1
         return Quality.DROPPED_BEFORE if ahead > 1 else Quality.GOOD
+
+
+def _began_anew(away: float | None, elapsed_us: int) -> bool:
+    """Return whether a device that came back has a clock that ran for less than half the time."""
+    return away is not None and elapsed_us < 0.5e6 * away

@@ -13,6 +13,9 @@ from cnnum.drivers.serial_reader import SerialReader
 from cnnum.errors import PortError
 from cnnum.frame import Frame
 
+LONGEST_PORT = 4096
+"""Signs of a port's name; no system has a longer one."""
+
 
 @dataclass(frozen=True, slots=True)
 class SerialOptions:
@@ -23,7 +26,7 @@ class SerialOptions:
     port : str
         "/dev/ttyACM0", "COM3"…
     baud : int
-        Bits a second.
+        Bits a second, at most 10⁸.
     mode : "every" or "latest"
         Hand on every scan in order (to record), or the newest one only (to watch).
     timeout : float
@@ -33,10 +36,10 @@ class SerialOptions:
     backoff : float
         s before the first of these times; doubled each time, up to `longest_backoff`.
     longest_backoff : float
-        s.
+        s, below 3600.
     depth : int
-        Scans that may wait for a slow reader in mode "every"; beyond it the oldest are dropped
-        and counted.
+        Scans that may wait for a slow reader in mode "every", at most 10⁶; beyond it the oldest
+        are dropped and counted.
     """
 
     port: str
@@ -49,14 +52,16 @@ class SerialOptions:
     depth: int = 4096
 
     def __post_init__(self) -> None:
-        require("port", bool(self.port), "the name of a port", self.port)
-        require("baud", self.baud > 0, "bits a second above 0", self.baud)
+        named = 0 < len(self.port) < LONGEST_PORT and self.port.isprintable()
+        require("port", named, "the name of a port", self.port)
+        require("baud", 0 < self.baud <= 10**8, "bits a second, 1 to 100000000", self.baud)
         require("timeout", 0 < self.timeout < 3600, "seconds above 0, below 3600", self.timeout)
         require("reconnects", self.reconnects >= 0, "a number of times, or 0", self.reconnects)
         require("backoff", self.backoff > 0, "seconds above 0", self.backoff)
         longest = self.longest_backoff
-        require("longest_backoff", longest >= self.backoff, "at least 'backoff'", longest)
-        require("depth", self.depth > 0, "a number of frames above 0", self.depth)
+        holds = self.backoff <= longest < 3600
+        require("longest_backoff", holds, "seconds, at least 'backoff', below 3600", longest)
+        require("depth", 0 < self.depth <= 10**6, "a number of frames, 1 to 1000000", self.depth)
 
     def open(self) -> "SerialArray":
         """Open the port and wait for the first scan.
@@ -80,7 +85,8 @@ class SerialArray(Closing):
 
     def __init__(self, options: SerialOptions) -> None:
         self._options = options
-        self._mail = Mailbox(1 if options.mode == "latest" else options.depth)
+        latest = options.mode == "latest"
+        self._mail = Mailbox(1 if latest else options.depth, lost=not latest)
         self._reader = SerialReader(options, self._mail)
         self._handed_on = 0
         try:
@@ -97,7 +103,7 @@ class SerialArray(Closing):
     def counters(self) -> Counters:
         """What has been seen so far."""
         seen = self._reader.counters
-        pushed_out = self._mail.pushed_out
+        pushed_out, waiting = self._mail.pushed_out, self._mail.waiting
         latest = self._options.mode == "latest"
         return Counters(
             frames=self._handed_on,
@@ -108,6 +114,8 @@ class SerialArray(Closing):
             resyncs=seen.resyncs,
             discarded=seen.discarded,
             gaps=seen.gaps,
+            waiting=waiting,
+            sent=seen.sent,
         )
 
     def frames(self) -> Iterator[Frame]:

@@ -54,6 +54,8 @@ class SerialPort:
             self._port = serial.Serial(path, baud, timeout=POLL, exclusive=True)
         except OSError as error:
             raise open_error(path, error, [p.device for p in list_ports.comports()]) from None
+        except (ValueError, OverflowError) as error:  # the name, or a rate that no port has
+            raise PortError(f"The port '{path}' does not open at {baud} baud: {error}.") from None
 
     def read(self) -> bytes:
         """Return the bytes that have come; none after `POLL` seconds without any.

@@ -7,10 +7,10 @@ from typing import Protocol
 from cnnum.drivers.driver import Counters
 from cnnum.drivers.mailbox import Mailbox
 from cnnum.drivers.sequence import FrameClock
-from cnnum.drivers.serial_packet import Packet
+from cnnum.drivers.serial_packet import UNITS, Geometry, Packet
 from cnnum.drivers.serial_port import SerialPort
 from cnnum.drivers.serial_stream import StreamDecoder
-from cnnum.errors import PortError
+from cnnum.errors import OtherArrayError, PortError
 
 
 class Link(Protocol):
@@ -63,6 +63,7 @@ class SerialReader:
             resyncs=self._decoder.resyncs,
             discarded=self._decoder.discarded,
             gaps=self._clock.gaps,
+            sent=self._clock.sent,
         )
 
     def first(self) -> Packet:
@@ -102,16 +103,35 @@ class SerialReader:
         lost_at = time.monotonic()
         try:
             while not self._stop.is_set():
-                if self._deliver(self._decoder.feed(self._port.read())):
+                if self._deliver(self._packets()):
                     lost_at = time.monotonic()
                 elif time.monotonic() - lost_at > self._link.timeout:
                     raise self._silence()
+        except OtherArrayError:
+            raise
         except PortError as error:
             self._deliver(self._decoder.flush())
             self._port.close()
             if self._first is None:
                 raise
             self._reconnect(error, lost_at)
+
+    def _packets(self) -> list[Packet]:
+        """Return the packets that have come whole.
+
+        Raises
+        ------
+        PortError
+            If the port has gone away; OtherArrayError if another array answers.
+        """
+        packets = self._decoder.feed(self._port.read())
+        mine, other = self._decoder.geometry, self._decoder.stranger
+        if mine is not None and other is not None:
+            raise OtherArrayError(
+                f"Another array answers at '{self._link.port}': {_in_words(other)} in place of "
+                f"{_in_words(mine)}; connect the first one again, or start anew with this one."
+            )
+        return packets
 
     def _deliver(self, packets: list[Packet]) -> bool:
         for packet in packets:
@@ -149,9 +169,11 @@ class SerialReader:
             self._port = SerialPort(self._link.port, self._link.baud)
             deadline = time.monotonic() + self._link.timeout
             while time.monotonic() < deadline and not self._stop.is_set():
-                packets = self._decoder.feed(self._port.read())
+                packets = self._packets()
                 if packets:
                     return packets
+        except OtherArrayError:
+            raise
         except PortError:
             pass
         self._decoder.flush()
@@ -163,3 +185,9 @@ class SerialReader:
             f"No good packet came from '{self._link.port}' for {self._link.timeout:g} s: check "
             f"that the array is on, sends at {self._link.baud} baud, and speaks the open protocol."
         )
+
+
+def _in_words(geometry: Geometry) -> str:
+    """Return what an array sends."""
+    names, unit = ", ".join(geometry.names), UNITS[geometry.unit]
+    return f"{geometry.rows}×{geometry.cols} taxels of {names} in {unit} ({geometry.dtype})"

@@ -29,6 +29,8 @@ class StreamDecoder:
     Attributes
     ----------
     geometry : Geometry or None
+    stranger : Geometry or None
+        That of another array: it stood in two good headers, and no good packet came between them.
     good, bad : int
         Packets that passed, and those with a good header whose CRC-32 failed.
     discarded : int
@@ -39,6 +41,8 @@ class StreamDecoder:
 
     def __init__(self, geometry: Geometry | None = None) -> None:
         self.geometry = geometry
+        self.stranger: Geometry | None = None
+        self._suspect: Geometry | None = None
         self.good = self.bad = self.discarded = self.resyncs = 0
         self._buffer = bytearray()
         self._lost = False
@@ -96,6 +100,9 @@ class StreamDecoder:
         except CodecError:
             return None
         if self.geometry is not None and header.geometry != self.geometry:
+            if header.geometry == self._suspect:  # one alone may be chance
+                self.stranger = header.geometry
+            self._suspect = header.geometry
             return None
         return header.geometry.packet
 
@@ -107,7 +114,7 @@ class StreamDecoder:
             self._discard(1)
             return
         del self._buffer[:size]
-        self.geometry = packet.geometry
+        self.geometry, self._suspect = packet.geometry, None
         self.good += 1
         self._lost = False
         packets.append(packet)

@@ -4,12 +4,20 @@ import csv
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from io import TextIOWrapper
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import CodecError, RecordingError
+from cnnum.names import shown
+from cnnum.reading import MEGABYTE, open_regular
+
+LARGEST, MOST_ROWS = 32 * MEGABYTE, 1_000_000
+"""Bytes and rows of the longest table: a file has 24 minutes of a uSkin pad at 60 Hz (384 bytes a
+row), and takes up to twenty times as much memory as on the disk."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -63,7 +71,7 @@ class TextTable:
         if not math.isfinite(value):
             raise CodecError(
                 f"'{self.path}', line {self.lines[row]}: expected a finite number in the column "
-                f"'{column}', got '{text}'."
+                f"'{column}', got {shown(text)}."
             )
         return value
 
@@ -76,16 +84,22 @@ def read_table(path: Path) -> TextTable:
     RecordingError
         If the file can not be read.
     CodecError
-        If it is empty, has a row longer or shorter than the header, or is not text.
+        If it is empty, has too many rows, or one longer or shorter than the header, or is not text.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with (
+            open_regular(path, most=LARGEST) as raw,
+            TextIOWrapper(raw, encoding="utf-8", newline="") as file,
+        ):
             reader = csv.reader(file)
-            found = [(reader.line_num, tuple(row)) for row in reader if row]
+            rows = ((reader.line_num, tuple(row)) for row in reader if row)
+            found = list(islice(rows, MOST_ROWS + 2))
     except OSError as error:
         raise RecordingError(f"'{path}' can not be read: {error.strerror}.") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise CodecError(f"'{path}' is not a CSV text file in UTF-8: {error}.") from None
+    if len(found) > MOST_ROWS + 1:
+        raise CodecError(f"'{path}' has more than {MOST_ROWS} rows: give a part of it.")
     if not found:
         raise CodecError(f"'{path}' is empty: expected a header and rows of numbers.")
     (_, header), *rest = found

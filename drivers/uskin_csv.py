@@ -21,6 +21,7 @@ from cnnum.drivers.options import require
 from cnnum.drivers.text_table import TextTable, read_table
 from cnnum.errors import CodecError, RecordingError, RecordingWarning
 from cnnum.frame import FORCE_AXES, Frame, Quality, Truth
+from cnnum.reading import names_something
 
 SIDE = 4
 """Rows and columns of a pad."""
@@ -39,6 +40,9 @@ lack rows in between, or are of two trials: their rows would not belong together
 
 LISTED = 4
 """Trials that are named where a folder of trials is given instead of one."""
+
+FASTEST = 1e6
+"""Hz, above the rate of any array."""
 
 ENDS = (0.0, 65535.0)
 """Range of a count: unsigned, 16 bits."""
@@ -67,8 +71,9 @@ class UskinCsvOptions:
     rate: float | None = None
 
     def __post_init__(self) -> None:
-        require("rate", self.rate is None or self.rate > 0, "Hz above 0", self.rate)
-        if not self.path.is_dir():
+        holds = self.rate is None or 0 < self.rate < FASTEST
+        require("rate", holds, f"Hz above 0, below {FASTEST:g}", self.rate)
+        if not (names_something(self.path) and self.path.is_dir()):
             raise RecordingError(
                 f"The option 'path' must name the folder of a trial, but there is no folder "
                 f"'{self.path}'."
@@ -115,6 +120,7 @@ class UskinCsv(Closing):
         self.shape: Shape = (SIDE, SIDE * len(pads))
         self.channels = FORCE_AXES
         self.unit = "count"
+        self.full_scale = ENDS[1]
         self._counters = Counters()
         self.total_frames = rows
 
@@ -157,7 +163,7 @@ def _counts(table: TextTable) -> Floats:
 
 def _refuse_several(folder: Path) -> None:
     """Raise if a folder is no trial, but has trials in it."""
-    if any((folder / name).exists() for name in PAD_FILES):
+    if any(names_something(folder / name) for name in PAD_FILES):
         return
     found = sorted({file.parent.name for name in PAD_FILES for file in folder.glob(f"*/{name}")})
     if found:
@@ -170,7 +176,7 @@ def _refuse_several(folder: Path) -> None:
 
 
 def _known(path: Path) -> TextTable | None:
-    return read_table(path) if path.exists() else None
+    return read_table(path) if names_something(path) else None
 
 
 def _states(folder: Path) -> TextTable | None:
@@ -236,11 +242,14 @@ def _rate(options: UskinCsvOptions, meta: Path, times: Floats) -> float:
     """Return the rate that was asked for, written down, or seen; 0 if there is none."""
     if options.rate is not None:
         return options.rate
-    if meta.exists():
+    if names_something(meta):
         table = read_table(meta)
         rate = float(table.numbers(["frequency_hz"])[0, 0])
-        if rate <= 0:
-            raise CodecError(f"'{meta}', line 2: expected a 'frequency_hz' above 0, got {rate}.")
+        if not 0 < rate < FASTEST:
+            raise CodecError(
+                f"'{meta}', line {table.lines[0]}: expected a 'frequency_hz' above 0, below "
+                f"{FASTEST:g}, got {rate}."
+            )
         return rate
     span = float(times[-1] - times[0])
     return (len(times) - 1) / span if span > 0 else 0.0

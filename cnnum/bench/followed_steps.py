@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.engine import Engine, Result
+from cnnum.engine import Engine
 from cnnum.integrators.stability import stability_bound
+from cnnum.runs.result import Result
 from cnnum.template import Template
 
 METHODS = ("euler", "heun", "rk4", "bogacki-shampine", "dormand-prince")

@@ -14,6 +14,7 @@ from cnnum.conversion import AsRead
 from cnnum.engine import Engine
 from cnnum.events import EVENT_RULES, EventDetector, EventRule
 from cnnum.frame import FORCE_AXES, Frame
+from cnnum.frame_range import unit_range
 from cnnum.pipeline import Way
 from cnnum.plan import Explanation, Plan
 from cnnum.program_library import get_program, program_names
@@ -164,8 +165,9 @@ class _Frames:
     """Pushes the frames of a scene, again and again, through a plan to its events."""
 
     def __init__(self, plan: Plan, frames: Sequence[Frame]) -> None:
-        reader = AsRead(FORCE_AXES).reader(plan.schedule.channels_read)
-        self._way = Way(reader, plan.stream(), EventDetector(rules_of(plan)))
+        reader = AsRead(FORCE_AXES).reader(plan.schedule.channels_read, checks=False)
+        within = unit_range(frames[0].unit, plan.precision)
+        self._way = Way(reader, plan.stream(), EventDetector(rules_of(plan)), within)
         self._frames = enumerate(cycle(frames))
         self.events = 0
 

@@ -11,9 +11,10 @@ from cnnum.arrays import Floats, digest
 from cnnum.bench.peers import PEERS, Peer, Work, peer_version
 from cnnum.bench.samples import full_template, generator
 from cnnum.bench.timing import interleaved
-from cnnum.engine import Engine, Result
+from cnnum.engine import Engine
 from cnnum.errors import MissingExtraError
 from cnnum.library import get_template
+from cnnum.runs.result import Result
 
 TRIAL_STEP = 0.02
 """Euler's error is proportional to the step, so one trial tells which step meets an error."""

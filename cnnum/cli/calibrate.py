@@ -17,9 +17,18 @@ COLUMNS = ("x", "y", "fx", "fy", "fz", "left", "right", "top", "bottom")
 
 @click.command("calibrate")
 @click.argument("scan", type=click.Path(path_type=Path))
-@click.option("--youngs-modulus", type=float, required=True, metavar="PA", help="Of the cover.")
 @click.option(
-    "--depth", type=float, metavar="M", help="Thickness of the cover; fitted if left out."
+    "--youngs-modulus",
+    type=click.FloatRange(1.0, 1e12),
+    required=True,
+    metavar="PA",
+    help="Of the cover.",
+)
+@click.option(
+    "--depth",
+    type=click.FloatRange(1e-9, 10.0),
+    metavar="M",
+    help="Thickness of the cover; fitted if left out.",
 )
 @click.option("--limit", type=float, default=float("inf"), metavar="V", help="End of the range.")
 @click.option(

@@ -11,10 +11,10 @@ from typing import Self, TypeVar
 
 from cnnum.checks import run_check
 from cnnum.cli.progress import Steps, progress
-from cnnum.cli.recorders import NpzRecorder
 from cnnum.engine import Engine
 from cnnum.library import get_template, template_names, template_path
 from cnnum.pipeline import Moment, Scene
+from cnnum.recordings.journal import Journal
 from cnnum.report import (
     PlanCost,
     SceneRecorder,
@@ -52,8 +52,9 @@ class DemoReport:
         self._scene, self._path, self._as_json = scene, path, as_json
         self._record = SceneRecorder(scene)
         self._folder = TemporaryDirectory(prefix="cnnum-demo-")
-        self._frames = Path(self._folder.name) / "frames.npz"
-        self._recorder = NpzRecorder(self._frames)
+        self._frames = Path(self._folder.name) / "frames.mcap"
+        driver = scene.driver
+        self._journal = Journal(self._frames, driver.rate, getattr(driver, "calibration", None))
 
     def __enter__(self) -> Self:
         return self
@@ -64,17 +65,17 @@ class DemoReport:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self._recorder.discard()
+        self._journal.close(index=False)
         self._folder.cleanup()
 
     def add(self, moment: Moment) -> None:
         """Take in the next moment."""
         self._record.add(moment)
-        self._recorder.add(moment.frame)
+        self._journal.add(moment.frame)
 
     def write(self) -> dict[str, str]:
         """Measure, write the report, and return its place for the summary."""
-        self._recorder.finish(self._scene.driver)
+        self._journal.close(index=True)
         wants = dict.fromkeys((self._scene.spec.wants, ("contact",)))
         checks = _checks(self._scene.engine)
         total = len(wants) + len(checks) + len(LADDERS)
@@ -92,7 +93,7 @@ class DemoReport:
     def _cost(self, wants: tuple[str, ...]) -> PlanCost:
         """Measure a plan on the frames of the scene, with no simulation beside it."""
         options = {"path": str(self._frames)}
-        spec = replace(self._scene.spec, driver="npz", driver_options=options, wants=wants)
+        spec = replace(self._scene.spec, driver="mcap", driver_options=options, wants=wants)
         return PlanCost.measure(", ".join(wants), Scene.of(spec, self._scene.engine))
 
     def _climb(self, name: str) -> tuple[WorkPrecision, ...]:

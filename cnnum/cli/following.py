@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 from cnnum.cli.output import Output, facts
 from cnnum.cli.progress import progress
+from cnnum.cli.signals import stoppable
 
 if TYPE_CHECKING:
     from cnnum.events import Event
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from cnnum.pipeline import Moment, Scene
 
 STOPPED = 130
-"""Exit code after Ctrl-C."""
+"""Exit code after Ctrl-C, SIGTERM or SIGHUP."""
 
 
 def follow(
@@ -45,12 +46,15 @@ def follow(
     code, more = 0, dict[str, str]()
     try:
         with (
+            stoppable(),
             progress("frames", total, as_json=output.as_json) as steps,
             closing(cast("Generator[Moment, None, None]", scene.moments())) as moments,
         ):
             for moment in moments:
                 for event in moment.events:
                     output.record(event.record(), event_text(event))
+                if moment.error is not None:
+                    _name_bad(scene, output, moment.number)
                 if watch is not None:
                     watch(moment)
                 steps.advance()
@@ -66,6 +70,13 @@ def follow(
     return code
 
 
+def _name_bad(scene: "Scene", output: Output, number: int) -> None:
+    """Print the record of a bad frame, if it is one of those that are named."""
+    named = scene.bad.named
+    if named is not None and named.frame == number:
+        output.record(named.record())  # in words it stands on standard error already
+
+
 def event_text(event: "Event") -> str:
     """Return an event as a line of aligned columns."""
     kind = f"{event.phase} {event.kind}" if event.phase else event.kind
@@ -78,21 +89,28 @@ def event_text(event: "Event") -> str:
         parts.append("x → y" if event.sense > 0 else "y → x")
     if event.strength is not None:
         parts.append(f"strength {event.strength:.3g}")
+    if event.after_gap is not None:
+        parts.append(f"after a gap of {event.after_gap:.3f} s")
     return "  ".join(parts)
 
 
 def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
     """Print the last line of a run."""
     seen, left_out = scene.summary(), scene.plan.explain().left_out
-    counters = seen.counters
+    gaps, longest_gap = seen.counters.gaps, seen.longest_gap
     record = {
         "kind": "summary",
         "scene": scene.spec.name,
         "frames": seen.frames,
         "bad_frames": seen.bad_frames,
-        "dropped": counters.dropped,
+        "sent": seen.sent,
+        "handed_on": seen.handed_on,
+        "dropped": seen.dropped,
+        "skipped": seen.skipped,
+        "refused": seen.refused,
         "repeated": seen.repeated,
-        "skipped": counters.skipped,
+        "gaps": gaps,
+        "longest_gap_s": round(longest_gap, 6),
         "p50_us": round(seen.p50_us, 3),
         "p99_us": round(seen.p99_us, 3),
         "engine": scene.engine.name,
@@ -108,9 +126,15 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
             (
                 (
                     "frames",
-                    f"{seen.frames} ({seen.bad_frames} bad, {counters.dropped} dropped, "
+                    f"{seen.frames} ({seen.bad_frames} bad, {seen.dropped} dropped, "
                     f"{seen.repeated} repeated)",
                 ),
+                (
+                    "scans",
+                    f"{seen.sent} sent = {seen.handed_on} handed on + {seen.dropped} dropped + "
+                    f"{seen.skipped} skipped + {seen.refused} refused",
+                ),
+                *_gap_facts(gaps, longest_gap),
                 ("a frame", f"{seen.p50_us:.0f} µs (99 %: {seen.p99_us:.0f} µs)"),
                 ("device", f"{scene.engine.device}, {scene.engine.name}, {scene.engine.precision}"),
                 ("left out", f"{len(left_out)} of the program's parts ('cnnum plan' lists them)"),
@@ -118,6 +142,13 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
             )
         ),
     )
+
+
+def _gap_facts(gaps: int, longest: float) -> list[tuple[str, str]]:
+    """Return a row on what was missed, where something was."""
+    if not gaps and not longest:
+        return []
+    return [("gaps", f"{gaps} of the connection; the longest without a frame {longest:.3f} s")]
 
 
 def left_out_records(left_out: "tuple[LeftOut, ...]") -> list[dict[str, object]]:

@@ -6,6 +6,9 @@ from typing import Any, TypeVar
 
 import click
 
+from cnnum.names import shown
+from cnnum.toml_reading import parse_toml
+
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
@@ -41,24 +44,32 @@ def assignments(settings: Iterable[str], prefix: str = "") -> dict[str, object]:
     Raises
     ------
     click.UsageError
-        If one is not of the form key=value.
+        If one is not of the form key=value, or its value is a number or a list beyond all bounds.
     """
     found: dict[str, object] = {}
     for text in settings:
         key, equals, value = text.partition("=")
         key = key.strip()
         if not equals or not all(key.split(".")):
-            raise click.UsageError(f"Expected KEY=VALUE, as in 'array.seed=3', got '{text}'.")
+            raise click.UsageError(f"Expected KEY=VALUE, as in 'array.seed=3', got {shown(text)}.")
         found[prefix + key] = toml_value(value.strip())
     return found
 
 
 def toml_value(text: str) -> object:
-    """Return a value as TOML reads it, or the text itself where it is none."""
+    """Return a value as TOML reads it, or the text itself where it is none.
+
+    Raises
+    ------
+    click.UsageError
+        If it is a number of more than 64 bits, or nested too deep.
+    """
     try:
-        table = tomllib.loads(f"value = {text}")
+        table = parse_toml(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return text
+    except ValueError as error:
+        raise click.UsageError(f"The value '{text:.40}…' can not be used: {error}.") from None
     return table["value"] if set(table) == {"value"} else text
 
 

@@ -1,5 +1,6 @@
 """What can be told of an array from its frames: rate, gaps, noise, cells that never change."""
 
+import math
 import time
 from dataclasses import dataclass, field
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.frame import Frame, Quality
+from cnnum.histogram import Histogram
 
 ENOUGH = 50
 """New scans from which a cell that never changed is called dead or stuck."""
@@ -35,8 +37,8 @@ class ProbeFigures:
     repeated: int = 0
     bad: int = 0
     _channels: tuple[str, ...] = ()
-    _times: list[float] = field(default_factory=list[float])
-    _arrivals: list[float] = field(default_factory=list[float])
+    _times: "_Times" = field(default_factory=lambda: _Times())
+    _arrivals: "_Times" = field(default_factory=lambda: _Times())
     _first: Floats = field(default_factory=lambda: np.zeros(0))
     _changed: Floats = field(default_factory=lambda: np.zeros(0))
     _sum: Floats = field(default_factory=lambda: np.zeros(0))
@@ -45,7 +47,7 @@ class ProbeFigures:
     def add(self, frame: Frame) -> None:
         """Take in a frame."""
         self.frames += 1
-        self._arrivals.append(time.monotonic())
+        self._arrivals.add(time.monotonic())
         self.saturated += bool(frame.quality & Quality.SATURATED)
         self.repeated += frame.repeated
         self.bad += frame.bad
@@ -54,7 +56,7 @@ class ProbeFigures:
         if self.scans == 0:
             self._begin(frame)
         self.scans += 1
-        self._times.append(frame.time)
+        self._times.add(frame.time)
         away = frame.values - self._first
         self._changed += away != 0
         self._sum += away
@@ -70,23 +72,22 @@ class ProbeFigures:
     @property
     def seconds(self) -> float:
         """Time from the first frame to the last by the host's clock, s."""
-        return self._arrivals[-1] - self._arrivals[0] if self._arrivals else 0.0
+        return self._arrivals.span
 
     @property
     def rate(self) -> float:
         """Scans a second by the frames' own times, Hz; 0 where they do not say."""
-        return _rate(self._times)
+        return self._times.rate
 
     @property
     def arrival_rate(self) -> float:
         """Frames a second by the host's clock, Hz."""
-        return _rate(self._arrivals)
+        return self._arrivals.rate
 
     @property
     def jitter(self) -> float:
-        """Largest departure of an interval between scans from their median, s."""
-        steps = np.diff(self._times)
-        return float(np.max(np.abs(steps - np.median(steps)))) if steps.size else 0.0
+        """Largest departure of an interval between scans from their median (within 1 %), s."""
+        return self._times.jitter
 
     @property
     def spread(self) -> dict[str, float]:
@@ -115,6 +116,42 @@ class ProbeFigures:
         return [(int(r), int(c), self._channels[n]) for r, c, n in np.argwhere(still)]
 
 
-def _rate(times: list[float]) -> float:
-    span = times[-1] - times[0] if times else 0.0
-    return (len(times) - 1) / span if span > 0 else 0.0
+@dataclass(slots=True)
+class _Times:
+    """Times in their order, of which only figures are kept."""
+
+    first: float = 0.0
+    last: float = 0.0
+    count: int = 0
+    shortest: float = math.inf
+    longest: float = -math.inf
+    steps: Histogram = field(default_factory=Histogram)
+
+    def add(self, time: float) -> None:
+        """Take in the next time, s."""
+        if self.count:
+            step = time - self.last
+            self.steps.add(step)
+            self.shortest, self.longest = min(self.shortest, step), max(self.longest, step)
+        else:
+            self.first = time
+        self.last = time
+        self.count += 1
+
+    @property
+    def span(self) -> float:
+        """From the first to the last, s."""
+        return self.last - self.first
+
+    @property
+    def rate(self) -> float:
+        """Intervals a second, Hz; 0 where there is none."""
+        return (self.count - 1) / self.span if self.span > 0 else 0.0
+
+    @property
+    def jitter(self) -> float:
+        """Largest departure of an interval from their median, s; 0 where there is none."""
+        if not self.steps.total:
+            return 0.0
+        median = self.steps.quantile(0.5)
+        return max(self.longest - median, median - self.shortest)

@@ -14,7 +14,7 @@ from cnnum.cli.source import limited, open_source
 from cnnum.errors import RecordingError
 
 if TYPE_CHECKING:
-    from cnnum.cli.recorders import Recorder
+    from cnnum.cli.recorders import Outcome
     from cnnum.drivers.driver import Driver
 
 
@@ -39,57 +39,48 @@ def command(
 ) -> int:
     """Record the frames of the array SOURCE (a driver's name, or a scene) to FILE.
 
-    FILE ends in .npz (for `cnnum replay`; the array's calibration goes along) or .csv (for
-    other programs). It appears when the recording ends: by itself, by Ctrl-C, or because the
-    array went away; what came until then is in it.
+    FILE ends in .mcap (also for Foxglove), .npz (NumPy) or .csv. Frames are on the
+    disk within a second, whatever happens; `cnnum recover` makes a whole file of one that was cut
+    off. It ends by itself, by Ctrl-C, or because the array went away.
     """
-    from cnnum.cli.recorders import open_recorder
+    from cnnum.cli.recorders import Recorder
 
-    if file.exists() and not force:
-        raise RecordingError(f"'{file}' is there already: choose another name, or give --force.")
     with open_source(source, assignments(settings)) as driver:
-        recorder = open_recorder(file)
-        count, stopped = 0, True
+        recorder, stopped = Recorder(file, driver, force=force), True
         try:
             with suppress(KeyboardInterrupt), stoppable() as stop:
                 with progress("frames", frames, as_json=as_json) as steps:
                     for frame in limited(driver, seconds, frames):
                         with stop.shield():  # half a frame would spoil the file
                             recorder.add(frame)
-                            count += 1
                         steps.advance()
                 stopped = False
         finally:
-            _end(recorder, driver, count)
-            if count:  # also where the array went away: what is in the file is told
-                _report(Output(as_json), file, driver, count)
-        if not count:
+            with undisturbed():
+                outcome = recorder.finish()
+            if outcome.frames:  # also where the array went away: what is kept is said
+                _report(Output(as_json), outcome, driver)
+            if outcome.problem:
+                raise RecordingError(outcome.problem)
+        if not outcome.frames:
             raise RecordingError(f"Nothing was recorded to '{file}': no frame came.")
     return 130 if stopped else 0
 
 
-def _end(recorder: "Recorder", driver: "Driver", count: int) -> None:
-    with undisturbed():
-        try:
-            if count:
-                recorder.finish(driver)
-        finally:
-            recorder.discard()
-
-
-def _report(output: Output, file: Path, driver: "Driver", count: int) -> None:
-    counters, size = driver.counters, file.stat().st_size
+def _report(output: Output, outcome: "Outcome", driver: "Driver") -> None:
+    counters, size = driver.counters, outcome.file.stat().st_size
     output.record(
         {
             "kind": "recording",
-            "file": str(file),
-            "frames": count,
+            "file": str(outcome.file),
+            "frames": outcome.frames,
+            "lost": outcome.lost,
             "bad_frames": counters.bad,
             "dropped": counters.dropped,
             "repeated": counters.repeated,
             "gaps": counters.gaps,
             "bytes": size,
         },
-        f"{count} frames in '{file}' ({quantity(size, 'B')}); {counters.bad} bad, "
+        f"{outcome.frames} frames in '{outcome.file}' ({quantity(size, 'B')}); {counters.bad} bad, "
         f"{counters.dropped} dropped, {counters.repeated} repeated",
     )

@@ -1,190 +1,145 @@
-"""Files that frames are recorded to: whole at the end or not there at all."""
+"""What `cnnum record` writes to: a journal at first, then the file that was asked for."""
 
-import csv
-import os
-import tempfile
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Protocol
+from typing import TYPE_CHECKING
 
-import numpy as np
-
-from cnnum.drivers.driver import Driver
-from cnnum.drivers.npz_file import Recording, write_npz
-from cnnum.errors import RecordingError, name_error
+from cnnum.errors import CnnumError, RecordingError
 from cnnum.frame import Frame
+from cnnum.recordings.export import export, suffix_of
+from cnnum.recordings.journal import Journal
+from cnnum.recordings.place import put, taken
+from cnnum.recordings.reader import look
+
+if TYPE_CHECKING:
+    from cnnum.drivers.driver import Driver
 
 
-class Recorder(Protocol):
-    """A file in the making."""
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a recording ended.
 
-    def add(self, frame: Frame) -> None:
-        """Write a frame to the draft."""
-        ...
+    Attributes
+    ----------
+    file : Path
+        Where the frames are.
+    frames, lost : int
+        Those that are kept, and those that had come and are not.
+    problem : str
+        What went wrong, in a sentence; empty where nothing did.
+    """
 
-    def finish(self, driver: Driver) -> None:
-        """Turn the draft into the file that was asked for, in one step."""
-        ...
-
-    def discard(self) -> None:
-        """Throw the draft away; nothing happens after `finish`."""
-        ...
-
-
-class _Draft:
-    """A temporary file beside the wanted one: a rename is atomic only within a file system."""
-
-    def __init__(self, target: Path) -> None:
-        self.target = target
-        try:
-            handle, name = tempfile.mkstemp(
-                prefix=f".{target.name}.", suffix=".part", dir=target.parent
-            )
-        except OSError as error:
-            raise RecordingError(
-                f"'{target}' can not be written: {error.strerror}; choose a folder that exists "
-                "and may be written to."
-            ) from None
-        self.path, self.handle = Path(name), handle
-
-    def replace(self) -> None:
-        self.path.chmod(0o644)
-        self.path.replace(self.target)
-
-    def discard(self) -> None:
-        self.path.unlink(missing_ok=True)
+    file: Path
+    frames: int
+    lost: int
+    problem: str = ""
 
 
-class CsvRecorder:
-    """A row a frame: sequence, time, flags, then every cell's channels, then the ground truth."""
+class Recorder:
+    """A recording in the making.
 
-    def __init__(self, target: Path) -> None:
-        self._draft = _Draft(target)
-        self._file: IO[str] = os.fdopen(self._draft.handle, "w", newline="", encoding="utf-8")
-        self._writer = csv.writer(self._file)
-        self._truths: tuple[str, ...] | None = None
+    MCAP is written under its own name from the first frame on. Any other kind of file, and one
+    that replaces another, is a journal at first: a file of its own, which can be read as well.
 
-    def add(self, frame: Frame) -> None:
-        """Write a row; numbers in the shortest form that is read back as the same."""
-        if self._truths is None:
-            self._truths = tuple(frame.truth.values) if frame.truth else ()
-            self._writer.writerow(self._header(frame, self._truths))
-        truths = [frame.truth.get(name) if frame.truth else "" for name in self._truths]
-        self._writer.writerow(
-            [
-                frame.sequence,
-                repr(float(frame.time)),
-                int(frame.quality),
-                *(repr(value) for value in frame.values.ravel().tolist()),
-                *truths,
-            ]
-        )
-
-    def _header(self, frame: Frame, truths: tuple[str, ...]) -> list[str]:
-        rows, cols = frame.shape
-        cells = [
-            f"r{row}_c{col}_{channel} ({frame.unit})"
-            for row in range(rows)
-            for col in range(cols)
-            for channel in frame.channels
-        ]
-        return ["sequence", "time (s)", "quality", *cells, *(f"truth {name}" for name in truths)]
-
-    def finish(self, driver: Driver) -> None:
-        """Close and rename."""
-        self._file.flush()
-        os.fsync(self._file.fileno())
-        self._file.close()
-        self._draft.replace()
-
-    def discard(self) -> None:
-        """Remove the draft."""
-        self._file.close()
-        self._draft.discard()
-
-
-@dataclass(slots=True)
-class _Notes:
-    sequence: list[int] = field(default_factory=list[int])
-    time: list[float] = field(default_factory=list[float])
-    quality: list[int] = field(default_factory=list[int])
-    truth: list[list[float]] = field(default_factory=list[list[float]])
-
-
-class NpzRecorder:
-    """An archive of arrays, which `cnnum replay` reads; cells wait on disk, not in memory."""
-
-    def __init__(self, target: Path) -> None:
-        self._draft = _Draft(target)
-        self._spool: IO[bytes] = os.fdopen(self._draft.handle, "wb")
-        self._notes = _Notes()
-        self._truths: tuple[str, ...] = ()
-        self._shape: tuple[int, ...] = ()
-
-    def add(self, frame: Frame) -> None:
-        """Write the cells, and note the rest."""
-        notes = self._notes
-        if not notes.sequence:
-            self._shape = frame.values.shape
-            self._truths = tuple(frame.truth.values) if frame.truth else ()
-        self._spool.write(np.ascontiguousarray(frame.values).tobytes())
-        notes.sequence.append(frame.sequence)
-        notes.time.append(frame.time)
-        notes.quality.append(int(frame.quality))
-        truth = frame.truth.values if frame.truth else {}
-        notes.truth.append([truth.get(name, np.nan) for name in self._truths])
-
-    def finish(self, driver: Driver) -> None:
-        """Write the archive beside the cells, then put it in its place."""
-        self._spool.close()
-        notes, count = self._notes, len(self._notes.sequence)
-        values = np.memmap(self._draft.path, np.float64, "r", shape=(count, *self._shape))
-        recording = Recording(
-            values=values,
-            channels=driver.channels,
-            unit=driver.unit,
-            rate=driver.rate,
-            sequence=np.array(notes.sequence, np.int64),
-            time=np.array(notes.time),
-            quality=np.array(notes.quality, np.int64),
-            truths=self._truths,
-            truth=np.array(notes.truth).reshape(count, len(self._truths)),
-            calibration=getattr(driver, "calibration", None),
-        )
-        archive = _Draft(self._draft.target)
-        try:
-            with os.fdopen(archive.handle, "wb") as file:
-                write_npz(file, recording)
-                file.flush()
-                os.fsync(file.fileno())
-            archive.replace()
-        except BaseException:
-            archive.discard()
-            raise
-        self._draft.discard()
-
-    def discard(self) -> None:
-        """Remove the draft."""
-        self._spool.close()
-        self._draft.discard()
-
-
-RECORDERS: Mapping[str, Callable[[Path], Recorder]] = {".npz": NpzRecorder, ".csv": CsvRecorder}
-"""By the suffix of the file."""
-
-
-def open_recorder(target: Path) -> Recorder:
-    """Begin a file.
+    Parameters
+    ----------
+    target : Path
+        Its suffix says the kind.
+    driver : Driver
+    force : bool
+        Whether a file that is there already is replaced, when the recording is complete.
 
     Raises
     ------
     UnknownNameError
-        If its suffix is none of `RECORDERS`.
+        If the suffix is none that is known.
     RecordingError
-        If its folder can not be written to.
+        If there is such a file already, or it cannot be written.
     """
-    suffix = target.suffix.lower()
-    if suffix not in RECORDERS:
-        raise name_error("kind of recording", suffix or target.name, RECORDERS)
-    return RECORDERS[suffix](target)
+
+    def __init__(self, target: Path, driver: "Driver", *, force: bool = False) -> None:
+        self._target, self._force = target, force
+        # whatever is at this name, also a link to nowhere, is not ours to touch
+        there = target.exists() or target.is_symlink()
+        if there and not force:
+            raise taken(target)
+        direct = suffix_of(target) == ".mcap" and not there
+        path = target if direct else journal_of(target)
+        calibration = getattr(driver, "calibration", None)
+        try:
+            self._journal = Journal(path, driver.rate, calibration)
+        except FileExistsError:
+            raise taken(path) if direct else _unfinished(path, target) from None
+        except OSError as error:
+            raise RecordingError(
+                f"'{target}' cannot be written: {error.strerror}; choose a folder that exists "
+                "and may be written to."
+            ) from None
+
+    def add(self, frame: Frame) -> None:
+        """Take in a frame.
+
+        Raises
+        ------
+        RecordingError
+            If there is no room for more, or the frame is of another shape than those before.
+        """
+        self._journal.add(frame)
+
+    def finish(self) -> Outcome:
+        """Close the file, or write the one that was asked for; no frame is ever removed."""
+        journal, to_mcap = self._journal, suffix_of(self._target) == ".mcap"
+        journal.close(index=to_mcap)
+        kept, lost = journal.stored, journal.came - journal.stored
+        problem = ""
+        if kept and journal.failure is not None:
+            problem = self._full(journal.failure, kept, lost)
+        elif journal.failure is not None:
+            problem = (
+                f"'{self._target}' cannot be written ({_why(journal.failure)}): none of {lost} "
+                "frames is kept; choose a folder that has room."
+            )
+        elif kept and journal.path != self._target:
+            problem = self._place(to_mcap)
+        gone = not kept or not (problem or journal.path == self._target)
+        return Outcome(self._target if gone else journal.path, kept, lost, problem)
+
+    def _place(self, to_mcap: bool) -> str:
+        """Put the file in its place; return what went wrong."""
+        path, target = self._journal.path, self._target
+        try:
+            if to_mcap:
+                put(path, target, force=self._force)
+            else:
+                export(look(path), target, force=self._force)
+                path.unlink()
+        except (CnnumError, OSError) as error:
+            said = str(error) if isinstance(error, CnnumError) else f"{_why(error)}."
+            return (
+                f"'{target}' was not made, and its {self._journal.stored} frames are kept in "
+                f"'{path}': 'cnnum recover {path} OUT' makes a file of them; {said}"
+            )
+        return ""
+
+    def _full(self, failure: OSError, kept: int, lost: int) -> str:
+        path = self._journal.path
+        return (
+            f"'{path}' takes no more ({_why(failure)}): {kept} frames are kept in it, {lost} that "
+            f"had come are not; 'cnnum recover {path} OUT' makes a whole file where there is room."
+        )
+
+
+def journal_of(target: Path) -> Path:
+    """Return the name of the journal of a file that is not written directly."""
+    return target.with_name(f"{target.name}.recording.mcap")
+
+
+def _unfinished(path: Path, target: Path) -> RecordingError:
+    return RecordingError(
+        f"'{path}' holds a recording that was not finished: 'cnnum recover {path} OUT' makes a "
+        f"file of it; then remove it, or choose another name than '{target}'."
+    )
+
+
+def _why(error: OSError) -> str:
+    return str(error.strerror or error)

@@ -21,6 +21,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "score": ("cnnum.cli.score", "Score slip and twist where the truth is known."),
     "probe": ("cnnum.cli.probe", "Look at what an array sends: rate, losses, dead cells."),
     "record": ("cnnum.cli.record", "Record an array's frames to a file."),
+    "recover": ("cnnum.cli.recover", "Make a whole recording of one that was cut off or damaged."),
     "replay": ("cnnum.cli.replay", "Run a scene's program over a recording."),
 }
 """Name to module and to the line of help."""

@@ -8,6 +8,10 @@ from cnnum.cli.following import follow
 from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
 from cnnum.cli.output import Output
 from cnnum.errors import RecordingError
+from cnnum.reading import names_something
+
+FILES = {".mcap": "mcap", ".npz": "npz"}
+"""Suffix of a recording to its driver."""
 
 
 @click.command("replay")
@@ -29,8 +33,8 @@ def command(
 ) -> int:
     """Run a scene's program over the recording FILE, as fast as it goes.
 
-    FILE is what `cnnum record` wrote (.npz), or the folder of a uSkin trial. Only the array of
-    the scene is replaced: its program and what it wants stay.
+    FILE is what `cnnum record` wrote (.mcap or .npz), or the folder of a uSkin trial. Only the
+    array of the scene is replaced: its program and what it wants stay.
     """
     from cnnum.pipeline import load_scene
 
@@ -40,12 +44,14 @@ def command(
 
 def _array(file: Path) -> dict[str, object]:
     """Return the table of a scene that reads this recording."""
-    if not file.exists():
-        raise RecordingError(f"There is no recording '{file}': expected a .npz file or a folder.")
+    expected = "expected a .mcap or .npz file, or a folder."
+    if not names_something(file):
+        raise RecordingError(f"There is no recording '{file}': {expected}")
     # a relative path in a scene starts from the scene's folder, not from the working one
     path = str(file.absolute())
     if file.is_dir():
         return {"driver": "uskin-csv", "path": path}
-    if file.suffix.lower() != ".npz":
-        raise RecordingError(f"'{file}' is no recording: expected a .npz file or a folder.")
-    return {"driver": "npz", "path": path}
+    suffix = file.suffix.lower()
+    if suffix not in FILES:
+        raise RecordingError(f"'{file}' is no recording: {expected}")
+    return {"driver": FILES[suffix], "path": path}

@@ -8,6 +8,7 @@ import difflib
 import logging
 import os
 import sys
+import traceback
 import warnings
 from collections.abc import Callable, Generator, Sequence
 from functools import partial
@@ -20,8 +21,15 @@ from cnnum import __version__
 from cnnum.cli.registry import COMMANDS
 from cnnum.errors import CnnumError, RecordingWarning
 
-CHECKS_FAILED, WRONG_INPUT, STOPPED, PIPE_CLOSED = 1, 2, 130, 141
-"""Exit codes; the last two are those of a shell for a command that a signal has ended."""
+CHECKS_FAILED, WRONG_INPUT, OUR_FAULT, STOPPED, PIPE_CLOSED = 1, 2, 70, 130, 141
+"""Exit codes: 70 is EX_SOFTWARE of ``sysexits.h``, the last two are those of a shell for a command
+that a signal has ended."""
+
+TRACEBACK = "CNNUM_TRACEBACK"
+"""Variable of the environment that, set to 1, shows the traceback of a fault of cnnum itself."""
+
+LONGEST = 2000
+"""Signs of the longest sentence: a name in it can be as long as a file."""
 
 
 class ClosedPipe(Exception):  # noqa: N818 - nothing went wrong
@@ -30,6 +38,12 @@ class ClosedPipe(Exception):  # noqa: N818 - nothing went wrong
 
 class Root(click.Group):
     """Finds commands by the registry, and ends every one of them in the same way."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Refuse what no shell can pass on, then read the options."""
+        if any("\0" in argument for argument in args):
+            raise click.UsageError("Expected arguments without a NUL in them.", ctx)
+        return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands."""
@@ -141,7 +155,22 @@ def _exit_code(run: Callable[[], object]) -> int:
     except OSError as error:
         where = f"'{error.filename}': " if error.filename else ""
         return _say(f"{where}{error.strerror or error}.")
+    except Exception as error:  # a fault of ours, whatever it is: RecursionError, MemoryError too
+        return _own_up(error)
     return code if isinstance(code, int) else 0
+
+
+def _own_up(error: Exception) -> int:
+    if os.environ.get(TRACEBACK, "") not in ("", "0"):
+        traceback.print_exception(error)
+    name = type(error).__name__
+    message = f"{error!s:.300}".rstrip(".")
+    said = f"{name}: {message}" if message else name
+    _say(
+        f"This is a fault of cnnum, not of your input ({said}): run the command again with "
+        f"{TRACEBACK}=1 in the environment, and report the traceback to the maintainers of cnnum."
+    )
+    return OUR_FAULT
 
 
 def _usage(error: click.ClickException) -> str:
@@ -155,7 +184,9 @@ def _say(sentence: str) -> int:
     with contextlib.suppress(OSError):
         sys.stdout.flush()
     with contextlib.suppress(OSError):
-        print(f"cnnum: {' '.join(sentence.split())}", file=sys.stderr, flush=True)
+        whole = " ".join(sentence.split())
+        cut = whole if len(whole) <= LONGEST else f"{whole[:LONGEST]} …"
+        print(f"cnnum: {cut}", file=sys.stderr, flush=True)
     return WRONG_INPUT
 
 

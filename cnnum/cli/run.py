@@ -43,7 +43,7 @@ def command(
 ) -> int:
     """Run SCENE (a TOML file, or the name of a scene of the package) and print its events.
 
-    Ctrl-C ends it with the summary of what was seen.
+    Ctrl-C (or SIGTERM, SIGHUP) ends it with the summary of what was seen.
     """
     from cnnum.pipeline import load_scene
 

@@ -22,8 +22,12 @@ def handled(handler: Any, *signals: signal.Signals) -> Generator[None, None, Non
             signal.signal(number, old)
 
 
+_HANG_UP = getattr(signal, "SIGHUP", None)
+"""The terminal has gone; Windows has no such signal."""
+
+
 class Stop:
-    """Ends a block at Ctrl-C or SIGTERM, but never in the midst of what is shielded."""
+    """Ends a block at Ctrl-C, SIGTERM or SIGHUP, but never in the midst of what is shielded."""
 
     def __init__(self) -> None:
         self._shielded = self._wanted = False
@@ -46,17 +50,24 @@ class Stop:
 
 @contextmanager
 def stoppable() -> Generator[Stop, None, None]:
-    """Let SIGTERM end the block as Ctrl-C does; one that the parent ignores stays ignored."""
+    """Let SIGTERM and SIGHUP end the block as Ctrl-C does.
+
+    Ctrl-C and SIGHUP that the parent ignores stay ignored: so a shell starts jobs in the
+    background, and so does `nohup`.
+    """
     stop = Stop()
-    heeded = [signal.SIGTERM]
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        heeded.append(signal.SIGINT)
-    with handled(stop, *heeded):
+    heeded = [
+        number
+        for number in (signal.SIGINT, _HANG_UP)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN
+    ]
+    with handled(stop, signal.SIGTERM, *heeded):
         yield stop
 
 
 @contextmanager
 def undisturbed() -> Generator[None, None, None]:
-    """Let neither Ctrl-C nor SIGTERM break into the block: a file is being finished."""
-    with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM):
+    """Let no such signal break into the block: a file is being finished."""
+    hang_up = [_HANG_UP] if _HANG_UP is not None else []
+    with handled(signal.SIG_IGN, signal.SIGINT, signal.SIGTERM, *hang_up):
         yield

@@ -6,6 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cnnum.errors import UnknownNameError
+from cnnum.names import shown
+from cnnum.reading import names_something
 
 if TYPE_CHECKING:
     from cnnum.drivers.driver import Driver
@@ -34,9 +36,9 @@ def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
 
     if source in driver_names():
         return open_driver(source, settings)
-    if source not in scene_names() and not Path(source).is_file():
+    if source not in scene_names() and not names_something(Path(source)):
         raise UnknownNameError(
-            f"There is no array '{source}': expected one of the drivers "
+            f"There is no array {shown(source)}: expected one of the drivers "
             f"{', '.join(driver_names())}, one of the scenes {', '.join(scene_names())}, or a "
             "scene's TOML file."
         )

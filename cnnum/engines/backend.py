@@ -86,6 +86,14 @@ class Executable(Protocol):
         """Return cleared memories for a batch of streams, in a form of the engine's own."""
         ...
 
+    def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
+        """Return the numbers that memories of `batch` streams hold: to look at, or to copy."""
+        ...
+
+    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
+        """Let memories hold a copy of the numbers that `held` gave before."""
+        ...
+
     def one(self, memory: object) -> OneFrame | None:
         """Return the quick way of single frames with these memories; None where there is none."""
         ...

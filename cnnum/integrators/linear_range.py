@@ -6,7 +6,7 @@ and alike at the lower edge, none ever leaves (Nagumo 1942: the flow points into
 array is the same with the output y = x.
 """
 
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,13 +42,30 @@ def stays_linear(template: Template, given: Mapping[str, NDArray[np.floating]]) 
     given : mapping of str to (..., maps, rows, cols) float
         Input, state and bias of the run, as far as they are given.
     """
-    if template.output.name != "standard" or not template.plain or "mask" in given:
-        return False
     left = room(template)
-    if (left < 0.0).any() or abs(template.boundary.constant or 0.0) > 1.0:
+    if (left < 0.0).any() or not _linear_within(template, given):
         return False
     starts = np.abs(_start(template, given)).max() <= 1.0
     return bool(starts and (_drive(template, given) <= left).all())
+
+
+def may_stay_linear(template: Template, given: Container[str]) -> bool:
+    """Return whether there are numbers with which no cell of a run leaves the linear range.
+
+    Parameters
+    ----------
+    template : Template
+    given : container of str
+        Roles of the maps that the run is given.
+    """
+    return _linear_within(template, given) and bool((np.abs(template.z) <= room(template)).all())
+
+
+def _linear_within(template: Template, given: Container[str]) -> bool:
+    """Return whether the array is linear as long as its cells are within the linear range."""
+    if template.output.name != "standard" or not template.plain or "mask" in given:
+        return False
+    return abs(template.boundary.constant or 0.0) <= 1.0
 
 
 def as_linear(template: Template) -> Template:

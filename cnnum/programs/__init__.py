@@ -18,6 +18,7 @@ from cnnum.graph.nodes import Graph
 from cnnum.names import checked_name
 from cnnum.programs.fields import Field, as_field
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import check_parameters
 
 Traced = Callable[..., Mapping[str, Field]]
 
@@ -48,7 +49,16 @@ class Program:
         checked_name("a program", self.name, ProgramError)
 
     def bind(self, **parameters: object) -> "Program":
-        """Return the program with keyword parameters of its function set."""
+        """Return the program with keyword parameters of its function set.
+
+        Raises
+        ------
+        ProgramError
+            If the function has no such parameter, or says by its annotation that it takes another
+            type.
+        """
+        if parameters:
+            check_parameters(self.name, self.function, parameters)
         merged = {**dict(self.parameters), **parameters}
         return Program(self.function, self.name, tuple(merged.items()))
 

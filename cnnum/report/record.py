@@ -11,9 +11,10 @@ from cnnum.conversion import ByCalibration
 from cnnum.drivers.registry import driver_options
 from cnnum.events import Event
 from cnnum.frame import FORCE_AXES, Truth
-from cnnum.pipeline import Moment, Scene, Summary
+from cnnum.pipeline import Moment, Scene
 from cnnum.plan import Explanation
 from cnnum.report.environment import Environment
+from cnnum.summary import Summary
 
 SHEAR_X, SHEAR_Y, NORMAL = FORCE_AXES
 

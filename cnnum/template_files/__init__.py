@@ -5,10 +5,12 @@ from os import PathLike
 from pathlib import Path
 
 from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.reading import read_text
 from cnnum.template import Template
 from cnnum.template_files.entry import Entry, FileFormat
 from cnnum.template_files.toml_format import TOML
 from cnnum.template_files.writing import write_text
+from cnnum.toml_reading import LARGEST
 
 _FORMATS: dict[str, FileFormat] = {TOML.suffix: TOML}
 
@@ -39,7 +41,7 @@ def load_entry(path: str | PathLike[str]) -> Entry:
     source = Path(path)
     form = _format(source)
     try:
-        text = source.read_text(encoding="utf-8")
+        text = read_text(source, most=LARGEST)
     except UnicodeDecodeError as error:
         raise TemplateError(f"'{source}' must be UTF-8 text, got {error.reason}.") from None
     except OSError as error:

@@ -7,7 +7,6 @@ interpolation, points) and [delayed] (delay, A, B); and the table [check] with t
 form and its parameters. Matrices are nested lists of rows, (k, k) or [to][from][row][col].
 """
 
-import tomllib
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -24,6 +23,7 @@ from cnnum.template_files.toml_values import (
     per_layer,
     text,
 )
+from cnnum.toml_reading import parse_toml
 
 _REQUIRED = ("name", "A")
 
@@ -50,11 +50,9 @@ _READERS: Mapping[str, Callable[[str, str, object], Any]] = {
 
 def _read(content: str, file: str) -> Entry:
     try:
-        table: dict[str, object] = tomllib.loads(content)
-    except tomllib.TOMLDecodeError as error:
+        table: dict[str, object] = parse_toml(content)
+    except ValueError as error:
         raise TemplateError(f"'{file}' must be TOML, got an error: {error}.") from None
-    except RecursionError:
-        raise TemplateError(f"'{file}' must be TOML, got brackets nested too deep.") from None
     aliases = names(file, "aliases", table.pop("aliases", []))
     template = _template(file, table)
     try:

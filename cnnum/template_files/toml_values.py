@@ -38,14 +38,11 @@ def number(file: str, key: str, value: object) -> float:
     Raises
     ------
     TemplateError
-        If it is something else, or too large for a float64.
+        If it is something else.
     """
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise wrong(file, key, "a number", value)
-    try:
-        return float(value)
-    except OverflowError:
-        raise wrong(file, key, "a number within the range of a float64", value) from None
+    return float(value)
 
 
 def whole(file: str, key: str, value: object) -> int:

@@ -5,10 +5,15 @@ from cnnum.drivers.simulated.bumps import bumps_fem_influence
 from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
 from cnnum.drivers.simulated.layer import layer_influence
 from cnnum.drivers.simulated.settings import Settings
+from cnnum.room import refuse_on_host
 from cnnum.tactile.grid import sharpened
 
 CELLS = (2, 3)
 """Axes of the surface's cells. Bumps need none of it: each takes the whole load of its square."""
+
+BYTES, COPIES = 9 * 8, 2
+"""Bytes of the strain under one cell at one taxel, and how often it is in memory on its way:
+1.9 to 3.5 times, by the cover."""
 
 
 def influence_of(options: Settings, layout: Layout) -> Floats:
@@ -22,7 +27,11 @@ def influence_of(options: Settings, layout: Layout) -> Floats:
     ------
     PhysicsError
         If the cover is none that can be worked out.
+    SizeError
+        If there is no room for the strain.
     """
+    rows, cols = layout.surface.shape
+    refuse_on_host("The simulated array", layout.shape, COPIES * rows * cols * BYTES)
     cover = (layout, options.thickness, options.youngs_modulus)
     if options.cover == "bumpy":
         return bumpy_influence(*cover, options.bump_radius)

@@ -21,6 +21,9 @@ NEEDS: dict[Kind, tuple[str, ...]] = {
 }
 """The amounts that a kind of phase can not do without."""
 
+LEAST, MOST = 1e-9, 1e6
+"""Smallest amount besides 0, and largest: beyond them the squares of loads and radii overflow."""
+
 
 @dataclass(frozen=True, slots=True)
 class Phase:
@@ -62,10 +65,20 @@ class Phase:
         amounts = ("load", "speed", "direction", "angle", "frequency", "amplitude")
         for name in amounts:
             require(name, isfinite(getattr(self, name)), "a finite number", getattr(self, name))
-        require("duration", 0 < self.duration < 1e6, "seconds above 0", self.duration)
+        lasts = LEAST <= self.duration < MOST
+        require(
+            "duration",
+            lasts,
+            f"seconds above 0, from {LEAST:g} up and below {MOST:g}",
+            self.duration,
+        )
         for name in ("load", "speed", "frequency", "amplitude"):
             value: float = getattr(self, name)
-            require(name, value >= 0, "0 or more", value)
+            fits = value == 0 or LEAST <= value < MOST
+            require(name, fits, f"0 or more ({LEAST:g} if not 0) and below {MOST:g}", value)
+        for name in ("direction", "angle"):
+            value = getattr(self, name)
+            require(name, abs(value) < MOST, f"within ±{MOST:g} rad", value)
         require("amplitude", self.amplitude < 1, "a share of the load below 1", self.amplitude)
         used = NEEDS[self.kind]
         for name in used:

@@ -10,6 +10,17 @@ from cnnum.drivers.simulated.script import DEFAULT, Phase
 THINNEST = 0.05
 """Thickness of a layer over the pitch, at least: a quarter of a cell of the surface."""
 
+RANGES = {
+    "pitch": (1e-6, 0.1),
+    "thickness": (1e-6, 0.1),
+    "radius": (1e-6, 10.0),
+    "rate": (1e-3, 1e5),
+    "youngs_modulus": (1.0, 1e12),
+    "friction": (1e-6, 1e6),
+    "gain": (1e-6, 1e12),
+}
+"""Least value and bound from above, in the units below: beyond any array, short of overflow."""
+
 
 @dataclass(frozen=True, slots=True)
 class Settings:
@@ -90,18 +101,17 @@ class Settings:
     def __post_init__(self) -> None:
         require("seed", self.seed >= 0, "0 or more", self.seed)
         require("shape", all(1 <= n <= 64 for n in self.shape), "1 to 64 a side", self.shape)
-        for name, top in (("pitch", 0.1), ("thickness", 0.1), ("radius", 10.0), ("rate", 1e5)):
+        for name, (least, most) in RANGES.items():
             value: float = getattr(self, name)
-            require(name, 0 < value < top, f"above 0, below {top:g}", value)
-        for name in ("youngs_modulus", "friction", "gain"):
-            value = getattr(self, name)
-            require(name, 0 < value < 1e12, "above 0", value)
+            fits = least <= value < most
+            require(name, fits, f"above 0, from {least:g} up and below {most:g}", value)
         self._require_layer()
         require("creep", 0 <= self.creep < 1, "a share, 0 or more and below 1", self.creep)
         lasts = 0 < self.creep_time < 1e6
         require("creep_time", lasts, "seconds above 0, below 1e+06", self.creep_time)
         reduction = self.reduction
-        require("reduction", reduction is None or reduction > 0, "above 0", reduction)
+        fits = reduction is None or 1e-6 <= reduction < 1e12
+        require("reduction", fits, "above 0, from 1e-06 up and below 1e+12", reduction)
         half = 0 < self.bump_radius <= self.pitch / 2
         require("bump_radius", half, "above 0, at most half the pitch", self.bump_radius)
         for name in ("noise", "offset"):

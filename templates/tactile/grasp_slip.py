@@ -24,6 +24,7 @@ from cnnum.frame import FORCE_AXES
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
 from cnnum.templates.tactile.loads import square
 
 START = 0.5
@@ -98,6 +99,7 @@ def grasp_slip(
     ProgramError
         If the columns can not be divided among the pads.
     """
+    refuse_outside(rate=(rate, 1e-3, 1e6), window=(window, 1e-6, 1e6))
     count = _counter(frame)
     seen = [_pad(frame, columns, count, rate, window) for columns in _columns(frame, pads)]
     still = (count <= START * rate) | _all([pad.still for pad in seen])

@@ -6,6 +6,7 @@ from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import Applied, apply, transient
 from cnnum.template import Template
 from cnnum.templates.tactile.elastic_lattice import ElasticLattice, Form
@@ -76,6 +77,11 @@ def halfspace_equilibrium(
     ProgramError
         If a size or Poisson's ratio is out of range.
     """
+    refuse_outside(
+        youngs_modulus=(youngs_modulus, 1e-9, 1e15),
+        slabs=(slabs, 2, 64),
+        layers=(layers, 1, slabs - 1),
+    )
     lattice = ElasticLattice(slabs, depth_in_cells(thickness, pitch, cells) / layers, poisson)
     spec = RunSpec(method=method, rtol=tolerance, atol=tolerance, settle_limit=PATIENCE)
     loads = [frame.channel(c) for c in ("shear_x", "shear_y", "normal")]

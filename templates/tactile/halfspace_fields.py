@@ -37,6 +37,10 @@ class Extension(Protocol):
         ...
 
 
+THINNEST, THICKEST = 0.001, 100.0
+"""Cells: the stack of a thicker cover has no layer at the taxels, a thinner one has no depth."""
+
+
 @dataclass(frozen=True, slots=True)
 class Surface:
     """The three loads on the surface at the depth of the taxels, in cells."""
@@ -111,11 +115,18 @@ def depth_in_cells(thickness: float, pitch: float, cells: int) -> float:
     Raises
     ------
     ProgramError
-        If one of them is not above 0, or `cells` is not whole.
+        If one of them is not above 0, `cells` is not whole, or the cover is thinner or thicker
+        than the programs can compute with.
     """
     if not (thickness > 0 and pitch > 0 and cells >= 1 and int(cells) == cells):
         raise ProgramError(
             "A cover has a thickness above 0, taxels a pitch above 0 and a whole number of cells "
             f"each, got thickness={thickness}, pitch={pitch} and cells={cells}."
         )
-    return thickness * cells / pitch
+    depth = thickness * cells / pitch
+    if not THINNEST <= depth <= THICKEST:
+        raise ProgramError(
+            f"A cover must be {THINNEST:g} to {THICKEST:g} cells thick, got {depth:g}: change "
+            "'thickness', 'pitch' or 'cells'."
+        )
+    return depth

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
 from cnnum.templates.tactile.depth_layers import relaxed, stack_of
 from cnnum.templates.tactile.halfspace_fields import Surface, depth_in_cells
 
@@ -59,6 +60,7 @@ def halfspace_layers(
     ProgramError
         If a size, the layers, the order or the tolerance is out of range.
     """
+    refuse_outside(youngs_modulus=(youngs_modulus, 1e-9, 1e15), layers=(layers, 0, 256))
     depth = depth_in_cells(thickness, pitch, cells)
     stack = stack_of(depth, frame.shape, layers, order, tolerance)
     x, y, p = (

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
 from cnnum.templates.tactile.halfspace_fields import depth_in_cells
 from cnnum.templates.tactile.halfspace_stress import surface_of
 
@@ -48,5 +49,6 @@ def halfspace_strain(
     ----------
     Hooke's law on the stress of `halfspace_stress` at ν = 1/2.
     """
+    refuse_outside(youngs_modulus=(youngs_modulus, 1e-9, 1e15))
     depth = depth_in_cells(thickness, pitch, cells)
     return surface_of(frame, depth, tolerance).strain(youngs_modulus)

@@ -9,6 +9,7 @@ from cnnum.errors import ProgramError, name_error
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import transient
 from cnnum.tactile.bump_loads import Taxels, bump_inverse
 from cnnum.template import Template
@@ -71,6 +72,12 @@ def localize(
     ProgramError
         If the unit is not positive.
     """
+    refuse_outside(
+        bump_pitch=(bump_pitch, 1e-6, 1e6),
+        bump_depth=(bump_depth, 1e-6, 1e6),
+        bump_spacing=(bump_spacing, 1e-6, 1e6),
+        unit=(unit, 1e-30, 1e30),
+    )
     return localize_of(
         loads_of(frame, push),
         taxels=taxels,

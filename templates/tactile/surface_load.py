@@ -8,6 +8,7 @@ from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, minimum, sqrt
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import transient
 from cnnum.templates.tactile.load_network import LoadNetwork
 
@@ -82,8 +83,16 @@ def surface_load(
     """
     if not 0 < friction < math.inf:
         raise ProgramError(f"'friction': expected above 0, got {friction}.")
-    if rounds < 0:
-        raise ProgramError(f"'rounds': expected 0 or more, got {rounds}.")
+    refuse_outside(
+        thickness=(thickness, 1e-9, 1e3),
+        pitch=(pitch, 1e-9, 1e3),
+        youngs_modulus=(youngs_modulus, 1e-9, 1e15),
+        noise=(noise, 1e-30, 1e30),
+        likely=(likely, 1e-30, 1e30),
+        drag=(drag, 1e-6, 1e6),
+        reach=(reach, 1, 64),
+        rounds=(rounds, 0, 1000),
+    )
     network = LoadNetwork(thickness, pitch, youngs_modulus, noise, likely, drag, reach)
     spec = RunSpec(rtol=tolerance, atol=tolerance, settle_limit=PATIENCE)
     least, holds = network.noise_of_pressure / likely, friction / drag

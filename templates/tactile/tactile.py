@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.contact import contact_of
 from cnnum.templates.tactile.edges import edges_of
@@ -54,6 +55,7 @@ def tactile(
     mapping
         All outputs of `contact`, `slip`, `twist`, `edges` and `localize`.
     """
+    refuse_outside(depth=(depth, 1e-6, 1e6))
     loads = loads_of(frame, push)
     place = place_of(loads, patch_of(loads))
     return {

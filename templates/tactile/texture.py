@@ -6,6 +6,7 @@ from cnnum.errors import ProgramError
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.parameters import refuse_outside
 from cnnum.templates.tactile.loads import PUSH, loads_of, square
 
 WINDOW = 128
@@ -57,6 +58,7 @@ def texture(
         raise ProgramError(
             f"'window' must be 1 frame or more and 'ratio' above 0, got {window} and {ratio}."
         )
+    refuse_outside(window=(window, 1, 10_000), ratio=(ratio, 1e-30, 1e30))
     loads = loads_of(frame, push)
     rubbed = loads.contact & (loads.normal > CLEAR * sqrt(loads.normal_noise))
     shear = sqrt(square(loads.shear_x) + square(loads.shear_y))

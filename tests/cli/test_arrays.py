@@ -91,14 +91,18 @@ def test_probe_of_a_port_counts_what_is_lost(call, records, tmp_path):
     assert (record["frames"], record["dropped"], record["bad_frames"]) == (38, 2, 1)
 
 
-def test_a_recording_is_given_back_bit_for_bit(call, records, tmp_path):
-    path = tmp_path / "taps.npz"
+@pytest.mark.parametrize("suffix", ["npz", "mcap"])
+def test_a_recording_is_given_back_bit_for_bit(call, records, tmp_path, suffix):
+    path = tmp_path / f"taps.{suffix}"
     result = call("record", "simulated", path, "--frames", 50, "--set", "seed=7", "--json")
     assert result.exit_code == 0, result.stderr
     (record,) = records(result.stdout)
     assert (record["kind"], record["frames"]) == ("recording", 50)
     assert record["bytes"] == path.stat().st_size
-    with open_driver("simulated", {"seed": 7}) as array, open_driver("npz", {"path": path}) as tape:
+    with (
+        open_driver("simulated", {"seed": 7}) as array,
+        open_driver(suffix, {"path": path}) as tape,
+    ):
         for sent, got in zip(array.frames(), tape.frames(), strict=False):
             np.testing.assert_array_equal(got.values, sent.values)
             assert (got.time, got.sequence, got.quality) == (sent.time, sent.sequence, sent.quality)
@@ -123,15 +127,17 @@ def test_a_recording_as_csv(call, tmp_path):
     assert len(rows) == 5
 
 
-def test_nothing_is_overwritten_and_no_draft_is_left(call, tmp_path):
-    path = tmp_path / "taps.npz"
+@pytest.mark.parametrize("suffix", ["npz", "mcap", "csv"])
+def test_nothing_is_overwritten_and_no_draft_is_left(call, tmp_path, suffix):
+    path = tmp_path / f"taps.{suffix}"
     path.write_text("precious")
     refused = call("record", "simulated", path, "--frames", 2)
     assert refused.exit_code == 2
     assert "--force" in refused.stderr
     assert path.read_text() == "precious"
     assert call("record", "simulated", path, "--frames", 2, "--force").exit_code == 0
-    assert [item.name for item in tmp_path.iterdir()] == ["taps.npz"]
+    assert [item.name for item in tmp_path.iterdir()] == [path.name]
+    assert path.read_bytes() != b"precious"
 
 
 def test_what_came_before_an_error_is_kept(call, tmp_path):
@@ -146,16 +152,16 @@ def test_what_came_before_an_error_is_kept(call, tmp_path):
     assert [item.name for item in tmp_path.iterdir()] == ["gone.npz"]
 
 
-def test_replay_counts_what_the_recording_lacks(tmp_path):
-    from cnnum.cli.recorders import NpzRecorder
+@pytest.mark.parametrize("suffix", ["npz", "mcap"])
+def test_replay_counts_what_the_recording_lacks(tmp_path, suffix):
+    from cnnum.cli.recorders import Recorder
 
-    recorder = NpzRecorder(tmp_path / "gaps.npz")
-    scans = noisy(4)
+    path, scans = tmp_path / f"gaps.{suffix}", noisy(4)
+    with open_driver("simulated") as array:
+        recorder = Recorder(path, array)
     for number, quality in ((0, 0), (1, 0), (5, Quality.DROPPED_BEFORE), (5, Quality.REPEATED)):
         recorder.add(frame(number, scans[0].values, Quality(quality)))
-    with open_driver("simulated") as array:
-        array.channels, array.unit = FORCE_AXES, "count"
-        recorder.finish(array)
-    with open_driver("npz", {"path": tmp_path / "gaps.npz"}) as tape:
+    assert recorder.finish().frames == 4
+    with open_driver(suffix, {"path": path}) as tape:
         assert [scan.sequence for scan in tape.frames()] == [0, 1, 5, 5]
         assert (tape.counters.dropped, tape.counters.repeated, tape.counters.frames) == (3, 1, 3)

@@ -7,6 +7,7 @@ import subprocess
 import sys
 from contextlib import suppress
 
+import numpy as np
 import pytest
 
 from cnnum.drivers import open_driver
@@ -100,8 +101,9 @@ def test_plan_of_the_scene(call, records, scene):
     assert first in call("plan", scene, "--source").stdout
 
 
-def test_replay_finds_the_same_events(call, records, scene, tmp_path):
-    tape = tmp_path / "tap.npz"
+@pytest.mark.parametrize("suffix", ["npz", "mcap"])
+def test_replay_finds_the_same_events(call, records, scene, tmp_path, suffix):
+    tape = tmp_path / f"tap.{suffix}"
     assert call("record", scene, tape).exit_code == 0
     live = records(call("run", scene, "--json").stdout)
     again = records(call("replay", tape, "--scene", scene, "--json").stdout)
@@ -133,8 +135,9 @@ def test_a_recording_that_an_error_ends_is_kept_and_told(call, records, tmp_path
 
 
 def start(*arguments: object, **streams: object) -> subprocess.Popen:
-    # a suite that was started in the background hands on that Ctrl-C is ignored
+    # a suite that was started in the background hands on that Ctrl-C or SIGHUP is ignored
     code = "import signal as s, runpy; s.signal(s.SIGINT, s.default_int_handler); "
+    code += "s.signal(s.SIGHUP, s.SIG_DFL); "
     code += "runpy.run_module('cnnum', run_name='__main__', alter_sys=True)"
     # as users have it: what is written waits in a buffer
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
@@ -159,7 +162,47 @@ def test_ctrl_c_ends_with_the_summary(scene, records):
     assert 0 < summary["frames"] < 200_000
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def over_and_over(tape, times):
+    """Lengthen a recording, so that there is time to stop its replay."""
+    with np.load(tape) as held:
+        parts = dict(held)
+    for name in ("values", "sequence", "time", "quality", "truth"):
+        parts[name] = np.concatenate([parts[name]] * times)
+    parts["time"] = np.arange(len(parts["time"])) / 200.0
+    parts["sequence"] = np.arange(len(parts["sequence"]))
+    np.savez(tape, **parts)
+
+
+@pytest.mark.parametrize(
+    ("command", "number"),
+    [
+        ("run", signal.SIGTERM),
+        ("run", signal.SIGHUP),
+        ("replay", signal.SIGTERM),
+        ("demo", signal.SIGHUP),
+    ],
+)
+def test_other_signals_end_with_the_summary_too(scene, records, call, tmp_path, command, number):
+    more = {"run": [scene, *LONG], "demo": [*LONG, "--out", tmp_path / "demo.html"]}
+    if command == "replay":
+        tape = tmp_path / "long.npz"
+        assert call("record", scene, tape).exit_code == 0
+        over_and_over(tape, 100)
+        more["replay"] = [tape, "--scene", scene]
+    process = start(
+        command, *more[command], "--json", stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    first = process.stdout.readline()
+    process.send_signal(number)
+    rest, said = process.communicate(timeout=60)
+    assert process.returncode == 130, said
+    assert "Traceback" not in said
+    *_, summary = records(first + rest)
+    assert summary["kind"] == "summary"
+    assert summary["sent"] == summary["handed_on"] + summary["skipped"] > 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_recording_that_is_stopped_is_whole(tmp_path, number):
     import time
 
@@ -167,7 +210,7 @@ def test_a_recording_that_is_stopped_is_whole(tmp_path, number):
     options = [option.replace("array.", "") for option in LONG]
     process = start("record", "simulated", path, *options, stdout=subprocess.PIPE)
     deadline = time.monotonic() + 60
-    while not any(item.stat().st_size > 100_000 for item in tmp_path.iterdir()):
+    while not any(item.stat().st_size > 200_000 for item in tmp_path.iterdir()):
         assert time.monotonic() < deadline
         time.sleep(0.05)
     process.send_signal(number)

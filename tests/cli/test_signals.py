@@ -4,10 +4,10 @@ import signal
 
 import pytest
 
-from cnnum.cli.signals import stoppable
+from cnnum.cli.signals import stoppable, undisturbed
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_what_is_shielded_comes_to_its_end_first(number):
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     done = []
@@ -31,10 +31,17 @@ def test_elsewhere_it_ends_the_block_at_once():
     assert not done
 
 
-def test_ctrl_c_that_the_parent_ignores_stays_ignored():
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_what_the_parent_ignores_stays_ignored(number):
+    before = signal.signal(number, signal.SIG_IGN)
     try:
         with stoppable():
-            signal.raise_signal(signal.SIGINT)
+            signal.raise_signal(number)
     finally:
-        signal.signal(signal.SIGINT, before)
+        signal.signal(number, before)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_file_is_finished_undisturbed(number):
+    with undisturbed():
+        signal.raise_signal(number)

@@ -102,8 +102,11 @@ def test_plugged_in_again_it_goes_on_and_tells_the_gap(
         again.unplug()
     assert after[0].quality == Quality.DROPPED_BEFORE
     assert [f.quality for f in after[1:]] == [Quality.GOOD] * 9
-    assert (seen.gaps, seen.frames, seen.dropped) == (1, 20, 0)
     merged = [*before, *after]
+    # as many scans as the period makes of the time away, less the one that came
+    away = after[0].time - before[-1].time
+    assert (seen.gaps, seen.frames, seen.dropped) == (1, 20, round(away * RATE) - 1)
+    assert seen.sent == seen.frames + seen.dropped == after[-1].sequence + 1
     assert all(b.time > a.time and b.sequence > a.sequence for a, b in pairwise(merged))
 
 

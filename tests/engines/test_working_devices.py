@@ -1,5 +1,6 @@
 """A device is used after it has shown that it works; the wheel of PoCL is repaired for that."""
 
+import hashlib
 import json
 import os
 import subprocess
@@ -10,9 +11,15 @@ from types import SimpleNamespace
 
 import pytest
 
-from cnnum.engines.opencl.runtime import pocl_wheel, selection, self_test, verdicts
+from cnnum.engines.opencl.runtime import pocl_wheel, selection, self_test
 from cnnum.engines.opencl.runtime.child import Ended
-from cnnum.engines.opencl.runtime.verdicts import Verdict, keep_verdict, kept_verdict, subject_of
+from cnnum.engines.opencl.runtime.verdicts import (
+    SHELF,
+    Verdict,
+    keep_verdict,
+    kept_verdict,
+    subject_of,
+)
 from cnnum.engines.processor import Processor, read_cpuinfo
 from cnnum.errors import NoOpenCLError
 
@@ -66,7 +73,7 @@ def kept(device, tmp_path, monkeypatch):
         return kept.answer
 
     kept = SimpleNamespace(tried=tried, answer=("", True), folder=tmp_path)
-    monkeypatch.setattr(verdicts.platformdirs, "user_cache_path", lambda name: tmp_path / name)
+    monkeypatch.setenv("CNNUM_CACHE", str(tmp_path / "cnnum"))
     monkeypatch.setattr(selection, "try_in_child", trial)
     monkeypatch.setattr(selection, "_KNOWN", {})
     return kept
@@ -96,8 +103,10 @@ def test_the_wheel_is_repaired(wheel, tmp_path):
         done = python(code, tmp_path)
         assert done.stdout.split() == ["opencl", "12"]  # black cells at the rim of 4×4, done.stderr
         assert done.stderr == ""
-    (place,) = (tmp_path / "cnnum" / "devices").iterdir()
-    record = json.loads(place.read_text())
+    (place,) = (tmp_path / "cnnum" / "verdicts").iterdir()
+    checksum, record = place.read_bytes().split(b"\n", 1)
+    assert checksum.decode() == hashlib.sha256(record).hexdigest()
+    record = json.loads(record)
     assert (record["why"], record["target"]) == ("", pocl_wheel.best_target(read_here()))
     assert place.parent.stat().st_mode & 0o777 == 0o700
 
@@ -175,8 +184,8 @@ def test_a_verdict_that_cannot_be_read_is_none(kept, device, text):
     subject = subject_of(device, None)
     keep_verdict(subject, Verdict("", None))
     assert kept_verdict(subject) == Verdict("", None)
-    (place,) = (kept.folder / "cnnum" / "devices").iterdir()
-    place.write_text(text)
+    (place,) = (kept.folder / "cnnum" / "verdicts").iterdir()
+    SHELF.put(place.name, text.encode())
     assert kept_verdict(subject) is None
     assert selection.verdict_on(device).works
     assert len(kept.tried) == 1

@@ -12,7 +12,7 @@ ROOT = Path(__file__).parents[2]
 # A room may import from rooms on its own floor or below, never from above.
 FLOORS = [
     ["errors"],
-    ["arrays", "expressions", "files", "names"],
+    ["arrays", "expressions", "files", "names", "reading", "toml_reading"],
     ["room"],
     ["boundary", "outputs", "frame", "tables"],
     ["couplings"],
@@ -24,13 +24,16 @@ FLOORS = [
     ["engines"],
     ["programs"],
     ["tracing"],
-    ["plan"],
-    ["engine", "run_arguments"],
+    ["plan", "stream"],
+    ["runs"],
+    ["engine"],
     ["checks"],
     ["templates"],
     ["program_library"],
+    ["recordings"],
     ["drivers"],
-    ["conversion", "events", "scene", "scenes"],
+    ["conversion", "dead_cells", "events", "frame_range", "scene", "scenes", "summary"],
+    ["bad_frames", "histogram"],
     ["pipeline"],
     ["report", "bench", "reproduce", "viewer", "scoring"],
     ["cli"],
@@ -42,6 +45,9 @@ ORACLES = {"tactile", "checks"}
 HEAVY = {
     "pyopencl": {"cnnum/engines/opencl"},
     "serial": {"drivers/serial_port.py"},
+    "mcap": {"cnnum/recordings"},
+    "zstandard": {"cnnum/recordings"},
+    "lz4": {"cnnum/recordings"},
     "matplotlib": {"cnnum/report", "cnnum/reproduce", "cnnum/bench"},
     "numba": {"cnnum/engines/numba", "cnnum/bench/peers"},
 }

@@ -1,9 +1,8 @@
 """How the functions of this room are compiled, and which of them are kept on disk.
 
-Numba keeps what it compiled for as long as the file of that function is the same, and does not
-look at the files of what it calls. So only functions that Python calls are kept, each with all
-that it calls in it. Their last parameter is `ROOM`, a number of the contents of this room, which
-is part of what Numba finds them by.
+Only functions that Python calls are kept, each with all that it calls in it (`keeping.py`). Their
+last parameter is `ROOM`, a number of the contents of this room: what they call may lie in another
+file. It is part of what they are found by.
 """
 
 import zlib
@@ -12,6 +11,8 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
+
+from cnnum.engines.numba.keeping import KeptForms
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")
@@ -57,12 +58,9 @@ def compiled_parallel(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 def kept(function: Callable[_P, _R]) -> Callable[_P, _R]:
     """Compile a function when it is first called, and keep it: its last parameter is `ROOM`."""
-    try:
-        # beside the source, or in the user's cache where the package is read-only
-        return cast(Callable[_P, _R], _compile(function, cache=True))
-    except RuntimeError:
-        # neither folder can be written: compiled anew in every process
-        return cast(Callable[_P, _R], _compile(function))
+    form: Any = _compile(function)
+    form._cache = KeptForms(function)
+    return cast(Callable[_P, _R], form)
 
 
 def cores() -> int:

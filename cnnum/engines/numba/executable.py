@@ -100,6 +100,17 @@ class NumbaExecutable:
             }
         )
 
+    def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
+        """Return what memories hold."""
+        assert isinstance(memory, NumbaMemory)
+        return tuple(memory.values.values())
+
+    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
+        """Let memories hold a copy of these numbers."""
+        assert isinstance(memory, NumbaMemory)
+        copies = (values.copy() for values in numbers)
+        memory.values = dict(zip(memory.values, copies, strict=True))
+
     def one(self, memory: object) -> None:
         """A single frame goes the way of a batch."""
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from cnnum.arrays import Shape
 from cnnum.boundary import Boundary
+from cnnum.engines.forks import LOST, note_threads
 from cnnum.engines.numba.compiling import cores
 from cnnum.engines.numba.exact_ends import ExactEnd
 from cnnum.engines.numba.frames import drive_frames, run_frames
@@ -85,7 +86,9 @@ class TransientRunner:
             figures[:, 3] = end.reach(state, drive, pace == 0.0)
 
     def _launch(self, run: Callable[[int, int, bool], None], batch: int) -> None:
-        if self.layout.shape[0] * self.layout.shape[1] >= SPREAD_CELLS:
+        note_threads()
+        large = self.layout.shape[0] * self.layout.shape[1] >= SPREAD_CELLS
+        if large and not LOST.threads:
             with _CORES:
                 run(0, batch, True)
             return

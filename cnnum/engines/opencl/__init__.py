@@ -4,6 +4,7 @@ import numpy as np
 import pyopencl as cl
 
 from cnnum.engines.backend import Solvers
+from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.executable import OpenCLExecutable
 from cnnum.engines.opencl.inline import partner_of
 from cnnum.engines.opencl.runtime.selection import choose_device
@@ -47,7 +48,14 @@ class OpenCLBackend:
         return solver
 
     def build(self, schedule: Schedule, solvers: Solvers) -> OpenCLExecutable:
-        """Return the schedule ready to run on this device."""
+        """Return the schedule ready to run on this device.
+
+        Raises
+        ------
+        NoOpenCLError
+            If this process was forked after the engine was made.
+        """
+        refuse_after_fork()
         dtype = _TYPES[self.precision]
         lanes = self._device.lanes * 4 // dtype.itemsize if self._device.kind != "GPU" else 1
         near = self._device.near_bytes

@@ -6,6 +6,10 @@ from threading import Lock
 
 import pyopencl as cl
 
+from cnnum.engines.opencl.runtime.program_cache import build_kept, switch_off_pyopencl_caches
+
+switch_off_pyopencl_caches()
+
 _TURN = Lock()
 """Filters of warnings belong to the process: threads that set them take turns."""
 
@@ -23,5 +27,4 @@ def build_program(context: cl.Context, source: str, options: Sequence[str] = ())
     """
     with _TURN, warnings.catch_warnings():
         warnings.simplefilter("ignore", cl.CompilerWarning)
-        program: cl.Program = cl.Program(context, source).build(options=list(options))
-    return program
+        return build_kept(context, source, options)

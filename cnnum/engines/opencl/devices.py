@@ -4,7 +4,9 @@ from dataclasses import dataclass
 
 import pyopencl as cl
 
+from cnnum.engines.forks import note_opencl, refuse_after_fork
 from cnnum.engines.opencl.inline import asked_for, without_partners
+from cnnum.engines.opencl.runtime.pocl_folder import given_a_folder
 from cnnum.engines.opencl_advice import how_to_get_opencl
 from cnnum.errors import NoOpenCLError
 
@@ -78,10 +80,12 @@ def list_devices() -> tuple[Device, ...]:
     Raises
     ------
     NoOpenCLError
-        If there is none; the sentence says what to install.
+        If there is none, and the sentence says what to install; or none since a fork.
     """
+    refuse_after_fork()
+    note_opencl()
     try:
-        with asked_for():
+        with given_a_folder(), asked_for():
             listed = [(platform, _devices_of(platform)) for platform in cl.get_platforms()]
     except cl.Error:
         raise NoOpenCLError(NONE, how_to_get_opencl()) from None

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
+from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
 from cnnum.engines.opencl.lowering.storage import Tables
@@ -132,6 +133,7 @@ class OpenCLExecutable:
 
     def new_memory(self, batch: int) -> object:
         """Return cleared memories on the device; the same for all where a plan has none."""
+        refuse_after_fork()  # before a lock that another thread held then
         with self._turn:
             size = batch * self._text(self.lanes_for(batch)).memory_size
             queue = self.queue_for(batch)
@@ -147,9 +149,24 @@ class OpenCLExecutable:
         alone = self.lanes_for(batch) == 1 and batch * self.schedule.cells <= WIDE_CELLS
         return self.own if alone and self.own is not None else self.queue
 
+    def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
+        """Return what memories hold, as the host sees it."""
+        assert isinstance(memory, SharedArray)
+        with self._turn:
+            memory.pull(self.queue_for(batch))
+            return (memory.host,)
+
+    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
+        """Let memories hold a copy of these numbers."""
+        assert isinstance(memory, SharedArray)
+        with self._turn:
+            (memory.host[:],) = numbers
+            memory.push(self.queue_for(batch))
+
     def one(self, memory: object) -> OneFrame | None:
         """Return the quick way for the single frames of a stream; None where there is none."""
         assert isinstance(memory, SharedArray)
+        refuse_after_fork()
         if self.schedule.cells > WIDE_CELLS:
             return None
         with self._turn:
@@ -172,6 +189,7 @@ class OpenCLExecutable:
     ) -> dict[str, Floats]:
         """Hand frames over, launch once, read what is wanted."""
         assert isinstance(memory, SharedArray)
+        refuse_after_fork()
         with self._turn:
             return self._run(frames, memory, first=first)
 
@@ -179,6 +197,7 @@ class OpenCLExecutable:
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
     ) -> tuple[dict[str, Floats], bool] | None:
         """Let kernels read and write the host's arrays where the device can, None elsewhere."""
+        refuse_after_fork()
         with self._turn:
             return self._run_large(maps, lead)
 

@@ -96,6 +96,17 @@ class ReferenceExecutable:
             }
         )
 
+    def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
+        """Return what memories hold."""
+        assert isinstance(memory, ReferenceMemory)
+        return tuple(memory.values.values())
+
+    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
+        """Let memories hold a copy of these numbers."""
+        assert isinstance(memory, ReferenceMemory)
+        copies = (np.array(values, dtype=np.float64) for values in numbers)
+        memory.values = dict(zip(memory.values, copies, strict=True))
+
     def one(self, memory: object) -> None:
         """A single frame goes the way of a batch."""
 
@@ -121,7 +132,9 @@ class ReferenceExecutable:
                 values[node.index] = memory.values[operation.memory]
             elif isinstance(operation, FirstFrame):
                 values[node.index] = np.full((1, 1, 1), float(first))
-        self._evaluate(self.schedule.nodes, values, {}, batch)
+        # what overflows is infinite on every engine; the plan refuses it where it comes out
+        with np.errstate(all="ignore"):
+            self._evaluate(self.schedule.nodes, values, {}, batch)
         for number, kept in self.schedule.memories.items():
             shape = memory.values[number].shape
             memory.values[number] = np.broadcast_to(values[kept.store.index], shape).copy()

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -237,8 +238,11 @@ class Calibration:
         CalibrationError
             If the file can not be written.
         """
-        values = {name: getattr(self, name) for name in calibration_file.KEYS}
-        calibration_file.save(Path(path), values)
+        calibration_file.save(Path(path), self._values())
+
+    def to_text(self) -> str:
+        """Return the TOML text that `save` writes."""
+        return calibration_file.to_text(self._values())
 
     @classmethod
     def load(cls, path: str | Path) -> "Calibration":
@@ -249,11 +253,28 @@ class Calibration:
         CalibrationError
             If the file can not be read, or a key of it is missing, unknown or wrong.
         """
-        values = calibration_file.load(Path(path))
+        return cls._of(calibration_file.load(Path(path)), Path(path))
+
+    @classmethod
+    def from_text(cls, text: str, path: str | Path) -> "Calibration":
+        """Return the calibration of a TOML text; `path` names its place in an error.
+
+        Raises
+        ------
+        CalibrationError
+            If a key of it is missing, unknown or wrong.
+        """
+        return cls._of(calibration_file.from_text(text, Path(path)), Path(path))
+
+    @classmethod
+    def _of(cls, values: dict[str, Any], path: Path) -> "Calibration":
         try:
             return cls(**values)
         except CnnumError as error:
             raise CalibrationError(f"Calibration '{path}': {error}") from None
+
+    def _values(self) -> dict[str, Any]:
+        return {name: getattr(self, name) for name in calibration_file.KEYS}
 
 
 def _positive(name: str, value: float) -> None:

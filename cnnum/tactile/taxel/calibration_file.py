@@ -1,6 +1,5 @@
 """Calibrations as TOML files."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, cast
@@ -10,7 +9,10 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.errors import CalibrationError, CnnumError
 from cnnum.files import write_whole
+from cnnum.names import shown
+from cnnum.reading import read_text
 from cnnum.tactile.taxel.readout import Heat
+from cnnum.toml_reading import LARGEST, parse_toml
 
 _KIND = "taxel calibration"
 _REQUIRED = ("kind", "alpha_normal")
@@ -30,7 +32,7 @@ def save(path: Path, values: Mapping[str, Any]) -> None:
         If the folder or the file can not be written.
     """
     try:
-        write_whole(path, _text(values).encode("utf-8"))
+        write_whole(path, to_text(values).encode("utf-8"))
     except OSError as error:
         raise CalibrationError(
             f"Calibration '{path}' can not be written: {error.strerror}; choose a folder that "
@@ -47,11 +49,25 @@ def load(path: Path) -> dict[str, Any]:
         If the file can not be read, or a key of it is missing, unknown or wrong.
     """
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        return from_text(read_text(path, most=LARGEST), path)
     except OSError as error:
         raise CalibrationError(
             f"Calibration {str(path)!r} can not be read: {error.strerror}."
         ) from None
+    except UnicodeDecodeError as error:
+        raise CalibrationError(f"Calibration '{path}' is not a TOML file: {error}.") from None
+
+
+def from_text(text: str, path: Path) -> dict[str, Any]:
+    """Return the values of a calibration's TOML text; `path` names it in an error.
+
+    Raises
+    ------
+    CalibrationError
+        If a key is missing, unknown or wrong.
+    """
+    try:
+        data = parse_toml(text)
     except ValueError as error:
         raise CalibrationError(f"Calibration '{path}' is not a TOML file: {error}.") from None
     _check_keys(path, data)
@@ -66,13 +82,14 @@ def _check_keys(path: Path, data: Mapping[str, object]) -> None:
             raise CalibrationError(f"Calibration '{path}' has no key '{name}', which it needs.")
     if data["kind"] != _KIND:
         raise CalibrationError(
-            f"Calibration '{path}': key 'kind' must be \"{_KIND}\", got {data['kind']!r}."
+            f"Calibration '{path}': key 'kind' must be \"{_KIND}\", got {shown(data['kind'])}."
         )
     known = ("kind", *KEYS)
     for name in data:
         if name not in known:
             raise CalibrationError(
-                f"Calibration '{path}' has an unknown key '{name}'; known are {', '.join(known)}."
+                f"Calibration '{path}' has an unknown key {shown(name)}; known are "
+                f"{', '.join(known)}."
             )
 
 
@@ -80,7 +97,7 @@ def _number(path: Path, data: Mapping[str, object], name: str) -> float:
     value = data[name]
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise CalibrationError(
-            f"Calibration '{path}': key '{name}' must be a number, got {value!r}."
+            f"Calibration '{path}': key '{name}' must be a number, got {shown(value)}."
         )
     return float(value)
 
@@ -97,7 +114,9 @@ def _array(path: Path, data: Mapping[str, object], name: str) -> Floats:
 def _heat(path: Path, data: Mapping[str, object]) -> Heat:
     table = data.get("heat", {})
     if not isinstance(table, dict):
-        raise CalibrationError(f"Calibration '{path}': key 'heat' must be a table, got {table!r}.")
+        raise CalibrationError(
+            f"Calibration '{path}': key 'heat' must be a table, got {shown(table)}."
+        )
     entries = cast("dict[str, object]", table)
     for name in entries:
         if name not in _HEAT:
@@ -111,8 +130,8 @@ def _heat(path: Path, data: Mapping[str, object]) -> Heat:
         raise CalibrationError(f"Calibration '{path}': key 'heat': {error}") from None
 
 
-def _text(values: Mapping[str, Any]) -> str:
-    """Return the TOML text; repr keeps every digit of a float."""
+def to_text(values: Mapping[str, Any]) -> str:
+    """Return the TOML text of a calibration's values; repr keeps every digit of a float."""
     lines = [f'kind = "{_KIND}"']
     for name in _NUMBERS:
         value = values[name]

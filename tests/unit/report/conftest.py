@@ -10,11 +10,11 @@ from cnnum.checks import CheckResult
 from cnnum.drivers.driver import Counters
 from cnnum.events import Event
 from cnnum.graph.schedule import LeftOut
-from cnnum.pipeline import Summary
 from cnnum.plan import Explanation
 from cnnum.report import PlanCost, SceneRecord, WorkPrecision
 from cnnum.report.encoding import ReportData
 from cnnum.report.environment import Environment
+from cnnum.summary import Summary
 
 FRAMES, RATE, SHAPE = 120, 100.0, (3, 4)
 CONTACT, INCIPIENT, GROSS, TWIST = (20, 110), (40, 48), (48, 60), (75, 90)
@@ -105,7 +105,7 @@ def record() -> SceneRecord:
         truth=made_truth(),
         seconds=seconds,
         explanation=explained("made", channels, 77, LeftOut("output 'edge'", "not wanted", 0, 99)),
-        summary=Summary(FRAMES, 1, 0, Counters(frames=FRAMES), 119.5, 158.25),
+        summary=Summary(FRAMES, FRAMES - 1, 1, 0, Counters(frames=FRAMES), 0.0, 119.5, 158.25),
         environment=Environment.here("a device <of> mine & yours"),
     )
 

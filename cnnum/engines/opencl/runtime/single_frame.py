@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.failures import refuse_unfinished
+from cnnum.engines.forks import LOST, refuse_after_fork
 from cnnum.engines.opencl.runtime.shared_arrays import SharedArray
 
 ONE_ITEM = (1,)
@@ -79,7 +80,11 @@ class OneFrame:
         ------
         MethodError
             If a transient or a loop did not reach its end.
+        NoOpenCLError
+            If this process was forked after the engine was made.
         """
+        if LOST.opencl:
+            refuse_after_fork()
         self._given[...] = values
         self._input.push(self._queue)
         if first is not self._first:

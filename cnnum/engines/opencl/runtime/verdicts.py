@@ -1,25 +1,23 @@
 """Verdicts on devices, kept from one process to the next: a device shows only once that it works.
 
-A verdict holds for one driver, device, processor and version of the packages. It is a small file
-in the user's cache folder; where none can be kept, every process tries its device anew.
+A verdict holds for one driver, device, processor and version of the packages. It is a small entry
+of the cache; where none can be kept, every process tries its device anew.
 """
 
-import contextlib
 import hashlib
 import json
 import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import cast
 
-import platformdirs
-
 from cnnum import __version__
+from cnnum.engines.cache import Shelf
 from cnnum.engines.opencl.devices import Device
 from cnnum.engines.processor import processor
-from cnnum.files import write_whole
+
+SHELF = Shelf("verdicts")
 
 PACKAGES = ("pyopencl", "pocl-binary-distribution")
 
@@ -68,16 +66,17 @@ def _version(package: str) -> str:
         return ""
 
 
-def _place(subject: Mapping[str, str]) -> Path:
-    name = hashlib.sha256(json.dumps(subject, sort_keys=True).encode()).hexdigest()[:24]
-    return platformdirs.user_cache_path("cnnum") / "devices" / f"{name}.json"
+def _name(subject: Mapping[str, str]) -> str:
+    digits = hashlib.sha256(json.dumps(subject, sort_keys=True).encode()).hexdigest()
+    return f"{digits[:24]}.json"
 
 
 def kept_verdict(subject: Mapping[str, str]) -> Verdict | None:
     """Return the verdict that was kept; None where there is none, or none that can be read."""
+    text = SHELF.get(_name(subject))
     try:
-        record = cast(object, json.loads(_place(subject).read_text(encoding="utf-8")))
-    except (OSError, ValueError):
+        record = cast(object, None if text is None else json.loads(text))
+    except ValueError:
         return None
     if not isinstance(record, dict):
         return None
@@ -90,7 +89,5 @@ def kept_verdict(subject: Mapping[str, str]) -> Verdict | None:
 
 def keep_verdict(subject: Mapping[str, str], verdict: Verdict) -> None:
     """Keep a verdict, if there is a folder that can be written."""
-    place, text = _place(subject), json.dumps({"subject": subject, **asdict(verdict)}, indent=1)
-    with contextlib.suppress(OSError):
-        place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        write_whole(place, text.encode())
+    record = {"subject": subject, **asdict(verdict)}
+    SHELF.put(_name(subject), json.dumps(record, indent=1).encode())

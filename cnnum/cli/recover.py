@@ -1,0 +1,64 @@
+"""`cnnum recover`: a whole recording of what is left of one."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output, quantity
+from cnnum.errors import RecordingError
+
+if TYPE_CHECKING:
+    from cnnum.recordings.reader import Contents
+
+
+@click.command("recover")
+@click.argument("file", type=click.Path(path_type=Path))
+@click.argument("out", type=click.Path(path_type=Path), required=False)
+@click.option("--force", is_flag=True, help="Replace OUT if it is there.")
+@json_option
+def command(file: Path, out: Path | None, force: bool, as_json: bool) -> int:
+    """Make a whole recording OUT of all chunks of FILE that are whole.
+
+    FILE is a .mcap file of `cnnum record`, cut off or damaged in any place; it stays as it is.
+    OUT ends in .mcap, .npz or .csv; unless given it is FILE with `.recovered.mcap` at its end.
+    """
+    from cnnum.recordings.export import export, suffix_of
+    from cnnum.recordings.place import taken
+    from cnnum.recordings.reader import look
+
+    target = file.with_name(f"{file.stem}.recovered.mcap") if out is None else out
+    suffix_of(target)
+    if target.exists():
+        if file.exists() and target.samefile(file):
+            raise RecordingError(f"'{file}' is not replaced: choose another name for OUT.")
+        if not force:
+            raise taken(target)
+    contents = look(file)
+    export(contents, target, force=force)
+    _report(Output(as_json), target, contents)
+    return 0
+
+
+def _report(output: Output, target: Path, contents: "Contents") -> None:
+    size = target.stat().st_size
+    gaps = f"{contents.gaps} gaps in their numbers"
+    if contents.missing:
+        gaps += f" with {contents.missing} scans missing"
+    output.record(
+        {
+            "kind": "recovery",
+            "file": str(target),
+            "frames": contents.frames,
+            "unreadable_bytes": contents.unreadable,
+            "damaged_places": contents.holes,
+            "gaps": contents.gaps,
+            "missing": contents.missing,
+            "whole": contents.whole,
+            "bytes": size,
+        },
+        f"{contents.frames} frames in '{target}' ({quantity(size, 'B')}), {gaps}; "
+        f"{contents.unreadable} bytes in {contents.holes} places of '{contents.path}' are not "
+        "readable",
+    )

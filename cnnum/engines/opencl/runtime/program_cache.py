@@ -1,0 +1,179 @@
+"""Built programs, kept from one process to the next.
+
+PoCL builds in two turns: a program, and a kernel when it is first launched. What both leave in
+PoCL's folder (`pocl_folder.py`) is kept as one entry, and laid out there before the program is
+built again. Of other drivers the program's binary is kept, unless they have a cache of their own.
+PyOpenCL's caches are switched off: it loads what is damaged, and fails where it cannot write.
+"""
+
+import atexit
+import hashlib
+import io
+import json
+import os
+import shutil
+import threading
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import cast
+
+import pyopencl as cl
+from pyopencl.characterize import has_src_build_cache
+
+from cnnum import __version__
+from cnnum.engines.cache import Shelf
+from cnnum.engines.opencl.runtime.pocl_folder import work_folder
+from cnnum.engines.processor import processor
+
+SHELF = Shelf("kernels")
+
+DELAY_S = 1.0
+"""s after a build, after which its kernels are kept even if the process is killed later."""
+
+PASSED_OVER = frozenset({"last_accessed", "build.log"})
+"""Files of PoCL's that say nothing about a program."""
+
+_LOCK = threading.Lock()
+
+
+@dataclass(slots=True)
+class _Laid:
+    """What PoCL's folder holds of one program: its folders, and the files that are kept of it."""
+
+    folders: frozenset[Path]
+    kept: frozenset[str]
+
+
+_PROGRAMS = dict[str, _Laid]()
+"""Of this process, by the name of their entry."""
+
+_TIMERS = list[threading.Timer]()
+
+
+def switch_off_pyopencl_caches() -> None:
+    """Let PyOpenCL keep nothing, unless the user has set its variable."""
+    if "PYOPENCL_NO_CACHE" not in os.environ:
+        setattr(cl, "_PYOPENCL_NO_CACHE", True)  # noqa: B010  (it has no other way after import)
+
+
+def build_kept(context: cl.Context, source: str, options: Sequence[str]) -> cl.Program:
+    """Return a built program, from what is kept of it where something is.
+
+    Raises
+    ------
+    pyopencl.RuntimeError
+        If the compiler refuses the source.
+    """
+    device = context.devices[0]
+    folder = work_folder()
+    if os.environ.get("POCL_KERNEL_CACHE", "1") != "1" or not has_src_build_cache(device):
+        folder = None
+    name = _name(device, source, options)
+    if folder is not None:
+        return _build_in(folder, name, context, source, options)
+    if has_src_build_cache(device):
+        return _built(cl.Program(context, source), options)
+    return _build_binary(name, context, source, options)
+
+
+def _built(program: cl.Program, options: Sequence[str]) -> cl.Program:
+    done: cl.Program = program.build(options=list(options))
+    return done
+
+
+def _name(device: cl.Device, source: str, options: Sequence[str]) -> str:
+    here = processor()
+    about = [__version__, source, *options, device.platform.version, device.name, device.version]
+    about += [device.driver_version, here.name, here.family, here.model, *sorted(here.flags)]
+    return hashlib.sha256(json.dumps([str(part) for part in about]).encode()).hexdigest()[:32]
+
+
+def _build_binary(
+    name: str, context: cl.Context, source: str, options: Sequence[str]
+) -> cl.Program:
+    binary = SHELF.get(name)
+    if binary is not None:
+        try:
+            return _built(cl.Program(context, context.devices, [binary]), options)
+        except cl.Error:  # a driver that has changed without a new version
+            SHELF.drop(name)
+    program = _built(cl.Program(context, source), options)
+    (made,) = cast(list[bytes], program.get_info(cl.program_info.BINARIES))
+    if made:
+        SHELF.put(name, made)
+    return program
+
+
+def _build_in(
+    folder: Path, name: str, context: cl.Context, source: str, options: Sequence[str]
+) -> cl.Program:
+    with _LOCK:
+        before = _folders(folder)
+        kept = frozenset[str]() if name in _PROGRAMS else _lay_out(folder, name)
+        program = _built(cl.Program(context, source), options)
+        made = _folders(folder) - before
+        if name not in _PROGRAMS:
+            _PROGRAMS[name] = _Laid(frozenset(made), kept)
+    _keep_soon()
+    return program
+
+
+def _folders(folder: Path) -> set[Path]:
+    """Return PoCL's folders of programs: the first letters of a checksum, and the others."""
+    return {inner for outer in folder.iterdir() if outer.is_dir() for inner in outer.iterdir()}
+
+
+def _lay_out(folder: Path, name: str) -> frozenset[str]:
+    """Give PoCL the files of an entry; return their names."""
+    content = SHELF.get(name)
+    if content is None:
+        return frozenset()
+    before = _folders(folder)
+    try:
+        with zipfile.ZipFile(io.BytesIO(content)) as entry:
+            entry.extractall(folder)
+            return frozenset(entry.namelist())
+    except (OSError, zipfile.BadZipFile):  # a full disk: half a file must not stay
+        for made in _folders(folder) - before:
+            shutil.rmtree(made, ignore_errors=True)
+        return frozenset()
+
+
+def _keep_soon() -> None:
+    with _LOCK:
+        if not _TIMERS:
+            atexit.register(keep_programs)
+        elif _TIMERS[0].is_alive():
+            return
+        timer = threading.Timer(DELAY_S, keep_programs)
+        timer.daemon = True
+        _TIMERS[:] = [timer]
+        timer.start()
+
+
+def keep_programs() -> None:
+    """Keep what PoCL has built since the last time."""
+    folder = work_folder()
+    if folder is None:
+        return
+    with _LOCK:
+        for name, laid in _PROGRAMS.items():
+            files = {
+                file.relative_to(folder).as_posix(): file
+                for made in laid.folders
+                for file in made.rglob("*")
+                if file.is_file() and file.name not in PASSED_OVER
+            }
+            if not laid.kept >= files.keys():
+                SHELF.put(name, _packed(files))
+                laid.kept = frozenset(files)
+
+
+def _packed(files: dict[str, Path]) -> bytes:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as entry:
+        for name, file in sorted(files.items()):
+            entry.write(file, name)
+    return content.getvalue()

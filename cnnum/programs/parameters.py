@@ -1,0 +1,110 @@
+"""The parameters of a program, checked by the annotations of its function."""
+
+import inspect
+import math
+import types
+from collections.abc import Callable, Mapping
+from numbers import Integral, Real
+from typing import Any, Literal, Union, get_args, get_origin
+
+from cnnum.errors import ProgramError
+from cnnum.names import shown
+
+LARGEST = 2**63 - 1
+"""What a whole number may reach."""
+
+
+def check_parameters(
+    name: str, function: Callable[..., object], parameters: Mapping[str, object]
+) -> None:
+    """Refuse parameters that a program does not have, or of another type than it says.
+
+    A parameter without an annotation, or with one of another kind than a number, a text, true or
+    false, and a choice, takes anything.
+
+    Raises
+    ------
+    ProgramError
+        With the parameter's name, and what was expected.
+    """
+    known = list(inspect.signature(function).parameters.values())[1:]  # the first is the frame
+    kinds = {parameter.name: parameter for parameter in known}
+    anything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in kinds.values())
+    for key, value in parameters.items():
+        if key not in kinds:
+            if anything:
+                continue
+            choices = ", ".join(f"'{each}'" for each in kinds) or "none"
+            raise ProgramError(
+                f"Program '{name}' has no parameter {shown(key)}: expected one of {choices}."
+            )
+        expected = _expected(kinds[key].annotation, value)
+        if expected is not None:
+            raise ProgramError(
+                f"The parameter '{key}' of program '{name}' must be {expected}, got {shown(value)}."
+            )
+
+
+def refuse_outside(**ranges: tuple[float, float, float]) -> None:
+    """Refuse parameters outside the range that a program can compute with.
+
+    Parameters
+    ----------
+    **ranges : (value, least, most)
+        By the parameter's name.
+
+    Raises
+    ------
+    ProgramError
+        With the name and the range of the first one.
+    """
+    for name, (value, least, most) in ranges.items():
+        if not least <= value <= most:
+            raise ProgramError(
+                f"'{name}': expected {least:g} to {most:g}, got {shown(value)}; other numbers are "
+                "none that the program can compute with."
+            )
+
+
+def _expected(kind: Any, value: object) -> str | None:
+    """Return the type that a value should have had, None where it has it."""
+    if get_origin(kind) is Literal:
+        return _text(value)  # the program itself refuses a text that is none of its choices
+    if get_origin(kind) in (Union, types.UnionType):
+        wrong = [_expected(each, value) for each in get_args(kind)]
+        return None if None in wrong else " or ".join(each for each in wrong if each)
+    if kind in (None, type(None)):
+        return None if value is None else "nothing"
+    return _CHECKS[kind](value) if kind in _SIMPLE else None
+
+
+def _float(value: object) -> str | None:
+    if isinstance(value, bool) or not isinstance(value, Real):
+        return "a number"
+    return "a number other than NaN, of at most 63 bits if whole" if _odd(value) else None
+
+
+def _int(value: object) -> str | None:
+    fits = not isinstance(value, bool) and isinstance(value, Integral) and not _odd(value)
+    return None if fits else "a whole number of at most 63 bits"
+
+
+def _odd(value: Real) -> bool:
+    return abs(int(value)) > LARGEST if isinstance(value, Integral) else math.isnan(value)
+
+
+def _text(value: object) -> str | None:
+    return None if isinstance(value, str) else "a text"
+
+
+def _flag(value: object) -> str | None:
+    return None if isinstance(value, bool) else "true or false"
+
+
+_CHECKS: Mapping[Any, Callable[[object], str | None]] = {
+    float: _float,
+    int: _int,
+    str: _text,
+    bool: _flag,
+}
+_SIMPLE = (float, int, str, bool)

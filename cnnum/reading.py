@@ -1,0 +1,106 @@
+"""Reading files that others wrote: regular files alone, and none beyond the limit of its kind."""
+
+import errno
+import os
+import stat
+from pathlib import Path
+from typing import IO
+
+KINDS = (
+    (stat.S_ISDIR, "a folder"),
+    (stat.S_ISFIFO, "a pipe"),
+    (stat.S_ISSOCK, "a socket"),
+    (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)
+"""What a path can name that is no regular file: to read it could wait or go on for ever."""
+
+MEGABYTE = 1 << 20
+
+# Reading a pipe must not wait for its writer; Windows has no such flag, but needs the other one.
+_FLAGS = (
+    os.O_RDONLY
+    | getattr(os, "O_NONBLOCK", 0)
+    | getattr(os, "O_CLOEXEC", 0)
+    | getattr(os, "O_BINARY", 0)
+)
+
+
+def names_something(path: Path) -> bool:
+    """Return whether there is anything of that name, whatever it is; never raises."""
+    try:
+        path.stat()
+    except (OSError, ValueError):
+        return False
+    return True
+
+
+def open_regular(path: Path, *, most: int | None = None) -> IO[bytes]:
+    """Return a regular file, open for reading bytes.
+
+    Parameters
+    ----------
+    path : Path
+    most : int, optional
+        Bytes that a file of this kind may have; any number unless given.
+
+    Raises
+    ------
+    OSError
+        If the path names no file, another thing than a regular file, or a file that is too large;
+        `strerror` says which.
+    """
+    try:
+        _refuse_other(path.stat(), most)  # before it is opened: opening a device can have effects
+        handle = os.open(path, _FLAGS)
+    except ValueError:  # a NUL, or letters that no file name can have
+        raise OSError(errno.EINVAL, "its name is none that a file can have") from None
+    try:
+        _refuse_other(os.fstat(handle), most)  # another thing may have come to the path since
+        return os.fdopen(handle, "rb")
+    except BaseException:
+        os.close(handle)
+        raise
+
+
+def read_bytes(path: Path, *, most: int) -> bytes:
+    """Return the content of a regular file of at most so many bytes.
+
+    Raises
+    ------
+    OSError
+        As `open_regular`.
+    """
+    with open_regular(path, most=most) as file:
+        content = file.read(most + 1)  # the file may grow meanwhile, and some state no size
+    _refuse_size(len(content), most)
+    return content
+
+
+def read_text(path: Path, *, most: int) -> str:
+    """Return the text of a regular file in UTF-8 of at most so many bytes.
+
+    Raises
+    ------
+    OSError
+        As `open_regular`.
+    UnicodeDecodeError
+        If it is not UTF-8.
+    """
+    return read_bytes(path, most=most).decode("utf-8")
+
+
+def _refuse_other(status: os.stat_result, most: int | None) -> None:
+    for holds, name in KINDS:
+        if holds(status.st_mode):
+            raise OSError(errno.EINVAL, f"it is {name}, expected a regular file")
+    if most is not None:
+        _refuse_size(status.st_size, most)
+
+
+def _refuse_size(size: int, most: int) -> None:
+    if size > most:
+        raise OSError(
+            errno.EFBIG,
+            f"it has more than {most // MEGABYTE} MiB, which is beyond any file of its kind",
+        )

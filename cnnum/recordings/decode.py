@@ -1,0 +1,142 @@
+"""From the records of a chunk back to frames, all of a chunk at once."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, cast
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from cnnum.errors import CodecError
+from cnnum.frame import Frame, Quality, Truth
+from cnnum.recordings.chunks import ENCODING, SCHEMA
+from cnnum.recordings.layout import Layout
+from cnnum.recordings.records import PREFIX, Fields, records_in
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """A channel of a file whose messages are frames."""
+
+    channel: int
+    layout: Layout
+
+
+class Decoder:
+    """Reads one chunk after the other; the layout of the first holds for all.
+
+    A file that another program has packed anew may name the channel in its first chunk alone.
+    """
+
+    def __init__(self) -> None:
+        self._schemas: dict[int, str] = {}
+        self._channels: dict[int, bytes] = {}
+        self._topic: Topic | None = None
+
+    @property
+    def layout(self) -> Layout | None:
+        """What all frames share, None before the first chunk."""
+        return self._topic.layout if self._topic else None
+
+    def messages(self, records: bytes) -> NDArray[np.void]:
+        """Return the frames of a chunk as rows of `Layout.message`.
+
+        Raises
+        ------
+        CodecError
+            If they are none of a recording, or of another one than those before.
+        """
+        parts = list[bytes]()
+        for opcode, begin, end in records_in(records):
+            if opcode == Opcode.MESSAGE and not parts:
+                rest = self._all_of_it(records, begin)
+                if rest is not None:
+                    return rest
+            data = records[begin + PREFIX.size : end] if opcode != Opcode.MESSAGE else b""
+            if opcode == Opcode.SCHEMA:
+                fields = Fields(data)
+                number = fields.number(2)
+                self._schemas[number] = fields.text()
+            elif opcode == Opcode.CHANNEL:
+                self._meet(data)
+            elif opcode == Opcode.MESSAGE and self._is_ours(records[begin:end]):
+                parts.append(records[begin:end])
+        if self._topic is None:
+            raise CodecError(f"it has no messages of the kind '{SCHEMA.name}'.")
+        return _rows(b"".join(parts), len(parts), self._topic.layout)
+
+    def _all_of_it(self, records: bytes, begin: int) -> NDArray[np.void] | None:
+        """Return the rest of a chunk where it is frames alone, as in the files that we write."""
+        if self._topic is None or (len(records) - begin) % self._topic.layout.message.itemsize:
+            return None
+        rows: Any = np.frombuffer(records, self._topic.layout.message, offset=begin)
+        ours = (rows["opcode"] == Opcode.MESSAGE) & (rows["channel"] == self._topic.channel)
+        return cast("NDArray[np.void]", rows) if _fit(rows, self._topic.layout, ours) else None
+
+    def _meet(self, data: bytes) -> None:
+        """Take in a channel; the bytes of one that is known already are not read again."""
+        number = int.from_bytes(data[:2], "little")
+        if self._channels.get(number) == data:
+            return
+        self._channels[number] = data
+        fields = Fields(data)
+        fields.number(2)
+        schema = fields.number(2)
+        fields.text()
+        encoding, metadata = fields.text(), fields.mapping()
+        if self._schemas.get(schema) != SCHEMA.name:
+            return
+        if encoding != "cdr":
+            raise CodecError(f"its messages must be 'cdr', got {encoding!r:.60}.")
+        met = Topic(number, Layout.from_metadata(metadata))
+        if self._topic not in (None, met):
+            raise CodecError("it holds the frames of two arrays.")
+        self._topic = met
+
+    def _is_ours(self, message: bytes) -> bool:
+        number = int.from_bytes(message[PREFIX.size : PREFIX.size + 2], "little")
+        return self._topic is not None and number == self._topic.channel
+
+
+def _rows(data: bytes, count: int, layout: Layout) -> NDArray[np.void]:
+    form = layout.message
+    if len(data) != count * form.itemsize:
+        raise CodecError("a message of it has not the length of a frame.")
+    rows: Any = np.frombuffer(data, form)
+    if not _fit(rows, layout):
+        raise CodecError("a message of it is no frame of its array.")
+    return cast("NDArray[np.void]", rows)
+
+
+def _fit(rows: Any, layout: Layout, ours: Any = True) -> bool:
+    """Return whether all rows are `ours`, and as long as frames of this layout."""
+    expected = {
+        "encoding": np.void(ENCODING),
+        "length": layout.message.itemsize - PREFIX.size,
+        "count": layout.values,
+        "truths": len(layout.truths),
+    }
+    fit = [(rows[name] == value).all() for name, value in expected.items()]
+    return bool(np.all(ours) and all(fit))
+
+
+def frames_of(rows: NDArray[np.void], layout: Layout) -> Iterator[tuple[Frame, int]]:
+    """Yield frames, and the host's time of each in ns."""
+    held: Any = rows
+    values = np.ascontiguousarray(held["values"], np.float64)
+    columns = ("sequence", "time", "quality", "log_time")
+    truths = held["truth"].tolist() if layout.truths else [None] * len(rows)
+    facts = zip(*(held[name].tolist() for name in columns), truths, strict=True)
+    for cells, (sequence, time, quality, log_time, truth) in zip(values, facts, strict=True):
+        known = None if truth is None else Truth(dict(zip(layout.truths, truth, strict=True)))
+        frame = Frame(
+            values=cells,
+            channels=layout.channels,
+            unit=layout.unit,
+            sequence=sequence,
+            time=time,
+            quality=Quality(quality),
+            truth=known,
+        )
+        yield frame, log_time

@@ -1,0 +1,81 @@
+"""From chunks to the file that was asked for: MCAP with an index, a NumPy archive, or CSV."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import IO
+
+from cnnum.errors import name_error
+from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning
+from cnnum.recordings.csv_table import write_table
+from cnnum.recordings.index import write_index
+from cnnum.recordings.npz_writer import write_archive
+from cnnum.recordings.place import placed
+from cnnum.recordings.reader import Contents
+
+
+def write_chunks(file: IO[bytes], contents: Contents) -> None:
+    """Write the frames to chunks anew, and the index.
+
+    Raises
+    ------
+    OSError
+        If there is no room.
+    RecordingError, CodecError
+        If the recording can no longer be read.
+    """
+    file.write(beginning())
+    maker = ChunkMaker(contents.layout)
+    for frame, log_time in contents.stored():
+        maker.add(frame, log_time)
+        if maker.size >= CHUNK_BYTES:
+            file.write(maker.end())
+    if maker.count:
+        file.write(maker.end())
+    write_index(file, contents.layout)
+
+
+WRITERS: Mapping[str, Callable[[IO[bytes], Contents], None]] = {
+    ".mcap": write_chunks,
+    ".npz": write_archive,
+    ".csv": write_table,
+}
+"""By the suffix of the file."""
+
+
+def suffix_of(target: Path) -> str:
+    """Return the suffix that says what kind of recording a file is to be.
+
+    Raises
+    ------
+    UnknownNameError
+        If it is none of `WRITERS`.
+    """
+    suffix = target.suffix.lower()
+    if suffix not in WRITERS:
+        raise name_error("kind of recording", suffix or target.name, WRITERS)
+    return suffix
+
+
+def export(contents: Contents, target: Path, *, force: bool = False) -> None:
+    """Write the frames of a recording to another file, which appears when it is whole.
+
+    Parameters
+    ----------
+    contents : Contents
+    target : Path
+        Its suffix says what kind of file it is to be.
+    force : bool
+        Whether a file that is there already is replaced.
+
+    Raises
+    ------
+    UnknownNameError
+        If the suffix is none of `WRITERS`.
+    RecordingError
+        If there is such a file, or no room, or the recording can no longer be read.
+    CodecError
+        If the recording is none.
+    """
+    write = WRITERS[suffix_of(target)]
+    with placed(target, force=force) as file:
+        write(file, contents)

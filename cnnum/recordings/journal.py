@@ -1,0 +1,139 @@
+"""Recording while frames come: none of them waits in memory for longer than a moment."""
+
+import time
+from pathlib import Path
+from threading import Event, Lock, Thread
+
+from cnnum.errors import RecordingError
+from cnnum.frame import Frame
+from cnnum.recordings.chunk_file import ChunkFile
+from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, Waiting
+from cnnum.recordings.layout import Layout
+from cnnum.tactile.taxel import Calibration
+
+MOMENT = 0.4
+"""Seconds after which a frame that waits is written, and what is written is synced. A frame is on
+the disk after two of them and the time that the disk takes, which is to be below a second."""
+
+
+class Journal:
+    """An MCAP file that frames are appended to in chunks, by time and by size.
+
+    A thread writes what waits when the source stalls, and syncs the file, so that whoever brings
+    the frames does not wait for the disk.
+
+    Parameters
+    ----------
+    path : Path
+    rate : float, Hz
+        Of the array.
+    calibration : Calibration or None
+        Of the array.
+
+    Attributes
+    ----------
+    came, stored : int
+        Frames that were added, and those of them that stand in the file.
+    failure : OSError or None
+        What ended the writing, if anything did.
+
+    Raises
+    ------
+    FileExistsError
+        If there is such a file.
+    OSError
+        If it cannot be created.
+    """
+
+    def __init__(self, path: Path, rate: float, calibration: Calibration | None) -> None:
+        self.path = path
+        self.came = self.stored = 0
+        self.failure: OSError | None = None
+        self._rate, self._calibration = rate, calibration
+        self._file = ChunkFile(path)
+        self._maker: ChunkMaker | None = None
+        self._oldest = 0
+        # a clock that is set while frames come must not shuffle them
+        self._epoch = time.time_ns() - time.monotonic_ns()
+        self._lock, self._ended = Lock(), Event()
+        self._thread = Thread(target=self._keep_up, name="cnnum-journal", daemon=True)
+        self._thread.start()
+
+    def add(self, frame: Frame) -> None:
+        """Take in a frame.
+
+        Raises
+        ------
+        RecordingError
+            If the file takes no more, or the frame is of another shape than those before.
+        """
+        with self._lock:
+            self.came += 1
+            if self.failure is not None:
+                raise _full(self.path, self.failure)
+            maker, now = self._maker or self._begin(frame), time.monotonic_ns()
+            if not maker.count:
+                self._oldest = now
+            maker.add(frame, self._epoch + now)
+            if maker.size >= CHUNK_BYTES or now - self._oldest >= MOMENT * 1e9:
+                self._write()
+            if self.failure is not None:
+                raise _full(self.path, self.failure)
+
+    def close(self, *, index: bool) -> None:
+        """Write what waits, and the index if it is wanted; then close the file.
+
+        What goes wrong is in `failure`. A file without any frame is removed.
+        """
+        if self._ended.is_set():
+            return
+        self._ended.set()
+        self._thread.join()
+        with self._lock:
+            self._write()
+        if not self.stored:
+            self._file.discard()
+            return
+        try:
+            wanted = index and self.failure is None and self._maker is not None
+            self._file.close(self._maker.layout if wanted and self._maker else None)
+        except OSError as error:
+            self.failure = self.failure or error
+
+    def _begin(self, frame: Frame) -> ChunkMaker:
+        self._maker = ChunkMaker(Layout.of(frame, self._rate, self._calibration))
+        return self._maker
+
+    def _write(self) -> None:
+        """Append what waits; the lock is held."""
+        if self._maker is None or not self._maker.count or self.failure is not None:
+            return
+        self._store(self._maker.take())
+
+    def _store(self, waiting: Waiting) -> bool:
+        """Append frames, on a disk that is full as many of them as it takes."""
+        try:
+            self._file.append(waiting.chunk())
+        except OSError as error:
+            self.failure = error
+            return all(self._store(half) for half in waiting.halves()) and bool(waiting.index[1:])
+        self.stored += len(waiting.index)
+        return True
+
+    def _keep_up(self) -> None:
+        synced = 0
+        while not self._ended.wait(MOMENT):
+            with self._lock:
+                self._write()
+                written = self.stored
+            if written == synced or self.failure is not None:
+                continue
+            try:
+                self._file.sync()
+                synced = written
+            except OSError as error:
+                self.failure = error
+
+
+def _full(path: Path, failure: OSError) -> RecordingError:
+    return RecordingError(f"'{path}' takes no more frames: {failure.strerror or failure}.")

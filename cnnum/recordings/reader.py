@@ -1,0 +1,205 @@
+"""Reading a recording back chunk by chunk, as far as it is whole."""
+
+import os
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.errors import CodecError, RecordingError, RecordingWarning
+from cnnum.frame import Frame, Quality
+from cnnum.recordings.decode import Decoder, frames_of
+from cnnum.recordings.layout import Layout
+from cnnum.recordings.records import WholeChunk
+from cnnum.recordings.scan import End, Hole, scan
+
+
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What of a recording can be read.
+
+    Attributes
+    ----------
+    path : Path
+    size : int
+        Bytes of the file when it was looked at; what comes later is not read.
+    layout : Layout
+    frames : int
+    gaps, missing : int
+        Places where the numbers of the scans jump, and the scans that are missing there.
+    holes : int
+        Places where bytes are no whole record.
+    unreadable, tail : int
+        Bytes of all these places, and of the one at the end.
+    indexed : bool
+        Whether a whole index stands at the end.
+    """
+
+    path: Path
+    size: int
+    layout: Layout
+    frames: int
+    gaps: int
+    missing: int
+    holes: int
+    unreadable: int
+    tail: int
+    indexed: bool
+
+    @property
+    def whole(self) -> bool:
+        """Whether all of the file is as it was written."""
+        return self.indexed and not self.unreadable
+
+    def chunks(self) -> Iterator[NDArray[np.void]]:
+        """Yield the frames of one chunk after the other, as rows of `Layout.message`.
+
+        The first after a hole has the flag `Quality.DROPPED_BEFORE` where scans are missing.
+
+        Raises
+        ------
+        RecordingError
+            If the file can no longer be read.
+        CodecError
+            If a chunk is whole, and no frames of this recording.
+        """
+        decoder, last, torn = Decoder(), None, False
+        with opened(self.path) as file:
+            for part in _scanned(file, self.size, self.path):
+                torn = torn or isinstance(part, Hole)
+                if isinstance(part, WholeChunk):
+                    rows = _decoded(decoder, part, self.path)
+                    if torn and last is not None and len(rows):
+                        rows = _flagged(rows, last)
+                    if len(rows):
+                        last, torn = int(rows["sequence"][-1]), False
+                        yield rows
+
+    def stored(self) -> Iterator[tuple[Frame, int]]:
+        """Yield frames, and the host's time of each in ns; errors are those of `chunks`."""
+        for rows in self.chunks():
+            yield from frames_of(rows, self.layout)
+
+    def warn(self) -> None:
+        """Say in one sentence what cannot be read, if anything."""
+        if self.whole:
+            return
+        first = f"'{self.path}' has no whole index: {self.tail} bytes at its end are not readable"
+        if self.unreadable > self.tail:
+            inside = self.unreadable - self.tail
+            places = self.holes - bool(self.tail)
+            first += f", nor are {inside} bytes in {places} places before"
+        if self.indexed:
+            first = f"'{self.path}' is damaged: {self.unreadable} bytes in it are not readable"
+        warnings.warn(
+            f"{first}; {self.frames} frames are, and 'cnnum recover' makes a whole file of them.",
+            RecordingWarning,
+            stacklevel=2,
+        )
+
+
+def opened(path: Path) -> IO[bytes]:
+    """Return a file that is open for reading.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be opened.
+    """
+    try:
+        return path.open("rb")
+    except OSError as error:
+        raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
+
+
+def look(path: Path) -> Contents:
+    """Read a recording once, and return what of it can be read.
+
+    Raises
+    ------
+    RecordingError
+        If the file cannot be read.
+    CodecError
+        If there is no whole chunk of frames in it.
+    """
+    decoder, tally = Decoder(), _Tally()
+    with opened(path) as file:
+        size = file.seek(0, os.SEEK_END)
+        for part in _scanned(file, size, path):
+            if isinstance(part, WholeChunk):
+                tally.add(_decoded(decoder, part, path)["sequence"])
+            elif isinstance(part, Hole):
+                tally.skip(part, size)
+            else:
+                tally.indexed = part.indexed
+    if decoder.layout is None or not tally.frames:
+        raise CodecError(
+            f"'{path}' is no recording of cnnum: there is no whole chunk of frames in its "
+            f"{size} bytes."
+        )
+    return Contents(
+        path=path,
+        size=size,
+        layout=decoder.layout,
+        frames=tally.frames,
+        gaps=tally.gaps,
+        missing=tally.missing,
+        holes=tally.holes,
+        unreadable=tally.unreadable,
+        tail=tally.tail,
+        indexed=tally.indexed,
+    )
+
+
+class _Tally:
+    """Counts what is met on the way through a file."""
+
+    def __init__(self) -> None:
+        self.frames = self.gaps = self.missing = 0
+        self.holes = self.unreadable = self.tail = 0
+        self.indexed = False
+        self._last: int | None = None
+
+    def add(self, sequence: NDArray[np.int64]) -> None:
+        """Count the frames of a chunk, and the jumps of their numbers."""
+        if not len(sequence):
+            return
+        before = [] if self._last is None else [self._last]
+        steps = np.diff(np.concatenate([np.array(before, np.int64), sequence]))
+        self.frames += len(sequence)
+        self.gaps += int(((steps < 0) | (steps > 1)).sum())
+        self.missing += int((steps[steps > 1] - 1).sum())
+        self._last = int(sequence[-1])
+
+    def skip(self, hole: Hole, size: int) -> None:
+        """Count a hole."""
+        self.holes += 1
+        self.unreadable += hole.end - hole.start
+        self.tail = hole.end - hole.start if hole.end == size else 0
+
+
+def _scanned(file: IO[bytes], size: int, path: Path) -> Iterator[WholeChunk | Hole | End]:
+    try:
+        yield from scan(file, size)
+    except OSError as error:
+        raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
+
+
+def _decoded(decoder: Decoder, chunk: WholeChunk, path: Path) -> NDArray[np.void]:
+    try:
+        return decoder.messages(chunk.records)
+    except CodecError as error:
+        raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
+
+
+def _flagged(rows: NDArray[np.void], last: int) -> NDArray[np.void]:
+    """Return frames after a hole, the first of them flagged where scans before it are missing."""
+    if int(rows["sequence"][0]) - last in (0, 1):
+        return rows
+    marked = rows.copy()
+    marked["quality"][0] |= int(Quality.DROPPED_BEFORE)
+    return marked

@@ -1,0 +1,220 @@
+"""The records of an MCAP file: damaged ones are refused before they cost memory."""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from typing import IO, Any, cast
+
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+
+from cnnum.errors import CodecError
+
+MAGIC = b"\x89MCAP0\r\n"
+
+LARGEST = 64 << 20
+"""Bytes of a chunk, at most, packed or unpacked: what reading may take of memory."""
+
+PREFIX = struct.Struct("<BQ")
+"""Of every record: its opcode, and the bytes that follow."""
+
+_CHUNK = struct.Struct("<BQQQQII")
+_SIZE = struct.Struct("<Q")
+_LONGEST_NAME = 16
+_FOOTER = struct.Struct("<QQI")
+
+
+@dataclass(frozen=True, slots=True)
+class WholeChunk:
+    """A chunk whose checksum holds.
+
+    Attributes
+    ----------
+    start, end : int
+        Its place in the file, bytes.
+    compression : str
+    packed : int
+        Bytes of its records in the file.
+    records : bytes
+        Unpacked.
+    """
+
+    start: int
+    end: int
+    compression: str
+    packed: int
+    records: bytes
+
+
+def built(builder: RecordBuilder) -> bytes:
+    """Return the bytes of the records in a builder, and empty it."""
+    data: bytes = cast(Any, builder).end()
+    return data
+
+
+def read_chunk(file: IO[bytes], place: int, size: int) -> WholeChunk | None:
+    """Return the chunk that begins at `place`, None where no whole one does.
+
+    Parameters
+    ----------
+    file : binary file
+    place, size : int
+        Where to look, and the end of the file, bytes.
+    """
+    file.seek(place)
+    head = file.read(_CHUNK.size + _LONGEST_NAME + _SIZE.size)
+    if len(head) < _CHUNK.size + _SIZE.size:
+        return None
+    opcode, length, _, _, unpacked, crc, name_size = _CHUNK.unpack_from(head)
+    begin = _CHUNK.size + name_size + _SIZE.size
+    if opcode != Opcode.CHUNK or name_size > _LONGEST_NAME or begin > len(head):
+        return None
+    name = head[_CHUNK.size : _CHUNK.size + name_size]
+    (packed,) = _SIZE.unpack_from(head, begin - _SIZE.size)
+    end = place + PREFIX.size + length
+    if end > size or max(packed, unpacked) > LARGEST or end != place + begin + packed:
+        return None
+    file.seek(place + begin)
+    records = _unpacked(name, file.read(packed), unpacked)
+    if records is None or zlib.crc32(records) != crc:
+        return None
+    return WholeChunk(place, end, name.decode("ascii"), packed, records)
+
+
+def _unpacked(name: bytes, data: bytes, size: int) -> bytes | None:
+    """Return `size` bytes that `data` holds; no more than one byte beyond is ever unpacked."""
+    records: bytes | None = None
+    if name == b"":
+        records = data
+    elif name == b"zstd":
+        records = _zstd(data, size + 1)
+    elif name == b"lz4":
+        records = _lz4(data, size + 1)
+    return records if records is not None and len(records) == size else None
+
+
+def _zstd(data: bytes, most: int) -> bytes | None:
+    import zstandard
+
+    unpacker = zstandard.ZstdDecompressor(max_window_size=LARGEST)
+    try:
+        return unpacker.stream_reader(data).read(most)
+    except zstandard.ZstdError:
+        return None
+
+
+def _lz4(data: bytes, most: int) -> bytes | None:
+    unpacker: Any = import_module("lz4.frame").LZ4FrameDecompressor()  # it has no types
+    try:
+        return cast(bytes, unpacker.decompress(data, max_length=most))
+    except (RuntimeError, EOFError):
+        return None
+
+
+def read_prefix(file: IO[bytes], place: int, size: int) -> tuple[int, int] | None:
+    """Return opcode and end of the record at `place`, None where none ends within `size`."""
+    file.seek(place)
+    head = file.read(PREFIX.size)
+    if len(head) < PREFIX.size:
+        return None
+    opcode, length = PREFIX.unpack(head)
+    end = place + PREFIX.size + length
+    return (opcode, end) if end <= size else None
+
+
+def index_end(file: IO[bytes], place: int, size: int) -> int | None:
+    """Return the end of the index of messages at `place`, None where no whole one is."""
+    found = read_prefix(file, place, size)
+    if found is None or found[0] != Opcode.MESSAGE_INDEX:
+        return None
+    inside = file.read(6)
+    length = found[1] - place - PREFIX.size
+    entries = int.from_bytes(inside[2:], "little")
+    return found[1] if entries % 16 == 0 and length == 6 + entries else None
+
+
+def summary_holds(file: IO[bytes], data_end: int, footer: int, size: int) -> bool:
+    """Return whether the file ends in a summary whose checksum holds.
+
+    Parameters
+    ----------
+    file : binary file
+    data_end, footer, size : int
+        End of the record that closes the data, begin of the footer, end of the file; bytes.
+    """
+    if size != footer + PREFIX.size + _FOOTER.size + len(MAGIC):
+        return False
+    file.seek(footer + PREFIX.size)
+    start, _, crc = _FOOTER.unpack(file.read(_FOOTER.size))
+    if file.read(len(MAGIC)) != MAGIC or start != data_end:
+        return False
+    file.seek(start)
+    seen, left = 0, footer + PREFIX.size + _FOOTER.size - 4 - start
+    while left:
+        part = file.read(min(left, 1 << 20))
+        seen, left = zlib.crc32(part, seen), left - len(part)
+        if not part:
+            return False
+    return bool(seen == crc)
+
+
+def records_in(data: bytes) -> Iterator[tuple[int, int, int]]:
+    """Yield opcode, begin and end of the records of an unpacked chunk; the begin is the prefix's.
+
+    Raises
+    ------
+    CodecError
+        If they are torn.
+    """
+    place = 0
+    while place < len(data):
+        if place + PREFIX.size > len(data):
+            raise CodecError("a chunk of it is torn.")
+        opcode, length = PREFIX.unpack_from(data, place)
+        end = place + PREFIX.size + length
+        if end > len(data):
+            raise CodecError("a chunk of it is torn.")
+        yield opcode, place, end
+        place = end
+
+
+class Fields:
+    """Reads the fields of one record, never beyond it.
+
+    Raises
+    ------
+    CodecError
+        If a field reaches beyond the record.
+    """
+
+    def __init__(self, data: bytes) -> None:
+        self._data, self._place = data, 0
+
+    def number(self, size: int) -> int:
+        """Return an unsigned number of that many bytes."""
+        return int.from_bytes(self._bytes(size), "little")
+
+    def text(self) -> str:
+        """Return a string."""
+        try:
+            return self._bytes(self.number(4)).decode()
+        except UnicodeDecodeError:
+            raise CodecError("a name in it is not text.") from None
+
+    def mapping(self) -> dict[str, str]:
+        """Return a map of strings."""
+        end = self.number(4) + self._place
+        held: dict[str, str] = {}
+        while self._place < end:
+            key = self.text()
+            held[key] = self.text()
+        return held
+
+    def _bytes(self, size: int) -> bytes:
+        part = self._data[self._place : self._place + size]
+        if len(part) < size:
+            raise CodecError("a record of it is torn.")
+        self._place += size
+        return part

@@ -1,0 +1,109 @@
+"""Finding the whole chunks of a file, whatever has become of the rest of it."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import IO
+
+from mcap.opcode import Opcode
+
+from cnnum.recordings.records import (
+    MAGIC,
+    WholeChunk,
+    index_end,
+    read_chunk,
+    read_prefix,
+    summary_holds,
+)
+
+_SMALL = frozenset(Opcode) - {Opcode.CHUNK}
+
+WINDOW = 1 << 20
+"""Bytes that are searched at a time."""
+
+_BEGIN = re.compile(rb"\x06(?=...[\x00-\x04]\x00\x00\x00\x00)", re.DOTALL)
+"""A chunk that is not absurdly long: its opcode, and eight bytes of its length."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hole:
+    """A stretch of a file that is no whole record: bytes from `start` to `end`."""
+
+    start: int
+    end: int
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """The end of a file; `indexed` where a whole index stands there."""
+
+    indexed: bool
+
+
+def scan(file: IO[bytes], size: int) -> Iterator[WholeChunk | Hole | End]:
+    """Yield the whole chunks of a file and the holes between them in their order, then the end.
+
+    Only a chunk has a checksum, so only a chunk is believed: where what follows one leads to no
+    other, the search begins anew at the end of that chunk.
+
+    Parameters
+    ----------
+    file : binary file
+    size : int
+        Bytes of it that are looked at.
+    """
+    place = 0
+    while True:
+        stopped, indexed = _follow(file, place, size)
+        if indexed:
+            yield End(indexed=True)
+            return
+        chunk = read_chunk(file, stopped, size) or _search(file, place, size)
+        if chunk is None:
+            if stopped < size:
+                yield Hole(stopped, size)
+            yield End(indexed=False)
+            return
+        hole = Hole(stopped if stopped <= chunk.start else place, chunk.start)
+        if hole.start < hole.end:
+            yield hole
+        yield chunk
+        place = chunk.end
+
+
+def _follow(file: IO[bytes], place: int, size: int) -> tuple[int, bool]:
+    """Return where the small records from `place` on end, and whether a whole index is there."""
+    if place == 0:
+        file.seek(0)
+        if file.read(len(MAGIC)) != MAGIC:
+            return 0, False
+        place = len(MAGIC)
+    data_end = None
+    while found := read_prefix(file, place, size):
+        opcode, end = found
+        if opcode not in _SMALL:
+            break
+        if opcode == Opcode.MESSAGE_INDEX and index_end(file, place, size) is None:
+            break
+        if opcode == Opcode.FOOTER:
+            whole = data_end is not None and summary_holds(file, data_end, place, size)
+            return place, whole
+        data_end = end if opcode == Opcode.DATA_END else data_end
+        place = end
+    return place, False
+
+
+def _search(file: IO[bytes], place: int, size: int) -> WholeChunk | None:
+    """Return the first whole chunk that begins at `place` or later."""
+    overlap = 8  # bytes that the pattern looks ahead
+    while place < size:
+        file.seek(place)
+        window = file.read(min(WINDOW, size - place))
+        for match in _BEGIN.finditer(window):
+            chunk = read_chunk(file, place + match.start(), size)
+            if chunk is not None:
+                return chunk
+        if place + len(window) >= size:
+            return None
+        place += len(window) - overlap
+    return None

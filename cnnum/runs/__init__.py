@@ -1,0 +1,1 @@
+"""Runs of single templates: their arguments, their results, and runs that are prepared once."""

@@ -1,0 +1,186 @@
+"""A stream: frames of an array in time, with memories that outlive each frame and no bad one."""
+
+import math
+from dataclasses import dataclass, field
+from threading import RLock
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cnnum.arrays import HELD, Floats, all_finite, magnitude
+from cnnum.engines.backend import OneFrame
+from cnnum.errors import ArrayError, FrameError, MethodError
+
+if TYPE_CHECKING:
+    from cnnum.plan import Plan
+
+Numbers = tuple[NDArray[np.floating], ...]
+
+WATCHED = 32
+"""Frames after an unusual one during which memories are looked at, and what they held before it is
+kept: a memory that it has filled with huge numbers overflows in the next frames, or not at all."""
+
+
+@dataclass(slots=True, eq=False)
+class Stream:
+    """Frames of one array (or of a batch of arrays) in time; owns their memories.
+
+    A frame of which something overflows is refused, and leaves the memories as they were. Only
+    frames that are unusual are looked after: those with numbers more than twice as large as any
+    before, or so large that their fourth power overflows. Memories that an ordinary frame has made
+    infinite begin anew.
+
+    Threads that push to one stream take turns; streams of one plan know nothing of each other.
+    """
+
+    plan: "Plan"
+    batch: tuple[int, ...]
+    frames: int = 0
+    _memory: object = field(default=None)
+    _one: OneFrame | None = field(default=None)
+    _turn: RLock = field(default_factory=RLock)
+    _usual: float = field(default=-1.0)  # magnitude up to which frames have proved harmless
+    _before: Numbers = field(default=())  # what memories held before the last unusual frame
+    _frames_before: int = field(default=0)
+    _watch: int = field(default=0)  # frames during which that is still kept
+
+    def push(self, frame: ArrayLike) -> dict[str, Floats]:
+        """Run the program on the next frame of every array and bring the memories up to date.
+
+        Raises
+        ------
+        FrameError
+            If a number does not fit the precision, or an output or a memory would not be finite;
+            the memories are as before the frame.
+        ArrayError
+            If the frame's leading axes are not those of the stream, or it holds NaN or infinity.
+        MethodError
+            If a transient does not reach its end.
+        """
+        array, size = self.plan.looked_at(frame)
+        frames, lead = self.plan.read(array)
+        if lead != self.batch:
+            raise ArrayError(
+                f"A frame of this stream has the leading axes {self.batch}, got {lead}."
+            )
+        if lead:
+            with self._turn:
+                self._open()
+                return self._carefully(frames, lead, size)
+        return self.push_read(frames[0], size)
+
+    def push_read(self, values: Floats, size: float | None = None) -> dict[str, Floats]:
+        """Run the program on the next frame of one array, of which only what is read is at hand.
+
+        Parameters
+        ----------
+        values : (rows, cols, channels read) float
+            In the order of `plan.schedule.channels_read`; finite.
+        size : float, optional
+            A bound of the magnitudes that the frame was read from, where the caller knows one.
+
+        Raises
+        ------
+        ArrayError
+            If they have another shape; FrameError and MethodError as `push`.
+        """
+        schedule = self.plan.schedule
+        if values.shape != (*schedule.shape, len(schedule.channels_read)):
+            raise self.plan.misshapen("(", schedule.channels_read, values.shape)
+        if size is None:
+            size = magnitude(values)
+        with self._turn:
+            self._open()
+            one = self._one
+            if one is None or self._watch or size > self._usual:
+                return self._carefully(values[np.newaxis], (), size)
+            outputs = one.run(values, first=self.frames == 0)
+            if not all_finite(one.packed):
+                self._begin_anew_if_infinite()
+                self.plan.refuse_infinite(outputs)
+            self.frames += 1
+            return outputs
+
+    def _open(self) -> None:
+        """Take the memories when the first frame comes."""
+        if self._memory is None:
+            executable = self.plan.executable
+            self._memory = executable.new_memory(self._arrays)
+            self._one = None if self.batch else executable.one(self._memory)
+
+    @property
+    def _arrays(self) -> int:
+        return math.prod(self.batch)
+
+    def _carefully(
+        self, frames: NDArray[np.floating], lead: tuple[int, ...], size: float
+    ) -> dict[str, Floats]:
+        """Run a frame that is unusual, or comes soon after such a one."""
+        unusual = size > self._usual
+        if unusual:
+            self._before = tuple(numbers.copy() for numbers in self._held())
+            self._frames_before, self._watch = self.frames, WATCHED
+        try:
+            outputs = self._checked(frames, lead)
+        except (FrameError, MethodError):
+            kept = bool(self._watch)
+            self._restore()
+            if unusual or not kept:
+                raise
+            # an unusual frame before has left what overflows now: it is forgotten
+            outputs = self._again(frames, lead)
+        self.frames += 1
+        if unusual and size <= HELD[self.plan.precision] ** 0.25:
+            self._usual = 2.0 * size
+        elif not unusual:
+            self._watch = max(0, self._watch - 1)
+            self._before = self._before if self._watch else ()
+        return outputs
+
+    def _checked(self, frames: NDArray[np.floating], lead: tuple[int, ...]) -> dict[str, Floats]:
+        """Run a frame; refuse it if an output or a memory is not finite after it."""
+        if lead or self._one is None:
+            ran = self.plan.executable.run(frames, self._memory, first=self.frames == 0)
+            outputs = {n: v.reshape((*lead, *v.shape[1:])) for n, v in ran.items()}
+        else:
+            outputs = self._one.run(frames[0], first=self.frames == 0)
+        self.plan.refuse_infinite(outputs)
+        if self._watch and not self._sane():
+            raise FrameError(
+                f"A memory of program '{self.plan.program}' is not finite after the frame: its "
+                "values are too large for it."
+            )
+        return outputs
+
+    def _again(self, frames: NDArray[np.floating], lead: tuple[int, ...]) -> dict[str, Floats]:
+        """Run a frame once more on what memories held before, or on cleared ones for the next."""
+        self._watch = 1
+        try:
+            return self._checked(frames, lead)
+        except (FrameError, MethodError):
+            self._clear()
+            raise
+
+    def _held(self) -> Numbers:
+        return self.plan.executable.held(self._memory, self._arrays)
+
+    def _sane(self) -> bool:
+        return all(all_finite(numbers) for numbers in self._held())
+
+    def _restore(self) -> None:
+        """Let memories be as before the last unusual frame, or begin anew if they are infinite."""
+        if self._watch:
+            self.plan.executable.restore(self._memory, self._before, self._arrays)
+            self.frames, self._watch, self._before = self._frames_before, 0, ()
+        else:
+            self._begin_anew_if_infinite()
+
+    def _begin_anew_if_infinite(self) -> None:
+        if not self._sane():
+            self._clear()
+
+    def _clear(self) -> None:
+        """Let the next frame be the first."""
+        self._memory = self._one = None
+        self.frames, self._watch, self._before = 0, 0, ()

@@ -1,0 +1,61 @@
+"""What a scene came to: frames by what became of them, and how long they took."""
+
+from dataclasses import dataclass
+
+from cnnum.drivers.driver import Counters
+
+
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """What a scene came to: ``sent == handed_on + dropped + skipped + refused``.
+
+    Attributes
+    ----------
+    frames : int
+        Handed on by the driver; bad and repeated ones are among them.
+    handed_on : int
+        Those that the program ran on.
+    refused : int
+        Bad ones that were passed over: flagged by the driver, out of range, or of a kind that the
+        program cannot work with.
+    repeated : int
+        Repeats of the scan before.
+    counters : Counters
+        The driver's own.
+    longest_gap : float
+        s, the longest time between two frames that the program ran on, with a bad or a lost one
+        between them; 0 where there was none.
+    p50_us, p99_us : float
+        Time from a frame in host memory to its events, µs, within 1 %.
+    """
+
+    frames: int
+    handed_on: int
+    refused: int
+    repeated: int
+    counters: Counters
+    longest_gap: float
+    p50_us: float
+    p99_us: float
+
+    @property
+    def bad_frames(self) -> int:
+        """Those refused, and packets or rows that the driver found damaged itself."""
+        return self.refused + self.counters.bad
+
+    @property
+    def dropped(self) -> int:
+        """Scans that were lost on the way; packets found damaged are among them."""
+        return self.counters.dropped
+
+    @property
+    def skipped(self) -> int:
+        """Scans that were not wanted: older than the newest, repeats, those that a stop cut off."""
+        cut_off = self.frames - self.handed_on - self.refused - self.repeated
+        return self.counters.skipped + self.repeated + cut_off + self.counters.waiting
+
+    @property
+    def sent(self) -> int:
+        """Scans that the array says it has sent, repeats included; else those that came."""
+        sent = self.counters.sent
+        return self.frames + self.dropped + self.counters.skipped if sent is None else sent

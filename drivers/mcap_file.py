@@ -1,0 +1,94 @@
+"""Recordings in MCAP files as arrays: what `cnnum record` wrote, as far as it is whole."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from cnnum.arrays import Shape
+from cnnum.drivers.driver import Closing, Counters
+from cnnum.frame import Frame, Quality
+from cnnum.recordings.reader import Contents, look
+
+
+@dataclass(frozen=True, slots=True)
+class McapOptions:
+    """Options of the driver "mcap".
+
+    Attributes
+    ----------
+    path : Path
+        A file that `cnnum record` wrote; it may be cut off or damaged.
+    """
+
+    path: Path
+
+    def open(self) -> "McapFile":
+        """Look through the recording; a warning counts what of it is not readable.
+
+        Raises
+        ------
+        RecordingError
+            If the file cannot be read.
+        CodecError
+            If there is no whole chunk of frames in it.
+        """
+        contents = look(self.path)
+        contents.warn()
+        return McapFile(contents)
+
+
+class McapFile(Closing):
+    """A recording as an array: its frames as they came, read a chunk at a time.
+
+    Attributes
+    ----------
+    calibration : Calibration or None
+        That of the array when it was recorded.
+    total_frames : int
+    """
+
+    def __init__(self, contents: Contents) -> None:
+        self._contents = contents
+        layout = contents.layout
+        self.shape: Shape = layout.shape
+        self.channels = layout.channels
+        self.unit = layout.unit
+        self.rate = layout.rate
+        self.calibration = layout.calibrated(contents.path)
+        self.total_frames = contents.frames
+        self._counters = Counters()
+
+    @property
+    def counters(self) -> Counters:
+        """What has been seen so far; bad packets are not in a recording, only bad frames."""
+        return self._counters
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames as fast as they are fetched; a second call starts again.
+
+        Raises
+        ------
+        RecordingError
+            If the file can no longer be read.
+        CodecError
+            If it has been changed into none of this array.
+        """
+        self._counters = Counters()
+        last: int | None = None
+        for frame, _ in self._contents.stored():
+            seen = self._counters
+            self._counters = replace(
+                seen,
+                frames=seen.frames + (not frame.repeated),
+                repeated=seen.repeated + frame.repeated,
+                dropped=seen.dropped + _lost_before(frame, last),
+            )
+            last = frame.sequence
+            yield frame
+
+
+def _lost_before(frame: Frame, last: int | None) -> int:
+    """Return how many scans never arrived between a frame and the one before it."""
+    if last is None or not frame.quality & Quality.DROPPED_BEFORE:
+        return 0
+    return max(0, frame.sequence - last - 1)

@@ -1,0 +1,162 @@
+"""Processes that are forked from one in which an engine was used: nothing hangs."""
+
+import itertools
+import json
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import cnnum
+
+ROOT = Path(__file__).parents[2]
+
+# the parent uses an engine; then each of its children does one thing, and says how it ended
+PARENT = """
+import json, multiprocessing, os, signal, sys, warnings
+import numpy, cnnum
+
+warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12: a fork, and threads
+first, used, side, way = json.loads(sys.argv[1])
+picture = numpy.random.default_rng(side).uniform(-1, 1, (side, side))
+frame = numpy.stack([numpy.zeros_like(picture), numpy.zeros_like(picture), picture], axis=-1)
+template = cnnum.get_template("DIFFUS")
+
+@cnnum.program
+def total(frame):
+    return {"sum": frame.normal.sum()}
+
+def run(engine):
+    ran = engine.run(template, input=picture, method="euler", dt=0.1, duration=1.0)
+    return [engine.name, float(ran.state.sum())]
+
+def push(stream):
+    return [stream.plan.engine, float(stream.push(frame)["sum"])]
+
+engine = cnnum.Engine(first)
+plan = engine.compile(total, (side, side))
+stream = plan.stream()
+if used:
+    run(engine)
+    push(stream)
+
+WORKS = {
+    "old engine": lambda: run(engine),
+    "old plan": lambda: push(plan.stream()),
+    "old plan, a batch": lambda: [first, float(plan(frame)["sum"])],
+    "old stream": lambda: push(stream),
+    "old engine, new plan": lambda: push(engine.compile(total, (side, side)).stream()),
+    "new engine": lambda: run(cnnum.Engine(first)),
+    "any engine": lambda: run(cnnum.Engine()),
+}
+
+def child(then):
+    signal.alarm(90)
+    try:
+        said = WORKS[then]()
+    except cnnum.CnnumError as error:
+        said = [type(error).__name__, str(error)]
+    print(json.dumps([then, *said]), flush=True)
+
+for then in WORKS:
+    if way == "multiprocessing":
+        process = multiprocessing.get_context("fork").Process(target=child, args=(then,))
+        process.start()
+        process.join()
+        status = process.exitcode
+    else:
+        number = os.fork()
+        if number == 0:
+            child(then)
+            if way == "ends at once":
+                os._exit(0)
+            sys.exit(0)
+        status = os.waitpid(number, 0)[1]
+    if status:
+        print(json.dumps([then, "status", status]), flush=True)
+
+# the parent goes on as before
+print(json.dumps(["parent", *run(engine)]), flush=True)
+push(stream)
+"""
+
+WAYS = ("ends at once", "ends as others", "multiprocessing")
+CASES = list(itertools.product((True, False), (8, 200), WAYS))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled():
+    """Compile for the children, or each would do it at its own."""
+    cnnum.Engine("numba").run(cnnum.get_template("DIFFUS"), input=[[0.0]], method="euler", dt=0.1)
+
+
+def played(case):
+    """Return what the children of a parent said, and the parent itself."""
+    done = subprocess.run(
+        [sys.executable, "-c", PARENT, json.dumps(case)],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+    )
+    assert done.returncode == 0, done.stderr[-500:]
+    said = {}
+    for line in done.stdout.splitlines():
+        then, *about = json.loads(line)
+        said[then] = about if said.get(then) is None else [*said[then], *about]
+    return said
+
+
+def sums(side):
+    """The sum of the state, and that of the picture."""
+    picture = np.random.default_rng(side).uniform(-1, 1, (side, side))
+    ran = cnnum.Engine("reference").run(
+        cnnum.get_template("DIFFUS"), input=picture, method="euler", dt=0.1, duration=1.0
+    )
+    return {True: float(ran.state.sum()), False: float(picture.sum())}
+
+
+def wrong(then, said, side, engine):
+    """Return what is wrong with the answer of a child; nothing if it is right."""
+    runs = then in ("old engine", "new engine", "any engine", "parent")
+    # float32: ten steps of numbers within ±1, each rounded to 6e-8, in all cells
+    right = said[:1] == [engine] and abs(said[1] - sums(side)[runs]) < 1e-6 * side**2
+    return "" if right and len(said) == 2 else f"{then}: {said}"
+
+
+def judged(faults, first, judge):
+    with ThreadPoolExecutor(2) as pool:
+        chosen = list(faults.each(CASES, short=2))
+        for case, said in zip(chosen, pool.map(lambda c: played((first, *c)), chosen), strict=True):
+            for then, answer in said.items():
+                if why := judge(then, answer, case[1]):
+                    faults.lose(f"{case}: {why}")
+
+
+def test_children_after_opencl(faults):
+    """A child forked after OpenCL was used refuses it with one sentence; `Engine()` runs there."""
+    if cnnum.Engine().name != "opencl":
+        pytest.skip("this test is about OpenCL")
+
+    def judge(then, said, side):
+        if then in ("any engine", "parent"):
+            return wrong(then, said, side, "numba" if then == "any engine" else "opencl")
+        refused = said[0] == "NoOpenCLError" and "forked from one that had used it" in said[1]
+        return "" if refused and len(said) == 2 else f"{then}: {said}"
+
+    judged(faults, "opencl", judge)
+
+
+def test_children_after_numba(faults):
+    """A child forked after the engine `numba` was used runs it, with the right numbers."""
+
+    def judge(then, said, side):
+        engine = "numba" if then != "any engine" else cnnum.Engine().name
+        return wrong(then, said, side, engine)
+
+    judged(faults, "numba", judge)
