@@ -7,21 +7,30 @@ holds the command as `command`.
 from collections.abc import Mapping
 
 COMMANDS: Mapping[str, tuple[str, str]] = {
-    "demo": ("cnnum.cli.demo", "Run the simulated scene and write a report of it."),
-    "run": ("cnnum.cli.run", "Run a scene and print its events as they come."),
-    "plan": ("cnnum.cli.plan", "Show what a scene would run, and what is left out."),
-    "templates": ("cnnum.cli.templates", "List, show and check the template library."),
-    "bench": ("cnnum.cli.bench", "Measure error against run time, speed, latency and the peers."),
-    "devices": ("cnnum.cli.devices", "Show the OpenCL devices and what they reach."),
+    "demo": ("cnnum.cli.commands.demo", "Run the simulated scene and write a report of it."),
+    "run": ("cnnum.cli.commands.run", "Run a scene and print its events as they come."),
+    "plan": ("cnnum.cli.commands.plan", "Show what a scene would run, and what is left out."),
+    "templates": ("cnnum.cli.commands.templates", "List, show and check the template library."),
+    "bench": (
+        "cnnum.cli.commands.bench",
+        "Measure error against run time, speed, latency and the peers.",
+    ),
+    "devices": ("cnnum.cli.commands.devices", "Show the OpenCL devices and what they reach."),
     "reproduce": (
-        "cnnum.cli.reproduce",
+        "cnnum.cli.commands.reproduce",
         "Compare the dissertation's numbers and figures with ours.",
     ),
-    "calibrate": ("cnnum.cli.calibrate", "Fit a taxel's calibration to a scan of point loads."),
-    "score": ("cnnum.cli.score", "Score slip and twist where the truth is known."),
-    "probe": ("cnnum.cli.probe", "Look at what an array sends: rate, losses, dead cells."),
-    "record": ("cnnum.cli.record", "Record an array's frames to a file."),
-    "recover": ("cnnum.cli.recover", "Make a whole recording of one that was cut off or damaged."),
-    "replay": ("cnnum.cli.replay", "Run a scene's program over a recording."),
+    "calibrate": (
+        "cnnum.cli.commands.calibrate",
+        "Fit a taxel's calibration to a scan of point loads.",
+    ),
+    "score": ("cnnum.cli.commands.score", "Score slip and twist where the truth is known."),
+    "probe": ("cnnum.cli.commands.probe", "Look at what an array sends: rate, losses, dead cells."),
+    "record": ("cnnum.cli.commands.record", "Record an array's frames to a file."),
+    "recover": (
+        "cnnum.cli.commands.recover",
+        "Make a whole recording of one that was cut off or damaged.",
+    ),
+    "replay": ("cnnum.cli.commands.replay", "Run a scene's program over a recording."),
 }
 """Name to module and to the line of help."""

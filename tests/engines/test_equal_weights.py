@@ -12,8 +12,8 @@ from cnnum.engines.opencl.transients.stencil_sums import (
     shares_products,
     weighted_terms,
 )
-from cnnum.network import Tap, taps
-from cnnum.template import Template
+from cnnum.templating.network import Tap, taps
+from cnnum.templating.template import Template
 
 REFERENCE = Engine("reference")
 PRINTER = OpenCLPrinter(FLOAT64)

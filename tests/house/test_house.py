@@ -48,8 +48,8 @@ HEAVY = {
     "mcap": {"cnnum/recordings"},
     "zstandard": {"cnnum/recordings"},
     "lz4": {"cnnum/recordings"},
-    "matplotlib": {"cnnum/report", "cnnum/reproduce", "cnnum/bench"},
-    "numba": {"cnnum/engines/numba", "cnnum/bench/peers"},
+    "matplotlib": {"cnnum/report", "cnnum/lab/reproduce", "cnnum/lab/bench"},
+    "numba": {"cnnum/engines/numba", "cnnum/lab/bench/peers"},
 }
 
 

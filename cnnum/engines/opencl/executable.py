@@ -22,7 +22,7 @@ from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array
 from cnnum.engines.opencl.runtime.single_frame import OneFrame
 from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
-from cnnum.room import refuse_beyond
+from cnnum.safety.memory import refuse_beyond
 
 WIDE_CELLS = 256
 """Largest array whose frames lie side by side in lanes; the compiler vectorises along the

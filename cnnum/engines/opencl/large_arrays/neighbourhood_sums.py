@@ -7,7 +7,6 @@ that every vector of neighbours that is loaded is aligned, and goes no farther t
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cnnum.boundary import Boundary
 from cnnum.engines.opencl.ir.expressions import Element, Name
 from cnnum.engines.opencl.ir.statements import Block, Statement, Sweep, Verbatim, verbatim
 from cnnum.engines.opencl.large_arrays.row_vectors import PlainRows, own_text, plain_rows
@@ -15,6 +14,7 @@ from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
 from cnnum.engines.opencl.lowering.storage import ALIGNED
 from cnnum.engines.opencl.text import fill, filled, indented
 from cnnum.engines.opencl.transients.builder import COL, ROW, TransientBuilder
+from cnnum.templating.boundary import Boundary
 
 ROWS_NEAR = Name("rows_near")
 

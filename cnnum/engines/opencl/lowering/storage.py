@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.boundary import Boundary, halo_sources
 from cnnum.engines.opencl.ir.expressions import (
     CELL,
     Element,
@@ -22,6 +21,7 @@ from cnnum.engines.opencl.ir.number_types import number_type
 from cnnum.engines.opencl.ir.printer import OpenCLPrinter
 from cnnum.engines.opencl.ir.statements import Array
 from cnnum.graph.nodes import Constant, ConstantMap, Node
+from cnnum.templating.boundary import Boundary, halo_sources
 
 PRIVATE_CELLS = 16 * 16
 """Largest array that a work item keeps in private memory. Of 32×32 cells a step takes 1.6 times as

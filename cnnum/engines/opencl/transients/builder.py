@@ -4,7 +4,6 @@ from collections.abc import Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from cnnum.boundary import Boundary
 from cnnum.engines.opencl.ir.expressions import (
     CELL,
     PLACE,
@@ -28,8 +27,9 @@ from cnnum.engines.opencl.ir.statements import (
 from cnnum.engines.opencl.lowering.storage import Arena, Tables
 from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
 from cnnum.integrators.choice import Solver
-from cnnum.network import Tap
-from cnnum.template import Template
+from cnnum.templating.boundary import Boundary
+from cnnum.templating.network import Tap
+from cnnum.templating.template import Template
 
 ROW, COL, RIM = Name("r"), Name("c"), Name("q")
 """Variables of loops: rows, columns, and cells of rims."""

@@ -36,8 +36,8 @@ from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.choice import FixedSteps
-from cnnum.network import Tap, taps
-from cnnum.outputs import OutputFunction
+from cnnum.templating.network import Tap, taps
+from cnnum.templating.output_functions import OutputFunction
 
 WIDTHS = (4, 8, 16)
 MOST_ROWS = 20

@@ -22,7 +22,7 @@ from cnnum.engines.opencl.transients.dependencies import (
     reads_inputs,
 )
 from cnnum.engines.opencl.transients.nonlinear_couplings import nonlinear
-from cnnum.network import taps
+from cnnum.templating.network import taps
 
 U, W, LATER = Name("u"), Name("w"), Name("later")
 """Padded inputs, what drives the cells, and what changes in it when a delay is over."""

@@ -12,7 +12,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.boundary import Boundary
 from cnnum.engines.opencl.ir.expressions import (
     CELL,
     HUGE,
@@ -54,7 +53,8 @@ from cnnum.engines.opencl.transients.state_equation import CHANGE, Y
 from cnnum.engines.opencl.transients.stencil_sums import shares_products, weighted_terms
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS, TIME, Figures
 from cnnum.integrators.choice import FixedSteps
-from cnnum.network import Tap, taps
+from cnnum.templating.boundary import Boundary
+from cnnum.templating.network import Tap, taps
 
 BLOCK_COLUMNS = 10
 BLOCK_STATEMENTS = 400

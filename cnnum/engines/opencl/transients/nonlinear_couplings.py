@@ -4,12 +4,12 @@ from itertools import pairwise
 
 import numpy as np
 
-from cnnum.couplings import NonlinearCoupling
 from cnnum.engines.opencl.ir.expressions import Expression, Name, Number, call, pick
 from cnnum.engines.opencl.ir.statements import Statement, add, block, fixed
 from cnnum.engines.opencl.transients.builder import SUM, TransientBuilder
-from cnnum.network import Tap
-from cnnum.tables import Table
+from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.network import Tap
 
 ARRAYS = {"x": Name("xp"), "y": Name("y"), "u": Name("u")}
 """Padded arrays that hold a quantity."""

@@ -49,7 +49,7 @@ from cnnum.engines.opencl.transients.dependencies import (
 )
 from cnnum.engines.opencl.transients.feedforward import drive_of, input_seen
 from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name, gains, nonlinear
-from cnnum.network import taps
+from cnnum.templating.network import taps
 
 Y, PADDED_STATES, DELAYED = Name("y"), Name("xp"), Name("yd")
 """Padded outputs, states, and outputs a delay ago."""

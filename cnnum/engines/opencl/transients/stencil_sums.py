@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from itertools import groupby
 
 from cnnum.engines.opencl.ir.expressions import Expression
-from cnnum.network import Tap
+from cnnum.templating.network import Tap
 
 
 def shared_products(found: Iterable[Tap], least: int = 2) -> list[tuple[Tap, ...]]:
