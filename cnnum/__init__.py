@@ -10,22 +10,22 @@ if TYPE_CHECKING:
     from cnnum import tactile
     from cnnum.engine import Engine
     from cnnum.errors import CnnumError
-    from cnnum.events import Event
     from cnnum.frame import Frame, Quality
     from cnnum.graph.nodes import RunSpec
     from cnnum.integrators.stability import stability_bound
-    from cnnum.library import get_template, template_names
-    from cnnum.pipeline import load_scene
     from cnnum.plan import Plan
-    from cnnum.program_library import get_program, program_names
     from cnnum.programs import Program, program
     from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
+    from cnnum.programs.library import get_program, program_names
     from cnnum.programs.logic import logic
     from cnnum.programs.loops import branch, loop
     from cnnum.programs.transients import apply, shift, transient
     from cnnum.runs.result import Result
-    from cnnum.template import Check, Template
-    from cnnum.template_files import load_template, save_template
+    from cnnum.scenes.events import Event
+    from cnnum.scenes.pipeline import load_scene
+    from cnnum.templating.files import load_template, save_template
+    from cnnum.templating.library import get_template, template_names
+    from cnnum.templating.template import Check, Template
 
 __version__ = "0.1.0"
 
@@ -33,17 +33,17 @@ _HOME = {
     "Engine": "cnnum.engine",
     "Result": "cnnum.runs.result",
     "CnnumError": "cnnum.errors",
-    "Event": "cnnum.events",
+    "Event": "cnnum.scenes.events",
     "Frame": "cnnum.frame",
     "Quality": "cnnum.frame",
     "RunSpec": "cnnum.graph.nodes",
     "stability_bound": "cnnum.integrators.stability",
-    "get_template": "cnnum.library",
-    "template_names": "cnnum.library",
-    "load_scene": "cnnum.pipeline",
+    "get_template": "cnnum.templating.library",
+    "template_names": "cnnum.templating.library",
+    "load_scene": "cnnum.scenes.pipeline",
     "Plan": "cnnum.plan",
-    "get_program": "cnnum.program_library",
-    "program_names": "cnnum.program_library",
+    "get_program": "cnnum.programs.library",
+    "program_names": "cnnum.programs.library",
     "Program": "cnnum.programs",
     "program": "cnnum.programs",
     "Field": "cnnum.programs.fields",
@@ -58,10 +58,10 @@ _HOME = {
     "where": "cnnum.programs.fields",
     "apply": "cnnum.programs.transients",
     "transient": "cnnum.programs.transients",
-    "Check": "cnnum.template",
-    "Template": "cnnum.template",
-    "load_template": "cnnum.template_files",
-    "save_template": "cnnum.template_files",
+    "Check": "cnnum.templating.template",
+    "Template": "cnnum.templating.template",
+    "load_template": "cnnum.templating.files",
+    "save_template": "cnnum.templating.files",
 }
 
 __all__ = [

@@ -26,11 +26,11 @@ from cnnum.programs import Program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import Applied, transient
-from cnnum.room import refuse_on_host
 from cnnum.runs.arguments import as_frame, channels_and_lead, has_many_cells, maps_by_role
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
 from cnnum.runs.result import Result, result_of
-from cnnum.template import Duration, Template
+from cnnum.safety.memory import refuse_on_host
+from cnnum.templating.template import Duration, Template
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 

@@ -21,9 +21,9 @@ from cnnum.engines.backend import Backend, Executable, Solvers
 from cnnum.errors import ArrayError, FrameError, MethodError
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import LeftOut, Schedule
+from cnnum.graph.tracing import TraceStep, everything_kept, trace_steps
 from cnnum.integrators.cost import work
 from cnnum.stream import Stream
-from cnnum.tracing import TraceStep, everything_kept, trace_steps
 
 HELD_BY_ALL = min(HELD.values())
 

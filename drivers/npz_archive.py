@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.errors import CodecError, RecordingError
-from cnnum.names import shown
-from cnnum.reading import MEGABYTE, open_regular
-from cnnum.room import host_bytes
+from cnnum.safety.memory import host_bytes
+from cnnum.safety.names import shown
+from cnnum.safety.reading import MEGABYTE, open_regular
 
 SUFFIX = ".npy"
 

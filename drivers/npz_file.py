@@ -20,8 +20,8 @@ from cnnum.drivers.driver import Closing, Counters
 from cnnum.drivers.npz_archive import read_arrays
 from cnnum.errors import CalibrationError, CodecError
 from cnnum.frame import Frame, Quality, Truth
-from cnnum.names import shown
 from cnnum.recordings.npz_writer import CALIBRATION, FRAMES, KIND
+from cnnum.safety.names import shown
 from cnnum.tactile.taxel import Calibration
 from cnnum.tactile.taxel.readout import Heat
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
 from cnnum.errors import SceneError
-from cnnum.names import shown
+from cnnum.safety.names import shown
 
 Record = TypeVar("Record")
 

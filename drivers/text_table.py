@@ -12,8 +12,8 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import CodecError, RecordingError
-from cnnum.names import shown
-from cnnum.reading import MEGABYTE, open_regular
+from cnnum.safety.names import shown
+from cnnum.safety.reading import MEGABYTE, open_regular
 
 LARGEST, MOST_ROWS = 32 * MEGABYTE, 1_000_000
 """Bytes and rows of the longest table: a file has 24 minutes of a uSkin pad at 60 Hz (384 bytes a

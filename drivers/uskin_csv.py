@@ -21,7 +21,7 @@ from cnnum.drivers.options import require
 from cnnum.drivers.text_table import TextTable, read_table
 from cnnum.errors import CodecError, RecordingError, RecordingWarning
 from cnnum.frame import FORCE_AXES, Frame, Quality, Truth
-from cnnum.reading import names_something
+from cnnum.safety.reading import names_something
 
 SIDE = 4
 """Rows and columns of a pad."""

@@ -9,11 +9,8 @@ from tempfile import TemporaryDirectory
 from types import TracebackType
 from typing import Self, TypeVar
 
-from cnnum.checks import run_check
 from cnnum.cli.progress import Steps, progress
 from cnnum.engine import Engine
-from cnnum.library import get_template, template_names, template_path
-from cnnum.pipeline import Moment, Scene
 from cnnum.recordings.journal import Journal
 from cnnum.report import (
     PlanCost,
@@ -22,7 +19,10 @@ from cnnum.report import (
     measure_work_precision,
     write_demo_report,
 )
-from cnnum.template import Template
+from cnnum.scenes.pipeline import Moment, Scene
+from cnnum.templating.checks import run_check
+from cnnum.templating.library import get_template, template_names, template_path
+from cnnum.templating.template import Template
 
 Outcome = TypeVar("Outcome")
 

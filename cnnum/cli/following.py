@@ -11,9 +11,9 @@ from cnnum.cli.progress import progress
 from cnnum.cli.signals import stoppable
 
 if TYPE_CHECKING:
-    from cnnum.events import Event
     from cnnum.graph.schedule import LeftOut
-    from cnnum.pipeline import Moment, Scene
+    from cnnum.scenes.events import Event
+    from cnnum.scenes.pipeline import Moment, Scene
 
 STOPPED = 130
 """Exit code after Ctrl-C, SIGTERM or SIGHUP."""

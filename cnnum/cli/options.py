@@ -6,8 +6,8 @@ from typing import Any, TypeVar
 
 import click
 
-from cnnum.names import shown
-from cnnum.toml_reading import parse_toml
+from cnnum.safety.names import shown
+from cnnum.safety.toml_reading import parse_toml
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.frame import Frame, Quality
-from cnnum.histogram import Histogram
+from cnnum.scenes.histogram import Histogram
 
 ENOUGH = 50
 """New scans from which a cell that never changed is called dead or stuck."""

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cnnum.errors import UnknownNameError
-from cnnum.names import shown
-from cnnum.reading import names_something
+from cnnum.safety.names import shown
+from cnnum.safety.reading import names_something
 
 if TYPE_CHECKING:
     from cnnum.drivers.driver import Driver
@@ -32,7 +32,7 @@ def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
         Whatever opening brings.
     """
     from cnnum.drivers.registry import driver_names, open_driver
-    from cnnum.scene import read_scene, scene_names
+    from cnnum.scenes.scene_file import read_scene, scene_names
 
     if source in driver_names():
         return open_driver(source, settings)

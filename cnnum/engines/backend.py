@@ -13,7 +13,7 @@ from cnnum.engines.opencl_advice import how_to_get_opencl
 from cnnum.errors import NoOpenCLError, name_error
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.choice import Solver
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 Solvers = Mapping[int, Solver]
 """How each transient runs, by the index of its node."""

@@ -15,7 +15,7 @@ from pathlib import Path
 import platformdirs
 
 from cnnum.engines.notices import say_once
-from cnnum.files import write_whole
+from cnnum.safety.files import write_whole
 
 VARIABLE = "CNNUM_CACHE"
 """Names another folder; "off" means that nothing is kept."""

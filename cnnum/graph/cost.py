@@ -4,7 +4,7 @@ import numpy as np
 
 from cnnum.arrays import Shape
 from cnnum.graph.nodes import Apply, Node, Product, Reduce, Transient
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 
 def step_flops(template: Template, shape: Shape) -> int:

@@ -7,7 +7,7 @@ from typing import TypeVar
 
 from cnnum.arrays import Floats, Shape, digest, frozen
 from cnnum.graph.elementwise import ElementOp, ReduceOp
-from cnnum.template import Duration, Template
+from cnnum.templating.template import Duration, Template
 
 Argument = TypeVar("Argument")
 

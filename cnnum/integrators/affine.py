@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
-from cnnum.boundary import Boundary
 from cnnum.graph.elementwise import ADD, DIVIDE, MULTIPLY, NEGATE, SUBTRACT, SUM
 from cnnum.graph.nodes import Apply, Constant, ConstantMap, Node, Pick, Reduce, Transient
 from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.solver import Scheme
 from cnnum.integrators.spectral import Spectral, evaluate
-from cnnum.network import taps
-from cnnum.template import Template
+from cnnum.templating.boundary import Boundary
+from cnnum.templating.network import taps
+from cnnum.templating.template import Template
 
 
 @dataclass(frozen=True, slots=True, eq=False)

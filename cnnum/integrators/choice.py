@@ -32,8 +32,8 @@ from cnnum.integrators.tableau import (
     followed,
     tableau,
 )
-from cnnum.network import Network
-from cnnum.template import Template
+from cnnum.templating.network import Network
+from cnnum.templating.template import Template
 
 __all__ = (
     "MAX_STEPS",

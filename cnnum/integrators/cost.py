@@ -12,7 +12,7 @@ from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.spectral import Spectral
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 FREE = (Constant, ConstantMap, Parameter, Pick)
 """What only names a value and does not run."""

@@ -22,8 +22,8 @@ from cnnum.arrays import Floats, Shape
 from cnnum.integrators.enclosure import Discs, discs, torus_coupling
 from cnnum.integrators.spectral import diagonal_in_modes, mode_rates
 from cnnum.integrators.tableau import ButcherTableau, Row
-from cnnum.network import Network
-from cnnum.template import Template
+from cnnum.templating.network import Network
+from cnnum.templating.template import Template
 
 Complexes = NDArray[np.complex128]
 

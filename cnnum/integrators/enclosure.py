@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.integrators.estimate import error_growth
-from cnnum.network import Network
-from cnnum.room import refuse_on_host
-from cnnum.template import Template
+from cnnum.safety.memory import refuse_on_host
+from cnnum.templating.network import Network
+from cnnum.templating.template import Template
 
 Complexes = NDArray[np.complex128]
 

@@ -16,7 +16,7 @@ error, from its stages: `ButcherTableau.truncation`, and `ExponentialMethod.foll
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 SAFETY = 2.0
 """Of the sum: corners of f that lie badly between the stages of a step hide up to four fifths of

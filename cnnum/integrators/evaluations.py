@@ -30,7 +30,7 @@ from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_abo
 from cnnum.integrators.estimate import linear_growth
 from cnnum.integrators.spectrum import Spectrum
 from cnnum.integrators.tableau import ButcherTableau
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 MODES = 64
 """Rates that stand for those of an array."""

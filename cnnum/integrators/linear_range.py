@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 
 def room(template: Template) -> Floats:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.network import Network
-from cnnum.template import Template
+from cnnum.templating.network import Network
+from cnnum.templating.template import Template
 
 DENSE_LIMIT = 1024
 """Cells of all layers above which the dense product is not offered: its matrices take n² numbers,

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 LONGEST = 60.0
 """Time constants up to which what is left of a decay, e^{−60} = 9e-27, is far from what a device

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
-from cnnum.boundary import Boundary
-from cnnum.network import Network
-from cnnum.room import refuse_on_host
-from cnnum.template import Template
+from cnnum.safety.memory import refuse_on_host
+from cnnum.templating.boundary import Boundary
+from cnnum.templating.network import Network
+from cnnum.templating.template import Template
 
 MODE_LIMIT = 512
 """Rows or columns above which products with all modes of an axis cost more than time steps."""

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cnnum.arrays import Shape
 from cnnum.integrators.enclosure import Discs, discs, field_of_values, torus_coupling
 from cnnum.integrators.spectral import diagonal_in_modes, mode_rates
-from cnnum.network import Network
-from cnnum.template import Template
+from cnnum.templating.network import Network
+from cnnum.templating.template import Template
 
 EIGENVALUE_LIMIT = 256
 """States up to which the eigenvalues of an array without known modes are computed: a tenth of a

@@ -14,7 +14,7 @@ from cnnum.integrators.delays import delayed_rates, delayed_step
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.tableau import TABLEAUX, ButcherTableau
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 CHEBYSHEV = "runge-kutta-chebyshev"
 

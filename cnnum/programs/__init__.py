@@ -15,10 +15,10 @@ from cnnum.arrays import as_shape
 from cnnum.errors import ProgramError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph
-from cnnum.names import checked_name
 from cnnum.programs.fields import Field, as_field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import check_parameters
+from cnnum.safety.names import checked_name
 
 Traced = Callable[..., Mapping[str, Field]]
 

@@ -8,7 +8,7 @@ from numbers import Integral, Real
 from typing import Any, Literal, Union, get_args, get_origin
 
 from cnnum.errors import ProgramError
-from cnnum.names import shown
+from cnnum.safety.names import shown
 
 LARGEST = 2**63 - 1
 """What a whole number may reach."""

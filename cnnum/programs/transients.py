@@ -8,7 +8,7 @@ import numpy as np
 from cnnum.errors import ProgramError
 from cnnum.graph.nodes import Graph, Node, Pick, RunSpec, Transient
 from cnnum.programs.fields import Field, as_field, graph_of, maximum, minimum
-from cnnum.template import Duration, Template
+from cnnum.templating.template import Duration, Template
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,11 +9,11 @@ from typing import cast
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.checks import CheckResult
 from cnnum.report.plan_cost import PlanCost
 from cnnum.report.record import SceneRecord
 from cnnum.report.verdicts import Verdict, compare
 from cnnum.report.work_precision import WorkPrecision
+from cnnum.templating.checks import CheckResult
 
 FORMAT = 1
 """Number of this layout."""

@@ -4,8 +4,8 @@ from html import escape
 from importlib import resources
 
 from cnnum.report import sections
-from cnnum.report.colours import style_rules
 from cnnum.report.encoding import ReportData, to_json
+from cnnum.report.pictures.colours import style_rules
 
 
 def page(data: ReportData) -> str:

@@ -6,9 +6,9 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import ArrayError
-from cnnum.pipeline import Scene
 from cnnum.plan import Explanation
 from cnnum.report.record import SceneRecord
+from cnnum.scenes.pipeline import Scene
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,14 @@ from typing import cast
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
-from cnnum.conversion import ByCalibration
 from cnnum.drivers.registry import driver_options
-from cnnum.events import Event
 from cnnum.frame import FORCE_AXES, Truth
-from cnnum.pipeline import Moment, Scene
 from cnnum.plan import Explanation
 from cnnum.report.environment import Environment
-from cnnum.summary import Summary
+from cnnum.scenes.conversion import ByCalibration
+from cnnum.scenes.events import Event
+from cnnum.scenes.pipeline import Moment, Scene
+from cnnum.scenes.summary import Summary
 
 SHEAR_X, SHEAR_Y, NORMAL = FORCE_AXES
 

@@ -7,7 +7,9 @@ import numpy as np
 
 from cnnum.report import tables
 from cnnum.report.encoding import ReportData
-from cnnum.report.error_charts import (
+from cnnum.report.html import both, glyph, legend, paragraph, section, swatch
+from cnnum.report.key_frames import key_frames
+from cnnum.report.pictures.error_charts import (
     check_chart,
     ladder_chart,
     ladder_style,
@@ -15,13 +17,11 @@ from cnnum.report.error_charts import (
     series_style,
     symbol,
 )
-from cnnum.report.filmstrip import arrow_key, colour_bar, filmstrip, shown_unit
-from cnnum.report.frame_picture import MapScale
-from cnnum.report.html import both, glyph, legend, paragraph, section, swatch
-from cnnum.report.key_frames import key_frames
-from cnnum.report.latency_chart import latency_chart
-from cnnum.report.svg import micros, plain
-from cnnum.report.timeline import timeline
+from cnnum.report.pictures.filmstrip import arrow_key, colour_bar, filmstrip, shown_unit
+from cnnum.report.pictures.frame_picture import MapScale
+from cnnum.report.pictures.latency_chart import latency_chart
+from cnnum.report.pictures.svg import micros, plain
+from cnnum.report.pictures.timeline import timeline
 from cnnum.report.verdicts import MAX_DELAY, MAX_TURN
 from cnnum.report.work_precision import WorkPrecision
 

@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Sequence
 from math import degrees
 
-from cnnum.checks import CheckResult
-from cnnum.events import Event
 from cnnum.graph.schedule import grouped
 from cnnum.report.html import Cell, table
+from cnnum.report.pictures.svg import micros, plain, scientific, si
 from cnnum.report.plan_cost import PlanCost
-from cnnum.report.svg import micros, plain, scientific, si
 from cnnum.report.verdicts import TrueEvent, Verdict
+from cnnum.scenes.events import Event
+from cnnum.templating.checks import CheckResult
 
 Row = tuple[bool, tuple[Cell, ...]]
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import ReportError
-from cnnum.files import write_whole
-from cnnum.report import colours
-from cnnum.tracing import TraceStep
+from cnnum.graph.tracing import TraceStep
+from cnnum.report.pictures import colours
+from cnnum.safety.files import write_whole
 
 _SIDE = 132.0
 """Width of a picture, px."""

@@ -6,8 +6,8 @@ from math import atan2, degrees, isfinite, pi, remainder
 
 import numpy as np
 
-from cnnum.events import Event
 from cnnum.report.record import SceneRecord
+from cnnum.scenes.events import Event
 
 MAX_DELAY = 5
 """Frames that a report may be early or late."""

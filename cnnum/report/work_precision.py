@@ -10,10 +10,10 @@ from functools import cache, partial
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
-from cnnum.checks import Case, form_of
 from cnnum.engine import Engine
 from cnnum.errors import CnnumError
-from cnnum.template import Template
+from cnnum.templating.checks import Case, form_of
+from cnnum.templating.template import Template
 
 REFERENCE_RTOL = 1e-10
 """Tolerance of the run that all others are compared with, absolute and relative: five decades

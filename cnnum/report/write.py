@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from cnnum.checks import CheckResult
 from cnnum.errors import ReportError
-from cnnum.files import write_whole
 from cnnum.report.encoding import ReportData
 from cnnum.report.page import page
 from cnnum.report.plan_cost import PlanCost
 from cnnum.report.record import SceneRecord
 from cnnum.report.work_precision import WorkPrecision
+from cnnum.safety.files import write_whole
+from cnnum.templating.checks import CheckResult
 
 
 def write_demo_report(

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Shape, as_shape, finite, maps, real_numbers
 from cnnum.errors import ArrayError
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 MANY_CELLS = 256 * 256
 """Cells from which an engine may look at what it is given while it takes it."""

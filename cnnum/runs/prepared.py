@@ -16,7 +16,7 @@ from cnnum.engines.backend import OneFrame
 from cnnum.integrators.linear_range import may_stay_linear
 from cnnum.plan import Plan
 from cnnum.runs.result import Result, result_of
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 Form = tuple[object, ...]
 """All that runs share which differ in their numbers alone."""

@@ -5,7 +5,7 @@ from cnnum.drivers.simulated.bumps import bumps_fem_influence
 from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
 from cnnum.drivers.simulated.layer import layer_influence
 from cnnum.drivers.simulated.settings import Settings
-from cnnum.room import refuse_on_host
+from cnnum.safety.memory import refuse_on_host
 from cnnum.tactile.grid import sharpened
 
 CELLS = (2, 3)

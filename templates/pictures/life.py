@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 
-from cnnum.library import get_template
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.loops import loop
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import transient
+from cnnum.templating.library import get_template
 
 
 @program

@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.loads import PUSH, Loads, loads_of, square
-from cnnum.templates.tactile.pressure import Carries, pressed_of
-from cnnum.templates.tactile.unblur import DEPTH, READS
+from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
+from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of, square
+from cnnum.templates.tactile.shared.pressure import Carries, pressed_of
 
 SHARE = 0.1
 """Share of the peak pressure from which a taxel counts as touched: what is left of the cover's blur

@@ -10,19 +10,25 @@ from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply, shift
 from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.bodies import are_spheres, is_edged, is_round, is_smooth, punch_of
-from cnnum.templates.tactile.least_squares import Felt, felt_of
-from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of
-from cnnum.templates.tactile.outline import WAYS, Links, links_of
-from cnnum.templates.tactile.rims import circle_through, on_circle
-from cnnum.templates.tactile.unblur import (
+from cnnum.templates.tactile.contact_mechanics.edge_crossings import WAYS, Links, links_of
+from cnnum.templates.tactile.contact_mechanics.elliptic_contact_fit import Whole, whole_of
+from cnnum.templates.tactile.contact_mechanics.indenter_classes import (
+    are_spheres,
+    is_edged,
+    is_round,
+    is_smooth,
+    punch_of,
+)
+from cnnum.templates.tactile.contact_mechanics.rim_circle_fit import circle_through, on_circle
+from cnnum.templates.tactile.cover_model.deconvolution import (
     DEPTH,
     READS,
     filter_template,
     noise_gain,
     surface_load,
 )
-from cnnum.templates.tactile.whole import Whole, whole_of
+from cnnum.templates.tactile.shared.least_squares import Felt, felt_of
+from cnnum.templates.tactile.shared.loads import LIFT, PUSH, Loads, loads_of
 
 SHARE = 0.3
 """Least load along an edge, as a share of the largest."""

@@ -13,8 +13,8 @@ from cnnum.errors import ProgramError
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of
-from cnnum.templates.tactile.loads import square as squared
+from cnnum.templates.tactile.shared.loads import LIFT, PUSH, Loads, loads_of
+from cnnum.templates.tactile.shared.loads import square as squared
 
 AGREE = 0.75
 """Least agreement of the signs with a motion's pattern, from −1 to 1. A straight pull is judged by

@@ -25,7 +25,7 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.templates.tactile.loads import square
+from cnnum.templates.tactile.shared.loads import square
 
 START = 0.5
 """s. The grasp must be still at the start of a stream: noise and rest are learned from it."""

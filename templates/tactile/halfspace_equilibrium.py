@@ -8,10 +8,10 @@ from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import Applied, apply, transient
-from cnnum.template import Template
-from cnnum.templates.tactile.elastic_lattice import ElasticLattice, Form
-from cnnum.templates.tactile.halfspace_fields import depth_in_cells
-from cnnum.templates.tactile.lattice_fading import matched
+from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice, Form
+from cnnum.templates.tactile.cover_model.fields import depth_in_cells
+from cnnum.templates.tactile.cover_model.lattice_fading import matched
+from cnnum.templating.template import Template
 
 PATIENCE = 1e7
 """Time constants after which the relaxation gives up; that of ν = 0.499 on 16×16 cells is 1e6."""

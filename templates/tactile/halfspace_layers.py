@@ -6,8 +6,8 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.templates.tactile.depth_layers import relaxed, stack_of
-from cnnum.templates.tactile.halfspace_fields import Surface, depth_in_cells
+from cnnum.templates.tactile.cover_model.depth_layers import relaxed, stack_of
+from cnnum.templates.tactile.cover_model.fields import Surface, depth_in_cells
 
 
 @program

@@ -6,7 +6,7 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.templates.tactile.halfspace_fields import depth_in_cells
+from cnnum.templates.tactile.cover_model.fields import depth_in_cells
 from cnnum.templates.tactile.halfspace_stress import surface_of
 
 

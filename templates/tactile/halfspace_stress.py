@@ -5,8 +5,12 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.diffusion_waves import WaveExtension, read_out_times, waves_of
-from cnnum.templates.tactile.halfspace_fields import Surface, depth_in_cells
+from cnnum.templates.tactile.cover_model.diffusion_waves import (
+    WaveExtension,
+    read_out_times,
+    waves_of,
+)
+from cnnum.templates.tactile.cover_model.fields import Surface, depth_in_cells
 
 
 def surface_of(frame: FrameFields, depth: float, tolerance: float) -> Surface:

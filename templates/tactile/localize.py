@@ -12,9 +12,9 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import transient
 from cnnum.tactile.bump_loads import Taxels, bump_inverse
-from cnnum.template import Template
-from cnnum.templates.tactile.loads import LIFT, PUSH, Loads, loads_of
-from cnnum.templates.tactile.patches import patches_of
+from cnnum.templates.tactile.shared.loads import LIFT, PUSH, Loads, loads_of
+from cnnum.templates.tactile.shared.patches import patches_of
+from cnnum.templating.template import Template
 
 PITCH, DEPTH, SPACING = 7.5, 1.0, 1.5
 """Bump radii: Ø 0.4 mm bumps 1.5 mm apart, on 0.2 mm of rubber (dissertation 6.4.4). The pressure

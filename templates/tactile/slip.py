@@ -12,17 +12,24 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.friction import friction_needed
-from cnnum.templates.tactile.lags import AtRest, lag_of
-from cnnum.templates.tactile.latch import latched
-from cnnum.templates.tactile.laws import pull_law
-from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of, square
-from cnnum.templates.tactile.moves import Rest, moves_on
-from cnnum.templates.tactile.pressure import Carries
-from cnnum.templates.tactile.pull import RADIUS, Place, Side, force_on, moved_since, place_of
-from cnnum.templates.tactile.skin import Skin
+from cnnum.templates.tactile.contact_mechanics.contact_shift import Rest, moves_on
+from cnnum.templates.tactile.contact_mechanics.contact_wrench import (
+    RADIUS,
+    Place,
+    Side,
+    force_on,
+    moved_since,
+    place_of,
+)
+from cnnum.templates.tactile.contact_mechanics.cover_response import Skin
+from cnnum.templates.tactile.contact_mechanics.growth_laws import pull_law
+from cnnum.templates.tactile.contact_mechanics.traction_lag import AtRest, lag_of
+from cnnum.templates.tactile.cover_model.deconvolution import DEPTH
+from cnnum.templates.tactile.shared.friction import friction_needed
+from cnnum.templates.tactile.shared.latch import latched
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of, patch_of, square
+from cnnum.templates.tactile.shared.pressure import Carries
 from cnnum.templates.tactile.twist import BUMP, Cover
-from cnnum.templates.tactile.unblur import DEPTH
 
 STOPS = 2.0
 """How much likelier a slip must be than a stop at the same time, by how the force bends and by how

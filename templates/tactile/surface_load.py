@@ -10,7 +10,7 @@ from cnnum.programs.fields import Field, maximum, minimum, sqrt
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import transient
-from cnnum.templates.tactile.load_network import LoadNetwork
+from cnnum.templates.tactile.cover_model.load_network import LoadNetwork
 
 PATIENCE = 1e6
 """Time constants after which the network gives up."""

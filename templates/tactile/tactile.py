@@ -8,14 +8,14 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.contact import contact_of
+from cnnum.templates.tactile.contact_mechanics.contact_wrench import place_of
+from cnnum.templates.tactile.contact_mechanics.cover_response import Skin
+from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
 from cnnum.templates.tactile.edges import edges_of
-from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.localize import localize_of
-from cnnum.templates.tactile.pull import place_of
-from cnnum.templates.tactile.skin import Skin
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.slip import slip_of
 from cnnum.templates.tactile.twist import BUMP, RATE, Cover, twist_of
-from cnnum.templates.tactile.unblur import DEPTH, READS
 
 
 @program

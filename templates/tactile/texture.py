@@ -7,7 +7,7 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.templates.tactile.loads import PUSH, loads_of, square
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of, square
 
 WINDOW = 128
 """T of the dissertation: 128 frames of 15 ms."""

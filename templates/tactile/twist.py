@@ -12,11 +12,7 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.tactile.bumps_felt import bumps_felt
-from cnnum.templates.tactile.growth import FOLLOW
-from cnnum.templates.tactile.latch import latched
-from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
-from cnnum.templates.tactile.pace import Pace
-from cnnum.templates.tactile.pull import (
+from cnnum.templates.tactile.contact_mechanics.contact_wrench import (
     RADIUS,
     Place,
     Side,
@@ -25,7 +21,11 @@ from cnnum.templates.tactile.pull import (
     torque_on,
     widened_since,
 )
-from cnnum.templates.tactile.turning import turning_of
+from cnnum.templates.tactile.contact_mechanics.growth_rate import Pace
+from cnnum.templates.tactile.contact_mechanics.load_growth import FOLLOW
+from cnnum.templates.tactile.contact_mechanics.torque_law import turning_of
+from cnnum.templates.tactile.shared.latch import latched
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of, patch_of
 
 TURNS = 0.5
 """Belief that half the contact radius slips, at which a twist is reported."""

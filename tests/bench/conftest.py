@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from cnnum.bench import errors
+from cnnum.lab.bench import errors
 
 
 @pytest.fixture(scope="session")

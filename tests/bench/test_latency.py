@@ -4,12 +4,12 @@ import time
 
 import pytest
 
-from cnnum.bench import errors, latency
-from cnnum.bench.samples import scene_frames, touch
-from cnnum.cli import bench
-from cnnum.events import EVENT_RULES, EventDetector
-from cnnum.pipeline import load_scene
-from cnnum.program_library import program_names
+from cnnum.cli.commands import bench
+from cnnum.lab.bench import errors, latency
+from cnnum.lab.bench.samples import scene_frames, touch
+from cnnum.programs.library import program_names
+from cnnum.scenes.events import EVENT_RULES, EventDetector
+from cnnum.scenes.pipeline import load_scene
 
 WHOLE = latency.Subject("tactile", "tactile")
 QUICK = latency.Subject("contact", "contact")

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cnnum.bench import compile_time, denormals, errors, scene_costs
-from cnnum.bench.samples import maps
 from cnnum.engine import Engine
-from cnnum.program_library import get_program
+from cnnum.lab.bench import compile_time, denormals, errors, scene_costs
+from cnnum.lab.bench.samples import maps
+from cnnum.programs.library import get_program
 
 
 def test_cold_and_warm_starts_give_the_reference_engines_answer():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cnnum.bench.slip_bound import FALSE, all_told, power, told
 from cnnum.drivers.simulated.array import SimulatedArray
+from cnnum.lab.bench.programs.slip_bound import FALSE, all_told, power, told
+from cnnum.lab.scoring.generated.scripts import slip_case
 from cnnum.report.verdicts import MAX_DELAY
-from cnnum.scoring.scripts import slip_case
 
 
 @pytest.mark.parametrize("apart", [0.0, 1.0, 3.0])

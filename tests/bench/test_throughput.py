@@ -6,12 +6,12 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cnnum.bench import throughput
-from cnnum.bench.timing import Difference, Timing, difference
-from cnnum.cli import bench
+from cnnum.cli.commands import bench
 from cnnum.engines.opencl import measure as device
 from cnnum.engines.opencl.measure import Figures
 from cnnum.engines.opencl.measure_kernels import arithmetic_kernels
+from cnnum.lab.bench import throughput
+from cnnum.lab.bench.timing import Difference, Timing, difference
 
 SMALL = tuple(
     throughput.ThroughputCase(f"case {n}", (8, 8), 4, 1, 8, throughput.FULL) for n in range(3)

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from cnnum.bench import timing
+from cnnum.lab.bench import timing
 
 
 @pytest.fixture

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from cnnum.bench.twist_bound import bound_of, bounds, chance, least_error
 from cnnum.drivers.simulated.array import SimulatedArray
 from cnnum.drivers.simulated.script import Phase
 from cnnum.drivers.simulated.settings import Settings
-from cnnum.scoring.case import SCORING, Case
-from cnnum.scoring.faults import Faults
+from cnnum.lab.bench.programs.twist_bound import bound_of, bounds, chance, least_error
+from cnnum.lab.scoring.generated.case import SCORING, Case
+from cnnum.lab.scoring.generated.faults import Faults
 
 SCRIPT = (
     Phase("hold", 0.2),

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from cnnum.bench import program_rungs
-from cnnum.bench import work_precision as bench
-from cnnum.checks import form_of
 from cnnum.engine import Engine
 from cnnum.errors import CnnumError
-from cnnum.library import get_template
-from cnnum.program_library import program_names
+from cnnum.lab.bench import work_precision as bench
+from cnnum.lab.bench.programs import program_rungs
+from cnnum.programs.library import program_names
 from cnnum.report import work_precision as report
 from cnnum.report.work_precision import Rung
+from cnnum.templating.checks import form_of
+from cnnum.templating.library import get_template
 
 DELAYS = ("DELAYED_DIFFUSION", "ECHO")
 FIELDS = ("AUTOWAVE", *DELAYS, "D_ANISO", "INTERP", "FADING", "OSCILLATOR")

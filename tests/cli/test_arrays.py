@@ -154,7 +154,7 @@ def test_what_came_before_an_error_is_kept(call, tmp_path):
 
 @pytest.mark.parametrize("suffix", ["npz", "mcap"])
 def test_replay_counts_what_the_recording_lacks(tmp_path, suffix):
-    from cnnum.cli.recorders import Recorder
+    from cnnum.cli.commands.recorders import Recorder
 
     path, scans = tmp_path / f"gaps.{suffix}", noisy(4)
     with open_driver("simulated") as array:

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 import pytest
 
-from cnnum.bench.page import cell
-from cnnum.bench.records import as_row
-from cnnum.bench.scene_costs import SceneCost
-from cnnum.bench.throughput import Throughput
-from cnnum.cli import bench, fitting
+from cnnum.cli import fitting
+from cnnum.cli.commands import bench
 from cnnum.cli.output import Output, table
+from cnnum.lab.bench.page import cell
+from cnnum.lab.bench.records import as_row
+from cnnum.lab.bench.scene_costs import SceneCost
+from cnnum.lab.bench.throughput import Throughput
 
 LONG = "8×8×3, batch 1024, equal weights, 5×5"
 

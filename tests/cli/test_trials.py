@@ -5,7 +5,7 @@ import warnings
 import numpy as np
 import pytest
 
-from cnnum.cli import devices
+from cnnum.cli.commands import devices
 from cnnum.errors import RecordingWarning
 
 ROWS = 60

@@ -16,7 +16,7 @@ from cnnum.cli.root import main
 from cnnum.drivers.serve import packets
 from cnnum.errors import OtherArrayError
 from cnnum.frame import FORCE_AXES, Frame
-from cnnum.pipeline import Moment, Scene, load_scene
+from cnnum.scenes.pipeline import Moment, Scene, load_scene
 
 RATE = 100.0
 SCENE = """

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 NAMES = ("opencl-float32", "opencl-float64", "numba-float32", "numba-float64")
 RTOL, ATOL = 1e-4, 1e-5

@@ -3,7 +3,7 @@
 import pytest
 
 from cnnum import get_template
-from cnnum.checks import run_check
+from cnnum.templating.checks import run_check
 
 SEEDS = range(20)
 

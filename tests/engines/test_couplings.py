@@ -7,9 +7,9 @@ from scipy.ndimage import median_filter
 from scipy.special import gammainc
 
 import cnnum
-from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.errors import MethodError, TemplateError
-from cnnum.tables import Table
+from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
+from cnnum.templating.function_tables import Table
 
 RING = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])
 

@@ -5,8 +5,8 @@ import pytest
 
 from cnnum.engine import Engine
 from cnnum.engines.opencl.equal_weights import shared_products, shares_products, weighted_terms
-from cnnum.network import Tap, taps
-from cnnum.template import Template
+from cnnum.templating.network import Tap, taps
+from cnnum.templating.template import Template
 
 REFERENCE = Engine("reference")
 

@@ -7,7 +7,7 @@ import pytest
 
 from cnnum.engine import Engine
 from cnnum.errors import MethodError
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 TEMPLATES, FRAMES = 14, 16
 

@@ -6,7 +6,14 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from cnnum.bench.followed_steps import (
+from cnnum.engine import Engine
+from cnnum.engines.opencl import kernel_text
+from cnnum.errors import MethodError
+from cnnum.integrators.estimate import SAFETY
+from cnnum.integrators.stability import METHODS as EVERY_METHOD
+from cnnum.integrators.stability import stability_bound
+from cnnum.integrators.tableau import TABLEAUX, ButcherTableau
+from cnnum.lab.bench.followed_steps import (
     EXPONENTIAL,
     METHODS,
     OUTPUTS,
@@ -15,15 +22,8 @@ from cnnum.bench.followed_steps import (
     network,
     sample,
 )
-from cnnum.couplings import DelayedCoupling
-from cnnum.engine import Engine
-from cnnum.engines.opencl import kernel_text
-from cnnum.errors import MethodError
-from cnnum.integrators.estimate import SAFETY
-from cnnum.integrators.stability import METHODS as EVERY_METHOD
-from cnnum.integrators.stability import stability_bound
-from cnnum.integrators.tableau import TABLEAUX, ButcherTableau
-from cnnum.template import Template
+from cnnum.templating.couplings import DelayedCoupling
+from cnnum.templating.template import Template
 
 REFERENCE = Engine("reference")
 LABELS = ("opencl-float64", "numba-float64", "reference")

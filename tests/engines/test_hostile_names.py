@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.boundary import Boundary
-from cnnum.couplings import Gain, NonlinearCoupling
 from cnnum.errors import ArrayError, CnnumError, ProgramError, TemplateError
-from cnnum.outputs import OutputFunction, output_function
-from cnnum.scene import SceneSpec, read_scene
-from cnnum.tables import Table
+from cnnum.scenes.scene_file import SceneSpec, read_scene
+from cnnum.templating.boundary import Boundary
+from cnnum.templating.couplings import Gain, NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.output_functions import OutputFunction, output_function
 
 HOSTILE = [
     "evil\n#include <evil>\n",

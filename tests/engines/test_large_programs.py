@@ -5,9 +5,9 @@ import pytest
 import scipy.ndimage
 
 import cnnum
-from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.engines.opencl import drive, executable, kernel_text, rates, schemes, strips
-from cnnum.tables import Table
+from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
+from cnnum.templating.function_tables import Table
 
 SHAPE = (9, 11)
 WEAK = [[0.02, -0.05, 0.01], [0.1, 0.4, -0.06], [0.03, 0.08, -0.02]]

@@ -7,7 +7,7 @@ from cnnum import program, transient
 from cnnum.engine import Engine
 from cnnum.engines.opencl import kernel_text
 from cnnum.graph.nodes import RunSpec
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 CASES = {
     # boundary, output, layers, radius, whether a mask holds some cells, rows and columns

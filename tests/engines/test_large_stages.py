@@ -11,7 +11,7 @@ from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
 from cnnum.integrators.schemes import ExponentialSteps, FixedSteps
 from cnnum.integrators.tableau import TABLEAUX
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 REFERENCE = Engine("reference")
 METHODS = [*TABLEAUX, *EXPONENTIAL_METHODS]

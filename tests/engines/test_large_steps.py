@@ -9,7 +9,7 @@ from scipy.ndimage import correlate
 from cnnum.engine import Engine
 from cnnum.engines.opencl import kernel_text
 from cnnum.engines.opencl.runtime.selection import working_devices
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 REFERENCE = Engine("reference")
 DEVICES = [device.label for device in working_devices()]

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from cnnum import program, transient
-from cnnum.couplings import DelayedCoupling, NonlinearCoupling
 from cnnum.engine import Engine
 from cnnum.engines.opencl import kernel_text, row_sums
 from cnnum.graph.nodes import RunSpec
-from cnnum.tables import Table
-from cnnum.template import Template
+from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.template import Template
 
 RAMP = Table("linear", ((-1.0, -0.3), (0.4, 0.1), (1.1, 0.5)))
 

@@ -7,8 +7,8 @@ from scipy.integrate import solve_ivp
 from cnnum.engine import Engine
 from cnnum.errors import MethodError
 from cnnum.integrators.linear_range import as_linear, room, stays_linear
-from cnnum.library import get_template
-from cnnum.template import Template
+from cnnum.templating.library import get_template
+from cnnum.templating.template import Template
 
 ENGINES = [Engine(), Engine(precision="float64"), Engine("numba"), Engine("reference")]
 IDS = ["opencl-float32", "opencl-float64", "numba", "reference"]

@@ -10,7 +10,7 @@ from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.errors import MethodError
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
 from cnnum.integrators.spectral import MODE_LIMIT
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 EVEN = np.array([[0.02, 0.3, 0.02], [0.1, -1.7, 0.1], [0.02, 0.3, 0.02]])
 BOUNDARIES = ["zero-flux", "periodic", 0.0, 0.4]

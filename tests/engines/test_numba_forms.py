@@ -5,11 +5,11 @@ A form takes some twenty seconds to compile, so that one for each kind of bounda
 
 import numpy as np
 
-from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.engine import Engine
 from cnnum.engines.numba.frames import drive_frames, run_frames
-from cnnum.tables import Table
-from cnnum.template import Template
+from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.template import Template
 
 ONE, RAMP = np.full((1, 1, 1, 1), 0.1), Table("linear", ((-1.0, 0.1), (2.0, 0.3)))
 WEIGHTS = np.full((3, 3), 0.1)

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from cnnum.checks.life import next_generation
 from cnnum.engine import Engine
 from cnnum.engines.backend import backend_names
 from cnnum.errors import NotSupportedError
@@ -15,6 +14,7 @@ from cnnum.templates.pictures.components import components
 from cnnum.templates.pictures.holes import holes
 from cnnum.templates.pictures.life import life
 from cnnum.templates.pictures.skeleton import skeleton
+from cnnum.templating.checks.digital.life import next_generation
 
 EIGHT = np.ones((3, 3), dtype=int)
 SHAPE = (7, 9)

@@ -4,9 +4,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.tables import Table
-from cnnum.template import Template
+from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.template import Template
 
 RTOL, ATOL = 1e-4, 1e-5
 KINDS = {  # what a coupling reads: neighbour, centre

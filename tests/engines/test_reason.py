@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cnnum.engine import Engine
-from cnnum.library import get_template
-from cnnum.template import Template
+from cnnum.templating.library import get_template
+from cnnum.templating.template import Template
 
 SPREAD = [[0.0, 0.2, 0.0], [0.2, 0.1, 0.2], [0.0, 0.2, 0.0]]
 GROWING = [[0.0, 0.3, 0.0], [0.1, 2.0, -0.1], [0.0, 0.3, 0.0]]

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from cnnum.engine import Engine
 from cnnum.errors import MethodError, TemplateError
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 ENGINES = [Engine(), Engine(precision="float64"), Engine("numba"), Engine("reference")]
 IDS = ["opencl-float32", "opencl-float64", "numba", "reference"]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 NAMES = ("opencl-float32", "opencl-float64", "numba-float32", "numba-float64")
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.bench.followed_steps import frames, network
-from cnnum.couplings import DelayedCoupling, NonlinearCoupling
 from cnnum.engine import Engine
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.stability import METHODS, stability_bound
-from cnnum.tables import Table
+from cnnum.lab.bench.followed_steps import frames, network
+from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
+from cnnum.templating.function_tables import Table
 
 SHAPE, NETWORKS = (5, 6), 40
 STEPS = tuple(method for method in METHODS if method != "runge-kutta-chebyshev")

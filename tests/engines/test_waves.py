@@ -7,14 +7,14 @@ import pytest
 from scipy import ndimage
 from scipy.stats import poisson
 
-from cnnum.checks.life import next_generation
-from cnnum.checks.propagation import packed_runs
-from cnnum.checks.waves import line_after
 from cnnum.engine import Engine
 from cnnum.engines.backend import backend_names
 from cnnum.errors import NotSupportedError
-from cnnum.library import get_template
-from cnnum.template import Template
+from cnnum.templating.checks.analytic.waves import line_after
+from cnnum.templating.checks.digital.life import next_generation
+from cnnum.templating.checks.digital.propagation import packed_runs
+from cnnum.templating.library import get_template
+from cnnum.templating.template import Template
 
 ENGINES = backend_names()
 SHAPES = [(4, 4), (8, 8), (7, 13), (16, 16)]

@@ -20,7 +20,8 @@ import time
 import traceback
 from pathlib import Path
 
-from cnnum.cli import main, record, recorders, recover
+from cnnum.cli import main
+from cnnum.cli.commands import record, recorders, recover
 from cnnum.drivers import mcap_file, npz_file
 from cnnum.drivers.simulated import array
 

@@ -20,10 +20,10 @@ from cnnum.drivers.npz_file import KIND, read_npz
 from cnnum.drivers.text_table import read_table
 from cnnum.drivers.uskin_csv import UskinCsvOptions
 from cnnum.errors import CnnumError
-from cnnum.reading import open_regular
-from cnnum.scene import read_scene
+from cnnum.safety.reading import open_regular
+from cnnum.scenes.scene_file import read_scene
 from cnnum.tactile.taxel import calibration_file
-from cnnum.template_files import load_template
+from cnnum.templating.files import load_template
 
 SECONDS = 5  # more than any bounded file takes, less than a wait for a writer that never comes
 ROOT = Path(__file__).parents[2]

@@ -10,14 +10,14 @@ import pytest
 
 import cnnum
 from cnnum.arrays import Floats
-from cnnum.conversion import AsRead
 from cnnum.errors import ArrayError
-from cnnum.events import EVENT_RULES, EventDetector, EventRule
 from cnnum.frame import FORCE_AXES, Frame
-from cnnum.frame_range import range_for, unit_range
-from cnnum.pipeline import Moment, Scene, Way, load_scene
 from cnnum.plan import Plan
-from cnnum.program_library import get_program, program_names
+from cnnum.programs.library import get_program, program_names
+from cnnum.scenes.conversion import AsRead
+from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule
+from cnnum.scenes.frame_range import range_for, unit_range
+from cnnum.scenes.pipeline import Moment, Scene, Way, load_scene
 
 SIZES = (1e5, 1e10, 1e15, 1e19, 1e22, 1e30, 1e38)
 BAD = (math.nan, math.inf, -math.inf, *SIZES, *(-size for size in SIZES))

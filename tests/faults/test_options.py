@@ -18,8 +18,8 @@ from cnnum.cli.registry import COMMANDS
 from cnnum.drivers.registry import DRIVERS, open_driver
 from cnnum.drivers.simulated.script import Phase
 from cnnum.errors import CnnumError
-from cnnum.program_library import get_program, program_names
-from cnnum.scene import read_scene
+from cnnum.programs.library import get_program, program_names
+from cnnum.scenes.scene_file import read_scene
 
 SECONDS = 10  # on a busy machine; none takes one
 VALUES = {

@@ -15,10 +15,10 @@ import pytest
 from scipy import ndimage
 
 from cnnum.arrays import Floats
-from cnnum.boundary import Boundary
-from cnnum.couplings import NonlinearCoupling
-from cnnum.tables import Table
-from cnnum.template import Duration, Template
+from cnnum.templating.boundary import Boundary
+from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.template import Duration, Template
 
 SETTLED = 1e-7
 JUMP_STEP = 0.005

@@ -5,13 +5,13 @@ import pytest
 from scipy import ndimage
 from scipy.integrate import solve_ivp
 
-from cnnum.checks import closed_form
-from cnnum.checks.delays import by_steps
-from cnnum.checks.interpolation import bending
-from cnnum.checks.life import next_generation
-from cnnum.checks.oscillation import limit_cycle
-from cnnum.checks.waves import line_after
-from cnnum.library import get_template
+from cnnum.templating.checks import closed_form
+from cnnum.templating.checks.analytic.delays import by_steps
+from cnnum.templating.checks.analytic.interpolation import bending
+from cnnum.templating.checks.analytic.oscillation import limit_cycle
+from cnnum.templating.checks.analytic.waves import line_after
+from cnnum.templating.checks.digital.life import next_generation
+from cnnum.templating.library import get_template
 
 
 @pytest.mark.parametrize(("rate", "late"), [(-1.0, -0.9), (-1.0, 0.6), (-0.4, 0.3), (0.2, -1.1)])

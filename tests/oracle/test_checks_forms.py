@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import integrate, linalg, ndimage
 
-from cnnum.boundary import PERIODIC, ZERO_FLUX, Boundary, halo_sources, parse_boundary
-from cnnum.checks.cell import state_after, switching_time
-from cnnum.checks.modes import modes
-from cnnum.checks.pictures import binary, gray
-from cnnum.checks.propagation import packed_runs
 from cnnum.errors import TemplateError
+from cnnum.templating.boundary import PERIODIC, ZERO_FLUX, Boundary, halo_sources, parse_boundary
+from cnnum.templating.checks.analytic.cell import state_after, switching_time
+from cnnum.templating.checks.analytic.modes import modes
+from cnnum.templating.checks.digital.propagation import packed_runs
+from cnnum.templating.checks.pictures import binary, gray
 
 BOUNDARIES = [ZERO_FLUX, PERIODIC, parse_boundary(0.0)]
 

@@ -2,10 +2,10 @@
 
 import pytest
 
-from cnnum.checks.program_run import run_program_check
-from cnnum.checks.tactile_halfspace import FORMS
 from cnnum.engine import Engine
-from cnnum.program_library import get_program
+from cnnum.programs.library import get_program
+from cnnum.templating.checks.program_run import run_program_check
+from cnnum.templating.checks.tactile.halfspace import FORMS
 
 WRONG = {
     "halfspace_stress": {"thickness": 1.01e-3},

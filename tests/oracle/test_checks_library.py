@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import cnnum.library as library
+import cnnum.templating.library as library
 from cnnum.arrays import Floats
-from cnnum.checks import closed_form_names, form_of, run_check
-from cnnum.tables import Table
-from cnnum.template import Template
+from cnnum.templating.checks import closed_form_names, form_of, run_check
+from cnnum.templating.function_tables import Table
+from cnnum.templating.template import Template
 
 NAMES = library.template_names()
 SHAPES = [(8, 8), (12, 12), (5, 9), (1, 7), (9, 1)]

@@ -4,11 +4,12 @@ from collections.abc import Mapping
 
 import pytest
 
-from cnnum.checks.program_registry import checked_programs, program_forms
-from cnnum.checks.program_run import run_program_check
 from cnnum.engine import Engine
-from cnnum.program_library import get_program, program_names
-from cnnum.templates.tactile import laws, pull
+from cnnum.programs.library import get_program, program_names
+from cnnum.templates.tactile.contact_mechanics import contact_wrench as pull
+from cnnum.templates.tactile.contact_mechanics import growth_laws as laws
+from cnnum.templating.checks.program_registry import checked_programs, program_forms
+from cnnum.templating.checks.program_run import run_program_check
 
 FORMS = [form for name in checked_programs() for form in program_forms(name)]
 WRONG = {

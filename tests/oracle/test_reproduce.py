@@ -5,10 +5,10 @@ import math
 import pytest
 
 from cnnum.errors import PhysicsError, UnknownNameError
-from cnnum.reproduce import errata, inverse
-from cnnum.reproduce.record import Item
-from cnnum.reproduce.registry import CHAPTERS, beginnings, figure_makers, item_names, select
-from cnnum.reproduce.run import run, run_item
+from cnnum.lab.reproduce.chapters import errata, inverse
+from cnnum.lab.reproduce.record import Item
+from cnnum.lab.reproduce.registry import CHAPTERS, beginnings, figure_makers, item_names, select
+from cnnum.lab.reproduce.run import run, run_item
 
 ITEMS = select([])
 CHECKS = [item for item in ITEMS if item.kind == "check"]

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-import cnnum.reproduce
-from cnnum.cli.reproduce import command
+import cnnum.lab.reproduce
+from cnnum.cli.commands.reproduce import command
 from cnnum.errors import MissingExtraError, RecordingError, UnknownNameError
-from cnnum.reproduce.drawing import INK, draw
-from cnnum.reproduce.figure import Arrows, Curve, Dots, Field, Matrix, Panel
-from cnnum.reproduce.page import figures_of, page, write_page
-from cnnum.reproduce.record import Item
-from cnnum.reproduce.registry import select
-from cnnum.reproduce.run import run
-from cnnum.reproduce.table import number, rows_table, written
+from cnnum.lab.reproduce.drawing import INK, draw
+from cnnum.lab.reproduce.figure import Arrows, Curve, Dots, Field, Matrix, Panel
+from cnnum.lab.reproduce.page import figures_of, page, write_page
+from cnnum.lab.reproduce.record import Item
+from cnnum.lab.reproduce.registry import select
+from cnnum.lab.reproduce.run import run
+from cnnum.lab.reproduce.table import number, rows_table, written
 
 NAMES = ("W", "fig-4.3", "fig-5.2", "erratum")
 FIELDS = {"item", "source", "expected", "got", "error", "tolerance", "passed", "kind", "unit"}
@@ -144,7 +144,7 @@ def test_command_writes_the_page_and_a_table(tmp_path: Path) -> None:
 
 def test_command_fails_with_a_check(monkeypatch: pytest.MonkeyPatch) -> None:
     wrong = Item("x", "a number", "nowhere", 2.0, lambda: 3.0, 0.1, "because it must")
-    monkeypatch.setattr(cnnum.reproduce, "select", lambda names: (wrong,))
+    monkeypatch.setattr(cnnum.lab.reproduce, "select", lambda names: (wrong,))
     result = CliRunner().invoke(command, [], standalone_mode=False)
     assert result.return_value == 1
     assert "FAILED" in result.stdout
@@ -165,7 +165,7 @@ def test_a_missing_package_is_said_and_is_no_failure(monkeypatch: pytest.MonkeyP
     assert row.missing == "Install the extra 'texture'."
     assert figures_of([row]) == ()
     assert "not run" in rows_table([row])
-    monkeypatch.setattr(cnnum.reproduce, "select", lambda names: (item,))
+    monkeypatch.setattr(cnnum.lab.reproduce, "select", lambda names: (item,))
     result = CliRunner().invoke(command, [], standalone_mode=False)
     assert result.return_value == 0
     assert "Install the extra" in result.stdout

@@ -3,11 +3,20 @@
 import numpy as np
 import pytest
 
-from cnnum.checks.sphere_streams import BEGIN, DEPTH, HOLD, PRESS, REST, Sphere, pulled, turned
 from cnnum.drivers.simulated.array import SimulatedOptions
 from cnnum.drivers.simulated.script import Phase
 from cnnum.drivers.simulated.settings import Settings
 from cnnum.tactile.contact import contact_modulus
+from cnnum.templating.checks.tactile.sphere_streams import (
+    BEGIN,
+    DEPTH,
+    HOLD,
+    PRESS,
+    REST,
+    Sphere,
+    pulled,
+    turned,
+)
 
 SHAPE, FRAMES, TIME = (8, 8), 50, 37.3
 SPHERE = Sphere(radius=1.4, friction=0.6, centre=(0.2, -0.3))

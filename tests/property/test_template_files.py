@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from cnnum.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.names import SIGNS
-from cnnum.outputs import OUTPUT_FUNCTIONS
-from cnnum.tables import Table
-from cnnum.template import Check, Template
-from cnnum.template_files import load_entry, save_template
+from cnnum.safety.names import SIGNS
+from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
+from cnnum.templating.files import load_entry, save_template
+from cnnum.templating.function_tables import Table
+from cnnum.templating.output_functions import OUTPUT_FUNCTIONS
+from cnnum.templating.template import Check, Template
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from scipy.signal import correlate2d
 
-from cnnum.bench.contact_errors import aliased, errors, run_contact
 from cnnum.drivers.simulated.script import Phase
 from cnnum.errors import UnknownNameError
+from cnnum.lab.bench.programs.contact_errors import aliased, errors, run_contact
+from cnnum.tactile.deconvolution import LEFT, left_kernel, unblur_kernel
 from cnnum.tactile.halfspace import SurfaceToDepth, strain_transfer
 from cnnum.tactile.indenters import Disc, Rectangle, frame_under
 from cnnum.tactile.shear_seen import NEAR, pulled_far, pulled_normal, shear_seen
 from cnnum.tactile.touches import Touch, drawn, readings
-from cnnum.tactile.unblur import LEFT, left_kernel, unblur_kernel
 from cnnum.templates.tactile.contact import contact
 
 MODULUS, PITCH, THICKNESS = 0.87e6, 1.5e-3, 1e-3

@@ -5,21 +5,21 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cnnum.bench.edge_errors import told_apart
-from cnnum.bench.smooth_edges import (
+from cnnum.lab.bench.programs.edge_errors import told_apart
+from cnnum.lab.bench.programs.smooth_edges import (
     Several,
     drawn_pairs,
     drawn_pulls,
     drawn_small,
     drawn_threes,
 )
-from cnnum.bench.surround import GAPS, beside, hat
+from cnnum.lab.bench.programs.surround import GAPS, beside, hat
 from cnnum.programs import program
 from cnnum.tactile.halfspace import SurfaceToDepth
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under, two_bars
 from cnnum.tactile.touches import readings
+from cnnum.templates.tactile.contact_mechanics.edge_crossings import links_of
 from cnnum.templates.tactile.edges import edges
-from cnnum.templates.tactile.outline import links_of
 
 NOISE = 5e-3
 """Of one reading, as a share of the peak: 2.5 mV (Table 3.II) of 500 mV."""

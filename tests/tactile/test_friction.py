@@ -6,12 +6,12 @@ import pytest
 from cnnum.drivers.simulated.script import Phase
 from cnnum.errors import UnknownNameError
 from cnnum.programs import program
-from cnnum.templates.tactile.friction import friction_needed
-from cnnum.templates.tactile.lags import looked_at
-from cnnum.templates.tactile.laws import pull_law
-from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
-from cnnum.templates.tactile.pull import force_on, place_of
-from cnnum.templates.tactile.skin import Skin, as_read, felt_by
+from cnnum.templates.tactile.contact_mechanics.contact_wrench import force_on, place_of
+from cnnum.templates.tactile.contact_mechanics.cover_response import Skin, as_read, felt_by
+from cnnum.templates.tactile.contact_mechanics.growth_laws import pull_law
+from cnnum.templates.tactile.contact_mechanics.traction_lag import looked_at
+from cnnum.templates.tactile.shared.friction import friction_needed
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.slip import slip
 
 HELD = (Phase("hold", 0.3), Phase("press", 0.3, load=0.6), Phase("hold", 0.3))

@@ -16,8 +16,8 @@ from cnnum.tactile.contact import (
     tangential_displacement,
     torsion_slip,
 )
-from cnnum.templates.tactile.hypotheses import hypotheses
-from cnnum.templates.tactile.laws import TWIST, pull_law
+from cnnum.templates.tactile.contact_mechanics.growth_laws import TWIST, pull_law
+from cnnum.templates.tactile.contact_mechanics.time_hypotheses import hypotheses
 
 LOAD, FRICTION, MODULUS = 1.3, 0.7, 0.9e6
 SHAPE = (10, 10)

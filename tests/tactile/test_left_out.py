@@ -4,11 +4,11 @@ from collections import Counter
 
 import pytest
 
-from cnnum.bench.scene_costs import measure_scenes
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Transient
 from cnnum.graph.passes import schedule
-from cnnum.pipeline import load_scene
+from cnnum.lab.bench.scene_costs import measure_scenes
+from cnnum.scenes.pipeline import load_scene
 from cnnum.templates.tactile.tactile import tactile
 
 GRAPH = tactile.trace((8, 8))

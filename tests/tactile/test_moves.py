@@ -6,10 +6,10 @@ import pytest
 from cnnum.drivers.simulated.script import Phase
 from cnnum.engine import Engine
 from cnnum.programs import program
-from cnnum.templates.tactile.laws import pull_law
-from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
-from cnnum.templates.tactile.moves import Rest, moves_on
-from cnnum.templates.tactile.pull import force_on, place_of
+from cnnum.templates.tactile.contact_mechanics.contact_shift import Rest, moves_on
+from cnnum.templates.tactile.contact_mechanics.contact_wrench import force_on, place_of
+from cnnum.templates.tactile.contact_mechanics.growth_laws import pull_law
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.slip import slip
 
 HELD = (Phase("hold", 0.3), Phase("press", 0.3, load=0.8), Phase("hold", 0.3))

@@ -6,8 +6,8 @@ import pytest
 from cnnum.drivers.simulated.script import Phase
 from cnnum.engine import Engine
 from cnnum.programs import program
-from cnnum.templates.tactile.laws import CURVE, TWIST
-from cnnum.templates.tactile.pace import pace_of
+from cnnum.templates.tactile.contact_mechanics.growth_laws import CURVE, TWIST
+from cnnum.templates.tactile.contact_mechanics.growth_rate import pace_of
 from cnnum.templates.tactile.twist import KNOWN, twist
 
 STREAMS, TIME, FRAMES = 200, 24.0, 36

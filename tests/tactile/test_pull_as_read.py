@@ -5,11 +5,11 @@ import pytest
 
 from cnnum.drivers.simulated.script import Phase
 from cnnum.programs import program
-from cnnum.templates.tactile.lags import AtRest, lag_of, looked_at
-from cnnum.templates.tactile.laws import NEARER, pull_law
-from cnnum.templates.tactile.loads import PUSH, loads_of, patch_of
-from cnnum.templates.tactile.pull import force_on, place_of
-from cnnum.templates.tactile.skin import Skin, felt_by
+from cnnum.templates.tactile.contact_mechanics.contact_wrench import force_on, place_of
+from cnnum.templates.tactile.contact_mechanics.cover_response import Skin, felt_by
+from cnnum.templates.tactile.contact_mechanics.growth_laws import NEARER, pull_law
+from cnnum.templates.tactile.contact_mechanics.traction_lag import AtRest, lag_of, looked_at
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of, patch_of
 from cnnum.templates.tactile.slip import slip
 
 HELD = (Phase("hold", 0.2), Phase("press", 0.2, load=0.8), Phase("hold", 0.2))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.simulated.array import SimulatedOptions
-from cnnum.pipeline import load_scene
-from cnnum.scene import read_scene
+from cnnum.scenes.pipeline import load_scene
+from cnnum.scenes.scene_file import read_scene
 
 LOADS = ("load_normal", "load_x", "load_y")
 TRUE = ("normal_force", "shear_x", "shear_y")

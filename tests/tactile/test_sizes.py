@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from cnnum.arrays import Floats
-from cnnum.program_library import get_program, program_names
+from cnnum.programs.library import get_program, program_names
 from cnnum.tactile.bump_loads import bump_readings
 from cnnum.tactile.halfspace import SurfaceToDepth
 from cnnum.tactile.indenters import Disc, frame_under

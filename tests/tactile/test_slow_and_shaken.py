@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.simulated.script import Phase
-from cnnum.scoring.scripts import held_case, slip_case
-from cnnum.scoring.simulate import Simulator
+from cnnum.lab.scoring.generated.scripts import held_case, slip_case
+from cnnum.lab.scoring.generated.simulate import Simulator
 from cnnum.templates.tactile.slip import slip
 from cnnum.templates.tactile.twist import twist
 

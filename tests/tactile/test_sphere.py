@@ -16,10 +16,15 @@ from cnnum.programs.fields import where
 from cnnum.tactile.bumps_felt import bumps_felt
 from cnnum.tactile.contact import contact_modulus, hertz
 from cnnum.tactile.indenters import Disc
-from cnnum.templates.tactile.contact_radius import round_under
-from cnnum.templates.tactile.loads import loads_of, patch_of
-from cnnum.templates.tactile.pull import place_of, sideways_on
-from cnnum.templates.tactile.sphere import pulled_by, punched_by, pushed_by, turned_by
+from cnnum.templates.tactile.contact_mechanics.contact_radius import round_under
+from cnnum.templates.tactile.contact_mechanics.contact_wrench import place_of, sideways_on
+from cnnum.templates.tactile.contact_mechanics.sphere_response import (
+    pulled_by,
+    punched_by,
+    pushed_by,
+    turned_by,
+)
+from cnnum.templates.tactile.shared.loads import loads_of, patch_of
 from cnnum.templates.tactile.twist import twist
 
 SIZES = [(0.8, 0.47), (1.3, 0.67), (1.8, 1.33)]

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from cnnum.bench import load_errors
-from cnnum.bench.halfspace_figures import contacts
-from cnnum.bench.halfspace_runs import inverse
 from cnnum.errors import ProgramError
+from cnnum.lab.bench.programs import load_errors
+from cnnum.lab.bench.programs.halfspace_runs import inverse
 from cnnum.tactile.halfspace import SurfaceToDepth
 from cnnum.tactile.inverse import LoadMap
-from cnnum.templates.tactile.load_network import LoadNetwork
+from cnnum.templates.tactile.cover_model.load_network import LoadNetwork
 from cnnum.templates.tactile.surface_load import surface_load
+from docs.figures.halfspace_figures import contacts
 
 PITCH, THICKNESS, E, NOISE, LIKELY = 1.5e-3, 1.0e-3, 0.87e6, 1e-4, 3e3
 HEIGHTS = {6e3: 5.9e3, 8e3: 7.9e3, 12e3: 11.9e3}
@@ -189,7 +189,7 @@ def dense(network, shape):
 
 
 def test_one_round_halves_the_error(fast):
-    """Contacts anywhere on 16×16 taxels; see `python -m cnnum.bench.load_errors`."""
+    """Contacts anywhere on 16×16 taxels; see `python -m cnnum.lab.bench.programs.load_errors`."""
     none, one = (load_errors.measure(fast, 1e-4, rounds, count=40) for rounds in (0, 1))
     assert one.rms < 0.5 * none.rms
     assert abs(one.height - 1.0) < abs(none.height - 1.0)

@@ -8,16 +8,17 @@ from cnnum.drivers.simulated.script import Phase
 from cnnum.drivers.simulated.settings import Settings
 from cnnum.drivers.simulated.springs import Pair, Springs
 from cnnum.engine import Engine
+from cnnum.lab.scoring.generated.bounds import Bounds
 from cnnum.programs import program
-from cnnum.scoring.bounds import Bounds
 from cnnum.tactile.bumps_felt import bumps_felt
 from cnnum.tactile.contact import sliding_torque
-from cnnum.templates.tactile import bump_loads, turning
-from cnnum.templates.tactile.bump_loads import pressed_on_bumps, turned_on_bumps
-from cnnum.templates.tactile.laws import CURVE
-from cnnum.templates.tactile.loads import loads_of, patch_of
-from cnnum.templates.tactile.pull import place_of
-from cnnum.templates.tactile.turning import turning_of
+from cnnum.templates.tactile.contact_mechanics import bump_loads
+from cnnum.templates.tactile.contact_mechanics import torque_law as turning
+from cnnum.templates.tactile.contact_mechanics.bump_loads import pressed_on_bumps, turned_on_bumps
+from cnnum.templates.tactile.contact_mechanics.contact_wrench import place_of
+from cnnum.templates.tactile.contact_mechanics.growth_laws import CURVE
+from cnnum.templates.tactile.contact_mechanics.torque_law import turning_of
+from cnnum.templates.tactile.shared.loads import loads_of, patch_of
 from cnnum.templates.tactile.twist import twist
 
 GRID = 8

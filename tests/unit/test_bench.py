@@ -7,16 +7,17 @@ import time
 import numpy as np
 import pytest
 
-from cnnum.bench import budget, program_rungs, scaling, work_precision
-from cnnum.bench.charts import CHARTS
-from cnnum.bench.page import write_report
-from cnnum.bench.peers import PEERS, Work
-from cnnum.bench.records import as_row
-from cnnum.bench.samples import full_template, generator
-from cnnum.bench.timing import Timing, interleaved
-from cnnum.cli import bench
+from cnnum.cli.commands import bench
 from cnnum.engine import Engine
 from cnnum.errors import MissingExtraError
+from cnnum.lab.bench import budget, scaling, work_precision
+from cnnum.lab.bench.charts import CHARTS
+from cnnum.lab.bench.page import write_report
+from cnnum.lab.bench.peers import PEERS, Work
+from cnnum.lab.bench.programs import program_rungs
+from cnnum.lab.bench.records import as_row
+from cnnum.lab.bench.samples import full_template, generator
+from cnnum.lab.bench.timing import Timing, interleaved
 from cnnum.report import work_precision as report
 from cnnum.report.work_precision import WorkPrecision
 
@@ -72,7 +73,9 @@ def test_peers_do_the_same_work(peer, boundary):
 
 def test_a_missing_peer_is_named(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "celnn", None)
-    monkeypatch.delitem(__import__("sys").modules, "cnnum.bench.peers.celnn_network", raising=False)
+    monkeypatch.delitem(
+        __import__("sys").modules, "cnnum.lab.bench.peers.celnn_network", raising=False
+    )
     with pytest.raises(MissingExtraError, match=r"cnnum\[peers\]"):
         PEERS[0].load()
 
@@ -99,7 +102,7 @@ def test_pages_hold_their_data(tmp_path):
 
 
 def test_every_benchmark_has_a_picture():
-    from cnnum.cli.bench import command
+    from cnnum.cli.commands.bench import command
 
     assert set(command.commands) - {"all"} == set(CHARTS)
 
@@ -254,8 +257,8 @@ def test_results_are_the_same_to_the_bit_from_run_to_run(precision):
 def test_states_of_the_denormals_benchmark_do_become_denormal():
     """Else it would compare ordinary numbers with ordinary ones."""
     import cnnum
-    from cnnum.bench import denormals
-    from cnnum.bench.samples import maps
+    from cnnum.lab.bench import denormals
+    from cnnum.lab.bench.samples import maps
 
     ordinary = maps(1, 8, 8)
     for precision in ("float32", "float64"):
@@ -273,9 +276,9 @@ def test_states_of_the_denormals_benchmark_do_become_denormal():
 
 def test_streams_that_are_compared_have_a_contact():
     """Else errors of programs would be those of nothing."""
-    from cnnum.bench import errors
-    from cnnum.bench.samples import TOUCHED, touch
-    from cnnum.program_library import get_program
+    from cnnum.lab.bench import errors
+    from cnnum.lab.bench.samples import TOUCHED, touch
+    from cnnum.programs.library import get_program
 
     plan = Engine("opencl").compile(
         get_program("contact"), (8, 8), needs=["contact", "contact_area"]
@@ -290,8 +293,8 @@ def test_streams_that_are_compared_have_a_contact():
 
 
 def test_errors_of_steps_are_seen():
-    from cnnum.bench.errors import ends_error
-    from cnnum.bench.samples import maps
+    from cnnum.lab.bench.errors import ends_error
+    from cnnum.lab.bench.samples import maps
 
     def states(engine, frames, wrong=0.0):
         template = full_template()

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cnnum.checks import CheckResult, closed_form, form_of, run_check
-from cnnum.checks.neighbourhood import pattern
 from cnnum.errors import TemplateError, UnknownNameError
-from cnnum.template import Check, Template
+from cnnum.templating.checks import CheckResult, closed_form, form_of, run_check
+from cnnum.templating.checks.digital.neighbourhood import pattern
+from cnnum.templating.template import Check, Template
 
 COPY = Template(
     "copy",

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cnnum.conversion import AsRead, ByCalibration
 from cnnum.errors import ArrayError, PhysicsError
 from cnnum.frame import FORCE_AXES, Frame
+from cnnum.scenes.conversion import AsRead, ByCalibration
 from cnnum.tactile.taxel import SIDES, Calibration
 from cnnum.tactile.taxel.readout import Heat
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from cnnum.dead_cells import DeadCells
 from cnnum.errors import SceneError
 from cnnum.frame import Frame
-from cnnum.pipeline import load_scene
+from cnnum.scenes.dead_cells import DeadCells
+from cnnum.scenes.pipeline import load_scene
 
 SCRIPT = [
     {"kind": "hold", "duration": 0.2},

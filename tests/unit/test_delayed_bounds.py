@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.checks.delays import by_steps
-from cnnum.couplings import DelayedCoupling
 from cnnum.errors import MethodError
 from cnnum.integrators.stability import METHODS, stability_bound
-from cnnum.template import Template
+from cnnum.templating.checks.analytic.delays import by_steps
+from cnnum.templating.couplings import DelayedCoupling
+from cnnum.templating.template import Template
 
 WITH_DELAYS = ("euler", "heun")
 SMOOTHING = np.array([[0.1, 0.2, 0.1], [0.2, -1.2, 0.2], [0.1, 0.2, 0.1]])

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from cnnum.events import EVENT_RULES, Event, EventDetector
+from cnnum.scenes.events import EVENT_RULES, Event, EventDetector
 
 CONTACT, SLIP, TWIST = EVENT_RULES["contact"], EVENT_RULES["slip"], EVENT_RULES["twist"]
 

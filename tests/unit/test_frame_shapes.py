@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.conversion import ByCalibration
 from cnnum.errors import ArrayError
-from cnnum.events import EventDetector
-from cnnum.pipeline import Way
+from cnnum.scenes.conversion import ByCalibration
+from cnnum.scenes.events import EventDetector
+from cnnum.scenes.pipeline import Way
 from cnnum.tactile.taxel import SIDES, Calibration
 
 ENGINES = ("numba", "opencl", "reference")

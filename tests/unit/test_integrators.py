@@ -23,9 +23,9 @@ from cnnum.integrators.tableau import (
     ButcherTableau,
     followed,
 )
-from cnnum.library import get_template
-from cnnum.network import Network
-from cnnum.template import Template
+from cnnum.templating.library import get_template
+from cnnum.templating.network import Network
+from cnnum.templating.template import Template
 
 EVEN = np.array([[0.02, 0.3, 0.02], [0.1, -1.7, 0.1], [0.02, 0.3, 0.02]])
 

@@ -5,10 +5,10 @@ import sys
 
 import pytest
 
-import cnnum.library as library
-from cnnum.checks import form_of
+import cnnum.templating.library as library
 from cnnum.errors import UnknownNameError
-from cnnum.template_files import load_entry
+from cnnum.templating.checks import form_of
+from cnnum.templating.files import load_entry
 
 NAMES = library.template_names()
 BUILDING_BLOCKS = {"tactile_diffusion", "tactile_edge", "gradient_x", "gradient_y", "shear_curl"}

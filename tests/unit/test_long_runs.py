@@ -9,11 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cnnum.bad_frames import PERSISTENT, SAID_EVERY, BadFrames
 from cnnum.errors import FrameError
 from cnnum.frame import Frame, Quality
-from cnnum.histogram import Histogram
-from cnnum.pipeline import Scene, load_scene
+from cnnum.scenes.bad_frames import PERSISTENT, SAID_EVERY, BadFrames
+from cnnum.scenes.histogram import Histogram
+from cnnum.scenes.pipeline import Scene, load_scene
 
 SCRIPT = [{"kind": "press", "load": 1.0, "duration": 0.1}]
 

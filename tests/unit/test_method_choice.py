@@ -14,8 +14,8 @@ from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.spectrum import spectrum
 from cnnum.integrators.stability import stability_bound
 from cnnum.integrators.tableau import BOGACKI_SHAMPINE, DORMAND_PRINCE, TABLEAUX
-from cnnum.library import get_template
-from cnnum.template import Template
+from cnnum.templating.library import get_template
+from cnnum.templating.template import Template
 
 PAIRS = ("bogacki-shampine", "dormand-prince")
 STAGES = "runge-kutta-chebyshev"

@@ -3,7 +3,7 @@
 import pytest
 
 from cnnum.errors import SceneError
-from cnnum.scene import read_scene, scene_names
+from cnnum.scenes.scene_file import read_scene, scene_names
 
 GOOD = """
 name = "grasp"

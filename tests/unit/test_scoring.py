@@ -7,13 +7,13 @@ from cnnum.drivers.simulated.array import SimulatedArray
 from cnnum.drivers.simulated.motion import total_scans
 from cnnum.drivers.simulated.script import Phase
 from cnnum.drivers.simulated.settings import Settings
+from cnnum.lab.scoring.generated.bounds import LOOSE_TORQUE, Bounds, load_of
+from cnnum.lab.scoring.generated.case import SCORING, seed_set
+from cnnum.lab.scoring.generated.draw import YOUNGS_MODULUS
+from cnnum.lab.scoring.generated.faults import Faults
+from cnnum.lab.scoring.generated.scripts import HELD_FOR, held_case, slip_case
+from cnnum.lab.scoring.generated.simulate import Simulator
 from cnnum.report.record import truth_columns
-from cnnum.scoring.bounds import LOOSE_TORQUE, Bounds, load_of
-from cnnum.scoring.case import SCORING, seed_set
-from cnnum.scoring.draw import YOUNGS_MODULUS
-from cnnum.scoring.faults import Faults
-from cnnum.scoring.scripts import HELD_FOR, held_case, slip_case
-from cnnum.scoring.simulate import Simulator
 from cnnum.tactile.contact import sliding_torque, torsion_slip
 from cnnum.tactile.taxel import Readout
 

@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from cnnum.errors import RecordingError, SceneError
-from cnnum.events import Event
+from cnnum.lab.scoring.alarms import alarm_measures
+from cnnum.lab.scoring.confusion import confusion_measures
+from cnnum.lab.scoring.events import event_measures, strength_measures, warning_measures
+from cnnum.lab.scoring.judge import faults, judge
+from cnnum.lab.scoring.measures import Measure, auc
+from cnnum.lab.scoring.play import Play, Span
+from cnnum.lab.scoring.recordings import Trial, failing_trials, recording_measures
+from cnnum.lab.scoring.suites import Request, score
+from cnnum.lab.scoring.twists import twist_measures
+from cnnum.lab.scoring.worst import failing
 from cnnum.report.verdicts import MAX_DELAY
-from cnnum.scoring.alarms import alarm_measures
-from cnnum.scoring.confusion import confusion_measures
-from cnnum.scoring.events import event_measures, strength_measures, warning_measures
-from cnnum.scoring.judge import faults, judge
-from cnnum.scoring.measures import Measure, auc
-from cnnum.scoring.play import Play, Span
-from cnnum.scoring.recordings import Trial, failing_trials, recording_measures
-from cnnum.scoring.suites import Request, score
-from cnnum.scoring.twists import twist_measures
-from cnnum.scoring.worst import failing
+from cnnum.scenes.events import Event
 
 FRAMES, RATE, PITCH = 400, 100.0, 1.5e-3
 CONTACT, LIFTED = 50, 390

@@ -15,11 +15,11 @@ from cnnum.drivers.simulated.settings import Settings
 from cnnum.drivers.uskin_csv import HEADER
 from cnnum.engine import Engine
 from cnnum.errors import RecordingError, SceneError
-from cnnum.scoring.batches import Player
-from cnnum.scoring.case import Case
-from cnnum.scoring.recordings import play_trial, trials_in
-from cnnum.scoring.scenes import play_scene
-from cnnum.scoring.suites import Request, score
+from cnnum.lab.scoring.generated.batches import Player
+from cnnum.lab.scoring.generated.case import Case
+from cnnum.lab.scoring.recordings import play_trial, trials_in
+from cnnum.lab.scoring.scenes import play_scene
+from cnnum.lab.scoring.suites import Request, score
 
 RECORDINGS = os.environ.get("CNNUM_RECORDINGS", "")
 

@@ -7,15 +7,15 @@ import pytest
 from scipy.linalg import expm
 
 import cnnum
-from cnnum.couplings import DelayedCoupling, NonlinearCoupling
 from cnnum.errors import MethodError
 from cnnum.integrators.enclosure import field_of_values
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
 from cnnum.integrators.stability import METHODS, stability_bound
 from cnnum.integrators.tableau import TABLEAUX
-from cnnum.network import Network
-from cnnum.tables import Table
-from cnnum.template import Template
+from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.network import Network
+from cnnum.templating.template import Template
 
 STEPPING = [name for name in METHODS if name != "runge-kutta-chebyshev"]
 BOUNDARIES = np.array([0.0, -1.0, "zero-flux", "periodic"], dtype=object)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from cnnum import get_template, template_names
-from cnnum.couplings import DelayedCoupling
 from cnnum.errors import ArrayError, CnnumError, TemplateError, UnknownNameError
-from cnnum.template import Check, Template
+from cnnum.templating.couplings import DelayedCoupling
+from cnnum.templating.template import Check, Template
 
 CENTRE = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]
 

@@ -5,11 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cnnum.couplings import Gain
 from cnnum.errors import TemplateError, TemplateFileError
-from cnnum.tables import Table
-from cnnum.template import Check, Template
-from cnnum.template_files import load_entry, load_template, save_template
+from cnnum.templating.couplings import Gain
+from cnnum.templating.files import load_entry, load_template, save_template
+from cnnum.templating.function_tables import Table
+from cnnum.templating.template import Check, Template
 
 GOOD = """
 name = "mine"

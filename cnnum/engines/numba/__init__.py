@@ -15,7 +15,7 @@ from cnnum.engines.numba.records import Real
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 _TYPES: dict[str, Real] = {
     "float32": np.dtype(np.float32),

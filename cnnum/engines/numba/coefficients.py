@@ -11,7 +11,7 @@ from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.tableau import Row
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 
 def tableaux(template: Template, solver: Solver) -> Floats:

@@ -16,7 +16,7 @@ from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.separate import Separate, evaluate, roundings
 from cnnum.integrators.solver import Exact
 from cnnum.integrators.spectral import Spectral
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 
 @dataclass(frozen=True, slots=True, eq=False)

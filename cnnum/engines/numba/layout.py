@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Shape
-from cnnum.boundary import Boundary
 from cnnum.engines.numba.records import Ints, Real, Reals
+from cnnum.templating.boundary import Boundary
 
 BAND = 2048
 """Cells that are worked on at a time: the rows of numbers that a step reads of them stay in the

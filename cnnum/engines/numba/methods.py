@@ -16,7 +16,7 @@ from cnnum.integrators.schemes import (
     FixedSteps,
 )
 from cnnum.integrators.solver import Solver
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 
 def method_settings(template: Template, solver: Solver, dtype: Real) -> dict[str, Any]:

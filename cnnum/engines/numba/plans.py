@@ -7,7 +7,7 @@ from cnnum.engines.numba.methods import method_settings
 from cnnum.engines.numba.records import SETTINGS, Plan, Real
 from cnnum.engines.numba.taps import couplings_of, gains_of, packed
 from cnnum.integrators.solver import Solver
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 RESPONSES = {
     "standard": codes.CLAMP,

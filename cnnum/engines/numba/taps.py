@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.couplings import NonlinearCoupling
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.layout import Layout
 from cnnum.engines.numba.records import GAIN, TABLE, TAP, Ints, Real, Reals
-from cnnum.tables import Table
-from cnnum.template import Template
+from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.template import Template
 
 _QUANTITIES = {"x": codes.MOVED, "y": codes.OUTPUT, "u": codes.INPUT, None: codes.NOTHING}
 

@@ -10,7 +10,6 @@ from itertools import pairwise
 import numpy as np
 
 from cnnum.arrays import Shape
-from cnnum.boundary import Boundary
 from cnnum.engines.forks import LOST, note_threads
 from cnnum.engines.numba.compiling import cores
 from cnnum.engines.numba.exact_ends import ExactEnd
@@ -20,6 +19,7 @@ from cnnum.engines.numba.plans import plan_of
 from cnnum.engines.numba.records import Batch, Plan, Real, Reals
 from cnnum.graph.nodes import FIGURES, Transient
 from cnnum.integrators.solver import Exact, Solver
+from cnnum.templating.boundary import Boundary
 
 SPREAD_CELLS = 128 * 128
 """Smallest array of which one frame lies on all cores; below it, the cores wait for each other

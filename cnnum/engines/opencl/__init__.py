@@ -11,7 +11,7 @@ from cnnum.engines.opencl.runtime.selection import choose_device
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 _TYPES: dict[str, np.dtype[np.floating]] = {
     "float32": np.dtype(np.float32),

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from cnnum.couplings import NonlinearCoupling
 from cnnum.engines.opencl.transients import TransientText
-from cnnum.network import Tap
-from cnnum.tables import Table
+from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.network import Tap
 
 ARRAYS = {"x": "xp", "y": "y", "u": "u"}
 """Padded arrays that hold a quantity."""

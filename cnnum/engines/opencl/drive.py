@@ -9,7 +9,7 @@ from cnnum.engines.opencl.strip_lanes import lanes_fit
 from cnnum.engines.opencl.strip_rows import At
 from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients import TransientText
-from cnnum.network import taps
+from cnnum.templating.network import taps
 
 
 def constant_drive(text: TransientText) -> tuple[float, ...] | None:

@@ -7,7 +7,7 @@ by the cells left and right of it, and compilers then find it once.
 from collections.abc import Callable, Iterable
 from itertools import groupby
 
-from cnnum.network import Tap
+from cnnum.templating.network import Tap
 
 
 def shared_products(found: Iterable[Tap], least: int = 2) -> list[tuple[Tap, ...]]:

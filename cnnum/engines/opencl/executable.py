@@ -22,7 +22,7 @@ from cnnum.engines.opencl.shared import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.storage import Tables
 from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
-from cnnum.room import refuse_beyond
+from cnnum.safety.memory import refuse_beyond
 
 WIDE_CELLS = 256
 """Largest array whose frames lie side by side in lanes; the compiler vectorises along the

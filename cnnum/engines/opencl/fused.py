@@ -11,7 +11,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from cnnum.boundary import Boundary
 from cnnum.engines.opencl.drive import constant_drive
 from cnnum.engines.opencl.equal_weights import shares_products, weighted_terms
 from cnnum.engines.opencl.rows import fits_rows, row_steps
@@ -19,7 +18,8 @@ from cnnum.engines.opencl.text import fill, indented, rename
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
 from cnnum.integrators.estimate import LOST
-from cnnum.network import Tap, taps
+from cnnum.templating.boundary import Boundary
+from cnnum.templating.network import Tap, taps
 
 BLOCK_COLUMNS = 10
 BLOCK_STATEMENTS = 400

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.boundary import Boundary
 from cnnum.engines.opencl.strip_layout import DIGITS, LEAST_WIDTH
 from cnnum.engines.opencl.text import fill, owned
+from cnnum.templating.boundary import Boundary
 
 _OWN = ("vec", "between")
 """Names that rows in lanes have, too."""

@@ -13,7 +13,7 @@ from cnnum.engines.opencl.strip_couplings import FROM, PAST, STATES, fed_back
 from cnnum.engines.opencl.strip_rows import At
 from cnnum.engines.opencl.text import rename
 from cnnum.engines.opencl.transients import TransientText
-from cnnum.network import taps
+from cnnum.templating.network import taps
 
 
 @dataclass(frozen=True, slots=True)

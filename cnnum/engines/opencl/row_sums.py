@@ -6,12 +6,12 @@ that every vector of neighbours that is loaded is aligned, and goes no farther t
 
 from dataclasses import dataclass
 
-from cnnum.boundary import Boundary
 from cnnum.engines.opencl.plain_rows import PlainRows, own_text, plain_rows
 from cnnum.engines.opencl.storage import ALIGNED
 from cnnum.engines.opencl.strip_rows import At, Rows
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
+from cnnum.templating.boundary import Boundary
 
 NEAR_BYTES = 192 * 1024
 """What is kept at a time, where rows are short enough: it stays in the second cache."""

@@ -11,8 +11,8 @@ from cnnum.engines.opencl.equal_weights import weighted_terms
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
 from cnnum.integrators.choice import FixedSteps
-from cnnum.network import Tap, taps
-from cnnum.outputs import OutputFunction
+from cnnum.templating.network import Tap, taps
+from cnnum.templating.output_functions import OutputFunction
 
 WIDTHS = (4, 8, 16)
 DIGITS = "0123456789abcdef"

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.boundary import Boundary, halo_sources
 from cnnum.engines.opencl.parts import Strips
 from cnnum.engines.opencl.text import number
 from cnnum.graph.nodes import Constant, ConstantMap, Node
+from cnnum.templating.boundary import Boundary, halo_sources
 
 PRIVATE_CELLS = 16 * 16
 """Largest array that a work item keeps in private memory. Of 32×32 cells a step takes 1.6 times as

@@ -10,12 +10,12 @@ from itertools import product
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.couplings import NonlinearCoupling, Quantity
 from cnnum.engines.opencl.equal_weights import shares_products, weighted_terms
 from cnnum.engines.opencl.needs import delays_outputs
 from cnnum.engines.opencl.strip_rows import At, Rows
-from cnnum.network import Tap, taps
-from cnnum.tables import Table
+from cnnum.templating.couplings import NonlinearCoupling, Quantity
+from cnnum.templating.function_tables import Table
+from cnnum.templating.network import Tap, taps
 
 FROM, PAST, NEXT, PART, STATES = "from", "past", "next", "part", "states"
 """Variables of the kernel: the outputs of the level before; those a delay before it, those of the

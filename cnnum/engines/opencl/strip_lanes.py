@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from cnnum.boundary import Boundary
 from cnnum.engines.opencl.strip_layout import RowLayout
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients import TransientText
+from cnnum.templating.boundary import Boundary
 
 BLOCK_ROWS = 4
 """Rows that are taken at once."""

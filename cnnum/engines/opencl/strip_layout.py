@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.boundary import Boundary
+from cnnum.templating.boundary import Boundary
 
 LEAST_VECTORS = 3
 """Vectors of a row, at least, by narrower ones: a row's ends cost two moves of lanes. A step of

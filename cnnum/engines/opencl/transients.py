@@ -4,13 +4,13 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from cnnum.boundary import Boundary
 from cnnum.engines.opencl.equal_weights import weighted_terms
 from cnnum.engines.opencl.storage import Arena, Tables
 from cnnum.engines.opencl.text import number
 from cnnum.integrators.choice import Solver
-from cnnum.network import Tap
-from cnnum.template import Template
+from cnnum.templating.boundary import Boundary
+from cnnum.templating.network import Tap
+from cnnum.templating.template import Template
 
 
 @dataclass(frozen=True, slots=True)

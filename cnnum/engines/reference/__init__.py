@@ -30,7 +30,7 @@ from cnnum.graph.nodes import (
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.solver import Solver
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 
 @dataclass(slots=True, eq=False)

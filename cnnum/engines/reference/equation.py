@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import correlate
 
 from cnnum.arrays import Floats
-from cnnum.boundary import Boundary
-from cnnum.couplings import NonlinearCoupling
-from cnnum.template import Template
+from cnnum.templating.boundary import Boundary
+from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.template import Template
 
 _Places = NDArray[np.int64]
 """Of every neighbour that a coupling sees and every cell: (neighbours, rows, cols)."""

@@ -22,7 +22,7 @@ from cnnum.errors import MethodError
 from cnnum.integrators.propagator import Decay
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
 from cnnum.integrators.solver import Solver, Stepping
-from cnnum.template import Template
+from cnnum.templating.template import Template
 
 PRECISION = 1e-10
 """Relative tolerance of the solver. A kink of f costs steps; where all stages of a step miss it,

@@ -8,11 +8,11 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import CalibrationError, CnnumError
-from cnnum.files import write_whole
-from cnnum.names import shown
-from cnnum.reading import read_text
+from cnnum.safety.files import write_whole
+from cnnum.safety.names import shown
+from cnnum.safety.reading import read_text
+from cnnum.safety.toml_reading import LARGEST, parse_toml
 from cnnum.tactile.taxel.readout import Heat
-from cnnum.toml_reading import LARGEST, parse_toml
 
 _KIND = "taxel calibration"
 _REQUIRED = ("kind", "alpha_normal")

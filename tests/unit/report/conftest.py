@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from cnnum.checks import CheckResult
 from cnnum.drivers.driver import Counters
-from cnnum.events import Event
 from cnnum.graph.schedule import LeftOut
 from cnnum.plan import Explanation
 from cnnum.report import PlanCost, SceneRecord, WorkPrecision
 from cnnum.report.encoding import ReportData
 from cnnum.report.environment import Environment
-from cnnum.summary import Summary
+from cnnum.scenes.events import Event
+from cnnum.scenes.summary import Summary
+from cnnum.templating.checks import CheckResult
 
 FRAMES, RATE, SHAPE = 120, 100.0, (3, 4)
 CONTACT, INCIPIENT, GROSS, TWIST = (20, 110), (40, 48), (48, 60), (75, 90)

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from cnnum.errors import ReportError
-from cnnum.events import Event
 from cnnum.report import SceneRecord, write_demo_report
 from cnnum.report.encoding import ReportData, to_json
 from cnnum.report.page import page
+from cnnum.scenes.events import Event
 
 VOID = {"meta", "input", "br", "img", "link", "hr"}
 SECTIONS = ("story", "frames", "events", "errors", "plans", "latency", "further")

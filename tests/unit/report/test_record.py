@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import cnnum
-from cnnum.conversion import ByCalibration
 from cnnum.drivers.registry import open_driver
 from cnnum.engine import Engine
 from cnnum.errors import ArrayError
-from cnnum.events import EVENT_RULES
 from cnnum.frame import Frame, Quality
-from cnnum.pipeline import Moment, Scene
 from cnnum.report import PlanCost, SceneRecord, SceneRecorder, compare
-from cnnum.scene import SceneSpec
+from cnnum.scenes.conversion import ByCalibration
+from cnnum.scenes.events import EVENT_RULES
+from cnnum.scenes.pipeline import Moment, Scene
+from cnnum.scenes.scene_file import SceneSpec
 
 OPTIONS = {
     "shape": [4, 5],

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from cnnum.events import Event
 from cnnum.report import SceneRecord, compare
 from cnnum.report.verdicts import true_events
+from cnnum.scenes.events import Event
 
 
 def test_true_events_begin_and_end_where_the_truth_changes(record: SceneRecord) -> None:

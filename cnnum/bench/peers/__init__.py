@@ -1,6 +1,0 @@
-"""Other ways to run the same array, each behind one function; one that is missing is named."""
-
-from cnnum.bench.peers.registry import PEERS, Peer, peer_version
-from cnnum.bench.peers.work import Work
-
-__all__ = ["PEERS", "Peer", "Work", "peer_version"]

@@ -1,0 +1,284 @@
+"""`cnnum bench`: error against run time, throughput, latency, scenes, the peers… one or all."""
+
+import shlex
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import click
+
+from cnnum.cli.commands.bench_all import run_all
+from cnnum.cli.following import STOPPED
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output, table
+from cnnum.cli.progress import progress
+from cnnum.cli.signals import stoppable, undisturbed
+
+if TYPE_CHECKING:
+    from cnnum.engine import Engine
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+@click.group("bench", context_settings={"help_option_names": ["-h", "--help"]})
+def command() -> None:
+    """Measure speed and error, and write picture, data and page of it.
+
+    Every benchmark says what it left out, and why.
+    """
+
+
+def _options(function: Function) -> Function:
+    options = (
+        click.option("--device", help="Part of the OpenCL device's name."),
+        click.option("--quick", is_flag=True, help="Fewer places and repeats."),
+        click.option(
+            "--out",
+            type=click.Path(path_type=Path, file_okay=False),
+            help="Write PNG, JSON and HTML into this folder.",
+        ),
+        json_option,
+    )
+    for option in reversed(options):
+        function = option(function)
+    return function
+
+
+def _engine(device: str | None) -> "Engine":
+    from cnnum.engine import Engine
+
+    return Engine(device=device)
+
+
+def _report(
+    name: str,
+    found: Iterable[object],
+    total: int | None,
+    device: str,
+    out: Path | None,
+    as_json: bool,
+    omissions: tuple[str, ...] = (),
+) -> int:
+    """Print rows as they come, and write the report of those that came.
+
+    A string is something left out, None a step of which nothing is told, and a list are rows that
+    come at once. Ctrl-C and SIGTERM end the benchmark, not the report.
+    """
+    output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
+    if out is not None:  # a folder that can not be made shall not fail after all has been measured
+        out.mkdir(parents=True, exist_ok=True)
+    stopped = not _collect(name, found, total, output, rows, left_out, out)
+    if stopped:
+        left_out.append("It was stopped here: whatever comes later is missing.")
+    output.record({"kind": "omissions", "bench": name, "omissions": left_out})
+    if rows:
+        output.show(f"On {device}.", _table(rows), spare=SPARE)
+    output.show("Left out:", *(f"  {text}" for text in left_out or ["nothing"]))
+    if out is not None and rows:
+        from cnnum.lab.bench.page import write_report
+
+        with undisturbed():
+            paths = write_report(out, name, rows, device, left_out, _asked(name))
+            (out / f"{name}.jsonl").unlink(missing_ok=True)
+        output.show(f"Wrote {', '.join(str(path) for path in paths)}.")
+    return STOPPED if stopped else 0
+
+
+def _asked(name: str) -> str:
+    """Return the command as it was typed, but for what does not change what is measured."""
+    words, context = ["cnnum", "bench", name], click.get_current_context(silent=True)
+    for option in [] if context is None else context.command.params:
+        value = cast(click.Context, context).params.get(str(option.name))
+        unsaid = value in (None, False, ()) or value == option.default
+        if unsaid or option.name in ("out", "as_json"):
+            continue
+        for one in cast("tuple[object, ...]", value) if option.multiple else (value,):
+            words += [option.opts[0]] if one is True else [option.opts[0], str(one)]
+    return shlex.join(words)
+
+
+def _collect(
+    name: str,
+    found: Iterable[object],
+    total: int | None,
+    output: Output,
+    rows: list[Mapping[str, object]],
+    left_out: list[str],
+    out: Path | None,
+) -> bool:
+    """Gather rows and omissions; return whether that came to its end.
+
+    With a folder, rows also go to a file there at once, a line a row: it is all that is left of
+    a run that is killed.
+    """
+    from cnnum.lab.bench.records import append_row, as_row
+
+    with progress(name, total, as_json=output.as_json) as steps:
+        try:
+            with stoppable():
+                for item in found:
+                    if isinstance(item, str):
+                        left_out += [] if item in left_out else [item]
+                    elif item is not None:
+                        several = cast("list[object]", item) if isinstance(item, list) else [item]
+                        for row in several:
+                            rows.append(as_row(row))
+                            output.record({"kind": name, **rows[-1]})
+                            append_row(out, name, rows)
+                    steps.advance()
+        except KeyboardInterrupt:
+            return False
+    return True
+
+
+SPARE = (
+    "peer_version", "compared", "steps", "pictures", "spread", "launches", "channels", "maps",
+    "bytes_in", "bytes_out", "events", "saved_us", "launch_us", "ops", "peer_method",
+    "host_to_host_per_s", "flops", "peak_flops", "precision", "ordinary_seconds", "seconds",
+    "peer_seconds", "method", "empty_tail", "first_us",
+)  # fmt: skip
+"""Columns that go first where a terminal has no room for all."""
+
+
+def _table(rows: list[Mapping[str, object]]) -> Any:
+    """Return all rows; their device stands above the table, unless they differ in it."""
+    from cnnum.lab.bench.page import cell
+
+    same = len({row.get("device") for row in rows}) == 1
+    kept = [key for key in rows[0] if key != "device" or not same]
+    made = table(*(key if n == 0 else f">{key}" for n, key in enumerate(kept)))
+    for row in rows:
+        made.add_row(*(cell(row[key]) for key in kept))
+    return made
+
+
+@command.command("work-precision")
+@click.option(
+    "--case",
+    "names",
+    multiple=True,
+    help="A template or program; all, or three with --quick, unless given.",
+)
+@_options
+def work_precision(
+    names: tuple[str, ...], device: str | None, quick: bool, out: Path | None, as_json: bool
+) -> int:
+    """Error against run time: templates and programs × methods × precisions × engines."""
+    from cnnum.lab.bench.work_precision import cases, count, engines_here, measure_cases, omissions
+
+    chosen, engines = names or cases(quick=quick), engines_here(device, quick=quick)
+    found = measure_cases(chosen, engines, quick=quick)
+    label = engines[0].device
+    total = count(chosen, engines, quick=quick)
+    left_out = omissions(chosen, quick=quick)
+    return _report("work-precision", found, total, label, out, as_json, left_out)
+
+
+@command.command("throughput")
+@_options
+def throughput(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Cell updates a second, as a share of the device's own multiply-add peak."""
+    from cnnum.lab.bench.throughput import CASES, measure_throughput
+
+    engine = _engine(device)
+    found = measure_throughput(engine, quick=quick)
+    return _report("throughput", found, len(CASES), engine.device, out, as_json)
+
+
+@command.command("latency")
+@click.option("--frames", default=20_000, type=click.IntRange(min=200), help="Frames a program.")
+@_options
+def latency(frames: int, device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """One frame from host memory to host events, beside an empty launch with its copies."""
+    from cnnum.lab.bench.latency import OMISSIONS, measure_latency
+
+    engine = _engine(device)
+    rows = measure_latency(engine, count=2000 if quick else frames)
+    return _report("latency", rows, None, engine.device, out, as_json, OMISSIONS)
+
+
+@command.command("scenes")
+@click.option("--rounds", default=8, type=click.IntRange(min=1), help="Times the frames are run.")
+@_options
+def scenes(rounds: int, device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """What a frame costs a scene that wants one thing, beside the scene that wants everything."""
+    from cnnum.lab.bench.scene_costs import OMISSIONS, SCENES, measure_scenes
+
+    engine = _engine(device)
+    turns = 1 if quick else rounds
+    rows = measure_scenes(engine, rounds=turns)
+    total = turns + 1 + len(SCENES)
+    return _report("scenes", rows, total, engine.device, out, as_json, OMISSIONS)
+
+
+@command.command("compile")
+@_options
+def compile_time(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Building a plan of a dozen 8×8 templates: from nothing, and from the caches."""
+    from cnnum.lab.bench.compile_time import STARTS, measure_compile
+
+    engine, repeats = _engine(device), 1 if quick else 3
+    rows = measure_compile(engine, repeats=repeats)
+    return _report("compile", rows, repeats * STARTS + 1, engine.device, out, as_json)
+
+
+@command.command("denormals")
+@_options
+def denormals(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """What runs cost whose states and inputs decay below the smallest normal number."""
+    from cnnum.lab.bench.denormals import COUNT, measure_denormals
+
+    engine = _engine(device)
+    found = measure_denormals(engine, quick=quick)
+    return _report("denormals", found, COUNT, engine.device, out, as_json)
+
+
+@command.command("fusing")
+@_options
+def fusing(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Tactile programs with their linear operations fused, beside the same with nothing fused."""
+    from cnnum.lab.bench.fusing import measure_fusing
+
+    engine = _engine(device)
+    rows = measure_fusing(engine, quick=quick)
+    return _report("fusing", rows, None, engine.device, out, as_json)
+
+
+@command.command("scaling")
+@_options
+def scaling(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Cost against array, batch, radius, layers and taxel grid."""
+    from cnnum.lab.bench.scaling import measure_scaling, points
+
+    engine = _engine(device)
+    found = measure_scaling(engine, quick=quick)
+    return _report("scaling", found, len(points(quick=quick)), engine.device, out, as_json)
+
+
+@command.command("peers")
+@_options
+def peers(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Other libraries on the same work to the same measured error; missing ones are named."""
+    from cnnum.lab.bench.peer_runs import measure_peers
+
+    engine = _engine(device)
+    found = measure_peers(engine, quick=quick)
+    return _report("peers", found, None, engine.device, out, as_json)
+
+
+@command.command("all")
+@_options
+@click.pass_context
+def every(
+    ctx: click.Context, device: str | None, quick: bool, out: Path | None, as_json: bool
+) -> int:
+    """Every benchmark, one after the other, with the same options.
+
+    One that wants an extra that is not installed is named and left out. Exits with 2 if one
+    fails otherwise; those after it still run. Ctrl-C and SIGTERM end the one that runs, whose
+    report is written, and none begins after it.
+    """
+    _engine(device)  # a wrong name shall not fail once a benchmark
+    benchmarks = {name: one for name, one in command.commands.items() if one is not ctx.command}
+    given = {"device": device, "quick": quick, "out": out, "as_json": as_json}
+    return run_all(ctx, benchmarks, given, Output(as_json))

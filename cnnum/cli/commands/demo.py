@@ -1,0 +1,44 @@
+"""`cnnum demo`: the simulated scene, its events as they come, and a report of it."""
+
+from pathlib import Path
+
+import click
+
+from cnnum.cli.following import follow
+from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
+from cnnum.cli.output import Output
+
+
+@click.command("demo")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    default=Path("cnnum-demo.html"),
+    show_default=True,
+    help="Where the report goes.",
+)
+@set_option
+@engine_options
+@json_option
+def command(
+    out: Path,
+    settings: tuple[str, ...],
+    engine: str | None,
+    device: str | None,
+    precision: str | None,
+    as_json: bool,
+) -> int:
+    """Run the scene that comes with the package, and write an HTML report of it.
+
+    A sphere is pressed on a simulated 8×8 three-axial array, pulled until it slips, twisted and
+    released. The report shows the frames, the events against the ground truth, what the plan
+    leaves out, and the error of the templates against their run time.
+    """
+    from cnnum.cli.demo_report import DemoReport
+    from cnnum.scenes.pipeline import load_scene
+
+    if not out.parent.is_dir():
+        raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
+    scene = load_scene("demo", changes=scene_changes(settings, engine, device, precision))
+    with DemoReport(scene, out, as_json=as_json) as report:
+        return follow(scene, Output(as_json), watch=report.add, finish=report.write)

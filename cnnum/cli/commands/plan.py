@@ -1,0 +1,108 @@
+"""`cnnum plan`: what a scene would run, what is left out and why."""
+
+from typing import TYPE_CHECKING
+
+import click
+
+from cnnum.cli.following import left_out_records
+from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
+from cnnum.cli.output import Output, facts, quantity, table
+
+if TYPE_CHECKING:
+    from cnnum.plan import Explanation
+
+
+@click.command("plan")
+@click.argument("scene")
+@set_option
+@engine_options
+@click.option("--source", is_flag=True, help="Print the text of the kernels instead.")
+@json_option
+def command(
+    scene: str,
+    settings: tuple[str, ...],
+    engine: str | None,
+    device: str | None,
+    precision: str | None,
+    source: bool,
+    as_json: bool,
+) -> None:
+    """Show what SCENE would run for a frame, what is left out, and what that saves."""
+    from cnnum.scenes.pipeline import load_scene
+
+    output = Output(as_json)
+    opened = load_scene(scene, changes=scene_changes(settings, engine, device, precision))
+    with opened.driver:
+        explanation, text = opened.plan.explain(), opened.plan.source if source else ""
+    if source:
+        output.record({"scene": opened.spec.name, "source": text}, text)
+        return
+    output.record(_record(opened.spec.name, opened.spec.wants, explanation))
+    _show(output, opened.spec.name, opened.spec.wants, explanation)
+
+
+def _record(scene: str, wants: tuple[str, ...], plan: "Explanation") -> dict[str, object]:
+    return {
+        "scene": scene,
+        "wants": wants,
+        "program": plan.program,
+        "shape": plan.shape,
+        "ops": plan.ops,
+        "ops_most": plan.ops_most,
+        "launches": plan.launches,
+        "channels_read": plan.channels_read,
+        "maps_read_back": plan.maps_read_back,
+        "transients": plan.transients,
+        "flops": plan.flops,
+        "flops_most": plan.flops_most,
+        "bytes_in": plan.bytes_in,
+        "private_bytes": plan.private_bytes,
+        "local_bytes": plan.local_bytes,
+        "scratch_bytes": plan.scratch_bytes,
+        "bytes_out": plan.bytes_out,
+        "engine": plan.engine,
+        "device": plan.device,
+        "precision": plan.precision,
+        "left_out": left_out_records(plan.left_out),
+    }
+
+
+def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation") -> None:
+    from cnnum.graph.schedule import grouped
+
+    rows, cols = plan.shape
+    output.show(
+        facts(
+            (
+                ("scene", f"{scene}: wants {', '.join(wants)}"),
+                ("program", f"{plan.program} on {rows}×{cols} cells"),
+                ("runs on", f"{plan.device}, {plan.engine}, {plan.precision}"),
+                (
+                    "a frame",
+                    f"{plan.ops} operations in {plan.launches} launch(es), "
+                    f"{quantity(plan.flops, 'flop')}, "
+                    f"{quantity(plan.bytes_in, 'B')} in, {quantity(plan.bytes_out, 'B')} out",
+                ),
+                *_most(plan),
+                ("channels read", ", ".join(plan.channels_read) or "none"),
+                ("maps read back", ", ".join(plan.maps_read_back) or "none"),
+            )
+        )
+    )
+    runs = table("Templates that run")
+    for text in plan.transients:
+        runs.add_row(text)
+    gone = table("Left out", "why", "saves a frame")
+    for item in grouped(plan.left_out):
+        gone.add_row(item.what, item.why, item.saves)
+    output.show(*(part for part in (runs, gone) if part.row_count))
+    if not plan.left_out:
+        output.show("Nothing is left out.")
+
+
+def _most(plan: "Explanation") -> tuple[tuple[str, str], ...]:
+    """Return the line of what loops at their limits take, where there are any."""
+    if (plan.ops_most, plan.flops_most) == (plan.ops, plan.flops):
+        return ()
+    most = f"{plan.ops_most} operations, {quantity(plan.flops_most, 'flop')}"
+    return (("at the loops' limits", most),)

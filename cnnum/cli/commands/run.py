@@ -1,0 +1,72 @@
+"""`cnnum run`: a scene, its events as they come, and a summary."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from cnnum.cli.following import follow
+from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
+from cnnum.cli.output import Output
+
+if TYPE_CHECKING:
+    from cnnum.scenes.pipeline import Moment, Scene
+
+
+@click.command("run")
+@click.argument("scene")
+@set_option
+@engine_options
+@click.option("--frames", type=click.IntRange(min=1), help="Stop after so many frames.")
+@click.option(
+    "--trace",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE.html",
+    help="Write a page with a picture of every operation's result on one frame.",
+)
+@click.option(
+    "--trace-frame",
+    type=click.IntRange(min=0),
+    help="That frame's number, from 0; the first event's unless given.",
+)
+@json_option
+def command(
+    scene: str,
+    settings: tuple[str, ...],
+    engine: str | None,
+    device: str | None,
+    precision: str | None,
+    frames: int | None,
+    trace: Path | None,
+    trace_frame: int | None,
+    as_json: bool,
+) -> int:
+    """Run SCENE (a TOML file, or the name of a scene of the package) and print its events.
+
+    Ctrl-C (or SIGTERM, SIGHUP) ends it with the summary of what was seen.
+    """
+    from cnnum.scenes.pipeline import load_scene
+
+    changes = scene_changes(settings, engine, device, precision)
+    loaded, output = load_scene(scene, changes=changes), Output(as_json)
+    if trace is None:
+        return follow(loaded, output, frames=frames)
+    eventful: list[int] = []
+
+    def watch(moment: "Moment") -> None:
+        if moment.events and not eventful:
+            eventful.append(moment.number)
+
+    code = follow(loaded, output, frames=frames, watch=watch)
+    number = trace_frame if trace_frame is not None else next(iter(eventful), 0)
+    # a driver runs once: the scene is opened again for its trace
+    _write_trace(trace, load_scene(scene, changes=changes), number)
+    click.echo(f"Written: {trace} (frame {number})", err=as_json)
+    return code
+
+
+def _write_trace(path: Path, scene: "Scene", number: int) -> None:
+    from cnnum.report.trace_page import write_trace_page
+
+    steps = scene.trace(number)
+    write_trace_page(path, f"{scene.spec.name}, frame {number}", steps)

@@ -1,0 +1,23 @@
+"""`cnnum templates`: the library, listed, shown and checked."""
+
+import click
+
+from cnnum.cli.commands.templates_check import check
+from cnnum.cli.commands.templates_list import list_templates
+from cnnum.cli.commands.templates_show import show
+
+
+@click.group(
+    "templates",
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+@click.pass_context
+def command(ctx: click.Context) -> None:
+    """List, show and check the template library."""
+    if ctx.invoked_subcommand is None:
+        click.echo(ctx.get_help())
+
+
+for _member in (list_templates, show, check):
+    command.add_command(_member)

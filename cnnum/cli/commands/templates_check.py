@@ -1,0 +1,198 @@
+"""`cnnum templates check`: every template against its closed form, on every engine."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import click
+from rich.table import Table
+
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output, console, number, quantity, table, verdict
+from cnnum.cli.progress import progress
+from cnnum.errors import CnnumError, NotSupportedError, UnknownNameError
+
+if TYPE_CHECKING:
+    from cnnum.engine import Engine
+    from cnnum.templating.checks import CheckResult
+    from cnnum.templating.checks.program_records import ProgramForm
+    from cnnum.templating.template import Template
+
+CHECKS_FAILED = 1
+
+WIDE = 112
+"""Columns from which all of a check's figures fit side by side."""
+
+
+def _shape(ctx: click.Context, parameter: click.Parameter, value: str) -> tuple[int, int]:
+    rows, _, cols = value.lower().replace("×", "x").partition("x")
+    if not (rows.isdigit() and cols.isdigit() and int(rows) and int(cols)):
+        raise click.BadParameter(f"expected ROWSxCOLS, as in 8x8, got '{value}'.", ctx, parameter)
+    return int(rows), int(cols)
+
+
+@click.command("check")
+@click.argument("names", nargs=-1, metavar="[NAMES]...")
+@click.option("--engine", "engines", multiple=True, help="Again for more; all unless given.")
+@click.option("--device", help="Part of the OpenCL device's name.")
+@click.option("--precision", help="float32 or float64; each engine's own unless given.")
+@click.option("--shape", default="8x8", callback=_shape, help="Array of the pictures: ROWSxCOLS.")
+@click.option("--seed", default=0, type=click.IntRange(min=0), help="Of the random pictures.")
+@click.option("--method", default="auto", help="Integration method.")
+@click.option(
+    "--repeats",
+    default=3,
+    show_default=True,
+    type=click.IntRange(min=1),
+    help="Timed runs; the run time is their median.",
+)
+@json_option
+def check(
+    names: tuple[str, ...],
+    engines: tuple[str, ...],
+    device: str | None,
+    precision: str | None,
+    shape: tuple[int, int],
+    seed: int,
+    method: str,
+    repeats: int,
+    as_json: bool,
+) -> int:
+    """Run templates on random pictures and compare them with their closed forms.
+
+    NAMES are templates of the library, or tactile programs; all that have a check unless given.
+    Exits with 1 if one fails.
+    """
+    used = _engines(engines, device, precision)
+    jobs, left_out = _planned(names, used, shape, seed, method, repeats)
+    for name in engines:
+        if name != "all" and name not in {job.engine for job in jobs}:
+            raise _nothing(name, left_out)
+    output = Output(as_json)
+    results: list[CheckResult] = []
+    with progress("checks", len(jobs), as_json=as_json) as steps:
+        for job in jobs:
+            results.append(job.run())
+            output.record(asdict(results[-1]))
+            steps.advance(job.name)
+    failed = sum(not result.passed for result in results)
+    output.show(_table(results), f"{len(results) - failed} of {len(results)} passed.")
+    for item in left_out:
+        click.echo(item.text, err=as_json)
+    return CHECKS_FAILED if failed else 0
+
+
+def _engines(names: tuple[str, ...], device: str | None, precision: str | None) -> "list[Engine]":
+    """Return the engines of those names; of all where none is named, those that work here."""
+    from cnnum.engine import Engine
+    from cnnum.engines.backend import backend_names
+
+    if names and "all" not in names:
+        on = {name: device if name == "opencl" else None for name in names}
+        return [Engine(name, device=on[name], precision=precision) for name in names]
+    fast = Engine(device=device, precision=precision)
+    others = (name for name in backend_names() if name not in ("opencl", fast.name))
+    return [fast, *(Engine(name, precision=precision) for name in others)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Job:
+    """One check on one engine."""
+
+    name: str
+    engine: str
+    run: "Callable[[], CheckResult]"
+
+
+@dataclass(frozen=True, slots=True)
+class _LeftOut:
+    """A check that some of the engines asked for are too slow for."""
+
+    form: "ProgramForm"
+    engines: tuple[str, ...]
+
+    @property
+    def text(self) -> str:
+        """For people."""
+        on = " and ".join(self.engines)
+        return f"Left out: {self.form.program} on {on} ({self.form.left_out})."
+
+
+def _planned(
+    names: tuple[str, ...],
+    used: "Sequence[Engine]",
+    shape: tuple[int, int],
+    seed: int,
+    method: str,
+    repeats: int,
+) -> tuple[list[_Job], list[_LeftOut]]:
+    """Return what is to be run, and what is not."""
+    from cnnum.programs.library import get_program
+    from cnnum.templating.checks import run_check
+    from cnnum.templating.checks.program_registry import checked_programs, program_forms
+    from cnnum.templating.checks.program_run import run_program_check
+    from cnnum.templating.library import template_names
+
+    programs = [name for name in names or checked_programs() if name in checked_programs()]
+    templates = [_template(n) for n in names or template_names() if n not in programs]
+    jobs = list[_Job]()
+    for template in templates:
+        if names or template.check is not None:
+            run = partial(
+                run_check, template, seed=seed, shape=shape, method=method, repeats=repeats
+            )
+            jobs += [_Job(template.name, each.name, partial(run, engine=each)) for each in used]
+    left_out = list[_LeftOut]()
+    for form in (form for name in programs for form in program_forms(name)):
+        run = partial(run_program_check, form, get_program(form.program), seed=seed, shape=shape)
+        runs = [each for each in used if each.name in form.engines]
+        jobs += [_Job(form.program, each.name, partial(run, engine=each)) for each in runs]
+        if slow := tuple(each.name for each in used if each.name not in form.engines):
+            left_out.append(_LeftOut(form, slow))
+    return jobs, left_out
+
+
+def _template(name: str) -> "Template":
+    """Return a template, or say that a program of that name has no check."""
+    from cnnum.programs.library import program_names
+    from cnnum.templating.library import get_template
+
+    try:
+        return get_template(name)
+    except UnknownNameError:
+        if name not in program_names():
+            raise
+        raise NotSupportedError(
+            f"The program '{name}' has no check: expected a template, or one of the programs "
+            f"{', '.join(program_names('tactile'))}."
+        ) from None
+
+
+def _nothing(engine: str, left_out: "Sequence[_LeftOut]") -> CnnumError:
+    """Return the error of an engine that was asked for and checks nothing."""
+    forms = [item.form for item in left_out if engine in item.engines]
+    programs = ", ".join(dict.fromkeys(form.program for form in forms))
+    able = ", ".join(dict.fromkeys(name for form in forms for name in form.engines))
+    return NotSupportedError(
+        f"'{engine}' checks nothing of {programs} ({forms[0].left_out}): expected one of {able}, "
+        "or other names."
+    )
+
+
+def _table(results: "list[CheckResult]") -> Table:
+    """Return all results; a narrow terminal gets no method and no closed form."""
+    wide = console().width >= WIDE
+    columns = ("Template", "engine", ">error", ">tolerance", ">run time", "result")
+    made = table(*columns, *(("method", "closed form") if wide else ()))
+    for result in results:
+        made.add_row(
+            result.template,
+            f"{result.engine} {result.precision.removeprefix('float')}",
+            number(result.error, 2),
+            number(result.tolerance, 2),
+            quantity(result.seconds, "s"),
+            verdict(result.passed),
+            *((result.method, result.check) if wide else ()),
+        )
+    return made

@@ -1,0 +1,41 @@
+"""`cnnum templates list`."""
+
+import click
+
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output, table
+
+
+@click.command("list")
+@json_option
+def list_templates(as_json: bool) -> None:
+    """List the templates of the library with what each does."""
+    from cnnum.templating.library import get_template, template_names, template_path
+
+    output = Output(as_json)
+    listed = table("Template", "group", ">layers", ">inputs", ">radius", "check", "what it does")
+    for name in template_names():
+        template = get_template(name)
+        group = template_path(name).parent.name
+        summary = first_sentence(template.description)
+        check = template.check.name if template.check else ""
+        output.record(
+            {
+                "template": template.name,
+                "group": group,
+                "layers": template.layers,
+                "inputs": template.inputs,
+                "radius": template.radius,
+                "check": check,
+                "description": summary,
+            }
+        )
+        sizes = (str(n) for n in (template.layers, template.inputs, template.radius))
+        listed.add_row(template.name, group, *sizes, check, summary)
+    output.show(listed)
+
+
+def first_sentence(text: str) -> str:
+    """Return the first sentence of a description."""
+    head, stop, _ = " ".join(text.split()).partition(". ")
+    return head + "." if stop else head

@@ -1,0 +1,1 @@
+"""Measurements: benchmarks, scores of the programs, and figures of the dissertation."""

@@ -1,0 +1,75 @@
+"""The peers by name: where their function is, what must be installed, and how they step."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from importlib.metadata import PackageNotFoundError, version
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.errors import MissingExtraError
+from cnnum.lab.bench.peers.work import Work
+
+Run = Callable[[Work], NDArray[np.floating]]
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """A peer.
+
+    Attributes
+    ----------
+    name, package : str
+    module : str
+        Holds ``run(work)``, which returns the state at the end.
+    fixed : bool
+        It takes Euler's steps of the length asked for; else it controls its own error.
+    slow : bool
+        On large arrays a run takes seconds.
+    """
+
+    name: str
+    package: str
+    module: str
+    fixed: bool = True
+    slow: bool = False
+
+    def load(self) -> Run:
+        """Return its function.
+
+        Raises
+        ------
+        MissingExtraError
+            If its package is not installed, or can not be imported.
+        """
+        try:
+            module = import_module(f"cnnum.lab.bench.peers.{self.module}")
+        except ModuleNotFoundError:
+            raise MissingExtraError(
+                f"Peer '{self.name}' needs '{self.package}': install it with "
+                "\"pip install 'cnnum[peers]'\"."
+            ) from None
+        except ImportError as error:
+            raise MissingExtraError(
+                f"Peer '{self.name}': '{self.package}' can not be imported ({error})."
+            ) from error
+        return cast(Run, module.run)
+
+
+PEERS = (
+    Peer("celnn", "celnn", "celnn_network", slow=True),
+    Peer("SciPy ndimage", "scipy", "ndimage_steps", slow=True),
+    Peer("OpenCV filter2D", "opencv-python-headless", "opencv_steps"),
+    Peer("Numba stencil", "numba", "numba_stencil"),
+    Peer("convolve2d + vode", "scipy", "vode", fixed=False, slow=True),
+)
+
+
+def peer_version(peer: Peer) -> str:
+    """Return the version of a peer's package, empty if it is not installed."""
+    try:
+        return version(peer.package)
+    except PackageNotFoundError:
+        return ""

@@ -1,0 +1,1 @@
+"""Errors of the tactile programs, and bounds on them."""

@@ -1,0 +1,177 @@
+"""Cell updates a second on a device, and what share of its own arithmetic that is."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats, Shape
+from cnnum.engine import Engine
+from cnnum.graph.nodes import RunSpec
+from cnnum.lab.bench.device_peak import PeakMeter
+from cnnum.lab.bench.errors import STEPS, ends_error
+from cnnum.lab.bench.samples import channelwise, even_template, frames, full_template
+from cnnum.lab.bench.timing import difference
+from cnnum.plan import Plan
+from cnnum.templating.template import Template
+
+STEP = 0.01
+
+PEAKS = 3
+"""Measurements of the peak before the first case and after the last; between cases it is one."""
+
+FULL, EVEN, EVEN_5 = full_template(), even_template(), even_template(2)
+
+
+@dataclass(frozen=True, slots=True)
+class Throughput:
+    """A row of `cnnum bench throughput`.
+
+    Attributes
+    ----------
+    case, device, precision : str
+    shape : (rows, cols)
+    batch : int
+    cell_updates_per_s : float
+        Of the steps alone: what more steps of the same launch take.
+    host_to_host_per_s : float
+        With copies and conversions, at the larger number of steps.
+    flops : float
+        2·taps + 4 a cell update, a second.
+    peak_flops : float
+        Best multiply-add kernel on the same device in the whole run: one number for all rows.
+    share_of_peak : float
+    share_in_turns : float
+        Median over turns of the rate over that of the best multiply-add kernel in the same turn:
+        on a machine that others share, both see the same of them.
+    seconds, spread : float
+        One launch host to host, s.
+    error : float
+        Of the first and the last frame after a few of the steps, over their largest output, against
+        the reference engine's own steps.
+    """
+
+    case: str
+    device: str
+    precision: str
+    shape: Shape
+    batch: int
+    cell_updates_per_s: float
+    host_to_host_per_s: float
+    flops: float
+    peak_flops: float
+    share_of_peak: float
+    share_in_turns: float
+    seconds: float
+    spread: float
+    error: float
+
+
+@dataclass(frozen=True, slots=True)
+class ThroughputCase:
+    """A template without zeros on every channel of a batch of frames, by Euler's method."""
+
+    name: str
+    shape: Shape
+    batch: int
+    channels: int
+    steps: int
+    template: Template = FULL
+
+
+CASES = (
+    ThroughputCase("8×8×3, batch 65536", (8, 8), 65_536, 3, 100),
+    ThroughputCase("8×8×3, batch 1024", (8, 8), 1024, 3, 3000),
+    ThroughputCase("16×16×3, batch 4096", (16, 16), 4096, 3, 300),
+    ThroughputCase("1024×1024", (1024, 1024), 1, 1, 400),
+    ThroughputCase("8×8×3, batch 1024, equal weights", (8, 8), 1024, 3, 4000, EVEN),
+    ThroughputCase("8×8×3, batch 1024, equal weights, 5×5", (8, 8), 1024, 3, 2000, EVEN_5),
+    ThroughputCase("1024×1024, equal weights", (1024, 1024), 1, 1, 400, EVEN),
+)
+
+
+def measure_throughput(
+    engine: Engine, *, quick: bool = False, cases: tuple[ThroughputCase, ...] = CASES
+) -> Iterator[list[Throughput] | None]:
+    """Yield None after each case, and instead of the last the rows of all.
+
+    The peak is measured before the first case, between cases and after the last. A row is a share
+    of the best of the whole run, which is known at its end: then rows come, or where Ctrl-C ends it
+    before.
+
+    Parameters
+    ----------
+    engine : Engine
+        Of the OpenCL devices.
+    quick : bool
+        Fewer repeats.
+    cases : tuple of ThroughputCase
+    """
+    meter, rows = PeakMeter(engine), list[Throughput]()
+    try:
+        meter.measure(1 if quick else PEAKS)
+        for case in cases:
+            if rows:
+                yield None
+            rows.append(_measure(engine, case, meter.turn(), budget=1.0 if quick else 6.0))
+            meter.measure()
+        meter.measure(0 if quick else PEAKS - 1)
+    except KeyboardInterrupt:
+        yield of_peak(rows, meter.best)
+        raise
+    yield of_peak(rows, meter.best)
+
+
+def of_peak(rows: Sequence[Throughput], peak: float) -> list[Throughput]:
+    """Return rows as shares of a peak."""
+    return [replace(row, peak_flops=peak, share_of_peak=row.flops / peak) for row in rows]
+
+
+def _plan(engine: Engine, case: ThroughputCase, steps: int) -> Plan:
+    names = tuple("xyz"[: case.channels])
+    spec = RunSpec(duration=steps * STEP, method="euler", dt=STEP)
+    program = channelwise(case.template, spec)
+    return engine.compile(program, case.shape, channels=names)
+
+
+def _measure(
+    engine: Engine, case: ThroughputCase, peak: Callable[[], float], budget: float
+) -> Throughput:
+    """Time two numbers of steps in turns: their difference is that of steps alone.
+
+    The peak is still to come.
+    """
+    batch = frames(case.batch, case.shape, case.channels)
+    short, long = (_plan(engine, case, n) for n in (case.steps, 3 * case.steps))
+    cells = case.batch * case.channels * case.shape[0] * case.shape[1]
+    a_cell = 2 * np.count_nonzero(case.template.A) + 4
+    found = difference(
+        lambda: short(batch),
+        lambda: long(batch),
+        work=cells * 2.0 * case.steps * a_cell,
+        beside=peak,
+        budget=budget,
+    )
+    rate = cells * 2 * case.steps / found.more
+    return Throughput(
+        case=case.name,
+        device=engine.device,
+        precision=engine.precision,
+        shape=case.shape,
+        batch=case.batch,
+        cell_updates_per_s=rate,
+        host_to_host_per_s=cells * 3 * case.steps / found.long.median,
+        flops=rate * a_cell,
+        peak_flops=math.nan,
+        share_of_peak=math.nan,
+        share_in_turns=found.share,
+        seconds=found.long.median,
+        spread=found.long.spread,
+        error=ends_error(lambda on, some: _outputs(on, case, some), engine, batch),
+    )
+
+
+def _outputs(engine: Engine, case: ThroughputCase, batch: NDArray[np.floating]) -> Floats:
+    return np.stack(list(_plan(engine, case, STEPS)(batch).values()), axis=1)

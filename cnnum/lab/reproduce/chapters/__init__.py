@@ -1,0 +1,1 @@
+"""The dissertation's tables, figures and equations, chapter by chapter."""

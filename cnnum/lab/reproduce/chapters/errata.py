@@ -1,0 +1,97 @@
+"""Errata of the dissertation: what the print gives, and what is right."""
+
+from math import sqrt
+
+import numpy as np
+
+from cnnum.lab.reproduce.chapters.silicon import sensitivity
+from cnnum.lab.reproduce.record import Chapter, Item
+from cnnum.tactile.inverse import largest_spacing
+from cnnum.tactile.pad import Pad
+from cnnum.tactile.taxel import Bridge, Piezoresistor
+from cnnum.tactile.texture import WINDOW, texture
+
+FLAT = 0.5
+"""A coefficient of friction that does not change."""
+
+
+def third_nearest() -> float:
+    """Return the pitch, in depths, at which the third-nearest taxel just reaches √2 z.
+
+    The place of a load in a cell of the square array is searched on a fine lattice.
+    """
+    side = np.linspace(0.0, 1.0, 401)
+    x, y = np.meshgrid(side, side)
+    taxels = np.stack(np.meshgrid(np.arange(-1, 3), np.arange(-1, 3)), axis=-1).reshape(-1, 2)
+    away = np.hypot(x[..., None] - taxels[:, 0], y[..., None] - taxels[:, 1])
+    return sqrt(2.0) / float(np.sort(away, axis=-1)[..., 2].max())
+
+
+def evenly_pressed() -> float:
+    """Return T_y of a bump on four equally pressed taxels."""
+    return float(Pad.regular((2, 2)).to_three_axial(np.ones((2, 2)), ["shear_y"])[0, 0, 0])
+
+
+def even_friction() -> float:
+    """Return the friction of a window in which it does not change."""
+    signals = np.tile([FLAT, 0.0, 1.0], (WINDOW + 1, 1))
+    return float(texture(signals).friction[-1])
+
+
+def wave() -> tuple[np.ndarray, int]:
+    """Return five ratios whose mean is 1 and whose variance is ½, and T = 4."""
+    return np.array([2.0, 1.0, 1.0, 1.0, 0.0]), 4
+
+
+def rough() -> float:
+    """Return the roughness of five ratios, ours."""
+    ratios, window = wave()
+    signals = np.stack([ratios, np.zeros(5), np.ones(5)], axis=-1)
+    return float(texture(signals, window=window).roughness[-1])
+
+
+def rough_as_printed() -> float:
+    """Return (6.4) as printed, over T − 1, but with the mean for μ̄."""
+    ratios, window = wave()
+    return float(100.0 * np.sqrt(np.sum((ratios - 1.0) ** 2) / (window - 1)))
+
+
+def transversal() -> float:
+    """Return π_t, 1e-11/Pa."""
+    return 1e11 * Piezoresistor().transversal
+
+
+def table_change() -> float:
+    """Return ΔR/R under 10 mN normal load."""
+    return float(Bridge().resistance_change([0.0, 0.0, 10e-3])[0])
+
+
+CHAPTER = Chapter(
+    "Errata — as printed, and as it should be",
+    (
+        Item("erratum-3.6", "π_t, whose second line is printed as π_l", "(3.6)",
+             0.5 * (6.6 - 1.1 - 138.1), transversal, 1e-12, "closed form", "1e-11/Pa",
+             printed=lambda: 0.5 * (6.6 - 1.1 + 138.1)),
+        Item("erratum-3.6-unit", "ΔR/R under 10 mN; π is printed without its 1e-11",
+             "after (3.6); Table 3.I", -0.114, table_change, 5e-4,
+             "the table prints three decimals", printed=lambda: 1e11 * table_change()),
+        Item("erratum-3.11", "sensitivity; the half bridge's factor ¼ is not printed",
+             "(3.11); section 3.4.3", 2.9, sensitivity, 0.05, "the text prints two digits",
+             "mV/mN/V", printed=lambda: 4.0 * sensitivity()),
+        Item("erratum-5.11", "largest pitch with three taxels inside √2 z of any load",
+             "(5.11); right: √(8/5) z", sqrt(1.6), third_nearest, 1e-9,
+             "the worst place is a point of the lattice that is searched", "z",
+             printed=lambda: (1.0 + sqrt(2.0)) / 2.0),
+        Item("erratum-5.11-ours", "the same, by our formula", "(5.11); right: √(8/5) z",
+             sqrt(1.6), lambda: float(largest_spacing(1.0)), 1e-12, "closed form", "z",
+             printed=lambda: (1.0 + sqrt(2.0)) / 2.0),
+        Item("erratum-6.2", "T_y of four equal pressures, printed S1 − S2 − S3 − S4", "(6.2)",
+             0.0, evenly_pressed, 1e-15, "rounding", printed=lambda: -sqrt(2.0)),
+        Item("erratum-6.3", "mean friction of a constant 0.5, printed as a sum", "(6.3)", FLAT,
+             even_friction, 1e-12, "rounding", printed=lambda: FLAT * (WINDOW + 1)),
+        Item("erratum-6.4", "roughness of five ratios of variance ½, printed over T − 1",
+             "(6.4)", 100.0 * sqrt(0.5), rough, 1e-10, "unbiased variance of T + 1 points: over T",
+             "%", printed=rough_as_printed),
+    ),
+    {},
+)  # fmt: skip

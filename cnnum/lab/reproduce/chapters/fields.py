@@ -1,0 +1,236 @@
+"""Section 4.2: the point load on a half-space, equation by equation and figure by figure."""
+
+from collections.abc import Callable
+from functools import partial
+from math import exp, pi, sqrt
+
+import numpy as np
+from scipy.integrate import quad
+from scipy.optimize import brentq, minimize_scalar
+from scipy.special import j0
+
+from cnnum.arrays import Floats
+from cnnum.lab.reproduce.chapters import printed
+from cnnum.lab.reproduce.chapters.field_figures import FIGURES
+from cnnum.lab.reproduce.record import Chapter, Item
+from cnnum.lab.reproduce.setup import NEWTON, E, Z
+from cnnum.tactile.halfspace import (
+    displacement,
+    rectangle_stress,
+    strain,
+    strain_energy_density,
+    stress,
+)
+
+DEPTHS = np.array([0.1, 0.2, 0.3, 0.4, 0.5]) * 1e-3
+
+
+def scattered(seed: int = 4) -> tuple[Floats, Floats]:
+    """Return (3, 400) places around the load, m, and (3, 400) loads in all directions, N."""
+    rng = np.random.default_rng(seed)
+    place = np.stack([*rng.uniform(-1e-3, 1e-3, (2, 400)), rng.uniform(1e-5, 1e-3, 400)])
+    return place, rng.normal(size=(3, 400))
+
+
+def largest_gap(ours: Floats, theirs: Floats) -> float:
+    """Return the largest difference, as a share of the largest entry of each tensor."""
+    axes = tuple(range(theirs.ndim - 1))
+    return float((np.abs(ours - theirs).max(axis=axes) / np.abs(theirs).max(axis=axes)).max())
+
+
+def displacement_gap(nu: float | None) -> float:
+    """Return how far our displacement is from (4.9), or at ν = 0.5 from (4.10)."""
+    place, load = scattered()
+    x, y, z = place
+    ratio = 0.5 if nu is None else nu
+    ours = displacement(x, y, z, load.T, youngs_modulus=E, poisson=ratio).T
+    if nu is None:
+        return largest_gap(ours, printed.displacement_of_rubber(place, load, E))
+    return largest_gap(ours, printed.displacement(place, load, E, nu))
+
+
+def stress_gap() -> float:
+    """Return how far our stress is from (4.11)."""
+    place, load = scattered()
+    x, y, z = place
+    ours = np.moveaxis(stress(x, y, z, load.T), 0, -1)
+    return largest_gap(ours, printed.stress(place, load))
+
+
+def strain_gap() -> float:
+    """Return how far our strain is from (4.12)."""
+    place, load = scattered()
+    x, y, z = place
+    ours = np.moveaxis(strain(x, y, z, load.T, youngs_modulus=E), 0, -1)
+    return largest_gap(ours, printed.strain(place, load, E))
+
+
+def energy_gap() -> float:
+    """Return how far our strain energy density is from (4.13), relative to each value."""
+    place, load = scattered()
+    theirs = printed.energy(place, load, E)
+    x, y, z = place
+    ours = strain_energy_density(x, y, z, load.T, youngs_modulus=E)
+    # points where Qx + Ry + Fz nearly vanishes hold no digits of it
+    scale = np.sum(load**2, axis=0) / np.sum(place**2, axis=0) ** 2 / E
+    return float((np.abs(ours - theirs) / scale).max())
+
+
+def sigma(i: int, x: float, z: float = Z) -> float:
+    """Return σ_xz (i = 0) or σ_zz (i = 2) at (x, 0, z), Pa."""
+    return float(stress(x, 0.0, z, NEWTON)[i, 2])
+
+
+def epsilon(i: int, x: float, z: float = Z) -> float:
+    """Return ε_xz (i = 0) or ε_zz (i = 2) at (x, 0, z)."""
+    return float(strain(x, 0.0, z, NEWTON, youngs_modulus=E)[i, 2])
+
+
+def highest(function: Callable[[float], float], low: float, high: float) -> float:
+    """Return where |function| is largest, mm."""
+    found = minimize_scalar(
+        lambda x: -abs(function(x)), bounds=(low, high), method="bounded", options={"xatol": 1e-12}
+    )
+    return 1e3 * float(found.x)
+
+
+def zero_of_strain() -> float:
+    """Return where ε_zz changes its sign, mm."""
+    return 1e3 * float(brentq(partial(epsilon, 2), 0.1 * Z, 3.0 * Z, xtol=1e-15))
+
+
+def half_width(function: Callable[[float], float], depth: float = Z) -> float:
+    """Return the distance, in depths, at which a distribution has fallen to a half."""
+    top = function(0.0)
+    return float(brentq(lambda x: function(x * depth) / top - 0.5, 0.0, 5.0, xtol=1e-14))
+
+
+def decay() -> float:
+    """Return the power of depth with which σ_zz below the load falls."""
+    peaks = [abs(sigma(2, 0.0, float(z))) for z in DEPTHS]
+    return float(np.polyfit(np.log(DEPTHS), np.log(peaks), 1)[0])
+
+
+def widening() -> float:
+    """Return how much wider σ_zz is at 0.4 mm than at 0.2 mm."""
+    wide = [half_width(partial(_normal_at, z), z) * z for z in (2 * Z, Z)]
+    return wide[0] / wide[1]
+
+
+def _normal_at(z: float, x: float) -> float:
+    return sigma(2, x, z)
+
+
+def transferred(reach: float) -> float:
+    """Return the Hankel transform of σ_zz at kz = reach, of a load of 1 N, by quadrature."""
+    wave = reach / Z
+
+    def integrand(rho: float) -> float:
+        return rho * sigma(2, rho) * float(j0(wave * rho))
+
+    # beyond 60 z less than 1e-5 of the load is left, and it oscillates
+    parts = [quad(integrand, a * Z, (a + 1) * Z, limit=200)[0] for a in range(60)]
+    return -2.0 * pi * sum(parts)
+
+
+def energy_at(x: float) -> float:
+    """Return the strain energy density at (x, 0, z)."""
+    return float(strain_energy_density(x, 0.0, Z, NEWTON, youngs_modulus=E))
+
+
+def sinking_at(x: float) -> float:
+    """Return u_z at (x, 0, z)."""
+    return float(displacement(x, 0.0, Z, NEWTON, youngs_modulus=E)[2])
+
+
+def strip_gap() -> float:
+    """Return how far a long Love rectangle is from the strip of superposed line loads."""
+    half, depth = 1e-3, 0.3e-3
+    x = np.linspace(-2e-3, 2e-3, 41)
+    long = rectangle_stress(x, 0.0, depth, [0.0, 0.0, 1.0], size=(2 * half, 4.0))[..., 2, 2]
+    angles = [np.arctan2(depth, x + side * half) for side in (-1.0, 1.0)]
+    # integral of Flamant's σ_zz over the strip (Johnson 2.23)
+    turn = angles[0] - angles[1]
+    strip = -(2 * turn - (np.sin(2 * angles[0]) - np.sin(2 * angles[1]))) / (2 * pi)
+    return float(np.abs(long - strip).max())
+
+
+def edge_place() -> float:
+    """Return where σ_zz just below a rigid flat strip is largest, half-widths from its middle."""
+    from cnnum.lab.reproduce.chapters.field_figures import flat_strip
+
+    x = np.linspace(0.0, 1.5, 1501)
+    return float(x[np.argmax(np.abs(flat_strip(x, np.array([0.02]))[0]))])
+
+
+def _equations() -> tuple[Item, ...]:
+    exact = "both are formulas in double precision: what is left is rounding"
+    return tuple(
+        Item(f"eq-{number}", title, f"({number})", 0.0, compute, tolerance, exact)
+        for number, title, compute, tolerance in (
+            ("4.9", "displacement at ν = 0.3 against the printed formula",
+             partial(displacement_gap, 0.3), 1e-12),
+            ("4.10", "displacement at ν = 0.5 against the printed formula",
+             partial(displacement_gap, None), 1e-12),
+            ("4.11", "stress at ν = 0.5 against the printed formula", stress_gap, 1e-12),
+            ("4.12", "strain at ν = 0.5 against the printed formula", strain_gap, 1e-12),
+            ("4.13", "strain energy density against the printed formula", energy_gap, 1e-12),
+        )
+    )  # fmt: skip
+
+
+# (4.10) at half its peak: (ρ² + 2)/(2 (ρ² + 1)^1.5) = 1/2, a cubic in ρ²
+SINKING = sqrt(float(brentq(lambda t: (t + 2) ** 2 - (t + 1) ** 3, 0.0, 3.0, xtol=1e-15)))
+FOUND = "the printed formula's own root; found by search on our fields to 1e-9 mm"
+
+CHAPTER = Chapter(
+    "Section 4.2 — the elastic half-space",
+    (
+        *_equations(),
+        Item("fig-4.2-normal", "σ_zz 0.2 mm below 1 N", "Fig. 4.2; (4.11) at x = y = 0",
+             -3.0 / (2.0 * pi * Z**2) / 1e6, lambda: sigma(2, 0.0) / 1e6, 1e-12,
+             "closed form against closed form", "MPa", "relative", figure="fig-4.2"),
+        Item("fig-4.2-shear", "where |σ_xz| is largest", "Fig. 4.2; (4.11): |x| = z/2",
+             0.1, partial(highest, partial(sigma, 0), 0.0, 2 * Z), 1e-6, FOUND, "mm",
+             figure="fig-4.2"),
+        Item("fig-4.3", "power of depth with which σ_zz falls", "Fig. 4.3; (4.11)",
+             -2.0, decay, 1e-9, "a straight line in logarithms: rounding", figure="fig-4.3"),
+        Item("fig-4.4-width", "width of σ_zz at twice the depth", "Fig. 4.4 (left); (4.11)",
+             2.0, widening, 1e-9, "roots found to 1e-14", figure="fig-4.4"),
+        *(
+            Item(f"fig-4.4-filter-{reach}", f"σ_zz passed at wave number {reach}/z",
+                 "Fig. 4.4 (right): the transform of (4.11)",
+                 (1 + reach) * exp(-reach), partial(transferred, reach), 2e-5,
+                 "the integral is cut at 60 z, where 5e-6 of the load is left", figure="fig-4.4")
+            for reach in (1, 3)
+        ),
+        Item("fig-4.5-zero", "where ε_zz is zero", "Fig. 4.5; section 4.3.3: √2 z",
+             sqrt(2.0) * 0.2, zero_of_strain, 1e-6, FOUND, "mm", figure="fig-4.5"),
+        Item("fig-4.5-brim", "where ε_zz has its opposite extremum",
+             "Fig. 4.5; section 4.3.3: 2z", 0.4,
+             partial(highest, partial(epsilon, 2), 1.5 * Z, 4 * Z), 1e-6, FOUND, "mm",
+             figure="fig-4.5"),
+        Item("fig-4.5-shear", "where |ε_xz| is largest", "Fig. 4.5; (4.20): z/2", 0.1,
+             partial(highest, partial(epsilon, 0), 0.0, 2 * Z), 1e-6, FOUND, "mm",
+             figure="fig-4.5"),
+        Item("fig-4.6-stress", "half-width of σ_zz, in depths", "Fig. 4.6; (4.11)",
+             sqrt(2.0**0.4 - 1.0), partial(half_width, partial(sigma, 2)), 1e-9,
+             "root of the printed formula; found to 1e-14", "z", figure="fig-4.6"),
+        Item("fig-4.6-energy", "half-width of the strain energy density", "Fig. 4.6; (4.13)",
+             sqrt(2.0 ** (1.0 / 3.0) - 1.0), partial(half_width, energy_at), 1e-9,
+             "root of the printed formula; found to 1e-14", "z", figure="fig-4.6"),
+        Item("fig-4.6-sinking", "half-width of u_z: root of (ρ² + 2)² = (ρ² + 1)³",
+             "Fig. 4.6; (4.10)", SINKING,
+             partial(half_width, sinking_at), 1e-9, "root of a cubic; found to 1e-14", "z",
+             figure="fig-4.6"),
+        Item("fig-4.7-strip", "strip of line loads against a long Love rectangle",
+             "Fig. 4.7, “integrated from a line load solution”", 0.0, strip_gap, 1e-6,
+             "a rectangle 2000 times as long as wide is a strip to the square of that",
+             "p", figure="fig-4.7"),
+        Item("fig-4.7-edge", "where stress peaks below a flat rigid object",
+             "Fig. 4.7 (top right): “concentrated around the edges”", 1.0, edge_place, 0.03,
+             "no digits: at 0.02 half-widths below the surface the peak stands so far inside",
+             "half-widths", figure="fig-4.7"),
+    ),
+    FIGURES,
+)  # fmt: skip

@@ -1,0 +1,87 @@
+"""Section 4.3.3: how near models of a flat cover get to what was measured on real ones."""
+
+from functools import cache, partial
+
+import numpy as np
+
+from cnnum.lab.reproduce.figure import Curve, Dots, Figure, Layer, Panel
+from cnnum.lab.reproduce.record import Chapter, Item
+from cnnum.tactile.cover.comparison import MODELS, ComparisonRow, compare
+
+BONDED = "bonded layer, strain 50 µm above the base"
+SIZED = f"{BONDED}; needle and taxel"
+NEAR = "bonded cover with an assumed place of sensing; nothing was fitted"
+POINTED = (
+    "half-space, strain",
+    "half-space, stress",
+    "layer, stress on base",
+    "layer, strain above",
+)
+SHORT = (*POINTED, *(f"{name}*" for name in POINTED))
+"""Of the models of `comparison`, in their order."""
+
+
+@cache
+def models() -> tuple[ComparisonRow, ...]:
+    """Return all models of the flat cover beside what was measured."""
+    return compare(MODELS, (0.2e-3, 0.3e-3, 0.4e-3, 0.5e-3))
+
+
+def modelled(model: str, quantity: str) -> float:
+    """Return one number of one model."""
+    rows = [r for r in models() if r.model == model and r.quantity.startswith(quantity)]
+    return rows[0].got
+
+
+def figure_models() -> Figure:
+    """Return how near each model of a flat cover gets to each measured number."""
+    quantities = tuple(dict.fromkeys(row.quantity for row in models()))
+    panels: list[Panel] = []
+    for quantity in quantities:
+        rows = [r for r in models() if r.quantity == quantity and np.isfinite(r.got)]
+        names = [r.model for r in models() if r.quantity == quantity]
+        heights = np.array([len(names) - names.index(r.model) for r in rows], dtype=float)
+        got = np.array([r.got for r in rows])
+        span = np.array([0.5, len(names) + 0.5])
+        layers: list[Layer] = [
+            Dots(got, heights, np.full(got.size, 40.0), 0, "model"),
+            Curve(np.full(2, rows[0].measured), span, "measured", "dashed", 1),
+        ]
+        panels.append(
+            Panel(
+                quantity.replace("largest ", "").replace(" signal", ""),
+                "value",
+                "",
+                layers,
+                ticks=SHORT[::-1],
+            )
+        )
+    return Figure(
+        "flat-models",
+        "Fig. 4.13, 4.16; section 4.3.3",
+        "How near do models of a flat cover get?",
+        "Each model's slope of W, power of A, inhibition and normal-to-shear ratio beside the "
+        "measured one (dashed). * needle and taxel of their real sizes. A model without a point "
+        "has no brim, so no width. A layer bonded to silicon and felt 50 µm above its base comes "
+        "near the measured width, power and inhibition.",
+        panels,
+    )
+
+
+CHAPTER = Chapter(
+    "Section 4.3.3 — models of the real flat cover",
+    (
+        Item("layer-W-slope", "slope of W: bonded layer, needle and taxel of real size",
+             "Fig. 4.16, section 4.3.3", 1.14, partial(modelled, SIZED, "slope of W"), 0.0, NEAR,
+             kind="comparison", figure="flat-models"),
+        Item("layer-A-power", "power of A: bonded layer, needle and taxel of real size",
+             "Fig. 4.16, section 4.3.3", -1.45, partial(modelled, SIZED, "exponent of A"), 0.0,
+             NEAR, kind="comparison", figure="flat-models"),
+        Item("layer-inhibition", "largest over most negative: bonded layer, point load",
+             "Fig. 4.13, section 4.3.3", 19.0, partial(modelled, BONDED, "lateral"), 0.0, NEAR,
+             kind="comparison", figure="flat-models"),
+    ),
+    {
+        "flat-models": figure_models,
+    },
+)  # fmt: skip

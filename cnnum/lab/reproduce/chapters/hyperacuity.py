@@ -1,0 +1,242 @@
+"""Section 5.3: one taxel that tells where a needle stands, far finer than its own size."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.lab.reproduce.figure import Curve, Dots, Figure, Panel
+from cnnum.lab.reproduce.record import Chapter, Item
+from cnnum.lab.reproduce.setup import LOAD, MM, NOISE, RATE, UM, E, Z, covered_taxel, point_strain
+from cnnum.tactile.inverse import locate, locate_signals
+
+STEPS = 320
+"""Of the stage in a millimetre (3.4.2)."""
+
+SPEED = 0.5
+"""Of the stage, mm/s (Fig. 5.4)."""
+
+BETAS = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0)
+FINE = 150e-6
+"""Radius within which the dissertation states its precision, m."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scan:
+    """Where a needle stood, and where and how hard the taxel says it did.
+
+    Attributes
+    ----------
+    x, y, x_seen, y_seen : (n,) float, m
+    force : (n,) float, N
+    """
+
+    x: Floats
+    y: Floats
+    x_seen: Floats
+    y_seen: Floats
+    force: Floats
+
+    def error(self, keep: NDArray[np.bool_]) -> float:
+        """Return the RMS distance of places seen and true, µm."""
+        gap = (self.x_seen - self.x) ** 2 + (self.y_seen - self.y) ** 2
+        return float(UM * np.sqrt(np.mean(gap[keep])))
+
+
+def observe(x: Floats, y: Floats, load: float, seed: int, assumed: float = Z) -> Scan:
+    """Return what a noisy taxel says of a needle, if its cover is taken to be that thick."""
+    taxel = covered_taxel()
+    calibration = taxel.calibration(Z)
+    strain = point_strain(x, y, load)[:, np.newaxis, np.newaxis]
+    reading = taxel.read(strain, rng=np.random.default_rng(seed))
+    found = locate(
+        calibration.to_strain(reading.volts)[:, 0, 0],
+        depth=assumed,
+        youngs_modulus=E,
+        noise=calibration.strain_noise(NOISE),
+    )
+    return Scan(x, y, found.x, found.y, found.force)
+
+
+@cache
+def raster(load: float = LOAD, half: float = 250e-6) -> Scan:
+    """Return the scan of Fig. 5.3: parallel lines 25 µm apart, 50 frames a second."""
+    along = np.arange(-half, half + 1e-9, 1e-3 * SPEED / RATE)
+    across = np.arange(-half, half + 1e-9, 25e-6)
+    x, y = (v.reshape(-1) for v in np.meshgrid(along, across))
+    return observe(x, y, load, 53)
+
+
+def precision(load: float = LOAD) -> float:
+    """Return the RMS error of place within 150 µm of the middle, µm."""
+    scan = raster(load)
+    return scan.error(np.hypot(scan.x, scan.y) <= FINE + 1e-9)
+
+
+def hyperacuity(load: float = LOAD) -> float:
+    """Return the RMS error of place over the square of 300 × 300 µm, µm."""
+    scan = raster(load)
+    return scan.error(np.maximum(np.abs(scan.x), np.abs(scan.y)) <= FINE + 1e-9)
+
+
+def force_error() -> float:
+    """Return the RMS error of the force within 150 µm, per cent."""
+    scan = raster()
+    near = np.hypot(scan.x, scan.y) <= FINE + 1e-9
+    return float(100.0 * np.sqrt(np.mean((scan.force[near] / LOAD - 1.0) ** 2)))
+
+
+def stage_run(assumed: float = Z) -> tuple[Floats, Scan]:
+    """Return times, s, and the scan of the middle line by a stage that moves in whole steps."""
+    time = np.arange(0.0, 0.6 + 1e-9, 1.0 / RATE)
+    steps = np.floor(SPEED * time * STEPS + 1e-9)
+    x = -FINE + 1e-3 * steps / STEPS
+    return time, observe(x, np.zeros_like(x), LOAD, 54, assumed)
+
+
+def speed(thickness: float = 1.0) -> float:
+    """Return the speed read back, mm/s, with the cover taken for so many times its thickness."""
+    time, scan = stage_run(thickness * Z)
+    return float(MM * np.polyfit(time, scan.x_seen, 1)[0])
+
+
+def mapped(beta: float, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return places and forces found with another β_ns than the taxel's, which is 1."""
+    signals = -point_strain(x, y, 1.0)
+    load = locate_signals(signals, depth=Z, youngs_modulus=E, alpha_normal=1.0, beta_ns=beta)
+    return load.x, load.y, load.force
+
+
+def magnification(beta: float) -> float:
+    """Return how much larger than life the middle of the map is."""
+    near = np.array([1e-4 * Z])
+    return float(mapped(beta, near, np.zeros(1))[0][0] / near[0])
+
+
+def grid_gap() -> float:
+    """Return the largest error of a grid's places with the right β_ns, in depths."""
+    x, y = _grid()
+    found = mapped(1.0, x, y)
+    return float(np.hypot(found[0] - x, found[1] - y).max() / Z)
+
+
+def _grid() -> tuple[Floats, Floats]:
+    side = np.linspace(-1.25, 1.25, 11) * Z
+    x, y = np.meshgrid(side, side)
+    return x.reshape(-1), y.reshape(-1)
+
+
+def figure_5_2() -> Figure:
+    """Return the maps of a grid of points with six values of β_ns."""
+    x, y = _grid()
+    panels: list[Panel] = []
+    for beta in BETAS:
+        u, v, force = mapped(beta, x, y)
+        size = np.clip(24.0 * force, 2.0, 90.0)
+        dots = Dots(MM * u, MM * v, size, 0)
+        title = f"β_ns = {beta:g}"
+        panels.append(Panel(title, "x (mm)", "y (mm)", [dots], equal=True, reach=0.34))
+    return Figure(
+        "fig-5.2",
+        "Fig. 5.2",
+        "A wrong β_ns bends the map",
+        "A square grid of exact data of a taxel with β_ns = 1, read with the values above the "
+        "panels; the size of a dot is the force found. Near the middle the map is β_ns times "
+        "too large; right, it is the grid.",
+        panels,
+    )
+
+
+def figure_5_3() -> Figure:
+    """Return the raster scan as the taxel sees it, and its error over the load."""
+    scan = raster()
+    share = scan.force / LOAD
+    loads = np.array([1e-3, 2e-3, 3e-3, 5e-3, 1e-2, 1.5e-2])
+    errors = np.array([hyperacuity(load) for load in loads.tolist()])
+    return Figure(
+        "fig-5.3",
+        "Fig. 5.3",
+        "A needle drawn over one taxel along parallel lines",
+        f"{1e3 * LOAD:.0f} mN at 0.5 mm/s and 50 Hz under 200 µm, with the noise of Table 3.II. "
+        "Colour: force found over the true one. The dissertation's own map bends outwards, since "
+        "a real cover's β_ns changes with distance; published: 3–5 µm within 150 µm.",
+        (
+            Panel("Places found", "x (mm)", "y (mm)",
+                  [Dots(MM * scan.x_seen, MM * scan.y_seen, np.full(scan.x.size, 7.0), share,
+                        "force found / true")], equal=True),
+            Panel("Error over 300 × 300 µm", "load (mN)", "RMS error of place (µm)",
+                  [Curve(1e3 * loads, errors, "2.5 mV noise, 12 bits", "points", 0),
+                   Curve(1e3 * loads, errors[0] * loads[0] / loads, "∝ 1/load", "dotted", 0),
+                   Curve(1e3 * loads, np.full(loads.size, 3.0), "published: 3 µm", "dashed", 1)],
+                  log="xy"),
+        ),
+    )  # fmt: skip
+
+
+def figure_5_4() -> Figure:
+    """Return place against time on the middle line."""
+    time, scan = stage_run()
+    line = np.polyfit(time, MM * scan.x_seen, 1)
+    fit = np.asarray(np.polyval(line, time), dtype=np.float64)
+    slow = MM * scan.x_seen.mean() + 0.45 * (time - time.mean())
+    return Figure(
+        "fig-5.4",
+        "Fig. 5.4",
+        "The stage's speed read back",
+        "A stage of 320 steps/mm at 0.5 mm/s. The dissertation read 0.45 mm/s, as from a cover "
+        "taken for a tenth thinner than it is: places scale with the thickness.",
+        (
+            Panel("Middle line, y = 0", "time (s)", "x found (mm)",
+                  [Curve(time, MM * scan.x_seen, "frames", "points", 0),
+                   Curve(time, fit, f"fit: {speed():.3f} mm/s", colour=0),
+                   Curve(time, slow, "published fit: 0.45 mm/s", "dashed", 1)]),
+            Panel("Less the true place", "time (s)", "error (µm)",
+                  [Curve(time, UM * (scan.x_seen - scan.x), "from the stage's step", "points", 0)]),
+        ),
+    )  # fmt: skip
+
+
+FIGURES: dict[str, Callable[[], Figure]] = {
+    "fig-5.2": figure_5_2,
+    "fig-5.3": figure_5_3,
+    "fig-5.4": figure_5_4,
+}
+
+CHAPTER = Chapter(
+    "Section 5.3 — tactile hyper-accuracy",
+    (
+        Item("fig-5.2-right", "map of a grid with the right β_ns", "Fig. 5.2, β_ns = 1", 0.0,
+             grid_gap, 1e-9, "exact data: rounding", "z", figure="fig-5.2"),
+        *(
+            Item(f"fig-5.2-{beta:g}", f"size of the map's middle with β_ns = {beta:g}",
+                 "Fig. 5.2; (5.15): ρ → β_ns ρ for small ρ", beta, partial(magnification, beta),
+                 1e-6, "no digits: the limit of the printed formula, at ρ = 1e-4 z",
+                 figure="fig-5.2")
+            for beta in BETAS if beta != 1.0
+        ),
+        Item("fig-5.3-place", "RMS error of place within 150 µm", "Fig. 5.3, section 5.3", 5.0,
+             precision, 0.0, "published as 3–5 µm", "µm", "at most", figure="fig-5.3"),
+        Item("fig-5.3-light", "the same at 3 mN, the top of Table 3.II's load range",
+             "section 5.3; Table 3.II", 5.0, partial(precision, 3e-3), 0.0,
+             "published as 3–5 µm", "µm", "at most", figure="fig-5.3"),
+        Item("fig-5.3-force", "RMS error of the force within 150 µm",
+             "Fig. 5.3, “reliable amplitude values”", 5.0, force_error, 0.0,
+             "no digits: as reliable as the 5 % change of colour that one can see", "%",
+             "at most", figure="fig-5.3"),
+        Item("hyperacuity", "RMS error of place over 300 × 300 µm", "section 5.4, thesis I.3",
+             3.0, hyperacuity, 0.0, "published as 3 µm", "µm", "at most", figure="fig-5.3"),
+        Item("fig-5.4", "speed of the stage, read back", "Fig. 5.4: true speed", SPEED, speed,
+             2e-3, "1 µm of noise and 3 µm steps on 31 frames over 0.3 mm", "mm/s",
+             figure="fig-5.4"),
+        Item("fig-5.4-measured", "speed as the dissertation read it", "Fig. 5.4", 0.45, speed,
+             0.0, "a real cover; the text would mend it with a thicker one in the model", "mm/s",
+             kind="comparison", figure="fig-5.4"),
+        Item("fig-5.4-thin", "the same with the cover taken for a tenth too thin",
+             "section 5.3, remark on Fig. 5.4", 0.45, partial(speed, 0.9), 5e-3,
+             "two digits are published", "mm/s", figure="fig-5.4"),
+    ),
+    FIGURES,
+)  # fmt: skip

@@ -1,0 +1,204 @@
+"""Section 6.4.3: a pad of pressure taxels that reads shear through bumps (Fig. 6.13, 6.17)."""
+
+from collections.abc import Callable
+from functools import cache
+from math import pi
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.lab.reproduce.figure import Arrows, Curve, Dots, Figure, Panel
+from cnnum.lab.reproduce.record import Chapter, Item
+from cnnum.tactile.grid import make_grid
+from cnnum.tactile.halfspace import SurfaceToDepth
+from cnnum.tactile.pad import Pad
+
+PITCH = 1.5e-3
+"""Of the pressure taxels, m."""
+
+RADIUS = 1e-3
+"""Of the bumps."""
+
+LAYER = 0.5e-3
+"""Of rubber below the bumps."""
+
+CELLS = 6
+"""Cells of the map of tractions in a pitch."""
+
+TURNS = 24
+SLANT = 0.3
+"""Shear over normal force of the load that is moved round."""
+
+NOISE = 0.01
+"""RMS of a taxel, of the largest pressure: so that idle arrows are as small as printed."""
+
+PAD = Pad.regular((9, 9))
+SHAPE = (9 * CELLS + 1, 9 * CELLS + 1)
+
+
+def centres() -> Floats:
+    """Return (4, 4, 2) places of the bumps, m, the middle of the pad at (0, 0)."""
+    side = (np.arange(4) * 2 + 0.5 - 4) * PITCH
+    x, y = np.meshgrid(side, side)
+    return np.stack([x, y], axis=-1).astype(np.float64)
+
+
+def foot(force: Floats, centre: Floats) -> Floats:
+    """Return the traction on the foot of one bump, Pa, pushed at its top.
+
+    The pressure leans: sideways force times the bump's height is a moment, which the foot bears
+    as a beam does, p = F/(πa²) + 4 h (Q x + R y)/(πa⁴).
+    """
+    grid = make_grid(SHAPE, PITCH / CELLS)
+    x, y = grid.x - centre[0], grid.y[:, np.newaxis] - centre[1]
+    inside = np.hypot(x, y) <= RADIUS
+    area = float(inside.sum()) * grid.cell_area
+    lean = 4.0 * RADIUS / (pi * RADIUS**4) * (force[0] * x + force[1] * y)
+    maps = [np.broadcast_to(f / area, inside.shape) for f in force]
+    maps[2] = maps[2] + lean
+    return np.where(inside[..., np.newaxis], np.stack(maps, axis=-1), 0.0)
+
+
+@cache
+def per_force() -> Floats:
+    """Return (3, 9, 9): pressure at each taxel of one bump pushed along x, y and z by 1 N."""
+    deep = SurfaceToDepth(SHAPE, PITCH / CELLS, LAYER, components=("zz",))
+    middle = np.full(2, 0.0)
+    loads = np.stack([foot(unit, middle) for unit in np.eye(3)])
+    return -deep(loads)[..., 0]
+
+
+def pressures(forces: Floats) -> Floats:
+    """Return (..., 9, 9) pressures at the taxels for (..., 4, 4, 3) forces on the bumps, Pa."""
+    one, middle = per_force(), SHAPE[0] // 2
+    result = np.zeros((*forces.shape[:-3], 9, 9))
+    for row, col in np.ndindex(4, 4):
+        # taxel − bump in cells: taxels at (n − 4) pitches, bumps at (2k − 3.5)
+        away = [CELLS * np.arange(9) - 2 * CELLS * k - CELLS // 2 for k in (row, col)]
+        near = [np.abs(a) <= middle for a in away]
+        cells = [(a + middle).clip(0, 2 * middle) for a in away]
+        part = one[:, cells[0][:, np.newaxis], cells[1]] * (near[0][:, np.newaxis] & near[1])
+        result += np.einsum("...k,kij->...ij", forces[..., row, col, :], part)
+    return result
+
+
+def circling(touched: Floats) -> Floats:
+    """Return (turns, 4, 4, 3) forces on the bumps: 1 N on each, its shear going round."""
+    turn = np.linspace(0.0, 2.0 * pi, TURNS, endpoint=False)
+    force = np.stack([SLANT * np.cos(turn), SLANT * np.sin(turn), np.ones(TURNS)], axis=-1)
+    return touched[..., np.newaxis] * force[:, np.newaxis, np.newaxis]
+
+
+def one_bump() -> Floats:
+    """Return where only one bump is pressed."""
+    touched = np.zeros((4, 4))
+    touched[1, 2] = 1.0
+    return touched
+
+
+def one_column() -> Floats:
+    """Return where a pencil's side lies on a column of bumps."""
+    touched = np.zeros((4, 4))
+    touched[:, 1] = 1.0
+    return touched
+
+
+@cache
+def read(line: bool) -> Floats:
+    """Return (turns, 4, 4, 3) vectors of the pad, as a sensor of compression with noise."""
+    seen = pressures(circling(one_column() if line else one_bump()))
+    noise = NOISE * seen.max() * np.random.default_rng(17).normal(size=seen.shape)
+    return PAD.to_three_axial(np.maximum(seen + noise, 0.0))
+
+
+def direction_error(line: bool) -> float:
+    """Return the RMS error of the direction on pressed bumps, degrees."""
+    touched = (one_column() if line else one_bump()) > 0.0
+    vectors = read(line)[:, touched]
+    turn = np.linspace(0.0, 2.0 * pi, TURNS, endpoint=False)[:, np.newaxis]
+    gap = np.angle(np.exp(1j * (np.arctan2(vectors[..., 1], vectors[..., 0]) - turn)))
+    return float(np.degrees(np.sqrt(np.mean(gap**2))))
+
+
+def cross_talk() -> float:
+    """Return the largest shear on the neighbours, share of the pressed bump's, no noise."""
+    vectors = PAD.to_three_axial(pressures(circling(one_bump())))
+    size = np.hypot(vectors[..., 0], vectors[..., 1])
+    others = size[:, one_bump() == 0.0]
+    return float(others.max() / size[:, 1, 2].min())
+
+
+def turned_gap() -> float:
+    """Return the largest difference of ours and (6.1) turned by 45°."""
+    four = np.random.default_rng(6).normal(size=(500, 2, 2))
+    s3, s4, s1, s2 = four.reshape(-1, 4).T  # rows run along y, which points up in Fig. 6.13
+    raw = (s4 - s1) + 1j * (s2 - s3)
+    turned = raw * np.exp(-0.25j * pi)
+    third = 0.5 * (s1 + s2 + s3 + s4)
+    theirs = np.stack([turned.real, turned.imag, third], axis=-1)
+    return float(np.abs(PAD_ONE.to_three_axial(four)[:, 0, 0] - theirs).max())
+
+
+PAD_ONE = Pad.regular((2, 2))
+
+
+def bumps() -> float:
+    """Return the number of three-axial taxels that a 9×9 pad gives."""
+    return float(np.prod(PAD.bumps))
+
+
+def _panel(line: bool, title: str) -> Panel:
+    vectors = 1e3 * 0.25 * read(line) / np.abs(read(line)).max() * PITCH * 4
+    place = 1e3 * centres()
+    x, y = (np.broadcast_to(place[..., k], vectors.shape[:-1]).reshape(-1) for k in (0, 1))
+    turn = np.linspace(0.0, 2.0 * pi, 73)
+    circle: Floats = np.stack([np.cos(turn), np.sin(turn)]).astype(np.float64)
+    rim = [
+        Curve(spot[0] + circle[0], spot[1] + circle[1], colour=-2, style="dotted")
+        for spot in place.reshape(-1, 2)
+    ]
+    tips = vectors[..., :2].reshape(-1, 2)
+    arrows = Arrows(x, y, tips[:, 0], tips[:, 1])
+    grid = 1e3 * (np.arange(9) - 4) * PITCH
+    places = np.stack(np.meshgrid(grid, grid)).reshape(2, -1).astype(np.float64)
+    dots = Dots(places[0], places[1], np.full(81, 11.0), 1, "")
+    return Panel(title, "x (mm)", "y (mm)", [dots, *rim, arrows], equal=True, reach=7.0)
+
+
+def figure_6_17() -> Figure:
+    """Return the vectors of a pad while shear goes round."""
+    return Figure(
+        "fig-6.17",
+        "Fig. 6.17",
+        "Three-axial vectors from a 9×9 pressure pad",
+        f"1 N on each touched bump, its shear of {SLANT:g} N going round in {TURNS} steps; taxels "
+        f"(dots) feel pressure only, with {100 * NOISE:.0f} % noise. Simulated under bumps of "
+        "Ø 2 mm on 0.5 mm of rubber, whose feet bear force and moment as a beam does.",
+        (_panel(False, "One bump pressed"), _panel(True, "A line load on a column")),
+    )
+
+
+FIGURES: dict[str, Callable[[], Figure]] = {"fig-6.17": figure_6_17}
+
+CHAPTER = Chapter(
+    "Section 6.4.3 — shear from pressure taxels",
+    (
+        Item("eq-6.1", "shear by four taxels: ours against (6.1) turned by 45°", "(6.1)", 0.0,
+             turned_gap, 1e-14, "rounding"),
+        Item("fig-6.13", "three-axial taxels of a 9×9 pad", "Fig. 6.13: 4×4", 16.0, bumps, 0.0,
+             "a count"),
+        Item("fig-6.17-point", "direction of the vectors, one bump pressed",
+             "Fig. 6.17 (left): “nicely follow the circular shear motion”", 0.0,
+             lambda: direction_error(False), 5.0,
+             "no digits: a third of the 15° from one step to the next; 1 % noise makes 0.6°",
+             "°", figure="fig-6.17"),
+        Item("fig-6.17-line", "direction of the vectors under a line load",
+             "Fig. 6.17 (right)", 0.0, lambda: direction_error(True), 5.0,
+             "as above, with the neighbours' cross-talk", "°", figure="fig-6.17"),
+        Item("fig-6.17-cross-talk", "shear read on unpressed neighbours, of the pressed one's",
+             "section 6.4.4: “minimal cross-talk”", 0.1, cross_talk, 0.0,
+             "no digits: a tenth is what arrows of that size hardly show", "", "at most",
+             figure="fig-6.17"),
+    ),
+    FIGURES,
+)  # fmt: skip

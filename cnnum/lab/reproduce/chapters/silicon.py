@@ -1,0 +1,246 @@
+"""Chapter 3: the bare taxel, from stress in silicon to volts (Table 3.I, 3.II, Fig. 3.22)."""
+
+from functools import partial
+from math import sqrt
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.lab.reproduce.figure import Curve, Figure, Panel
+from cnnum.lab.reproduce.record import Chapter, Item
+from cnnum.tactile.halfspace import circle_axis_stress
+from cnnum.tactile.taxel import Bridge, Coupling, Piezoresistor, Readout, Taxel, von_mises
+
+TABLE_LOAD = 10e-3
+"""N, the load of Table 3.I."""
+
+TABLE = {
+    "Fz": ("normal", -203.5e6, -38.2e6, -0.114),
+    "Fx": ("shear along x", 290e6, 55.6e6, 0.162),
+    "Fxy": ("shear at 45°", 205e6, 39.3e6, 0.114),
+}
+"""Table 3.I: load, σ_l and σ_t in Pa, ΔR/R."""
+
+PLATE = 100e-6
+"""Side of the suspended plate, m (Fig. 3.8)."""
+
+NEEDLE_TILT = np.radians(4.0)
+
+
+def resistance(longitudinal: float, transversal: float) -> float:
+    """Return ΔR/R of a piezoresistor, (3.7)."""
+    return float(Piezoresistor().resistance_change(longitudinal, transversal))
+
+
+def diagonal_shear() -> float:
+    """Return the largest ΔR/R of the four bridges under 10 mN of shear at 45°."""
+    force = TABLE_LOAD * np.array([1.0, 1.0, 0.0]) / sqrt(2.0)
+    return float(Bridge().resistance_change(force).max())
+
+
+def sensitivity() -> float:
+    """Return the normal sensitivity of a half bridge, mV per mN of load and V of supply."""
+    bridge = Bridge()
+    volts = bridge.voltages([0.0, 0.0, TABLE_LOAD])[0]
+    return float(abs(volts) / TABLE_LOAD / bridge.supply)  # V/N/V is mV/mN/V
+
+
+def response(tilt: float = 0.0) -> tuple[Floats, Floats]:
+    """Return 41 loads up to 2 mN, N, and the half-bridge voltages of a full bridge law."""
+    loads = np.linspace(0.0, 2e-3, 41)
+    direction = np.array([np.sin(tilt), 0.4 * np.sin(tilt), np.cos(tilt)])
+    return loads, Bridge(linear=False).voltages(loads[:, np.newaxis] * direction)
+
+
+def bend() -> float:
+    """Return the largest deviation from the best line over 0–2 mN, share of the range."""
+    loads, volts = response()
+    line = np.polynomial.Polynomial.fit(loads, volts[:, 0], 1)
+    return float(np.abs(volts[:, 0] - line(loads)).max() / np.ptp(volts[:, 0]))
+
+
+def covered_output(gain: float, reduction: float) -> float:
+    """Return the amplified bridge voltage of 30 mN above the centre of a covered taxel, mV."""
+    taxel = Taxel(
+        Coupling.nominal(reduction=reduction), readout=Readout(gain=gain, limit=10.0, noise=0.0)
+    )
+    depth_strain = np.array([0.0, 0.0, -30e-3 / (2.0 * np.pi * 0.87e6 * 200e-6**2 / 3.0)])
+    return float(1e3 * np.abs(taxel.read(depth_strain.reshape(1, 1, 3)).volts).max())
+
+
+def chain_noise() -> float:
+    """Return the RMS of an idle amplified voltage after the 12-bit converter, mV."""
+    still = np.zeros((20_000, 1, 1, 4))
+    volts, _ = Readout().read(still, rng=np.random.default_rng(1))
+    return float(1e3 * volts.std())
+
+
+def full_scale_load() -> float:
+    """Return the bare load, mN, that gives 1500 mV at a gain of 55."""
+    return 1e3 * 1.5 / (55.0 * Bridge().supply * sensitivity())
+
+
+def cover_loss(depth: float) -> float:
+    """Return how many times less load reaches the plate under a cover of that thickness.
+
+    The share of a point load that passes through a disc of the plate's area at that depth in a
+    half-space: by reciprocity the pressure below the middle of a loaded disc times its area.
+    """
+    radius = PLATE / sqrt(np.pi)
+    share = -circle_axis_stress(depth, [0.0, 0.0, 1.0], radius=radius)[2, 2]
+    return float(1.0 / share)
+
+
+def equivalent_stress() -> float:
+    """Return the von Mises stress of the stresses at the resistor under 10 mN normal load, MPa."""
+    return float(von_mises([-203.5, -38.2, 0.0]))
+
+
+def figure_3_22() -> Figure:
+    """Return the response of four bridges under a needle that stands a little askew."""
+    loads, upright = response()
+    tilted = response(NEEDLE_TILT)[1]
+    names = ("left", "right", "top", "bottom")
+    slanted = [Curve(1e3 * loads, -1e3 * tilted[:, n], name) for n, name in enumerate(names)]
+    return Figure(
+        "fig-3.22",
+        "Fig. 3.22",
+        "Response of four bridges to a normal load",
+        "Half-bridge voltages (sign turned) without amplifier, with the half bridge's own slight "
+        f"bend. The printed slopes differ because the needle stood beside the centre; here it "
+        f"leans by {np.degrees(NEEDLE_TILT):.0f}°, so that some of the load is shear.",
+        (
+            Panel(
+                "Needle upright: all four alike",
+                "load F (mN)",
+                "−ΔV (mV)",
+                [Curve(1e3 * loads, -1e3 * upright[:, 0], "each bridge", colour=0)],
+            ),
+            Panel("Needle leaning", "load F (mN)", "−ΔV (mV)", slanted),
+        ),
+    )
+
+
+def _table_rows() -> tuple[Item, ...]:
+    return tuple(
+        Item(
+            f"table-3.I-{case}",
+            f"ΔR/R under 10 mN, {load}",
+            f"Table 3.I, row {case}; (3.7)",
+            published,
+            partial(resistance, along, across),
+            5e-4,
+            "the table prints three decimals",
+        )
+        for case, (load, along, across, published) in TABLE.items()
+    )
+
+
+CHAPTER = Chapter(
+    "Chapter 3 — the bare taxel",
+    (
+        *_table_rows(),
+        Item(
+            "table-3.I-diagonal",
+            "ΔR/R of the whole taxel under 10 mN at 45°",
+            "Table 3.I, row Fxy; (3.8)",
+            0.114,
+            diagonal_shear,
+            1e-3,
+            "three decimals, and superposition of two shears is the model's own assumption",
+        ),
+        Item(
+            "table-3.I-von-mises",
+            "von Mises stress from σ_l and σ_t at the resistor",
+            "Table 3.I, row Fz; (3.2)",
+            203.8,
+            equivalent_stress,
+            0.0,
+            "the table's largest stress stands elsewhere in the bridge than its σ_l and σ_t",
+            unit="MPa",
+            kind="comparison",
+        ),
+        Item(
+            "2.9-mV/mN/V",
+            "sensitivity of a half bridge to normal load",
+            "section 3.4.3",
+            2.9,
+            sensitivity,
+            0.05,
+            "the text prints two digits",
+            unit="mV/mN/V",
+            figure="fig-3.22",
+        ),
+        Item(
+            "2.9-measured",
+            "sensitivity as measured on bare sensors",
+            "section 3.4.3, Table 3.II",
+            (4.0, 6.0),
+            sensitivity,
+            0.0,
+            "real bridges are thinner than drawn, and needles were placed to ±30 µm",
+            unit="mV/mN/V",
+            rule="within",
+            kind="comparison",
+            figure="fig-3.22",
+        ),
+        Item(
+            "fig-3.22",
+            "bend of the response from a straight line, 0–2 mN",
+            "Fig. 3.22, “linear response”",
+            0.0,
+            bend,
+            0.01,
+            "no digits in the figure: 1 % of the range is the width of its marks",
+            figure="fig-3.22",
+        ),
+        Item(
+            "table-3.II-noise",
+            "idle noise after amplifier and converter",
+            "Table 3.II",
+            (2.0, 3.0),
+            chain_noise,
+            0.0,
+            "the published range itself",
+            unit="mV",
+            rule="within",
+        ),
+        Item(
+            "table-3.II-output",
+            "output of 30 mN under a cover that divides by 30, gain 60",
+            "Table 3.II; section 4.3.2",
+            (1.0, 1500.0),
+            partial(covered_output, 60.0, 30.0),
+            0.0,
+            "the published range of outputs itself",
+            unit="mV",
+            rule="within",
+        ),
+        Item(
+            "table-3.II-load",
+            "bare load that fills the output range",
+            "Table 3.II: 0–3 mN",
+            3.0,
+            full_scale_load,
+            0.0,
+            "the text advises 0–2 mN; above, 1500 mV is passed at any gain of 50–60",
+            unit="mN",
+            kind="comparison",
+        ),
+        *(
+            Item(
+                f"table-3.II-cover-{depth}",
+                f"loss of sensitivity under {depth} µm of rubber",
+                "Table 3.II; section 4.3.2",
+                published,
+                partial(cover_loss, 1e-6 * depth),
+                0.0,
+                "share of the load on the plate alone; the bridges beside it carry some more",
+                rule="within",
+                kind="comparison",
+            )
+            for depth, published in ((220, (5.0, 30.0)), (500, (25.0, 35.0)))
+        ),
+    ),
+    {"fig-3.22": figure_3_22},
+)

@@ -1,0 +1,196 @@
+"""Section 6.5: four materials rubbed over a bump, and told apart."""
+
+from collections.abc import Callable
+from functools import cache, partial
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.lab.reproduce.figure import Curve, Dots, Figure, Matrix, Panel
+from cnnum.lab.reproduce.record import Chapter, Item
+from cnnum.tactile.texture_classes import (
+    Classification,
+    Samples,
+    classify,
+    draw_samples,
+    drift,
+)
+from cnnum.tactile.texture_materials import FOUR, FRAME, Stroke, rub
+
+DIRECTIONS = tuple(Stroke(direction=float(turn)) for turn in np.arange(8) * np.pi / 4)
+FORCES = tuple(Stroke(indentation=depth) for depth in (50e-6, 70e-6, 100e-6))
+"""From 50 to 100 µm of indentation the force of a Hertz contact grows 2.8 times."""
+
+TURNED = np.radians(30.0)
+THREAD = FOUR[0]
+
+
+@cache
+def samples() -> Samples:
+    """Return about 3000 samples, as many as the dissertation has."""
+    return draw_samples()
+
+
+@cache
+def told_apart(by: str) -> Classification:
+    """Return the cross-validation that leaves out strokes, directions or forces."""
+    drawn = samples()
+    octant = (drawn.direction / (np.pi / 4)).astype(np.intp)
+    quarters = np.quantile(drawn.indentation, [0.25, 0.5, 0.75])
+    groups = {
+        "stroke": drawn.stroke,
+        "direction": octant,
+        "force": np.searchsorted(quarters, drawn.indentation),
+    }[by]
+    folds = {"stroke": 4, "direction": 8, "force": 4}[by]
+    return classify(drawn.features, drawn.material, groups, names=drawn.names, folds=folds)
+
+
+def accuracy(by: str) -> float:
+    """Return the share of samples told right, per cent."""
+    return 100.0 * told_apart(by).accuracy
+
+
+def worst_recall() -> float:
+    """Return the share told right of the material that is told worst, per cent."""
+    return float(100.0 * told_apart("stroke").recall.min())
+
+
+@cache
+def means(forces: bool) -> Floats:
+    """Return (materials, strokes, 2) mean features over forces, or over directions."""
+    strokes = FORCES if forces else DIRECTIONS
+    return np.stack([drift(material, strokes, draws=4) for material in FOUR])
+
+
+def sway(feature: int, forces: bool) -> float:
+    """Return by how much a feature's mean changes with direction or force, at most, per cent."""
+    found = means(forces)[..., feature]
+    return float((100.0 * np.ptp(found, axis=1) / found.mean(axis=1)).max())
+
+
+def read_direction() -> float:
+    """Return the largest error of the direction from the ratio of mean shears, degrees."""
+    worst = 0.0
+    for n, material in enumerate(FOUR):
+        signals = rub(material, Stroke(direction=TURNED), np.random.default_rng(n))
+        mean = signals.mean(axis=0)
+        worst = max(worst, abs(float(np.degrees(np.arctan2(mean[1], mean[0]) - TURNED))))
+    return worst
+
+
+def read_period() -> float:
+    """Return the thread's period from the spectrum of S_n of a slow pull, mm."""
+    stroke = Stroke(speed=4e-3, frames=400)
+    normal = rub(THREAD, stroke, np.random.default_rng(3))[:, 2]
+    power = np.abs(np.fft.rfft((normal - normal.mean()) * np.hanning(normal.size), 1 << 14)) ** 2
+    waves = np.fft.rfftfreq(1 << 14, stroke.speed * FRAME)
+    best = np.argmax(np.where(waves > 0.5e3, power, 0.0))
+    return float(1e3 / waves[best])
+
+
+def figure_6_18() -> Figure:
+    """Return the signals of one stroke over each material."""
+    panels: list[Panel] = []
+    for n, material in enumerate(FOUR):
+        signals = rub(material, Stroke(direction=TURNED), np.random.default_rng(n))
+        time: Floats = FRAME * np.arange(len(signals), dtype=np.float64)
+        # the screw's panel is full of lines: the others have the legend
+        names = ("normal S_n", "shear T_x", "shear T_y") if n else ("", "", "")
+        curves = [
+            Curve(time, signals[:, 2], names[0], "line", 0),
+            Curve(time, signals[:, 0], names[1], "dotted", 1),
+            Curve(time, signals[:, 1], names[2], "dotted", 2),
+        ]
+        panels.append(Panel(material.name, "time (s)", "signal (V)", curves))
+    return Figure(
+        "fig-6.18",
+        "Fig. 6.18",
+        "Four materials drawn over a bump",
+        "Simulated, 12 mm/s at 30° to the x axis, a frame every 15 ms. The normal signal shows "
+        "the relief, the ratio of the shears the direction. Friction and relief of the materials "
+        "are this package's own.",
+        panels,
+    )
+
+
+def figure_6_19() -> Figure:
+    """Return friction and roughness of all samples, and what the classifier makes of them."""
+    drawn = samples()
+    dots = [
+        Dots(drawn.features[drawn.material == k, 0], drawn.features[drawn.material == k, 1],
+             np.full(int((drawn.material == k).sum()), 9.0), k, name)
+        for k, name in enumerate(drawn.names)
+    ]  # fmt: skip
+    found = told_apart("stroke")
+    return Figure(
+        "fig-6.19",
+        "Fig. 6.19",
+        "Texture by friction and roughness",
+        f"{len(drawn.features)} samples (about 3000 in the dissertation), each the last 129 "
+        "frames, in all directions and at 50–100 µm of indentation. Right: a quadratic "
+        "discriminant, cross-validated by strokes; rows are the truth. "
+        f"Accuracy {100 * found.accuracy:.1f} %.",
+        (
+            Panel("Two features", "mean friction, T/S_n (6.3)", "roughness (%) (6.4)", dots,
+                  log="y"),
+            Panel("Taken for…", "", "", [_matrix(found)]),
+        ),
+    )  # fmt: skip
+
+
+def _matrix(found: Classification) -> Matrix:
+    short = tuple(name.split()[-1] for name in found.names)
+    return Matrix(found.confusion, short, short)
+
+
+FIGURES: dict[str, Callable[[], Figure]] = {"fig-6.18": figure_6_18, "fig-6.19": figure_6_19}
+
+CHAPTER = Chapter(
+    "Section 6.5 — texture",
+    (
+        Item("fig-6.18-direction", "direction of motion from the ratio of the shears",
+             "Fig. 6.18, section 6.5", 0.0, read_direction, 1.0,
+             "3.5 mV of noise on 0.1 V of shear, the mean of 200 frames: 0.15°, four materials, "
+             "two components", "°", figure="fig-6.18"),
+        Item("fig-6.18-period", "period of the thread from the normal signal",
+             "Fig. 6.18: “the fine structure of the surface”", 1e3 * THREAD.length, read_period,
+             0.01, "no digits: the simulated thread's own; 24 mm resolve 1.7 % of 0.4 mm",
+             "mm", figure="fig-6.18"),
+        Item("fig-6.19-accuracy", "samples told right, cross-validated by strokes",
+             "Fig. 6.19: “relatively separable”", 75.0, partial(accuracy, "stroke"), 0.0,
+             "no digits: separable is taken as three of four right, where chance is one", "%",
+             "at least", figure="fig-6.19"),
+        Item("fig-6.19-worst", "the same, of the material told worst",
+             "Fig. 6.19: “applicable even in this case”", 50.0, worst_recall, 0.0,
+             "no digits: most of each material's points must be told right", "%", "at least",
+             figure="fig-6.19"),
+        Item("fig-6.19-direction", "the same, directions never trained on",
+             "section 6.5: “insensitive to motion direction”", 75.0,
+             partial(accuracy, "direction"), 0.0, "as above; octants are left out in turn", "%",
+             "at least", figure="fig-6.19"),
+        Item("fig-6.19-force", "the same, forces never trained on",
+             "section 6.5: “insensitive to … the overall force”", 75.0,
+             partial(accuracy, "force"), 0.0, "as above; quarters of the indentation left out",
+             "%", "at least", figure="fig-6.19"),
+        *(
+            Item(f"texture-{name}-direction", f"change of {name} over eight directions, at most",
+                 "section 6.5: “insensitive to motion direction”", 0.0,
+                 partial(sway, feature, False), tolerance, reason, "%", figure="fig-6.19")
+            for feature, name, tolerance, reason in (
+                (0, "friction", 1.0, "noise of the bridges alone: 0.5 % of a frame's signal"),
+                (1, "roughness", 6.0, "noise of the bridges alone: as much as a quarter of the "
+                 "2 % that wood has, and it adds to it in different shares"),
+            )
+        ),
+        Item("texture-friction-force", "change of friction as the force grows 2.8 times, at most",
+             "section 6.5: “insensitive to … the overall force”", 0.0, partial(sway, 0, True),
+             5.0, "friction is taken as Coulomb's; a light contact loses the valleys it does "
+             "not reach", "%", figure="fig-6.19"),
+        Item("texture-roughness-force", "change of roughness as the force grows 2.8 times",
+             "section 6.5: “insensitive to … the overall force”", 0.0, partial(sway, 1, True),
+             0.0, "not insensitive: a larger contact averages the relief over more of it", "%",
+             kind="comparison", figure="fig-6.19"),
+    ),
+    FIGURES,
+)  # fmt: skip

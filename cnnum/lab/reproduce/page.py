@@ -1,0 +1,180 @@
+"""The page: every row of the table, and every figure with the rows that belong to it."""
+
+import json
+import math
+import platform
+from collections.abc import Callable, Iterable, Sequence
+from datetime import UTC, datetime
+from html import escape
+from importlib.metadata import version
+from pathlib import Path
+
+from cnnum.errors import RecordingError
+from cnnum.lab.reproduce.drawing import draw
+from cnnum.lab.reproduce.figure import Figure
+from cnnum.lab.reproduce.record import Chapter, Row
+from cnnum.lab.reproduce.registry import CHAPTERS
+from cnnum.lab.reproduce.style import STYLE
+from cnnum.lab.reproduce.table import rows_table, tally, written
+from cnnum.safety.files import write_whole
+
+NAME = "reproduce.html"
+"""Of the page, in a folder."""
+
+
+def figures_of(rows: Iterable[Row]) -> tuple[str, ...]:
+    """Return the names of the figures that rows belong to, those that could be made."""
+    return tuple(dict.fromkeys(r.item.figure for r in rows if r.item.figure and not r.missing))
+
+
+def write_page(
+    place: Path,
+    rows: Sequence[Row],
+    figures: Sequence[str],
+    advance: Callable[[str], None] = lambda _: None,
+) -> Path:
+    """Write the page of some rows.
+
+    Parameters
+    ----------
+    place : Path
+        A file whose name ends in ".html", or a folder.
+    rows : sequence of Row
+    figures : sequence of str
+        Names of the figures to draw.
+    advance : callable
+        Told each figure's name once it is drawn.
+
+    Returns
+    -------
+    Path
+        Of the file.
+
+    Raises
+    ------
+    RecordingError
+        If it can not be written.
+    """
+    target = place if place.suffix.lower() == ".html" else place / NAME
+    text = page(rows, figures, advance)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(target, text.encode("utf-8"))
+    except OSError as error:
+        raise RecordingError(
+            f"Can not write '{target}' ({error.strerror}): expected a folder or a file that may "
+            "be written; give another with --out."
+        ) from error
+    return target
+
+
+def page(
+    rows: Sequence[Row],
+    figures: Sequence[str] = (),
+    advance: Callable[[str], None] = lambda _: None,
+) -> str:
+    """Return the page as one file that needs nothing else.
+
+    Parameters
+    ----------
+    rows, figures, advance
+        As in `write_page`.
+    """
+    parts = [_chapter(chapter, rows, figures, advance) for chapter in CHAPTERS]
+    data = json.dumps([_plain(row) for row in rows], ensure_ascii=False).replace("<", "\\u003c")
+    return (
+        '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
+        f"<title>The elastic cover and the taxel, reproduced</title>\n<style>{STYLE}</style>\n"
+        f"<main>\n{_head(rows)}\n{''.join(parts)}\n{_foot()}\n</main>\n"
+        f'<script type="application/json" id="rows">{data}</script>\n</html>\n'
+    )
+
+
+def _head(rows: Sequence[Row]) -> str:
+    checks = [row for row in rows if row.passed is not None]
+    failed = sum(row.passed is False for row in checks)
+    compared = sum(row.item.kind == "comparison" for row in rows)
+    errata = sum(row.printed is not None for row in rows)
+    tiles = [
+        (f"{len(checks) - failed} of {len(checks)}", "checks passed"),
+        (f"{compared}", "comparisons with real sensors"),
+        (f"{errata}", "errata, shown both ways"),
+    ]
+    tiled = "".join(f'<div class="tile"><b>{a}</b><span>{b}</span></div>' for a, b in tiles)
+    return (
+        "<h1>The elastic cover and the taxel, reproduced</h1>"
+        '<p class="lead">Every number and figure of G. Vásárhelyi’s dissertation “The Design of '
+        "Tactile Sensors and their Elastic Cover” (Pázmány Péter Catholic University, "
+        "Budapest 2007) that a model can give, with ours beside it.</p>"
+        '<p class="soft">Each check states how far it may be off, and why. Where a figure has no '
+        "digits, the row says what is compared: a zero, an extremum, a slope. Real covers and "
+        "sensors deviate from any half-space; those rows are comparisons, and can not pass.</p>"
+        f'<div class="tiles">{tiled}</div>{_contents(rows)}'
+    )
+
+
+def _contents(rows: Sequence[Row]) -> str:
+    entries: list[str] = []
+    for number, chapter in enumerate(CHAPTERS):
+        mine = _mine(chapter, rows)
+        if mine:
+            entries.append(
+                f'<li><a href="#c{number}">{escape(chapter.title)}</a>'
+                f'<span class="count">{tally(mine)}</span></li>'
+            )
+    return f"<nav><ul>{''.join(entries)}</ul></nav>"
+
+
+def _mine(chapter: Chapter, rows: Sequence[Row]) -> list[Row]:
+    names = {item.name for item in chapter.items}
+    return [row for row in rows if row.item.name in names]
+
+
+def _chapter(
+    chapter: Chapter, rows: Sequence[Row], figures: Sequence[str], advance: Callable[[str], None]
+) -> str:
+    mine = _mine(chapter, rows)
+    if not mine:
+        return ""
+    parts = [f'<section id="c{CHAPTERS.index(chapter)}"><h2>{escape(chapter.title)}</h2>']
+    drawn = [name for name in chapter.figures if name in figures]
+    alone = [row for row in mine if row.item.figure not in drawn]
+    if alone:
+        parts.append(f'<div class="card">{rows_table(alone)}</div>')
+    for name in drawn:
+        parts.append(
+            _card(chapter.figures[name](), [row for row in mine if row.item.figure == name])
+        )
+        advance(name)
+    return "".join([*parts, "</section>\n"])
+
+
+def _card(figure: Figure, rows: Sequence[Row]) -> str:
+    wide = len(figure.panels) % 3 != 0
+    drawings = "".join(draw(panel, wide=wide) for panel in figure.panels)
+    style = "card" if wide else "card three"
+    return (
+        f'<article class="{style}" id="figure-{figure.name}">'
+        f"<header><h3>{written(figure.title)}</h3>"
+        f'<span class="of">{escape(figure.source)}</span></header>'
+        f'<div class="panels">{drawings}</div>'
+        f'<p class="caption">{written(figure.caption)}</p>{rows_table(rows)}</article>'
+    )
+
+
+def _foot() -> str:
+    packages = ", ".join(f"{n} {version(n)}" for n in ("cnnum", "numpy", "scipy", "matplotlib"))
+    date = datetime.now(UTC).date().isoformat()
+    return (
+        f"<footer><p>Written by <code>cnnum reproduce --out</code> on {date}, Python "
+        f"{platform.python_version()}, {packages}. The rows are in this file once more as JSON "
+        "(script element “rows”).</p></footer>"
+    )
+
+
+def _plain(row: Row) -> dict[str, object]:
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in row.record().items()
+    }

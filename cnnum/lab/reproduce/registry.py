@@ -1,0 +1,86 @@
+"""All items and figures, chapter by chapter. A new part is one file and one line here."""
+
+from collections.abc import Callable, Sequence
+from difflib import get_close_matches
+
+from cnnum.errors import name_error
+from cnnum.lab.reproduce.chapters import (
+    bumps,
+    errata,
+    fields,
+    finger,
+    flat_models,
+    hair,
+    hyperacuity,
+    inverse,
+    pads,
+    receptive,
+    ridge,
+    silicon,
+    texture_rows,
+)
+from cnnum.lab.reproduce.figure import Figure
+from cnnum.lab.reproduce.record import Chapter, Item
+
+CHAPTERS: tuple[Chapter, ...] = (
+    silicon.CHAPTER,
+    fields.CHAPTER,
+    receptive.CHAPTER,
+    flat_models.CHAPTER,
+    inverse.CHAPTER,
+    hyperacuity.CHAPTER,
+    hair.CHAPTER,
+    ridge.CHAPTER,
+    bumps.CHAPTER,
+    pads.CHAPTER,
+    finger.CHAPTER,
+    texture_rows.CHAPTER,
+    errata.CHAPTER,
+)
+"""In the order of the dissertation."""
+
+
+def item_names() -> tuple[str, ...]:
+    """Return the names of all items."""
+    return tuple(item.name for chapter in CHAPTERS for item in chapter.items)
+
+
+def beginnings() -> tuple[str, ...]:
+    """Return what names begin with: kinds and chapters, "fig-4"."""
+    return tuple(dict.fromkeys(name.split(".")[0] for name in item_names()))
+
+
+def figure_makers() -> dict[str, Callable[[], Figure]]:
+    """Return what makes each figure, by name."""
+    return {name: make for chapter in CHAPTERS for name, make in chapter.figures.items()}
+
+
+def select(wanted: Sequence[str]) -> tuple[Item, ...]:
+    """Return the items of some names, or all.
+
+    Parameters
+    ----------
+    wanted : sequence of str
+        Names of items, or beginnings of them: "fig-4.5" is all of Fig. 4.5; case does not
+        count. None for all.
+
+    Raises
+    ------
+    UnknownNameError
+        If a name is the beginning of no item.
+    """
+    items = [item for chapter in CHAPTERS for item in chapter.items]
+    if not wanted:
+        return tuple(items)
+    for name in wanted:
+        if not any(_begins(item, name) for item in items):
+            near = get_close_matches(name, item_names(), n=5)
+            raise name_error("item", name, near or beginnings())
+    return tuple(item for item in items if any(_begins(item, name) for name in wanted))
+
+
+def _begins(item: Item, name: str) -> bool:
+    """Return whether an item is one of those that a name stands for."""
+    whole, start = item.name.casefold(), name.casefold()
+    ends_a_part = whole == start or not (whole + "-")[len(start) : len(start) + 1].isalnum()
+    return whole.startswith(start) and ends_a_part

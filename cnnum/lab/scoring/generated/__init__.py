@@ -1,0 +1,1 @@
+"""Generated scenes: drawn from a seed, simulated, and run in batches."""

@@ -1,0 +1,145 @@
+"""Error against run time: of every template's check, and up the ladder of methods."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from html import escape
+
+from cnnum.report.pictures.svg import Scale, at, line, picture, power_of_ten, scientific, si, text
+from cnnum.report.work_precision import WorkPrecision
+from cnnum.templating.checks import CheckResult
+
+LEFT, RIGHT, TOP, BOTTOM = 48.0, 14.0, 22.0, 36.0
+NONE = 13.0
+"""Height, for each series, of the band below the axis for errors of exactly 0, which no logarithm
+shows."""
+
+
+def check_chart(checks: Sequence[CheckResult], width: float) -> str:
+    """Return each check as a point: its error over the time of one run."""
+    height = 330.0
+    errors = [c.error for c in checks if 0 < c.error < float("inf")]
+    series = list(dict.fromkeys(series_of(c) for c in checks))
+    zeros = NONE * len(series) + 18.0 if any(c.error == 0 for c in checks) else 0.0
+    bottom = height - BOTTOM - zeros
+    x = _scale([c.seconds for c in checks], LEFT, width - RIGHT)
+    y = _scale(errors, bottom, TOP, room=3.0)
+    parts = [*_axes(x, y, bottom, height - BOTTOM, "largest error", zeros)]
+    for check in checks:
+        place = _height(
+            check.error, y, height - BOTTOM - NONE * (series.index(series_of(check)) + 0.5)
+        )
+        parts.append(_point(x(check.seconds), place, _check_style(check), _check_title(check)))
+    parts.append(text(width - RIGHT, height - 4.0, "median time of one run", "tick", "end"))
+    return picture(width, height, parts, "Error of every check against its run time", "chart")
+
+
+def series_of(check: CheckResult) -> str:
+    """Return the name under which a check is drawn."""
+    return f"{check.engine}, {check.precision}"
+
+
+def series_style(engine: str, precision: str) -> str:
+    """Return the class that gives a series its shape and colour."""
+    return f"s-{engine} p-{precision}"
+
+
+def ladder_chart(points: Sequence[WorkPrecision], case: str, width: float) -> str:
+    """Return one template by every method: its error over the time of one picture."""
+    height = 270.0
+    mine = [p for p in points if p.case == case and p.error < float("inf")]
+    bottom = height - BOTTOM
+    x = _scale([p.seconds / p.pictures for p in mine], LEFT, width - RIGHT)
+    y = _scale([p.error for p in mine if p.error > 0], bottom, TOP, room=3.0)
+    parts = [*_axes(x, y, bottom, bottom, f"{case}: error", 0.0)]
+    for key, rungs in ladder_series(mine).items():
+        places = [
+            (x(p.seconds / p.pictures), _height(p.error, y, bottom - 4.0))
+            for p in sorted(rungs, key=lambda p: p.error)
+        ]
+        style = ladder_style(*key)
+        way = "L".join(f"{at(a)} {at(b)}" for a, b in places)
+        parts.append(f'<path class="rungs {style}" d="M{way}"/>')
+        for place, point in zip(places, sorted(rungs, key=lambda p: p.error), strict=True):
+            parts.append(_point(*place, f"dot {style}", _rung_title(point)))
+    parts.append(text(width - RIGHT, height - 4.0, "median time of one picture", "tick", "end"))
+    return picture(width, height, parts, f"Error of {case} against run time", "chart")
+
+
+def ladder_series(
+    points: Iterable[WorkPrecision],
+) -> dict[tuple[str, str, str], list[WorkPrecision]]:
+    """Return the points by method, engine and precision."""
+    found: dict[tuple[str, str, str], list[WorkPrecision]] = {}
+    for point in points:
+        found.setdefault((point.method, point.engine, point.precision), []).append(point)
+    return found
+
+
+def ladder_style(method: str, engine: str, precision: str) -> str:
+    """Return the class that gives a line its colour and dashes."""
+    return f"m-{method} s-{engine} p-{precision}"
+
+
+def symbol(style: str) -> str:
+    """Return a point for a legend."""
+    return picture(12.0, 12.0, [_point(6.0, 6.0, style, "")], "", "glyph")
+
+
+def _scale(values: Sequence[float], start: float, end: float, room: float = 1.25) -> Scale:
+    """Return a logarithmic scale that holds the values with some room, half a decade at least."""
+    low, high = (min(values), max(values)) if values else (1e-6, 1.0)
+    room = max(room, (10**0.5 * low / high) ** 0.5)
+    return Scale(low / room, high * room, start, end, log=True)
+
+
+def _height(error: float, y: Scale, zero: float) -> float:
+    return zero if error == 0 else y(min(max(error, y.low), y.high))
+
+
+def _axes(
+    x: Scale, y: Scale, bottom: float, floor: float, title: str, zeros: float
+) -> Iterator[str]:
+    yield text(4.0, 12.0, title, "title")
+    for tick in y.ticks():
+        yield line(x.start, y(tick), x.end, y(tick), "grid")
+        yield text(x.start - 6.0, y(tick) + 4.0, power_of_ten(tick), "tick", "end")
+    for tick in x.ticks():
+        yield line(x(tick), y.end, x(tick), floor, "grid")
+        yield text(x(tick), floor + 15.0, si(tick, "s", 1), "tick", "middle")
+    yield line(x.start, floor, x.end, floor, "axis")
+    if zeros:
+        yield line(x.start, bottom + 9.0, x.end, bottom + 9.0, "break")
+        yield text(x.start - 6.0, floor - (zeros - 18.0) / 2 + 4.0, "0", "tick", "end")
+
+
+def _point(x: float, y: float, style: str, title: str) -> str:
+    if "wrong" in style:
+        shape = f"M{at(x - 4)} {at(y - 4)}l8 8m0-8l-8 8"
+    elif "s-reference" in style:
+        shape = f"M{at(x - 3.4)} {at(y - 3.4)}h6.8v6.8h-6.8z"
+    elif "s-numba" in style:
+        shape = f"M{at(x)} {at(y - 4.6)}l4.4 7.6h-8.8z"
+    else:
+        shape = f"M{at(x - 3.8)} {at(y)}a3.8 3.8 0 1 0 7.6 0a3.8 3.8 0 1 0 -7.6 0z"
+    inside = f"><title>{escape(title)}</title></path>" if title else "/>"
+    return f'<path class="point {style}" d="{shape}"{inside}'
+
+
+def _check_style(check: CheckResult) -> str:
+    style = series_style(check.engine, check.precision)
+    return style if check.passed else f"{style} wrong"
+
+
+def _check_title(check: CheckResult) -> str:
+    return (
+        f"{check.template} on {series_of(check)} by {check.method}: "
+        f"error {scientific(check.error)}, {si(check.seconds, 's')}"
+    )
+
+
+def _rung_title(p: WorkPrecision) -> str:
+    setting = f"tolerance {scientific(p.tolerance)}" if p.tolerance else "exact in time"
+    setting = f"step {p.step:g} τ" if p.step else setting
+    return (
+        f"{p.method}, {setting} on {p.engine}, {p.precision}: error {scientific(p.error)}, "
+        f"{si(p.seconds / p.pictures, 's')} a picture, {p.steps} steps"
+    )

@@ -1,0 +1,1 @@
+"""Guards for data from outside: names, expressions, memory and files."""

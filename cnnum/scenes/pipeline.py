@@ -1,0 +1,350 @@
+"""The way of a frame: driver, conversion, plan, events; one obvious path."""
+
+import inspect
+import math
+import time
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import cast
+
+from cnnum.arrays import Floats, Shape
+from cnnum.drivers.driver import Driver
+from cnnum.drivers.registry import open_driver
+from cnnum.engine import Engine
+from cnnum.errors import ArrayError, CnnumError, FrameError, MethodError, SceneError, name_error
+from cnnum.frame import Frame, Quality
+from cnnum.graph.tracing import TraceStep, trace_steps
+from cnnum.plan import Plan
+from cnnum.programs import Program
+from cnnum.programs.library import get_program
+from cnnum.scenes.bad_frames import BadFrames
+from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for
+from cnnum.scenes.dead_cells import DeadCells
+from cnnum.scenes.events import EVENT_RULES, Event, EventDetector, EventRule
+from cnnum.scenes.frame_range import ANY, FrameRange, range_for
+from cnnum.scenes.histogram import Histogram
+from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene
+from cnnum.scenes.summary import Summary
+from cnnum.stream import Stream
+from cnnum.tactile.taxel import Calibration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Moment:
+    """One frame on its way through the scene.
+
+    Attributes
+    ----------
+    number : int
+        Of the frame, from 0.
+    frame : Frame
+        As the driver read it.
+    values : (rows, cols, channels read) float or None
+        What went to the program; None where the frame was bad or a repeat.
+    outputs : dict of str to array
+        What came back; empty where the program did not run.
+    events : tuple of Event
+    seconds : float
+        From the frame in host memory to its events.
+    error : CnnumError or None
+        What is wrong with a bad frame, which is passed over.
+    """
+
+    number: int
+    frame: Frame
+    values: Floats | None
+    outputs: dict[str, Floats]
+    events: tuple[Event, ...]
+    seconds: float
+    error: CnnumError | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Way:
+    """The way of a frame from host memory to its events; what one frame does not change is done.
+
+    Attributes
+    ----------
+    read : callable
+        From a driver's frame to what the program takes.
+    stream : Stream
+    detector : EventDetector
+    range : FrameRange
+        What a good frame holds.
+    dead : DeadCells or None
+        Taxels that are not looked at.
+    """
+
+    read: Reader
+    stream: Stream
+    detector: EventDetector
+    range: FrameRange = ANY
+    dead: DeadCells | None = None
+
+    def step(self, number: int, frame: Frame) -> Moment:
+        """Return what comes of a frame; a bad one or a repeat leaves everything as it was.
+
+        Raises
+        ------
+        ArrayError
+            If the frame is not of the array's shape.
+        MethodError
+            If a transient of the first frame does not reach its end: that is the method's fault.
+        """
+        started = time.perf_counter()
+        # a good frame has no flags, and is asked no more: flags are slow to take apart
+        if frame.quality and (passed_over := self._flagged(number, frame)) is not None:
+            return passed_over
+        _refuse_other_shape(frame, self.stream.plan.schedule.shape)
+        try:
+            looked_at = frame if self.dead is None else self.dead.without(frame)
+            size = self.range.size(looked_at)
+            values = self.read(looked_at)
+            if self.dead is not None:
+                values = self.dead.filled(values)
+            outputs = self.stream.push_read(values, size)
+        except FrameError as error:
+            return self._bad(number, frame, error)
+        except MethodError as error:
+            if not self.stream.frames:
+                raise
+            return self._bad(number, frame, error)
+        events = self.detector.update(frame.time, number, outputs)
+        return Moment(number, frame, values, outputs, events, time.perf_counter() - started)
+
+    def _flagged(self, number: int, frame: Frame) -> Moment | None:
+        """Return what comes of a frame that its driver flags as bad or as a repeat."""
+        if frame.quality & Quality.DROPPED_BEFORE:
+            self.detector.miss()
+        if frame.bad:
+            return self._bad(number, frame, FrameError("its driver flags it as damaged"))
+        return Moment(number, frame, None, {}, (), 0.0) if frame.repeated else None
+
+    def _bad(self, number: int, frame: Frame, error: CnnumError) -> Moment:
+        self.detector.miss()
+        return Moment(number, frame, None, {}, (), 0.0, error)
+
+
+@dataclass(slots=True, eq=False)
+class Scene:
+    """A scene ready to run: the whole path, from its driver to its events.
+
+    Attributes
+    ----------
+    spec : SceneSpec
+    engine : Engine
+    driver : Driver
+    conversion : Conversion
+    plan : Plan
+    rules : tuple of EventRule
+    range : FrameRange
+        What a good frame holds.
+    dead : DeadCells or None
+        Taxels whose values come from their neighbours.
+    bad : BadFrames
+        Those passed over so far.
+    """
+
+    spec: SceneSpec
+    engine: Engine
+    driver: Driver
+    conversion: Conversion
+    plan: Plan
+    rules: tuple[EventRule, ...]
+    range: FrameRange
+    dead: DeadCells | None
+    bad: BadFrames = field(default_factory=BadFrames)
+    _micros: Histogram = field(default_factory=Histogram)
+    _begun: int = 0
+    _repeated: int = 0
+    _longest_gap: float = 0.0
+
+    @classmethod
+    def of(cls, spec: SceneSpec, engine: Engine | None = None) -> "Scene":
+        """Open the array of a scene and compile its program for what the scene wants.
+
+        Raises
+        ------
+        CnnumError
+            Whatever is wrong with the file, the array, the program or the device.
+        """
+        used = engine or Engine(spec.engine, device=spec.device, precision=spec.precision)
+        driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
+        try:
+            known = cast(Calibration | None, getattr(driver, "calibration", None))
+            conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
+            program = _bound(get_program(spec.program), spec, driver.rate)
+            outputs = program.trace(driver.shape, conversion.channels).outputs
+            wants = _wants(spec, outputs)
+            rules = _rules(spec, wants, outputs)
+            fields = tuple(want for want in wants if want not in EVENT_RULES)
+            needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
+            dead = DeadCells(spec.dead, driver.shape) if spec.dead else None
+            plan = used.compile(program, driver.shape, needs, channels=conversion.channels)
+            plan.warm_up()
+        except BaseException:
+            driver.close()
+            raise
+        within = _range(spec, driver, conversion, used.precision)
+        return cls(spec, used, driver, conversion, plan, rules, within, dead)
+
+    def moments(self) -> Iterator[Moment]:
+        """Yield every frame with what came of it, until the source ends or the caller stops."""
+        way = self.way()
+        with self.driver:
+            for number, frame in enumerate(self.driver.frames()):
+                self._begun = number + 1
+                moment = way.step(number, frame)
+                self._count(moment, way)
+                yield moment
+
+    def way(self) -> "Way":
+        """Return the way of a frame from host memory to its events, with memories of its own."""
+        return self._way(self.plan, self.rules)
+
+    def _way(self, plan: Plan, rules: tuple[EventRule, ...]) -> Way:
+        read = self.conversion.reader(plan.schedule.channels_read, checks=False)
+        return Way(read, plan.stream(), EventDetector(rules), self.range, self.dead)
+
+    def _count(self, moment: Moment, way: Way) -> None:
+        if moment.values is not None:
+            self._micros.add(1e6 * moment.seconds)
+            self._longest_gap = way.detector.longest_gap
+        elif moment.error is not None:
+            frame = moment.frame
+            self.bad.add(moment.number, frame.time, moment.error, self._micros.total)
+        else:
+            self._repeated += 1
+
+    def events(self) -> Iterator[Event]:
+        """Yield the events of the scene as they come."""
+        for moment in self.moments():
+            yield from moment.events
+
+    def trace(self, number: int) -> tuple[TraceStep, ...]:
+        """Return every operation of the program with its result on one frame of the scene.
+
+        The frames before it are run too, so that memories hold what they held.
+
+        Raises
+        ------
+        SceneError
+            If the scene has no such frame, or it was bad or a repeat and nothing ran on it.
+        """
+        way = self._way(self.plan.keeping_everything(), ())
+        with self.driver:
+            for at, frame in enumerate(self.driver.frames()):
+                moment = way.step(at, frame)
+                if at == number and moment.values is None:
+                    raise SceneError(f"Frame {number} is bad or a repeat: nothing runs on it.")
+                if at == number:
+                    return tuple(trace_steps(self.plan.schedule, moment.outputs))
+        raise SceneError(f"The scene '{self.spec.name}' has no frame {number}.")
+
+    def summary(self) -> Summary:
+        """Return what has been seen so far."""
+        handed_on = self._micros.total
+        return Summary(
+            frames=self._begun,
+            handed_on=handed_on,
+            refused=self.bad.count,
+            repeated=self._repeated,
+            counters=self.driver.counters,
+            longest_gap=self._longest_gap,
+            p50_us=self._micros.quantile(0.50),
+            p99_us=self._micros.quantile(0.99),
+        )
+
+
+def _refuse_other_shape(frame: Frame, shape: Shape) -> None:
+    """Raise if a frame is not of its array's shape: a calibration would stretch a single row."""
+    if frame.shape != shape:
+        raise ArrayError(
+            f"A frame of this array has {shape[0]}×{shape[1]} taxels, got "
+            f"{frame.shape[0]}×{frame.shape[1]} in frame {frame.sequence}."
+        )
+
+
+def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: str) -> FrameRange:
+    """Return what a good frame of a scene holds."""
+    known = conversion.calibration if isinstance(conversion, ByCalibration) else None
+    return range_for(
+        driver.unit,
+        precision,
+        given=spec.frame_range,
+        full_scale=cast(float | None, getattr(driver, "full_scale", None)),
+        saturated=known.limit if known is not None else math.inf,
+    )
+
+
+def _wants(spec: SceneSpec, outputs: Collection[str]) -> tuple[str, ...]:
+    """Return what a scene wants, by name where it wants everything."""
+    if EVERYTHING not in spec.wants:
+        return spec.wants
+    events = (want for want in EVENT_RULES if _fitting(want, outputs))
+    return tuple(dict.fromkeys((*events, *outputs)))
+
+
+def _fitting(want: str, outputs: Collection[str]) -> list[EventRule]:
+    """Return the rules of an event that a program with these outputs can follow."""
+    return [rule for rule in EVENT_RULES.get(want, ()) if set(rule.needs) <= set(outputs)]
+
+
+def _rules(
+    spec: SceneSpec, wants: Sequence[str], outputs: Collection[str]
+) -> tuple[EventRule, ...]:
+    """Return the rules of the wanted events; one whose outputs the program lacks is no part of it.
+
+    Raises
+    ------
+    SceneError
+        If the program gives nothing of a wanted event.
+    """
+    found: list[EventRule] = []
+    for want in wants:
+        fitting = _fitting(want, outputs)
+        if want in EVENT_RULES and not fitting:
+            raise SceneError(
+                f"Scene '{spec.name}' wants '{want}', which the program '{spec.program}' does not "
+                f"give: it has {', '.join(outputs)}."
+            )
+        found += fitting
+    return tuple(found)
+
+
+def _bound(program: Program, spec: SceneSpec, rate: float) -> Program:
+    """Return the program with the scene's parameters, and the array's rate if it takes one."""
+    known = inspect.signature(program.function).parameters
+    for name in spec.parameters:
+        if name not in known:
+            choices = [key for key in known if key != "frame"]
+            raise SceneError(f"Scene '{spec.name}': {name_error('parameter', name, choices)}")
+    if "rate" in known and "rate" not in spec.parameters and rate > 0:
+        program = program.bind(rate=rate)
+    return program.bind(**spec.parameters)
+
+
+def load_scene(
+    scene: str | Path,
+    *,
+    engine: Engine | None = None,
+    changes: Mapping[str, object] | None = None,
+) -> Scene:
+    """Open a scene: the whole path, from its array to its events.
+
+    Parameters
+    ----------
+    scene : str or Path
+        A TOML file, or the name of a scene that comes with the package.
+    engine : Engine, optional
+        To run on instead of the scene's own.
+    changes : mapping of str to object, optional
+        Values to set over those of the file, by dotted key.
+
+    Raises
+    ------
+    CnnumError
+        Whatever is wrong with the file, the array, the program or the device.
+    """
+    return Scene.of(read_scene(scene, changes=changes), engine)

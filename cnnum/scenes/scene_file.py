@@ -1,0 +1,218 @@
+"""A scene file: which array, read how, by which program, for which events and fields."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import Any, cast
+
+from cnnum.errors import SceneError, name_error
+from cnnum.safety.names import LONGEST, checked_name, shown, tidied
+from cnnum.safety.reading import names_something, read_text
+from cnnum.safety.toml_reading import LARGEST, parse_toml
+
+_TABLES = ("array", "frames", "calibration", "program", "engine")
+_KEYS = ("name", "wants", *_TABLES)
+
+
+EVERYTHING = "everything"
+"""A want: every event and every output that the program gives."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneSpec:
+    """What a scene file says.
+
+    Attributes
+    ----------
+    name : str
+    wants : tuple of str
+        Events ("contact", "slip", "twist", "edge") and outputs of the program, or "everything";
+        the rest of the program is left out.
+    driver : str
+    driver_options : mapping
+    frame_range : float or None
+        Largest magnitude of a good frame's values, in the driver's unit, where the scene says so.
+    dead : tuple of (row, column)
+        Taxels whose values come from their neighbours.
+    calibration : str
+        "driver" (what the driver knows about its array), "none", or the path of a file.
+    program : str
+        Name of a tactile program.
+    parameters : mapping
+        Of the program.
+    engine, device, precision : str or None
+    base : Path
+        Folder that relative paths start from: the file's own.
+
+    Raises
+    ------
+    SceneError
+        If nothing is wanted, or a name is not one line of plain signs.
+    """
+
+    name: str
+    wants: tuple[str, ...]
+    driver: str
+    driver_options: Mapping[str, object] = field(default_factory=dict[str, object])
+    frame_range: float | None = None
+    dead: tuple[tuple[int, int], ...] = ()
+    calibration: str = "driver"
+    program: str = "tactile"
+    parameters: Mapping[str, object] = field(default_factory=dict[str, object])
+    engine: str | None = None
+    device: str | None = None
+    precision: str | None = None
+    base: Path = Path()
+
+    def __post_init__(self) -> None:
+        checked_name("a scene", self.name, SceneError)
+        if not self.wants:
+            raise SceneError(f"Scene '{self.name}': 'wants' must name at least one event or field.")
+        for want in self.wants:
+            checked_name(f"a want of scene '{self.name}'", want, SceneError)
+        for part in ("driver", "program", *(("engine",) if self.engine is not None else ())):
+            checked_name(f"the {part} of scene '{self.name}'", getattr(self, part), SceneError)
+
+
+def scene_names() -> tuple[str, ...]:
+    """Return the names of the scenes that come with the package."""
+    folder = resources.files("cnnum.scenes")
+    return tuple(sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml")))
+
+
+def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None) -> SceneSpec:
+    """Read a scene file, or one of the scenes that come with the package.
+
+    Parameters
+    ----------
+    scene : str or Path
+        Path of a TOML file, or a name.
+    changes : mapping of str to object, optional
+        Values to set over those of the file, by dotted key: {"array.seed": 3}.
+
+    Raises
+    ------
+    SceneError
+        If the file is not there, is not TOML, or a key is unknown, missing or of a wrong type.
+    """
+    path = Path(scene)
+    packaged = resources.files("cnnum.scenes") / f"{scene}.toml"
+    if str(scene) in scene_names():
+        text, base = packaged.read_text(encoding="utf-8"), Path()
+    elif names_something(path):
+        text, base = _read(path), path.parent
+    else:
+        known = ", ".join(scene_names())
+        raise SceneError(
+            f"There is no scene {shown(str(scene))}: expected a TOML file or one of {known}."
+        )
+    try:
+        table = parse_toml(text)
+    except ValueError as error:
+        raise SceneError(f"Scene '{scene}' is not TOML: {error}.") from None
+    for key, value in (changes or {}).items():
+        _set(table, key, value)
+    return _spec(str(scene), table, base)
+
+
+def _read(path: Path) -> str:
+    try:
+        return read_text(path, most=LARGEST)
+    except OSError as error:
+        raise SceneError(f"Scene '{path}' can not be read: {error.strerror}.") from None
+    except UnicodeDecodeError as error:
+        raise SceneError(f"Scene '{path}' can not be read: {error}.") from None
+
+
+def _set(table: dict[str, Any], key: str, value: object) -> None:
+    *folders, last = key.split(".")
+    for folder in folders:
+        table = table.setdefault(folder, {})
+        if not isinstance(cast(object, table), dict):
+            raise SceneError(f"'{key}' can not be set: '{folder}' is not a table.")
+    table[last] = value
+
+
+def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
+    _known(scene, "", table, _KEYS)
+    tables = {name: _table(scene, table, name) for name in _TABLES}
+    _known(scene, "frames.", tables["frames"], ("range", "dead"))
+    _known(scene, "calibration.", tables["calibration"], ("file", "use"))
+    _known(scene, "program.", tables["program"], ("name", "parameters"))
+    _known(scene, "engine.", tables["engine"], ("name", "device", "precision"))
+    array = dict(tables["array"])
+    calibration, engine = tables["calibration"], tables["engine"]
+    return SceneSpec(
+        name=_text(scene, table, "name", tidied(Path(scene).stem)[:LONGEST]),
+        wants=_wants(scene, table),
+        driver=_text(scene, array, "driver", None),
+        driver_options={key: value for key, value in array.items() if key != "driver"},
+        frame_range=_range(scene, tables["frames"].get("range")),
+        dead=_cells(scene, tables["frames"].get("dead", [])),
+        calibration=_text(scene, calibration, "file", _text(scene, calibration, "use", "driver")),
+        program=_text(scene, tables["program"], "name", "tactile"),
+        parameters=_table(scene, tables["program"], "parameters"),
+        engine=_text(scene, engine, "name", "") or None,
+        device=_text(scene, engine, "device", "") or None,
+        precision=_text(scene, engine, "precision", "") or None,
+        base=base,
+    )
+
+
+def _known(scene: str, prefix: str, table: Mapping[str, Any], keys: tuple[str, ...]) -> None:
+    for key in table:
+        if key not in keys:
+            raise SceneError(f"Scene '{scene}': {name_error('key', prefix + key, keys)}")
+
+
+def _table(scene: str, table: Mapping[str, Any], name: str) -> dict[str, Any]:
+    value = table.get(name, {})
+    if not isinstance(value, dict):
+        raise SceneError(f"Scene '{scene}': '{name}' must be a table, got {shown(value)}.")
+    return cast(dict[str, Any], value)
+
+
+def _text(scene: str, table: Mapping[str, Any], key: str, default: str | None) -> str:
+    value = table.get(key, default)
+    if not isinstance(value, str):
+        raise SceneError(f"Scene '{scene}': '{key}' must be a string, got {shown(value)}.")
+    return value
+
+
+def _range(scene: str, value: object) -> float | None:
+    """Return the largest magnitude that a scene allows, None where it says nothing."""
+    if value is None:
+        return None
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not (number and 0.0 < cast(float, value) < math.inf):
+        raise SceneError(
+            f"Scene '{scene}': 'frames.range' must be a positive number, the largest magnitude in "
+            f"the driver's unit, got {value!r}."
+        )
+    return float(cast(float, value))
+
+
+def _cells(scene: str, value: object) -> tuple[tuple[int, int], ...]:
+    """Return taxels as rows and columns."""
+    cells = cast(list[object], value if isinstance(value, list) else [None])
+    for cell in cells:
+        pair = cast(list[object], cell if isinstance(cell, list) else [])
+        if len(pair) != 2 or not all(type(number) is int for number in pair):
+            raise SceneError(
+                f"Scene '{scene}': 'frames.dead' must be a list of taxels as [row, column], got "
+                f"{value!r}."
+            )
+    return tuple((cell[0], cell[1]) for cell in cast(list[list[int]], cells))
+
+
+def _wants(scene: str, table: Mapping[str, Any]) -> tuple[str, ...]:
+    value = table.get("wants", [])
+    if not isinstance(value, list) or not all(
+        isinstance(v, str) for v in cast(list[object], value)
+    ):
+        raise SceneError(
+            f"Scene '{scene}': 'wants' must be a list of names, got {shown(cast(object, value))}."
+        )
+    return tuple(cast(list[str], value))

@@ -1,0 +1,1 @@
+"""Templates: numbers, couplings, boundaries and outputs; their files, library and checks."""

@@ -1,0 +1,1 @@
+"""Answers by closed forms and refined solutions: decay, modes, delays, oscillation, waves."""

@@ -1,0 +1,1 @@
+"""Answers by digital definitions: neighbourhoods, ranks, propagation, motion, life."""

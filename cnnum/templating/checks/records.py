@@ -1,0 +1,138 @@
+"""What a check is made of: a case, a closed form that answers it, and the result."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.templating.template import Duration, Template
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """What an engine is run on; None where the template has its own.
+
+    Attributes
+    ----------
+    input, previous, state, bias, mask : (pictures, rows, cols) float or None
+        Several inputs or layers come as (pictures, inputs, rows, cols).
+    duration : float, "settle" or None
+        Time constants.
+    """
+
+    input: Floats | None = None
+    previous: Floats | None = None
+    state: Floats | None = None
+    bias: Floats | None = None
+    mask: Floats | None = None
+    duration: Duration | None = None
+
+    @property
+    def pictures(self) -> Floats:
+        """The input of a case that has one."""
+        assert self.input is not None
+        return self.input
+
+    @property
+    def before(self) -> Floats:
+        """The inputs before the start of a case that has them."""
+        assert self.previous is not None
+        return self.previous
+
+    @property
+    def states(self) -> Floats:
+        """The initial state of a case that has one."""
+        assert self.state is not None
+        return self.state
+
+    def time(self, template: Template) -> float:
+        """Return the run time in time constants, infinite where the run is to settle."""
+        duration = template.duration if self.duration is None else self.duration
+        return np.inf if duration == "settle" else float(duration)
+
+    def start(self, template: Template) -> Floats | float:
+        """Return the initial state of a run, of one layer."""
+        if self.state is not None:
+            return self.state
+        return self.pictures if template.initial == "input" else template.initial
+
+
+class Cases(Protocol):
+    """Draws pictures that a template's answer is known for."""
+
+    def __call__(self, template: Template, rng: np.random.Generator, shape: Shape) -> Case:
+        """Return a case of an array of that shape."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class ClosedForm:
+    """An exact answer that a template's run is compared with.
+
+    Attributes
+    ----------
+    name : str
+        As the [check] of a template file says it.
+    cases : callable
+        (template, random generator, (rows, cols)) to a case of several pictures.
+    expected : callable
+        (template, case) to the answer; it takes the boundary and the duration from the template,
+        never its weights: those it knows from its own parameters.
+    tolerance : float
+        Largest absolute error of a run that passes.
+    tolerance_reason : str
+        Why it is not smaller.
+    summary : str
+        What the answer is.
+    needs : tuple of str
+        Parameters that a template must give it.
+    takes : tuple of str
+        Parameters that a template may give it besides.
+    compares : "output" or "state"
+        What of a run is compared.
+    rtol : float
+        Asked of the engine, and a tenth of it as the absolute error of a step; smaller than an
+        engine's own where the errors of steps are never forgotten and add up.
+    """
+
+    name: str
+    cases: Cases
+    expected: Callable[[Template, Case], Floats]
+    tolerance: float
+    tolerance_reason: str
+    summary: str
+    needs: tuple[str, ...] = ()
+    takes: tuple[str, ...] = ()
+    compares: Literal["output", "state"] = "output"
+    rtol: float = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class CheckResult:
+    """How far a template's run on an engine is from its closed form.
+
+    Attributes
+    ----------
+    template, engine, precision, method, check : str
+    error : float
+        Largest absolute difference over all cells of all pictures.
+    tolerance : float
+    seconds : float
+        Median wall time of one run of the whole case, s.
+    passed : bool
+    reason : str
+        Why this method.
+    """
+
+    template: str
+    engine: str
+    precision: str
+    method: str
+    check: str
+    error: float
+    tolerance: float
+    seconds: float
+    passed: bool
+    reason: str

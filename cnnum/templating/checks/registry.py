@@ -1,0 +1,86 @@
+"""All closed forms by name: a new one is a record in the file of its kind."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from cnnum.errors import TemplateError, name_error
+from cnnum.templating.checks.analytic import (
+    anisotropic,
+    cell,
+    delays,
+    filters,
+    gains,
+    interpolation,
+    linear,
+    oscillation,
+    waves,
+)
+from cnnum.templating.checks.digital import (
+    differences,
+    life,
+    motion,
+    neighbourhood,
+    pointwise,
+    propagation,
+    ranks,
+)
+from cnnum.templating.checks.records import ClosedForm
+from cnnum.templating.template import Template
+
+_KINDS = (
+    *(neighbourhood.FORMS, propagation.FORMS, pointwise.FORMS, linear.FORMS, filters.FORMS),
+    *(cell.FORMS, differences.FORMS, ranks.FORMS, anisotropic.FORMS, interpolation.FORMS),
+    *(motion.FORMS, delays.FORMS, gains.FORMS),
+    *(life.FORMS, waves.FORMS, oscillation.FORMS),
+)
+_FORMS: Mapping[str, ClosedForm] = MappingProxyType(
+    {form.name: form for kind in _KINDS for form in kind}
+)
+
+
+def closed_form_names() -> tuple[str, ...]:
+    """Return the names that a template's check may have."""
+    return tuple(_FORMS)
+
+
+def closed_form(name: str) -> ClosedForm:
+    """Return the closed form of that name.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none.
+    """
+    if name not in _FORMS:
+        raise name_error("closed form", name, _FORMS)
+    return _FORMS[name]
+
+
+def form_of(template: Template) -> ClosedForm:
+    """Return the closed form that a template names, its parameters being those the form takes.
+
+    Raises
+    ------
+    TemplateError
+        If the template has no check, or a parameter is missing or unknown.
+    UnknownNameError
+        If there is no such closed form.
+    """
+    if template.check is None:
+        raise TemplateError(
+            f"Template '{template.name}' has no check; name a closed form in its [check], "
+            f"one of {', '.join(map(repr, _FORMS))}."
+        )
+    form = closed_form(template.check.name)
+    given = {name for name, _ in template.check.parameters}
+    missing, extra = set(form.needs) - given, given - {*form.needs, *form.takes}
+    if missing or extra:
+        raise TemplateError(
+            f"Template '{template.name}': the check '{form.name}' needs the parameters "
+            f"{_listed(form.needs)} and takes {_listed(form.takes)}, got {_listed(given)}."
+        )
+    return form
+
+
+def _listed(names: tuple[str, ...] | set[str]) -> str:
+    return ", ".join(f"'{name}'" for name in sorted(names)) or "none"

@@ -1,0 +1,1 @@
+"""Answers of the tactile programs: closed forms of contact mechanics and of the half-space."""

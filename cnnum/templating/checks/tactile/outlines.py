@@ -1,0 +1,176 @@
+"""What `edges` and `contact` are checked against: Hankel's and Love's solutions, and Hertz's."""
+
+from functools import partial
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.tactile.indenters import Disc, Pressure, Reads, frame_under, taxels
+from cnnum.tactile.touches import drawn, readings
+from cnnum.templating.checks.program_records import Outputs, ProgramCase, ProgramForm
+
+NOISE = 2.5e-3
+"""Of one reading, as a share of the peak: 2.5 mV (Table 3.II) of 1 V."""
+
+REST, HELD = 18, 3
+DEPTH = 0.5
+
+TOLD = (1.4, 1.6)
+"""Cells: radii of the discs on arrays that narrower ones would fit. Under half a pitch 319 of 320
+discs of these are told from a sphere, those of 1.2 not on each place (docs/programs/edges.md)."""
+
+FOUND = 0.5
+"""Share of the links that an outline crosses on which a place must be found."""
+
+
+def pressed(loads: Floats, rng: np.random.Generator) -> Floats:
+    """Return frames of rest and then of loads, all three axes, with the sign of strain."""
+    size = np.max(np.abs(loads), axis=(-3, -2, -1), keepdims=True)
+    frames = NOISE * rng.normal(size=(REST + HELD, *loads.shape))
+    frames[REST:] -= loads / size
+    return frames
+
+
+def _discs(
+    rng: np.random.Generator,
+    shape: Shape,
+    pressure: Pressure,
+    radii: tuple[float, float],
+    reads: Reads,
+) -> ProgramCase:
+    """Draw eight discs side by side, their radii in parts of the array."""
+    low, high = (part * min(shape) for part in radii)
+    drawn = rng.uniform(low, high, 8)
+    places = rng.uniform(-0.5, 0.5, (8, 2))
+    loads = np.zeros((8, *shape, 3))
+    for number, (radius, (x, y)) in enumerate(zip(drawn, places, strict=True)):
+        disc = Disc(float(radius), (float(x), float(y)), pressure)
+        loads[number, ..., 2] = frame_under(disc, shape, DEPTH, reads)
+    expected = {"radius": drawn, "place": places, "size": np.array(shape)}
+    return ProgramCase(pressed(loads, rng), expected, {"depth": DEPTH, "reads": reads})
+
+
+def _off_outline(case: ProgramCase, outputs: Outputs) -> float:
+    """Return the largest distance of a place from the circle, infinite where one is missing."""
+    rows, cols = case.expected["size"]
+    worst = 0.0
+    for number, radius in enumerate(case.expected["radius"]):
+        right, below = outputs["edge_to_right"][number], outputs["edge_to_below"][number]
+        r1, c1 = np.nonzero(right >= 0.0)
+        r2, c2 = np.nonzero(below >= 0.0)
+        x = np.concatenate([c1 + right[r1, c1], c2.astype(np.float64)]) - (cols - 1) / 2
+        y = np.concatenate([r1.astype(np.float64), r2 + below[r2, c2]]) - (rows - 1) / 2
+        disc = Disc(float(radius), tuple(case.expected["place"][number]))
+        if x.size < FOUND * _crossed(disc, (rows, cols)):
+            return np.inf
+        worst = max(worst, float(np.abs(disc.distance(x, y)).max()))
+    return worst
+
+
+def _crossed(disc: Disc, shape: Shape) -> int:
+    """Return how many links between neighbouring taxels an outline crosses."""
+    inside = disc.distance(*taxels(shape)) < 0.0
+    return int(sum(np.diff(inside, axis=axis).sum() for axis in (0, 1)))
+
+
+def _uniform(rng: np.random.Generator, shape: Shape, reads: Reads) -> ProgramCase:
+    size = min(shape)
+    radii = (max(0.22, TOLD[0] / size), max(0.34, TOLD[1] / size))
+    return _discs(rng, shape, "uniform", radii, reads)
+
+
+def _edges_found(case: ProgramCase, outputs: Outputs) -> float:
+    return float(np.max(outputs["edge_count"]))
+
+
+def _spheres(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    return _discs(rng, shape, "hertz", (0.42, 0.48), "strain")
+
+
+def _touches(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    case = _discs(rng, shape, "hertz", (0.2, 0.3), "strain")
+    # two are enough: thresholds of noisy cells are slow to solve exactly
+    expected = {**case.expected, "place": case.expected["place"][:2]}
+    return ProgramCase(case.frames[:, :2], expected)
+
+
+def _off_centre(case: ProgramCase, outputs: Outputs) -> float:
+    rows, cols = case.expected["size"]
+    if not np.all(outputs["contact"] > 0):
+        return np.inf
+    row = outputs["contact_row"] - (rows - 1) / 2 - case.expected["place"][:, 1]
+    column = outputs["contact_column"] - (cols - 1) / 2 - case.expected["place"][:, 0]
+    return float(np.hypot(row, column).max())
+
+
+def _pulled(rng: np.random.Generator, shape: Shape) -> ProgramCase:
+    """Draw two spheres that are pulled by up to 0.65 of their load, at 0.2 to 0.4 of the array."""
+    size = min(shape)
+    touches = drawn(rng, (0.2 * size, 0.4 * size), size, 2)
+    loads = -np.stack([readings(touch, size, DEPTH, "strain") for touch in touches])
+    peaks = np.max(np.abs(loads), axis=(1, 2, 3))
+    pulls = np.array([touch.pulls for touch in touches])
+    expected = {"load": 1.0 / peaks, "pull": pulls / peaks[:, None]}
+    return ProgramCase(pressed(loads, rng), expected, {"depth": DEPTH})
+
+
+def _off_loads(case: ProgramCase, outputs: Outputs) -> float:
+    """Return the largest error of a load along an axis, as a share of the normal load."""
+    true = np.column_stack([case.expected["pull"], case.expected["load"]])
+    # strain is negative under a push, and a pull's along its direction
+    found = np.stack([outputs[name] for name in ("load_x", "load_y", "load_normal")], axis=-1)
+    return float(np.max(np.abs(found - true) / case.expected["load"][:, None]))
+
+
+FORMS = (
+    ProgramForm(
+        name="outline-strain",
+        program="edges",
+        needs=("edge_to_right", "edge_to_below"),
+        cases=partial(_uniform, reads="strain"),
+        error=_off_outline,
+        tolerance=0.5,
+        tolerance_reason="taxels are points half a cover apart: half a cell is what is promised",
+        summary="distance from a circle, cells: strain under a uniform disc, by its waves",
+    ),
+    ProgramForm(
+        name="outline-stress",
+        program="edges",
+        needs=("edge_to_right", "edge_to_below"),
+        cases=partial(_uniform, reads="stress"),
+        error=_off_outline,
+        tolerance=0.5,
+        tolerance_reason="taxels are points half a cover apart: half a cell is what is promised",
+        summary="distance from a circle, cells: stress under a uniform disc, by its waves",
+    ),
+    ProgramForm(
+        name="no-edge",
+        program="edges",
+        needs=("edge_count",),
+        cases=_spheres,
+        error=_edges_found,
+        tolerance=0.0,
+        tolerance_reason="a sphere has no edge",
+        summary="edges found in strain under Hertz's pressure",
+    ),
+    ProgramForm(
+        name="centroid",
+        program="contact",
+        needs=("contact", "contact_row", "contact_column"),
+        cases=_touches,
+        error=_off_centre,
+        tolerance=0.15,
+        tolerance_reason="what lies below a tenth of the peak is cut off, cell by cell",
+        summary="distance from the middle of a sphere's contact, cells",
+    ),
+    ProgramForm(
+        name="loads",
+        program="contact",
+        needs=("load_x", "load_y", "load_normal"),
+        cases=_pulled,
+        error=_off_loads,
+        tolerance=0.12,
+        tolerance_reason="strain does not tell a pull from a pressure beside it wholly",
+        summary="loads of spheres over their normal load, by Hertz and Cattaneo-Mindlin",
+    ),
+)

@@ -1,0 +1,198 @@
+"""Couplings beyond linear A and B: nonlinear ones, delayed ones, and gains that vary in time."""
+
+import operator
+from dataclasses import dataclass
+from typing import Literal, SupportsIndex
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Floats, finite, frozen
+from cnnum.errors import TemplateError
+from cnnum.templating.function_tables import Table
+
+Quantity = Literal["x", "y", "u"]
+"""State, output or input of a cell."""
+
+
+def kernel(name: str, value: ArrayLike) -> Floats:
+    """Return a (k, k) kernel with k odd.
+
+    Raises
+    ------
+    TemplateError
+        If it has another shape.
+    """
+    array = finite(name, value)
+    if array.ndim != 2 or array.shape[0] != array.shape[1] or array.shape[0] % 2 == 0:
+        raise TemplateError(f"{name} must be (k, k) with k odd, got the shape {np.shape(value)}.")
+    return frozen(array)
+
+
+def place(part: str, value: SupportsIndex) -> int:
+    """Return the number of a layer or input.
+
+    Raises
+    ------
+    TemplateError
+        If it is not a whole number.
+    """
+    try:
+        return int(operator.index(value))
+    except TypeError:
+        raise TemplateError(
+            f"'{part}' of a coupling is the whole number of a layer or input, got {value!r:.60}."
+        ) from None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NonlinearCoupling:
+    """A sum over the neighbourhood of weight · f(argument), into one layer.
+
+    The argument is the neighbour's quantity, or centre − neighbour, as the CNN Software Library's
+    files mean it; MatCNN's tables mean neighbour − centre (`reversed_sign`).
+
+    Attributes
+    ----------
+    weights : (k, k) float
+        Correlation weights; 1 where a template file has the function's letter.
+    function : Table
+    neighbour : "x", "y" or "u"
+        y for a nonlinear A, u for a nonlinear B; any of them in a generalised D.
+    centre : "x", "y", "u" or None
+        None: the argument is the neighbour's quantity alone.
+    times_argument : bool
+        Multiply f(argument) by the argument (the D form ``x-x#x-x``).
+    reversed_sign : bool
+        The argument is neighbour − centre.
+    to, source : int
+        Layer that it acts on; layer (or input) of the neighbour.
+    centre_source : int
+        Layer (or input) of the centre's quantity.
+    """
+
+    weights: Floats
+    function: Table
+    neighbour: Quantity
+    centre: Quantity | None = None
+    times_argument: bool = False
+    reversed_sign: bool = False
+    to: int = 0
+    source: int = 0
+    centre_source: int = 0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "weights", kernel("Weights of a nonlinear coupling", self.weights))
+        for quantity in (self.neighbour, self.centre):
+            if quantity not in ("x", "y", "u", None):
+                raise TemplateError(f"A coupling reads 'x', 'y' or 'u', got {quantity!r:.60}.")
+        for part in ("to", "source", "centre_source"):
+            object.__setattr__(self, part, place(part, getattr(self, part)))
+
+    @property
+    def sign(self) -> float:
+        """+1 for centre − neighbour, −1 for neighbour − centre."""
+        return -1.0 if self.reversed_sign else 1.0
+
+    def value(self, centre: Floats, neighbour: Floats) -> Floats:
+        """Return f of the argument (times it, where that is asked for)."""
+        argument = neighbour if self.centre is None else self.sign * (centre - neighbour)
+        f = self.function(argument)
+        return f * argument if self.times_argument else f
+
+    @property
+    def physics(self) -> tuple[object, ...]:
+        """All that changes a run."""
+        flags = (self.neighbour, self.centre, self.times_argument, self.reversed_sign)
+        return (self.weights, self.function, flags, self.to, self.source, self.centre_source)
+
+    @property
+    def static(self) -> bool:
+        """Whether it reads inputs alone, so that it is part of what drives the cells."""
+        return self.neighbour == "u" and self.centre in ("u", None)
+
+    @property
+    def jumps(self) -> bool:
+        """Whether it makes the rates of the cells jump as their states change."""
+        return self.function.interpolation == "constant" and not self.static
+
+    @property
+    def stiffness(self) -> float:
+        """A bound on what the coupling adds to a row of the Jacobian, centre and neighbours.
+
+        Steps have no slope; what they do is bounded by their values.
+        """
+        if self.static:
+            return 0.0
+        slope = self.function.steepest
+        if self.times_argument:
+            reach = max(abs(v) for v, _ in self.function.points)
+            slope = slope * reach + self.function.largest
+        both = 1.0 if self.centre is None else 2.0
+        return both * slope * float(np.abs(self.weights).sum())
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DelayedCoupling:
+    """Linear couplings that see the outputs and inputs as they were a while ago.
+
+    Attributes
+    ----------
+    delay : float
+        In time constants.
+    A : (layers, layers, k, k) float
+        Weighs y(t − delay); before the start, outputs were those of the initial state.
+    B : (layers, inputs, k, k) float
+        Weighs u(t − delay); before the start, inputs were the run's `previous` ones.
+
+    Raises
+    ------
+    TemplateError
+        If the delay is not positive, or A or B has another shape.
+    ArrayError
+        If A or B is not finite.
+    """
+
+    delay: float
+    A: Floats
+    B: Floats
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.delay) and self.delay > 0):
+            raise TemplateError(f"A delay must be above 0 time constants, got {self.delay}.")
+        for part in ("A", "B"):
+            object.__setattr__(self, part, _delayed(part, getattr(self, part)))
+
+    @property
+    def physics(self) -> tuple[object, ...]:
+        """All that changes a run."""
+        return (self.delay, self.A, self.B)
+
+
+def _delayed(part: str, value: ArrayLike) -> Floats:
+    weights = finite(f"delayed {part}", value)
+    shape = weights.shape
+    if len(shape) != 4 or shape[2] != shape[3] or shape[3] % 2 == 0:
+        raise TemplateError(f"Delayed {part} must be (to, from, k, k) with k odd, got {shape}.")
+    return frozen(weights)
+
+
+@dataclass(frozen=True, slots=True)
+class Gain:
+    """A factor on the linear couplings from one layer to another that varies in time.
+
+    Attributes
+    ----------
+    to, source : int
+        The couplings A[to, source].
+    table : Table
+        Of the time since the start, in time constants.
+    """
+
+    to: int
+    source: int
+    table: Table
+
+    def __post_init__(self) -> None:
+        for part in ("to", "source"):
+            object.__setattr__(self, part, place(part, getattr(self, part)))

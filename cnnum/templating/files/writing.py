@@ -1,0 +1,32 @@
+"""Writing a template file, with the errors of this room."""
+
+from pathlib import Path
+
+from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.safety.files import write_whole
+
+
+def write_text(target: Path, text: str) -> None:
+    """Replace `target` by `text` in one step: a reader sees the old file or the new one.
+
+    Raises
+    ------
+    TemplateFileError
+        If the file can not be written.
+    TemplateError
+        If the text has no UTF-8 form.
+    """
+    try:
+        content = text.encode("utf-8")
+    except UnicodeEncodeError as error:
+        raise TemplateError(
+            f"'{target}' can not be written as UTF-8 text: {error.reason}; "
+            "remove that character from the name, the description or the source."
+        ) from None
+    try:
+        write_whole(target, content)
+    except OSError as error:
+        raise TemplateFileError(
+            f"The template file '{target}' can not be written: {error.strerror}; "
+            "check that its folder exists and may be written to."
+        ) from None

@@ -1,0 +1,98 @@
+"""The template library: finds a template by its name among the installed template files.
+
+A file of the library is called as its template, in lower case, so that one name costs one file;
+only an alias or an unknown name makes the library read all of them.
+"""
+
+import difflib
+from collections.abc import Iterator, Mapping
+from functools import cache
+from importlib import resources
+from pathlib import Path
+from types import MappingProxyType
+
+from cnnum.errors import TemplateError, UnknownNameError
+from cnnum.templating.files import Entry, load_entry
+from cnnum.templating.template import Template
+
+_SUFFIX = ".toml"
+
+
+def get_template(name: str) -> Template:
+    """Return the library's template of that name; case does not matter, aliases count.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none; the sentence names the nearest ones.
+    """
+    return _load(template_path(name)).template
+
+
+def template_names() -> tuple[str, ...]:
+    """Return the names of all templates of the library, sorted without regard to case."""
+    return tuple(sorted((_load(path).template.name for path in _files().values()), key=str.lower))
+
+
+def template_path(name: str) -> Path:
+    """Return the file that holds the template of that name or alias.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none; the sentence names the nearest ones.
+    """
+    key = name.lower()
+    found = _files().get(key) or _aliases().get(key)
+    if found is None:
+        raise _unknown(name)
+    return found
+
+
+@cache
+def _files() -> Mapping[str, Path]:
+    """Return the template files by their stem, which is the template's name in lower case."""
+    return _unique((path.stem.lower(), path) for path in _walk())
+
+
+@cache
+def _aliases() -> Mapping[str, Path]:
+    return _unique(
+        (alias.lower(), path) for path in _files().values() for alias in _load(path).aliases
+    )
+
+
+@cache
+def _load(path: Path) -> Entry:
+    return load_entry(path)
+
+
+def _walk() -> Iterator[Path]:
+    with resources.as_file(resources.files("cnnum.templates")) as root:
+        yield from sorted(root.glob(f"*/*{_SUFFIX}"))
+
+
+def _unique(pairs: Iterator[tuple[str, Path]]) -> Mapping[str, Path]:
+    found: dict[str, Path] = {}
+    for name, path in pairs:
+        if name in found and found[name] != path:
+            raise TemplateError(
+                f"The template library has '{name}' twice, in '{found[name]}' and '{path}'; "
+                "rename one of them."
+            )
+        found[name] = path
+    return MappingProxyType(found)
+
+
+def _unknown(name: str) -> UnknownNameError:
+    known = {item.lower(): item for item in template_names()}
+    known |= {alias: alias for alias in _aliases() if alias not in known}
+    near = difflib.get_close_matches(name.lower(), known, n=5, cutoff=0.5)
+    hint = (
+        f"did you mean {', '.join(repr(known[item]) for item in near)}?"
+        if near
+        else "cnnum.template_names() lists all of them."
+    )
+    return UnknownNameError(
+        f"Unknown template '{name}': expected one of the library's {len(_files())}; {hint}"
+    )

@@ -1,0 +1,105 @@
+"""Output functions y = f(x) of a cell: one record each, shared by every engine."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.errors import TemplateError, name_error
+from cnnum.safety.expressions import check_expression
+from cnnum.safety.names import checked_name
+
+
+@dataclass(frozen=True, slots=True)
+class OutputFunction:
+    """An output function in the forms that the engines need.
+
+    Attributes
+    ----------
+    name : str
+        As template files say it.
+    numpy : callable
+        f on an array.
+    opencl : str
+        f as an OpenCL C expression of `x`; `ONE` is 1 in the kernel's own type, `R(0.5)` another
+        number.
+    linear : bool
+        f(x) = x everywhere, so that the array is a linear system.
+    limited : bool
+        The state itself is kept within [−1, 1] (full-range model).
+    discrete : bool
+        The array runs in discrete time, one step a time constant (DT-CNN).
+
+    Raises
+    ------
+    TemplateError
+        If the name is not one line of plain signs, or the OpenCL form no expression of x.
+    """
+
+    name: str
+    numpy: Callable[[Floats], Floats]
+    opencl: str
+    linear: bool = False
+    limited: bool = False
+    discrete: bool = False
+
+    def __post_init__(self) -> None:
+        checked_name("an output function", self.name, TemplateError)
+        what = f"The OpenCL form of the output function '{self.name}'"
+        check_expression(what, self.opencl, ("x",), TemplateError)
+
+    @property
+    def physics(self) -> tuple[object, ...]:
+        """All that changes a run: of the house's own, the name says it."""
+        if OUTPUT_FUNCTIONS.get(self.name) is self:
+            return (self.name,)
+        kind = (self.linear, self.limited, self.discrete)
+        return (self.name, self.opencl, id(self.numpy), *kind)
+
+
+def _clip(x: Floats) -> Floats:
+    return np.minimum(np.maximum(x, -1.0), 1.0)  # less than half of np.clip's time
+
+
+def _identity(x: Floats) -> Floats:
+    return x
+
+
+def _sign(x: Floats) -> Floats:
+    return np.where(x >= 0.0, 1.0, -1.0)
+
+
+_ALL = (
+    # Chua & Yang 1988: f(x) = (|x + 1| − |x − 1|)/2
+    OutputFunction("standard", _clip, "clamp(x, -ONE, ONE)"),
+    OutputFunction("linear", _identity, "x", linear=True),
+    OutputFunction("tanh", np.tanh, "tanh(x)"),
+    # Espejo et al. 1996: the state is limited, the output is the state
+    OutputFunction("full-range", _clip, "clamp(x, -ONE, ONE)", limited=True),
+    # Harrer & Nossek 1992: discrete-time CNN
+    OutputFunction("sign", _sign, "PICK(x >= ZERO, ONE, -ONE)", discrete=True),
+)
+
+OUTPUT_FUNCTIONS = {function.name: function for function in _ALL}
+
+
+def output_function(value: str | OutputFunction) -> OutputFunction:
+    """Return the output function of that name, or one of a caller's own.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none.
+    TemplateError
+        If one of a caller's own has the name of another, by which engines know it.
+    """
+    if isinstance(value, OutputFunction):
+        if OUTPUT_FUNCTIONS.get(value.name, value) != value:
+            raise TemplateError(
+                f"There is an output function '{value.name}' already: give yours another name."
+            )
+        return OUTPUT_FUNCTIONS.get(value.name, value)
+    if value not in OUTPUT_FUNCTIONS:
+        raise name_error("output function", value, OUTPUT_FUNCTIONS)
+    return OUTPUT_FUNCTIONS[value]

@@ -1,0 +1,308 @@
+"""A template: the numbers that tell every cell what to do, and all that travels with them.
+
+State equation (Chua & Yang 1988), per layer l, with ∗ a correlation (no kernel flip):
+
+    τ_l dx_l/dt = −x_l + Σ_m A_lm ∗ f(x_m) + Σ_m B_lm ∗ u_m + z_l,    y = f(x)
+
+and, where a template has them, nonlinear couplings, delayed couplings, and gains on A in time.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Floats, digest, finite, frozen
+from cnnum.errors import TemplateError
+from cnnum.safety.names import checked_name
+from cnnum.templating.boundary import Boundary, parse_boundary
+from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
+from cnnum.templating.output_functions import OutputFunction, output_function
+
+Duration = float | Literal["settle"]
+Initial = float | Literal["input"]
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """The check that a template must pass: the name of a closed form, and its parameters."""
+
+    name: str
+    parameters: tuple[tuple[str, float | str], ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False, init=False)
+class Template:
+    """A CNN template with its boundary, initial state and duration.
+
+    `dataclasses.replace` gives another one, of the same parts but for those it is told.
+
+    Parameters
+    ----------
+    name : str
+        One line of letters, digits and signs such as "shift 1 down, 2 right".
+    A : (k, k) or (layers, layers, k, k) float
+        Feedback, as [to, from]; k odd. Correlation: element (0, 0) weighs the north-west neighbour.
+    B : (k, k) or (layers, inputs, k, k) float, optional
+        Control. Without it the template has no input.
+    z : float or (layers,) float
+        Bias.
+    tau : float or (layers,) float
+        Time constant of a layer, in the unit of time of the template.
+    boundary : float, "zero-flux" or "periodic"
+        State of the virtual cells beyond the rim.
+    input_boundary : float, "zero-flux" or "periodic", optional
+        Input of the virtual cells; the state's boundary unless given.
+    initial : float or "input"
+        Initial state where a run does not give one; "input" copies the input, layer by layer.
+    duration : float or "settle"
+        Run time in time constants, or until nothing changes any more.
+    output : str
+        Output function: "standard", "linear", "tanh", "full-range", or "sign", with which the
+        array runs in discrete time (DT-CNN): x ← Σ A ∗ sgn(x) + Σ B ∗ u + z, one step a time
+        constant.
+    nonlinear : sequence of NonlinearCoupling
+    delayed : DelayedCoupling, optional
+    gains : sequence of Gain
+    description, source : str
+        What it does, and where the numbers come from.
+    check : Check, optional
+        The closed form it is checked against.
+
+    Raises
+    ------
+    TemplateError
+        If the parts do not fit together.
+    UnknownNameError
+        If there is no such output function.
+    """
+
+    name: str
+    A: Floats
+    B: Floats
+    z: Floats
+    tau: Floats
+    boundary: Boundary
+    input_boundary: Boundary
+    initial: Initial
+    duration: Duration
+    output: OutputFunction
+    nonlinear: tuple[NonlinearCoupling, ...]
+    delayed: DelayedCoupling | None
+    gains: tuple[Gain, ...]
+    description: str
+    source: str
+    check: Check | None
+    digest: str = field(init=False)
+
+    def __init__(
+        self,
+        name: str,
+        A: ArrayLike,
+        B: ArrayLike | None = None,
+        z: float | Sequence[float] = 0.0,
+        *,
+        tau: float | Sequence[float] = 1.0,
+        boundary: float | str | Boundary = 0.0,
+        input_boundary: float | str | Boundary | None = None,
+        initial: Initial = 0.0,
+        duration: Duration = "settle",
+        output: str | OutputFunction = "standard",
+        nonlinear: Sequence[NonlinearCoupling] = (),
+        delayed: DelayedCoupling | None = None,
+        gains: Sequence[Gain] = (),
+        description: str = "",
+        source: str = "",
+        check: Check | None = None,
+    ) -> None:
+        checked_name("a template", name, TemplateError)
+        feedback = _couplings(name, "A", A)
+        layers = feedback.shape[0]
+        if feedback.shape[1] != layers:
+            raise TemplateError(
+                f"Template '{name}': A couples layers to layers, got {feedback.shape[1]} "
+                f"columns for {layers} layers."
+            )
+        state_boundary = parse_boundary(boundary)
+        parts: dict[str, object] = {
+            "name": name,
+            "A": feedback,
+            "B": _control(name, _all_inputs(B, layers, nonlinear), layers),
+            "z": _per_layer(name, "z", z, layers),
+            "tau": _positive(name, _per_layer(name, "tau", tau, layers)),
+            "boundary": state_boundary,
+            "input_boundary": (
+                state_boundary if input_boundary is None else parse_boundary(input_boundary)
+            ),
+            "initial": _initial(name, initial),
+            "duration": _duration(name, duration),
+            "output": output_function(output),
+            "nonlinear": tuple(nonlinear),
+            "delayed": delayed,
+            "gains": tuple(gains),
+            "description": description,
+            "source": source,
+            "check": check,
+        }
+        for key, value in parts.items():
+            object.__setattr__(self, key, value)
+        self._check_couplings()
+        self._check_initial()
+        object.__setattr__(self, "digest", digest(*self._physics()))
+
+    def _check_initial(self) -> None:
+        if self.initial == "input":
+            if self.inputs not in (0, self.layers):
+                raise TemplateError(
+                    f"Template '{self.name}': initial = 'input' needs one input a layer, got "
+                    f"{self.inputs} inputs for {self.layers} layers."
+                )
+        elif self.output.limited and abs(self.initial) > 1.0:
+            raise TemplateError(
+                f"Template '{self.name}': its state is limited to -1 to 1, got initial = "
+                f"{self.initial:g}."
+            )
+
+    def _check_couplings(self) -> None:
+        sizes = {"x": self.layers, "y": self.layers, "u": self.inputs, None: 1}
+        for item in self.nonlinear:
+            fits = 0 <= item.to < self.layers and 0 <= item.source < sizes[item.neighbour]
+            if not (fits and 0 <= item.centre_source < sizes[item.centre]):
+                raise TemplateError(
+                    f"Template '{self.name}': a nonlinear coupling names a layer or input that "
+                    f"is not there ({self.layers} layers, {self.inputs} inputs)."
+                )
+        delayed = self.delayed
+        if delayed is not None and (
+            delayed.A.shape[:2] != (self.layers, self.layers)
+            or delayed.B.shape[:2] != (self.layers, self.inputs)
+        ):
+            raise TemplateError(
+                f"Template '{self.name}': delayed A and B must couple its {self.layers} layers "
+                f"and {self.inputs} inputs."
+            )
+        if any(not (0 <= g.to < self.layers and 0 <= g.source < self.layers) for g in self.gains):
+            raise TemplateError(f"Template '{self.name}': a gain names a layer that is not there.")
+
+    def _physics(self) -> tuple[object, ...]:
+        """Return all that changes a run; two templates with the same of it are the same."""
+        return (
+            self.A,
+            self.B,
+            self.z,
+            self.tau,
+            self.boundary,
+            self.input_boundary,
+            self.initial,
+            self.duration,
+            *self.output.physics,
+            *(part for coupling in self.nonlinear for part in coupling.physics),
+            *(self.delayed.physics if self.delayed else ()),
+            self.gains,
+        )
+
+    @property
+    def layers(self) -> int:
+        """Number of layers."""
+        return int(self.A.shape[0])
+
+    @property
+    def inputs(self) -> int:
+        """Number of inputs; 0 where there is no control template."""
+        return int(self.B.shape[1])
+
+    @property
+    def radius(self) -> int:
+        """Largest neighbourhood radius of its couplings."""
+        kernels = [self.A, self.B, *(coupling.weights for coupling in self.nonlinear)]
+        kernels += [self.delayed.A, self.delayed.B] if self.delayed else []
+        return max(int(kernel.shape[-1]) for kernel in kernels) // 2
+
+    @property
+    def uncoupled(self) -> bool:
+        """Whether every cell decays on its own towards what drives it (A = 0)."""
+        return not self.A.any() and self.plain
+
+    @property
+    def plain(self) -> bool:
+        """Whether all couplings are linear, at once, and constant in time."""
+        return not self.nonlinear and self.delayed is None and not self.gains
+
+    def __repr__(self) -> str:
+        return (
+            f"Template('{self.name}', layers={self.layers}, inputs={self.inputs}, "
+            f"radius={self.radius}, boundary={self.boundary}, duration={self.duration})"
+        )
+
+
+def _couplings(template: str, part: str, value: ArrayLike) -> Floats:
+    kernel = finite(f"{part} of template '{template}'", value)
+    if kernel.ndim == 2:
+        kernel = kernel[np.newaxis, np.newaxis]
+    if kernel.ndim != 4 or kernel.shape[-1] != kernel.shape[-2] or kernel.shape[-1] % 2 == 0:
+        raise TemplateError(
+            f"Template '{template}': {part} must be (k, k) or (layers, from, k, k) with k odd, "
+            f"got the shape {np.shape(value)}."
+        )
+    return frozen(kernel)
+
+
+def _all_inputs(
+    value: ArrayLike | None, layers: int, nonlinear: Sequence[NonlinearCoupling]
+) -> ArrayLike | None:
+    """Return B, or zeros for the inputs that only nonlinear couplings read."""
+    read = [c.source for c in nonlinear if c.neighbour == "u"]
+    read += [c.centre_source for c in nonlinear if c.centre == "u"]
+    if value is not None or not read:
+        return value
+    return np.zeros((layers, max(read) + 1, 1, 1))
+
+
+def _control(template: str, value: ArrayLike | None, layers: int) -> Floats:
+    if value is None:
+        return frozen(np.zeros((layers, 0, 1, 1)))
+    control = _couplings(template, "B", value)
+    if control.shape[0] != layers:
+        raise TemplateError(
+            f"Template '{template}': B must serve the {layers} layers of A, got {control.shape[0]}."
+        )
+    return control
+
+
+def _per_layer(template: str, part: str, value: float | Sequence[float], layers: int) -> Floats:
+    numbers = finite(f"{part} of template '{template}'", value)
+    if numbers.ndim > 1 or numbers.size not in (1, layers):
+        raise TemplateError(
+            f"Template '{template}': {part} must be one number or one a layer ({layers}), "
+            f"got the shape {numbers.shape}."
+        )
+    return frozen(np.broadcast_to(numbers, (layers,)))
+
+
+def _positive(template: str, tau: Floats) -> Floats:
+    if (tau <= 0).any():
+        raise TemplateError(f"Template '{template}': tau must be positive, got {tau.tolist()}.")
+    return tau
+
+
+def _initial(template: str, value: Initial) -> Initial:
+    if value == "input":
+        return "input"
+    if isinstance(value, str) or not np.isfinite(value):
+        raise TemplateError(
+            f"Template '{template}': initial must be a finite number or 'input', got {value!r}."
+        )
+    return float(value)
+
+
+def _duration(template: str, value: Duration) -> Duration:
+    if value == "settle":
+        return "settle"
+    if isinstance(value, str) or not np.isfinite(value) or value < 0:
+        raise TemplateError(
+            f"Template '{template}': duration must be a number of time constants from 0 up, or "
+            f"'settle', got {value!r}."
+        )
+    return float(value)

@@ -1,0 +1,1 @@
+"""The elastic cover as cellular arrays: half-space, depth layers, deconvolution."""

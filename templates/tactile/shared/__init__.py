@@ -1,0 +1,1 @@
+"""Parts that tactile programs share: loads above rest, patches, latches, pressure."""

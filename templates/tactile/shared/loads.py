@@ -1,0 +1,254 @@
+"""What the tactile programs start from: loads above rest, the noise measured at rest, the contact.
+
+The first frames of a stream say what rest is. While nothing touches, rest and noise are followed
+slowly, so that an offset or its drift never becomes a load; while something touches, both are kept.
+"""
+
+from dataclasses import dataclass
+
+from cnnum.frame import FORCE_AXES
+from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.machine import FrameFields
+from cnnum.programs.transients import apply
+from cnnum.templates.tactile.cover_model.deconvolution import filter_template
+from cnnum.templating.library import get_template
+
+SETTLE = 16
+"""Frames at the start that are taken as rest: their mean is known to a quarter of the noise."""
+
+FORGET = 256.0
+"""Frames over which rest and noise are followed: slower than any touch, faster than warming up."""
+
+TOUCH, LIFT = 6.0, 4.0
+"""Peak loads, in standard deviations of the noise, at which contact begins and ends. The largest
+of 256 noisy taxels exceeds 6 once in 4 million frames; it must in two frames in a row."""
+
+NOISY = 5.0
+"""Noise power, in its mean over the array, above which a taxel is broken. One of 16 with ten times
+the noise has 14 times the mean; a sound one, known from 16 frames, exceeds 5 once in 10⁵."""
+
+ASTRAY = 8.0
+"""Rest of a taxel, over the typical one or the noise, above which it is broken: 5.4 standard
+deviations of what calibration leaves. A bridge that is stuck stands anywhere in the range."""
+
+BREAK = 300.0
+"""Change of a taxel's normal load from one frame to the next, over its neighbours' and the noise,
+as powers, above which it breaks. A contact is felt under a cover by several taxels: in 176 scenes
+with whole taxels, up to 200 frames a second (tuning seeds), 1 in 100 exceeds 200, and one 300."""
+
+TINY = 1e-30
+
+ROUNDING = 1e-6
+"""Least noise, as a share of the largest raw value: what float32 leaves of a perfect sensor."""
+
+PUSH = -1.0
+"""Sign of strain and stress under a push: what a calibrated array gives."""
+
+BETWEEN = ((-0.25, 0.5, -0.25), (0.5, 0.0, 0.5), (-0.25, 0.5, -0.25))
+"""Of its eight neighbours' loads, that of a taxel that is broken: right for every cubic surface
+(central differences), where the mean of four cuts off peaks. Without it a centre is 0.04 to 0.08
+pitches off (RMS; one broken taxel near 40 spheres on 8×8 and 4×4), with it as much as with none."""
+
+ENOUGH = 0.2
+"""Sum of these weights that neighbours must have that are not broken themselves."""
+
+RIM = 0.1
+"""Share of the peak load that is taken off before loads are weighed, so that the elastic
+surroundings of a contact do not pull at its centre."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loads:
+    """Loads of one frame above rest, positive as a push or a pull on the skin reads.
+
+    Attributes
+    ----------
+    frame : FrameFields
+    shear_x, shear_y, normal : Field
+        Maps, in the frame's own unit.
+    shear_noise, normal_noise : Field
+        Variance of one reading, a number.
+    contact : Field
+        Flag.
+    sound, healthy : Field
+        Logic maps: taxels whose noise is no outlier in the normal axis, and in any. Only sound ones
+        tell where a contact is, only healthy ones what acts on it.
+    alive : Field
+        Logic map: taxels that read something, be it noise at rest.
+    breaks : Field
+        Flag: a taxel broke in this frame, under a contact.
+    """
+
+    frame: FrameFields
+    shear_x: Field
+    shear_y: Field
+    normal: Field
+    shear_noise: Field
+    normal_noise: Field
+    contact: Field
+    sound: Field
+    healthy: Field
+    alive: Field
+    breaks: Field
+
+
+@dataclass(frozen=True, slots=True)
+class Patch:
+    """Where a contact is and how much it carries.
+
+    Attributes
+    ----------
+    weight : Field
+        Normal load above the rim, a map; of broken taxels what their neighbours say.
+    load : Field
+        Its sum.
+    row, column : Field
+        Its centroid, cells.
+    spread : Field
+        Its radius of gyration, cells.
+    """
+
+    weight: Field
+    load: Field
+    row: Field
+    column: Field
+    spread: Field
+
+
+def loads_of(frame: FrameFields, push: float) -> Loads:
+    """Return a frame's loads above rest, and what is measured with them.
+
+    Parameters
+    ----------
+    frame : FrameFields
+    push : float
+        What turns a channel's sign into that of a load: −1 for strain and stress, which count
+        tension as positive, +1 for signals and counts that rise under a push.
+    """
+    age = frame.memory(scalar=True)
+    count = age.value + 1.0
+    age.store(count)
+    touched = frame.memory(scalar=True, logic=True)
+    rest = {name: frame.memory() for name in FORCE_AXES}
+    shear, normal = _Noise(frame, ("shear_x", "shear_y")), _Noise(frame, ("normal",))
+    above = push * (frame.normal - rest["normal"].value)
+    broken, breaks = _broken(frame, touched.value, normal, abs(above))
+    sound = normal.healthy & ~_astray(normal, rest["normal"].value) & ~broken
+    aside = abs(rest["shear_x"].value) + abs(rest["shear_y"].value)
+    peak = where(sound, above, 0.0).max()
+    high = (count > float(SETTLE)) & (square(peak) > TOUCH**2 * normal.held)
+    contact = (high & frame.previous(high)) | (
+        touched.value & (square(peak) > LIFT**2 * normal.held)
+    )
+    touched.store(contact)
+    # a first touch must not become part of rest, nor its jump of the noise
+    free = ~(high | touched.value)
+    rate = where(free, maximum(1.0 / count, 1.0 / FORGET), 0.0)
+
+    def load(name: str) -> Field:
+        channel, memory = frame.channel(name), rest[name]
+        now = memory.value + rate * (channel - memory.value)
+        memory.store(now)
+        return push * (channel - now)
+
+    x, y, z = (load(name) for name in FORCE_AXES)
+    return Loads(
+        frame=frame,
+        shear_x=x,
+        shear_y=y,
+        normal=z,
+        shear_noise=shear.follow(free),
+        normal_noise=normal.follow(free),
+        contact=contact,
+        sound=sound,
+        healthy=sound & shear.healthy & ~_astray(shear, aside),
+        alive=normal.alive | (abs(z) > 0.0),
+        breaks=breaks,
+    )
+
+
+def _astray(noise: "_Noise", rest: Field) -> Field:
+    """Return the taxels whose rest is far from the others': the mean of roots bears outliers."""
+    far = abs(rest)
+    return far > ASTRAY * maximum(square(sqrt(far).mean()), sqrt(noise.held))
+
+
+def _broken(
+    frame: FrameFields, touched: Field, normal: "_Noise", above: Field
+) -> tuple[Field, Field]:
+    """Return the taxels that broke under a contact, and whether any did in this frame.
+
+    One is broken until it reads as at rest again while nothing touches.
+    """
+    lasts, latch = frame.memory(scalar=True), frame.memory(logic=True)
+    lasts.store(where(touched, lasts.value + 1.0, 0.0))
+    change = normal.change / maximum(normal.held, TINY)
+    size = sqrt(change)
+    around = (apply(get_template("smooth"), input=size) - 0.25 * size) / 0.75
+    alone = change > BREAK * (square(around) + 1.0)
+    new = alone & normal.healthy & (lasts.value > float(SETTLE)) & ~latch.value
+    back = ~touched & (above < LIFT * sqrt(normal.held))
+    broken = new | (latch.value & ~back)
+    latch.store(broken)
+    return broken, new.any()
+
+
+def patch_of(loads: Loads) -> Patch:
+    """Return where the contact is: moments of the normal load above its rim."""
+    frame, reads = loads.frame, loads.sound & loads.alive
+    known = where(reads, loads.normal, 0.0)
+    rim = RIM * known.max() + LIFT * sqrt(loads.normal_noise)
+    around = filter_template("between", BETWEEN, "What lies between neighbours, to third order.")
+    share = apply(around, input=where(reads, 1.0, 0.0))
+    between = apply(around, input=known) / maximum(share, ENOUGH)
+    normal = where(reads, known, where(share > ENOUGH, between, 0.0))
+    weight = where(loads.contact, maximum(normal - rim, 0.0), 0.0)
+    load = weight.sum()
+    row, column = (weight * frame.row).sum() / load, (weight * frame.column).sum() / load
+    away = square(frame.row - row) + square(frame.column - column)
+    return Patch(weight, load, row, column, sqrt((weight * away).sum() / load))
+
+
+def square(value: Field) -> Field:
+    """Return the value times itself."""
+    return value * value
+
+
+class _Noise:
+    """Variance of one reading, from what changes from frame to frame at rest.
+
+    Attributes
+    ----------
+    change : Field
+        Half the mean square change of a taxel since the frame before, a map.
+    held : Field
+        As it was known before this frame, a mean over the healthy taxels.
+    healthy : Field
+        Logic map.
+    """
+
+    def __init__(self, frame: FrameFields, names: tuple[str, ...]) -> None:
+        channels = [frame.channel(name) for name in names]
+        changes = [square(channel - frame.previous(channel)) for channel in channels]
+        self.change = sum(changes[1:], start=changes[0]) / (2.0 * len(channels))
+        self._variance, self._seen = frame.memory(), frame.memory(scalar=True)
+        size = maximum(channels[0].max(), -channels[0].min())
+        self._least = square(ROUNDING * size)
+        known = self._variance.value
+        self.healthy = known <= NOISY * known.mean()
+        self.alive = (known > 0.0) | ~(known.max() > 0.0)
+        self.held = self._typical(known)
+
+    def follow(self, free: Field) -> Field:
+        """Return it after this frame; one that repeats the one before is not counted."""
+        news = free & (self.change.max() > 0.0)
+        count = self._seen.value + where(news, 1.0, 0.0)
+        rate = where(news, maximum(1.0 / count, 1.0 / FORGET), 0.0)
+        now = self._variance.value + rate * (self.change - self._variance.value)
+        self._variance.store(now)
+        self._seen.store(count)
+        return self._typical(now)
+
+    def _typical(self, variance: Field) -> Field:
+        sound = where(self.healthy, variance, 0.0)
+        return maximum(sound.sum() / maximum(self.healthy.count(), 1.0), self._least)

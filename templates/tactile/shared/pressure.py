@@ -1,0 +1,222 @@
+"""The pressure under a contact and the loads behind it, the cover's blur and the pull taken off."""
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from cnnum.errors import name_error
+from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
+from cnnum.programs.transients import apply
+from cnnum.tactile.deconvolution import left_kernel
+from cnnum.tactile.indenters import Reads
+from cnnum.tactile.shear_seen import BLOCK, NEAR, pulled_far, pulled_normal, shear_seen
+from cnnum.templates.tactile.cover_model.deconvolution import (
+    filter_template,
+    noise_gain,
+    surface_load,
+)
+from cnnum.templates.tactile.shared.loads import LIFT, Loads, square
+from cnnum.templating.library import get_template
+
+Carries = Literal["strain", "stress", "force"]
+"""What taxels read; "force" is each taxel's own share of the load."""
+
+LEVEL = 0.1
+"""Threshold of the template `contact_threshold`."""
+
+SEEN = 0.05
+"""Share of the largest squared strain from which a taxel tells where the pull acts, at first."""
+
+CLEAR = 3.0
+"""The same in standard deviations of the noise."""
+
+ROUNDS = 2
+"""Times that the pull is laid out and taken off. After one, contacts wider than the cover is thick
+carry up to 40 % too little; after two, what is left is that of no pull at all."""
+
+AROUND = 1
+"""Cells around a narrow contact in which part of its load comes back: a hollow beside a peak."""
+
+NARROW, WIDE = 12.0, 24.0
+"""Taxels touched up to which that counts in full, and from which not at all: around wide contacts
+what is left of a pull is more than the hollow. They are radii of 2 and of 2.8 cells."""
+
+NOTHING = 1e-30
+"""What sums of loads are kept above, so that no contact divides by 0."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pressed:
+    """What presses on the skin.
+
+    Attributes
+    ----------
+    touched : Field
+        Logic map.
+    weight : Field
+        Pressure of the taxels touched, 0 elsewhere, a map.
+    normal, x, y : Field
+        The whole load, numbers in the unit of a reading of unit pressure, times cells.
+    """
+
+    touched: Field
+    weight: Field
+    normal: Field
+    x: Field
+    y: Field
+
+
+def pressed_of(
+    loads: Loads, share: float, depth: float, reads: Carries, normal_gain: float
+) -> Pressed:
+    """Return what presses on the skin, from its readings.
+
+    Raises
+    ------
+    PhysicsError
+        If the depth is out of range.
+    UnknownNameError
+        If `reads` is unknown.
+    """
+    if reads not in get_args(Carries):
+        raise name_error("reading", reads, get_args(Carries))
+    normal = normal_gain * where(loads.sound, loads.normal, 0.0)
+    noise = normal_gain * sqrt(loads.normal_noise)
+    if reads == "force":
+        return _carried(loads, normal, noise, share)
+    return _under_cover(loads, normal, noise, _Cover(share, float(depth), reads))
+
+
+def touched_map(loads: Loads, pressure: Field, level: Field) -> Field:
+    """Return the taxels that are touched, by the threshold template on scaled loads."""
+    scaled = minimum(maximum(LEVEL * pressure / level, -1.0), 1.0)
+    return apply(
+        get_template("contact_threshold"), input=where(loads.contact, scaled, -1.0)
+    ).black()
+
+
+def _level(pressure: Field, noise: Field, share: float) -> Field:
+    """Return the least pressure of a taxel that is touched: half of the peak at most."""
+    top = pressure.max()
+    return maximum(maximum(share * top, minimum(LIFT * noise, 0.5 * top)), NOTHING)
+
+
+@dataclass(frozen=True, slots=True)
+class _Cover:
+    """Parameters of a reading under a cover."""
+
+    share: float
+    depth: float
+    reads: Reads
+
+
+def _carried(loads: Loads, normal: Field, noise: Field, share: float) -> Pressed:
+    touched = touched_map(loads, normal, _level(normal, noise, share))
+    weight = where(touched, normal, 0.0)
+    x, y = (where(touched, shear, 0.0).sum() for shear in (loads.shear_x, loads.shear_y))
+    return Pressed(touched, weight, weight.sum(), x, y)
+
+
+def _under_cover(loads: Loads, normal: Field, noise: Field, cover: _Cover) -> Pressed:
+    """Return what presses on a cover: the pull's shape and the pressure's find one another.
+
+    In an incompressible cover a pull strains the skin as a pressure behind it would, so
+    that one map can not be told from the other. What can: the sum of the shear is the pull, and
+    it acts where the pressure does.
+    """
+    gained = noise_gain(cover.depth, cover.reads) * noise
+    shape, found = _start(loads, normal), loads.frame.constant(0.0)
+    for _ in range(ROUNDS - 1):
+        pressure = _pressure(loads, normal, shape, found, cover)
+        weight = where(pressure > _level(pressure, gained, cover.share), pressure, 0.0)
+        # a pull is spread more evenly than the pressure
+        shape, found = _shared(sqrt(weight)), weight.sum()
+    pressure = _pressure(loads, normal, shape, found, cover)
+    touched = touched_map(loads, pressure, _level(pressure, gained, cover.share))
+    weight = where(touched, maximum(pressure, 0.0), 0.0)
+    shape = _shared(weight)
+    found = weight.sum() * _missed(pressure, weight, touched, cover)
+    x, y = _pulls(loads, shape, found, cover.depth)
+    return Pressed(touched, weight, found, x, y)
+
+
+def _pressure(loads: Loads, normal: Field, shape: Field, whole: Field, cover: _Cover) -> Field:
+    """Return the pressure that is left of the readings when a pull of this shape is taken off."""
+    pulls = _pulls(loads, shape, whole, cover.depth)
+    rest = normal - _pulled(loads.frame.shape, shape, pulls, cover)
+    return surface_load(rest, cover.depth, cover.reads)
+
+
+def _start(loads: Loads, normal: Field) -> Field:
+    """Return where the load acts, by the squares of all three readings.
+
+    A pull shifts the square of the normal strain one way and that of the shear the other.
+    """
+    sheared = square(loads.shear_x) + square(loads.shear_y)
+    power = square(normal) + where(loads.healthy, sheared, 0.0)
+    noise = loads.normal_noise + 2.0 * loads.shear_noise
+    least = maximum(SEEN * power.max(), CLEAR**2 * noise)
+    return _shared(maximum(power - least, 0.0))
+
+
+def _shared(weight: Field) -> Field:
+    return weight / maximum(weight.sum(), NOTHING)
+
+
+def _pulled(
+    array: tuple[int, int], shape: Field, pulls: tuple[Field, Field], cover: _Cover
+) -> Field:
+    """Return the normal reading of a pull that is laid out over the contact."""
+    depth, reads, reach = cover.depth, cover.reads, max(array) - 1
+    kernels = [("pulled", pulled_normal(depth, reads, min(reach, NEAR)), shape)]
+    if reach > NEAR:
+        block = filter_template("block", np.ones((BLOCK, BLOCK)), "Sums what is around a cell.")
+        spread = apply(block, input=shape)
+        kernels.append(("pulled far", pulled_far(depth, reads, reach), spread))
+    parts: list[Field] = []
+    for name, both, spread in kernels:
+        for axis, kernel, pull in zip("xy", both, pulls, strict=True):
+            text = f"Gives the normal {reads} of a pull along {axis}."
+            template = filter_template(f"{name} {axis} {depth:g}", kernel, text)
+            parts.append(apply(template, input=pull * spread))
+    return sum(parts[1:], start=parts[0])
+
+
+def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Field, Field]:
+    """Return the tangential loads: the whole array's shear, for what lies beyond the array.
+
+    Shear strain and stress add up to the load on an endless array. On this one a cell's load adds
+    up to a share that its place tells; the pressure's own shear, which cancels on an endless array,
+    is taken off. Shear is taken to be spread as the pressure is.
+    """
+    seen = shear_seen(loads.frame.shape, depth)
+    found: list[Field] = []
+    for shear, own, pushed in (
+        (loads.shear_x, seen.own_x, seen.pushed_x),
+        (loads.shear_y, seen.own_y, seen.pushed_y),
+    ):
+        total = where(loads.healthy, shear, 0.0).sum()
+        share, tilt = ((shape * loads.frame.constant(each)).sum() for each in (own, pushed))
+        found.append((total - whole * tilt) / maximum(share, NOTHING))
+    return found[0], found[1]
+
+
+def _missed(pressure: Field, weight: Field, touched: Field, cover: _Cover) -> Field:
+    """Return by how much a load is larger than what the taxels touched hold of it.
+
+    Strain passes no mean, so the pressure comes back on a ground below 0, the lower the wider the
+    contact; and a load between taxels, or narrower than one, comes back too high, in a hollow of
+    its own. What the filter makes of a load of this shape, on the taxels touched and around them,
+    beside what is found there, says how much.
+    """
+    kernel = left_kernel(cover.depth, cover.reads)
+    left = filter_template(f"left {cover.reads} {cover.depth:g}", kernel, "What unblur leaves.")
+    size = 2 * AROUND + 1
+    box = filter_template(f"around {AROUND}", np.ones((size, size)), "Counts what is around.")
+    near = apply(box, input=where(touched, 1.0, 0.0)) > 0.5
+    narrow = minimum(maximum((WIDE - touched.count()) / (WIDE - NARROW), 0.0), 1.0)
+    share = where(touched, 1.0, where(near, narrow, 0.0))
+    found = (share * pressure).sum()
+    held = (share * (weight - apply(left, input=weight))).sum()
+    return maximum(found, 0.0) / maximum(held, NOTHING)
