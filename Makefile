@@ -28,7 +28,7 @@ situations: $(VENV)/dev.stamp
 
 # recordings, frames, caches, files and processes under faults on purpose; a short version is in `test`
 faults: $(VENV)/dev.stamp
-	CNNUM_FAULTS=full $(PYTEST) tests/faults
+	CNNUM_FAULTS=full $(PYTEST) tests/faults tests/drivers/test_serial_gaps.py tests/unit/test_long_runs.py
 
 # whether the dependencies resolve on Linux, macOS and Windows: it asks the package index
 platforms: $(VENV)/dev.stamp

@@ -105,6 +105,29 @@ def test_an_unplug_is_accounted_for_and_events_carry_it(
     assert touch.record()["after_gap"] == round(away, 6)
 
 
+def test_unplugs(faults: Any, link: Path, plug: Callable[[], Any]) -> None:
+    """After an unplug and a replug every scan is accounted for, and the next event says so."""
+    for trial in faults.trials(short=2, full=20):
+        before = int(np.random.default_rng(trial).integers(60, 100))
+        plugged = [plug()]
+        sent(plugged[0], rest(before))
+        scene = load_scene(scene_file(link))
+
+        def swap(plugged: list[Any] = plugged) -> None:
+            plugged[0].unplug()
+            plugged.append(plug())
+            sent(plugged[1], [*rest(40), *pressed(20, 40)])
+
+        got = run(scene, before + 60, before - 1, swap)
+        plugged[1].unplug()
+        away = got[before].frame.time - got[before - 1].frame.time
+        gaps = [event.after_gap for moment in got for event in moment.events]
+        if not accounted(scene) or scene.summary().dropped != round(away * RATE) - 1:
+            faults.lose(f"trial {trial}: {scene.summary()}")
+        elif gaps != [away]:
+            faults.lose(f"trial {trial}: events after a gap of {away} s say {gaps}")
+
+
 def test_an_array_that_counts_on_tells_what_was_lost(
     device: Any, link: Path, plug: Callable[[], Any]
 ) -> None:
