@@ -16,7 +16,7 @@ from cnnum.cli.root import main
 from cnnum.drivers.serve import packets
 from cnnum.errors import OtherArrayError
 from cnnum.frame import FORCE_AXES, Frame
-from cnnum.scenes.pipeline import Moment, Scene, load_scene
+from cnnum.scenes.pipeline import FrameResult, Scene, load_scene
 
 RATE = 100.0
 SCENE = """
@@ -67,15 +67,17 @@ def accounted(scene: Scene) -> bool:
     return seen.sent == whole and seen.frames == seen.handed_on + seen.refused + seen.repeated
 
 
-def run(scene: Scene, count: int, at: int = -1, do: Callable[[], object] = list) -> list[Moment]:
+def run(
+    scene: Scene, count: int, at: int = -1, do: Callable[[], object] = list
+) -> list[FrameResult]:
     """Run so many frames, and do something after one of them."""
-    moments, got = scene.moments(), []
-    for moment in moments:
+    results, got = scene.results(), []
+    for moment in results:
         got.append(moment)
         if moment.number == at:
             do()
         if len(got) == count:
-            moments.close()
+            results.close()
     return got
 
 

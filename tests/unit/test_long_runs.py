@@ -51,7 +51,7 @@ def grown(scene: Scene, frames: int) -> int:
     seen, before = 0, 0
     tracemalloc.start()
     try:
-        for moment in scene.moments():
+        for moment in scene.results():
             seen += 1
             if moment.number == frames // 10:
                 gc.collect()
