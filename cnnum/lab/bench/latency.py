@@ -17,6 +17,7 @@ from cnnum.programs.library import get_program, program_names
 from cnnum.scenes.conversion import AsRead
 from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule
 from cnnum.scenes.frame_range import unit_range
+from cnnum.scenes.pipeline import FramePath
 
 SHAPE = (8, 8)
 
