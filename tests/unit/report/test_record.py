@@ -14,6 +14,7 @@ from cnnum.frame import Frame, Quality
 from cnnum.report import PlanCost, SceneRecord, SceneRecorder, compare
 from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import EVENT_RULES
+from cnnum.scenes.frame_range import unit_range
 from cnnum.scenes.pipeline import FrameResult, Scene
 from cnnum.scenes.scene_file import SceneSpec
 
@@ -51,7 +52,8 @@ def opened() -> Scene:
     conversion = ByCalibration(driver.calibration)
     engine = Engine("reference")
     plan = engine.compile(touch, driver.shape, channels=conversion.channels)
-    return Scene(spec, engine, driver, conversion, plan, EVENT_RULES["contact"])
+    within = unit_range(driver.unit, engine.precision)
+    return Scene(spec, engine, driver, conversion, plan, EVENT_RULES["contact"], within, None)
 
 
 @pytest.fixture(scope="module")
