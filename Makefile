@@ -10,7 +10,7 @@ QUICK := $(addprefix tests/,cli/test_devices.py cli/test_run.py engines/test_mac
     engines/test_working_devices.py tactile/test_contact.py unit/test_plan.py unit/test_programs.py unit/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test situations faults platforms lint style mypy pyright bench lock clean
+.PHONY: demo test situations faults platforms docs lint style mypy pyright bench lock clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html
@@ -28,11 +28,15 @@ situations: $(VENV)/dev.stamp
 
 # recordings, frames, caches, files and processes under faults on purpose; a short version is in `test`
 faults: $(VENV)/dev.stamp
-	CNNUM_FAULTS=full $(PYTEST) tests/faults
+	CNNUM_FAULTS=full $(PYTEST) tests/faults tests/drivers/test_serial_gaps.py tests/unit/test_long_runs.py
 
 # whether the dependencies resolve on Linux, macOS and Windows: it asks the package index
 platforms: $(VENV)/dev.stamp
 	for each in 3.11 3.12 3.13; do $(BIN)/python tests/house/platforms.py $$each || exit 1; done
+
+# the site, from the pages and the docstrings: docs/_build/index.html; a warning is an error
+docs: $(VENV)/dev.stamp
+	$(BIN)/python -m sphinx --fail-on-warning --keep-going --quiet docs docs/_build
 
 # `make --jobs 2 lint` has both type checkers at work at once, of which each takes one core
 lint: style mypy pyright

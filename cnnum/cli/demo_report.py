@@ -19,7 +19,7 @@ from cnnum.report import (
     measure_work_precision,
     write_demo_report,
 )
-from cnnum.scenes.pipeline import Moment, Scene
+from cnnum.scenes.pipeline import FrameResult, Scene
 from cnnum.templating.checks import run_check
 from cnnum.templating.library import get_template, template_names, template_path
 from cnnum.templating.template import Template
@@ -68,7 +68,7 @@ class DemoReport:
         self._journal.close(index=False)
         self._folder.cleanup()
 
-    def add(self, moment: Moment) -> None:
+    def add(self, moment: FrameResult) -> None:
         """Take in the next moment."""
         self._record.add(moment)
         self._journal.add(moment.frame)

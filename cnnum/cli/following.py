@@ -13,7 +13,7 @@ from cnnum.cli.signals import stoppable
 if TYPE_CHECKING:
     from cnnum.graph.schedule import LeftOut
     from cnnum.scenes.events import Event
-    from cnnum.scenes.pipeline import Moment, Scene
+    from cnnum.scenes.pipeline import FrameResult, Scene
 
 STOPPED = 130
 """Exit code after Ctrl-C, SIGTERM or SIGHUP."""
@@ -24,7 +24,7 @@ def follow(
     output: Output,
     *,
     frames: int | None = None,
-    watch: Callable[["Moment"], object] | None = None,
+    watch: Callable[["FrameResult"], object] | None = None,
     finish: Callable[[], Mapping[str, str]] | None = None,
 ) -> int:
     """Run a scene to its end, print events and the summary, and return the exit code.
@@ -48,7 +48,7 @@ def follow(
         with (
             stoppable(),
             progress("frames", total, as_json=output.as_json) as steps,
-            closing(cast("Generator[Moment, None, None]", scene.moments())) as moments,
+            closing(cast("Generator[FrameResult, None, None]", scene.results())) as moments,
         ):
             for moment in moments:
                 for event in moment.events:

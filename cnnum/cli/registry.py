@@ -6,31 +6,33 @@ holds the command as `command`.
 
 from collections.abc import Mapping
 
+ROOM = "cnnum.cli.commands"
+
 COMMANDS: Mapping[str, tuple[str, str]] = {
-    "demo": ("cnnum.cli.commands.demo", "Run the simulated scene and write a report of it."),
-    "run": ("cnnum.cli.commands.run", "Run a scene and print its events as they come."),
-    "plan": ("cnnum.cli.commands.plan", "Show what a scene would run, and what is left out."),
-    "templates": ("cnnum.cli.commands.templates", "List, show and check the template library."),
+    "demo": (f"{ROOM}.demo", "Run the simulated scene and write a report of it."),
+    "run": (f"{ROOM}.run", "Run a scene and print its events as they come."),
+    "plan": (f"{ROOM}.plan", "Show what a scene would run, and what is left out."),
+    "templates": (f"{ROOM}.templates", "List, show and check the template library."),
     "bench": (
-        "cnnum.cli.commands.bench",
+        f"{ROOM}.bench",
         "Measure error against run time, speed, latency and the peers.",
     ),
-    "devices": ("cnnum.cli.commands.devices", "Show the OpenCL devices and what they reach."),
+    "devices": (f"{ROOM}.devices", "Show the OpenCL devices and what they reach."),
     "reproduce": (
-        "cnnum.cli.commands.reproduce",
+        f"{ROOM}.reproduce",
         "Compare the dissertation's numbers and figures with ours.",
     ),
     "calibrate": (
-        "cnnum.cli.commands.calibrate",
+        f"{ROOM}.calibrate",
         "Fit a taxel's calibration to a scan of point loads.",
     ),
-    "score": ("cnnum.cli.commands.score", "Score slip and twist where the truth is known."),
-    "probe": ("cnnum.cli.commands.probe", "Look at what an array sends: rate, losses, dead cells."),
-    "record": ("cnnum.cli.commands.record", "Record an array's frames to a file."),
+    "score": (f"{ROOM}.score", "Score slip and twist where the truth is known."),
+    "probe": (f"{ROOM}.probe", "Look at what an array sends: rate, losses, dead cells."),
+    "record": (f"{ROOM}.record", "Record an array's frames to a file."),
     "recover": (
-        "cnnum.cli.commands.recover",
+        f"{ROOM}.recover",
         "Make a whole recording of one that was cut off or damaged.",
     ),
-    "replay": ("cnnum.cli.commands.replay", "Run a scene's program over a recording."),
+    "replay": (f"{ROOM}.replay", "Run a scene's program over a recording."),
 }
 """Name to module and to the line of help."""

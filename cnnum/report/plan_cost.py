@@ -52,7 +52,7 @@ class PlanCost:
         CnnumError
             Whatever goes wrong with the array.
         """
-        seconds = [m.seconds if m.outputs else np.nan for m in scene.moments()]
+        seconds = [m.seconds if m.outputs else np.nan for m in scene.results()]
         return _cost(label, scene.plan.explain(), np.array(seconds))
 
 

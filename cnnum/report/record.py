@@ -13,7 +13,7 @@ from cnnum.plan import Explanation
 from cnnum.report.environment import Environment
 from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import Event
-from cnnum.scenes.pipeline import Moment, Scene
+from cnnum.scenes.pipeline import FrameResult, Scene
 from cnnum.scenes.summary import Summary
 
 SHEAR_X, SHEAR_Y, NORMAL = FORCE_AXES
@@ -104,9 +104,9 @@ class SceneRecorder:
     """
 
     scene: Scene
-    _moments: list[Moment] = field(default_factory=list[Moment])
+    _moments: list[FrameResult] = field(default_factory=list[FrameResult])
 
-    def add(self, moment: Moment) -> None:
+    def add(self, moment: FrameResult) -> None:
         """Take the next moment."""
         self._moments.append(moment)
 
@@ -147,7 +147,7 @@ def _push(scene: Scene, calibrated: bool) -> int:
     return -1 if isinstance(told, int | float) and told < 0 else 1
 
 
-def _values(scene: Scene, moments: list[Moment]) -> Floats:
+def _values(scene: Scene, moments: list[FrameResult]) -> Floats:
     channels = scene.plan.schedule.channels_read
     values = np.full((len(moments), *scene.driver.shape, len(channels)), np.nan)
     for number, moment in enumerate(moments):
@@ -156,7 +156,7 @@ def _values(scene: Scene, moments: list[Moment]) -> Floats:
     return values
 
 
-def _outputs(moments: list[Moment]) -> dict[str, Floats]:
+def _outputs(moments: list[FrameResult]) -> dict[str, Floats]:
     none: dict[str, Floats] = {}
     known = next((moment.outputs for moment in moments if moment.outputs), none)
     found = {name: np.full((len(moments), *np.shape(v)), np.nan) for name, v in known.items()}

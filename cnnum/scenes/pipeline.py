@@ -31,7 +31,7 @@ from cnnum.tactile.taxel import Calibration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Moment:
+class FrameResult:
     """One frame on its way through the scene.
 
     Attributes
@@ -61,7 +61,7 @@ class Moment:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Way:
+class FramePath:
     """The way of a frame from host memory to its events; what one frame does not change is done.
 
     Attributes
@@ -82,7 +82,7 @@ class Way:
     range: FrameRange = ANY
     dead: DeadCells | None = None
 
-    def step(self, number: int, frame: Frame) -> Moment:
+    def step(self, number: int, frame: Frame) -> FrameResult:
         """Return what comes of a frame; a bad one or a repeat leaves everything as it was.
 
         Raises
@@ -111,19 +111,19 @@ class Way:
                 raise
             return self._bad(number, frame, error)
         events = self.detector.update(frame.time, number, outputs)
-        return Moment(number, frame, values, outputs, events, time.perf_counter() - started)
+        return FrameResult(number, frame, values, outputs, events, time.perf_counter() - started)
 
-    def _flagged(self, number: int, frame: Frame) -> Moment | None:
+    def _flagged(self, number: int, frame: Frame) -> FrameResult | None:
         """Return what comes of a frame that its driver flags as bad or as a repeat."""
         if frame.quality & Quality.DROPPED_BEFORE:
             self.detector.miss()
         if frame.bad:
             return self._bad(number, frame, FrameError("its driver flags it as damaged"))
-        return Moment(number, frame, None, {}, (), 0.0) if frame.repeated else None
+        return FrameResult(number, frame, None, {}, (), 0.0) if frame.repeated else None
 
-    def _bad(self, number: int, frame: Frame, error: CnnumError) -> Moment:
+    def _bad(self, number: int, frame: Frame, error: CnnumError) -> FrameResult:
         self.detector.miss()
-        return Moment(number, frame, None, {}, (), 0.0, error)
+        return FrameResult(number, frame, None, {}, (), 0.0, error)
 
 
 @dataclass(slots=True, eq=False)
@@ -189,9 +189,9 @@ class Scene:
         within = _range(spec, driver, conversion, used.precision)
         return cls(spec, used, driver, conversion, plan, rules, within, dead)
 
-    def moments(self) -> Iterator[Moment]:
+    def results(self) -> Iterator[FrameResult]:
         """Yield every frame with what came of it, until the source ends or the caller stops."""
-        way = self.way()
+        way = self.path()
         with self.driver:
             for number, frame in enumerate(self.driver.frames()):
                 self._begun = number + 1
@@ -199,15 +199,15 @@ class Scene:
                 self._count(moment, way)
                 yield moment
 
-    def way(self) -> "Way":
+    def path(self) -> "FramePath":
         """Return the way of a frame from host memory to its events, with memories of its own."""
-        return self._way(self.plan, self.rules)
+        return self._path(self.plan, self.rules)
 
-    def _way(self, plan: Plan, rules: tuple[EventRule, ...]) -> Way:
+    def _path(self, plan: Plan, rules: tuple[EventRule, ...]) -> FramePath:
         read = self.conversion.reader(plan.schedule.channels_read, checks=False)
-        return Way(read, plan.stream(), EventDetector(rules), self.range, self.dead)
+        return FramePath(read, plan.stream(), EventDetector(rules), self.range, self.dead)
 
-    def _count(self, moment: Moment, way: Way) -> None:
+    def _count(self, moment: FrameResult, way: FramePath) -> None:
         if moment.values is not None:
             self._micros.add(1e6 * moment.seconds)
             self._longest_gap = way.detector.longest_gap
@@ -219,7 +219,7 @@ class Scene:
 
     def events(self) -> Iterator[Event]:
         """Yield the events of the scene as they come."""
-        for moment in self.moments():
+        for moment in self.results():
             yield from moment.events
 
     def trace(self, number: int) -> tuple[TraceStep, ...]:
@@ -232,7 +232,7 @@ class Scene:
         SceneError
             If the scene has no such frame, or it was bad or a repeat and nothing ran on it.
         """
-        way = self._way(self.plan.keeping_everything(), ())
+        way = self._path(self.plan.keeping_everything(), ())
         with self.driver:
             for at, frame in enumerate(self.driver.frames()):
                 moment = way.step(at, frame)

@@ -1,1 +1,1 @@
-"""Templates: the numbers of a cell, its couplings and boundary, their files, the library and its checks."""
+"""Templates: numbers, couplings, boundaries and outputs; their files, library and checks."""

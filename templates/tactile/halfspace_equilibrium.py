@@ -79,10 +79,11 @@ def halfspace_equilibrium(
     """
     refuse_outside(
         youngs_modulus=(youngs_modulus, 1e-9, 1e15),
-        slabs=(slabs, 2, 64),
-        layers=(layers, 1, slabs - 1),
+        slabs=(slabs, 0, 64),
+        layers=(layers, 1, 64),
     )
     lattice = ElasticLattice(slabs, depth_in_cells(thickness, pitch, cells) / layers, poisson)
+    refuse_outside(layers=(layers, 1, slabs - 1))
     spec = RunSpec(method=method, rtol=tolerance, atol=tolerance, settle_limit=PATIENCE)
     loads = [frame.channel(c) for c in ("shear_x", "shear_y", "normal")]
     if match:

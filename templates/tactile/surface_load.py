@@ -83,6 +83,8 @@ def surface_load(
     """
     if not 0 < friction < math.inf:
         raise ProgramError(f"'friction': expected above 0, got {friction}.")
+    if rounds < 0:
+        raise ProgramError(f"'rounds': expected 0 or more, got {rounds}.")
     refuse_outside(
         thickness=(thickness, 1e-9, 1e3),
         pitch=(pitch, 1e-9, 1e3),

@@ -16,7 +16,7 @@ from cnnum.cli.root import main
 from cnnum.drivers.serve import packets
 from cnnum.errors import OtherArrayError
 from cnnum.frame import FORCE_AXES, Frame
-from cnnum.scenes.pipeline import Moment, Scene, load_scene
+from cnnum.scenes.pipeline import FrameResult, Scene, load_scene
 
 RATE = 100.0
 SCENE = """
@@ -67,15 +67,17 @@ def accounted(scene: Scene) -> bool:
     return seen.sent == whole and seen.frames == seen.handed_on + seen.refused + seen.repeated
 
 
-def run(scene: Scene, count: int, at: int = -1, do: Callable[[], object] = list) -> list[Moment]:
+def run(
+    scene: Scene, count: int, at: int = -1, do: Callable[[], object] = list
+) -> list[FrameResult]:
     """Run so many frames, and do something after one of them."""
-    moments, got = scene.moments(), []
-    for moment in moments:
+    results, got = scene.results(), []
+    for moment in results:
         got.append(moment)
         if moment.number == at:
             do()
         if len(got) == count:
-            moments.close()
+            results.close()
     return got
 
 
@@ -103,6 +105,29 @@ def test_an_unplug_is_accounted_for_and_events_carry_it(
     assert (touch.after_gap, touch.gap_end) == (away, got[80].frame.time)
     assert release.after_gap is None
     assert touch.record()["after_gap"] == round(away, 6)
+
+
+def test_unplugs(faults: Any, link: Path, plug: Callable[[], Any]) -> None:
+    """After an unplug and a replug every scan is accounted for, and the next event says so."""
+    for trial in faults.trials(short=2, full=20):
+        before = int(np.random.default_rng(trial).integers(60, 100))
+        plugged = [plug()]
+        sent(plugged[0], rest(before))
+        scene = load_scene(scene_file(link))
+
+        def swap(plugged: list[Any] = plugged) -> None:
+            plugged[0].unplug()
+            plugged.append(plug())
+            sent(plugged[1], [*rest(40), *pressed(20, 40)])
+
+        got = run(scene, before + 60, before - 1, swap)
+        plugged[1].unplug()
+        away = got[before].frame.time - got[before - 1].frame.time
+        gaps = [event.after_gap for moment in got for event in moment.events]
+        if not accounted(scene) or scene.summary().dropped != round(away * RATE) - 1:
+            faults.lose(f"trial {trial}: {scene.summary()}")
+        elif gaps != [away]:
+            faults.lose(f"trial {trial}: events after a gap of {away} s say {gaps}")
 
 
 def test_an_array_that_counts_on_tells_what_was_lost(

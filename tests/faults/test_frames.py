@@ -17,7 +17,7 @@ from cnnum.programs.library import get_program, program_names
 from cnnum.scenes.conversion import AsRead
 from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule
 from cnnum.scenes.frame_range import range_for, unit_range
-from cnnum.scenes.pipeline import Moment, Scene, Way, load_scene
+from cnnum.scenes.pipeline import FramePath, FrameResult, Scene, load_scene
 
 SIZES = (1e5, 1e10, 1e15, 1e19, 1e22, 1e30, 1e38)
 BAD = (math.nan, math.inf, -math.inf, *SIZES, *(-size for size in SIZES))
@@ -66,13 +66,13 @@ def rules_of(plan: Plan) -> tuple[EventRule, ...]:
     return tuple(r for rules in EVENT_RULES.values() for r in rules if set(r.needs) <= given)
 
 
-def way_of(plan: Plan, unit: str) -> Way:
+def way_of(plan: Plan, unit: str) -> FramePath:
     read = AsRead(FORCE_AXES).reader(plan.schedule.channels_read, checks=False)
     within = unit_range(unit, plan.precision)
-    return Way(read, plan.stream(), EventDetector(rules_of(plan)), within)
+    return FramePath(read, plan.stream(), EventDetector(rules_of(plan)), within)
 
 
-def same(one: Moment, other: Moment) -> bool:
+def same(one: FrameResult, other: FrameResult) -> bool:
     """Whether two frames came to the same, to the bit; a gap is what they may differ by."""
     outputs = all(np.array_equal(one.outputs[n], other.outputs[n]) for n in one.outputs)
     events = [replace(e, after_gap=None, gap_end=None) for e in other.events]
@@ -80,7 +80,7 @@ def same(one: Moment, other: Moment) -> bool:
 
 
 def differences(
-    clean: Way, hit: Way, frames: Sequence[Frame], bad: Sequence[Frame]
+    clean: FramePath, hit: FramePath, frames: Sequence[Frame], bad: Sequence[Frame]
 ) -> Iterator[str]:
     """Run good frames through both, and between them the bad ones, evenly spread, through one."""
     cuts = np.linspace(0, len(bad), len(frames) + 1).astype(int)
@@ -111,7 +111,7 @@ def test_a_bridge_out_of_range_costs_one_frame_of_every_scene(faults, scripted, 
     for name, cases in groupby(faults.each(every, short=300), key=lambda case: case[0]):
         scene = load_scene(name, changes=scripted)
         wrong = [spoilt(volts[at % 3], place, value) for at, (_, place, value) in enumerate(cases)]
-        for what in differences(scene.way(), scene.way(), volts, wrong):
+        for what in differences(scene.path(), scene.path(), volts, wrong):
             faults.lose(f"{name}: {what}")
 
 
@@ -254,5 +254,5 @@ def test_the_best_that_is_known_is_the_range():
 
 def test_a_scene_says_its_own_range(scripted, volts):
     scene: Scene = load_scene("contact", changes={**scripted, "frames.range": 0.4})
-    assert "frames.range" in str(scene.way().step(0, spoilt(volts[0], (0, 0, 0), 0.5)).error)
-    assert scene.way().step(0, spoilt(volts[0], (0, 0, 0), 0.39)).error is None
+    assert "frames.range" in str(scene.path().step(0, spoilt(volts[0], (0, 0, 0), 0.5)).error)
+    assert scene.path().step(0, spoilt(volts[0], (0, 0, 0), 0.39)).error is None

@@ -179,7 +179,7 @@ def test_kernel_and_buffers_hold_no_more_than_that(name, opencl, whole, scenes):
 def test_values_that_travel_are_those_of_channels_that_are_read(opencl):
     scene = load_scene("edges", engine=opencl)
     frame = next(iter(scene.driver.frames()))
-    way = scene.way()
+    way = scene.path()
     assert frame.values.shape == (8, 8, 4)
     assert way.step(0, frame).values.shape == (8, 8, 1)
     assert scene.plan.executable.one(scene.plan.executable.new_memory(1)).shape == (8, 8, 1)

@@ -16,7 +16,7 @@ SCENES = ("contact", "demo", "edges", "slip", "tactile", "twist")
 def demo():
     """Loads told and true, (frames, 3), and the events of the first contact."""
     scene = load_scene("demo", changes={"wants": ["contact", *LOADS]})
-    moments = [moment for moment in scene.moments() if moment.values is not None]
+    moments = [moment for moment in scene.results() if moment.values is not None]
     told = np.array([[float(m.outputs[name]) for name in LOADS] for m in moments])
     true = np.array([[float(m.frame.truth[name]) for name in TRUE] for m in moments])
     return told, true, [event for m in moments for event in m.events]

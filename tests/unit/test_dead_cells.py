@@ -51,7 +51,7 @@ def test_wrong_taxels_get_one_sentence(cells, words):
 def test_a_scene_runs_on_with_a_taxel_that_is_bad_in_every_frame():
     changes = {"array.script": SCRIPT, "frames.dead": [[3, 4]]}
     scene = load_scene("contact", changes=changes)
-    way = scene.way()
+    way = scene.path()
     kinds = []
     for number, frame in enumerate(scene.driver.frames()):
         frame.values[3, 4] = (np.nan, np.inf, 1e22, -1e30)

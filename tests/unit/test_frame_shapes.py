@@ -7,7 +7,7 @@ import cnnum
 from cnnum.errors import ArrayError
 from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import EventDetector
-from cnnum.scenes.pipeline import Way
+from cnnum.scenes.pipeline import FramePath
 from cnnum.tactile.taxel import SIDES, Calibration
 
 ENGINES = ("numba", "opencl", "reference")
@@ -53,7 +53,9 @@ def test_a_row_is_not_stretched_to_an_array_by_its_calibration():
     """Offsets of 8×8 taxels would make 8×8 strains of 1×8 voltages."""
     plan = cnnum.Engine("reference").compile(total, (8, 8), channels=("normal",))
     calibration = Calibration(1.0, 1.0, offsets=np.zeros((8, 8, 4)))
-    way = Way(ByCalibration(calibration).reader(("normal",)), plan.stream(), EventDetector(()))
+    way = FramePath(
+        ByCalibration(calibration).reader(("normal",)), plan.stream(), EventDetector(())
+    )
 
     def frame(rows):
         return cnnum.Frame(np.ones((rows, 8, 4)), SIDES, "V", 7, 0.0)

@@ -51,7 +51,7 @@ def grown(scene: Scene, frames: int) -> int:
     seen, before = 0, 0
     tracemalloc.start()
     try:
-        for moment in scene.moments():
+        for moment in scene.results():
             seen += 1
             if moment.number == frames // 10:
                 gc.collect()
@@ -62,12 +62,15 @@ def grown(scene: Scene, frames: int) -> int:
         tracemalloc.stop()
 
 
-def test_a_long_run_keeps_nothing_a_frame():
-    scene = load_scene("contact", changes={"array.script": SCRIPT})
-    frames = 20_000
-    # a list of numbers would hold 8 bytes a frame and more: 144,000 in all
-    assert grown(scene, frames) < 8_000
-    assert scene.summary().handed_on == frames * 98 // 100
+def test_a_long_run_keeps_nothing_a_frame(faults):
+    """A run keeps nothing a frame: after 20,000 (in full 300,000) its memory has not grown."""
+    frames = 300_000 if faults.full else 20_000
+    for _ in faults.trials(short=1, full=1):
+        scene = load_scene("contact", changes={"array.script": SCRIPT})
+        # a list of numbers would hold 8 bytes a frame and more: 144,000 in all
+        more = grown(scene, frames)
+        if more >= 8_000 or scene.summary().handed_on != frames * 98 // 100:
+            faults.lose(f"{more} bytes more, {scene.summary()}")
 
 
 def test_bad_frames_are_named_now_and_then(caplog):

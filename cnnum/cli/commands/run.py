@@ -10,7 +10,7 @@ from cnnum.cli.options import engine_options, json_option, scene_changes, set_op
 from cnnum.cli.output import Output
 
 if TYPE_CHECKING:
-    from cnnum.scenes.pipeline import Moment, Scene
+    from cnnum.scenes.pipeline import FrameResult, Scene
 
 
 @click.command("run")
@@ -53,7 +53,7 @@ def command(
         return follow(loaded, output, frames=frames)
     eventful: list[int] = []
 
-    def watch(moment: "Moment") -> None:
+    def watch(moment: "FrameResult") -> None:
         if moment.events and not eventful:
             eventful.append(moment.number)
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.engines.host import picked, picks
 from cnnum.engines.numba.records import Real, Reals
 from cnnum.engines.numba.reductions import products, sums
 from cnnum.engines.numba.transients import TransientRunner
@@ -86,8 +87,8 @@ class Evaluation:
     ) -> None:
         operation = node.operation
         if isinstance(operation, Pick):
-            picked = _picked(operation, answers[node.arguments[0].index])
-            values[node.index] = np.ascontiguousarray(picked, dtype=self.dtype)
+            value = picked(operation, answers[node.arguments[0].index])
+            values[node.index] = np.ascontiguousarray(value, dtype=self.dtype)
             return
         arguments = [values[argument.index] for argument in node.arguments]
         if isinstance(operation, Transient):
@@ -95,7 +96,7 @@ class Evaluation:
         elif isinstance(operation, Loop):
             answer = self._loop(operation, arguments)
             answers[node.index] = answer
-            if not _picks(node, "finished", nodes):
+            if not picks(node, "finished", nodes):
                 self._count(answer["finished"][:, 0, 0] == 0.0)
         else:
             value = _local(operation, arguments)
@@ -147,24 +148,6 @@ class Evaluation:
         for was, now in zip(carried, becomes, strict=True):
             changed |= (was != now).any(axis=(1, 2), keepdims=True)
         return becomes, changed
-
-
-def _picks(node: Node, what: str, nodes: Sequence[Node]) -> bool:
-    return any(
-        isinstance(user.operation, Pick)
-        and user.arguments == (node,)
-        and user.operation.what == what
-        for user in nodes
-    )
-
-
-def _picked(operation: Pick, answer: Answers) -> Reals:
-    if operation.what in ("output", "state"):
-        return answer[operation.what][:, operation.layer]
-    if operation.what == "carried":
-        return answer[f"carried {operation.layer}"]
-    figure = answer[operation.what]
-    return figure if figure.ndim == 3 else figure[:, np.newaxis, np.newaxis]
 
 
 def _local(operation: object, arguments: Sequence[Reals]) -> Reals:

@@ -1,14 +1,14 @@
 """The reference engine: float64 NumPy and SciPy, operation by operation; slow, plain, trusted."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
+from cnnum.engines.host import HostExecutable, Values, picked, picks
 from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.engines.reference.solve import change, instead, solve
 from cnnum.errors import DeviceError, name_error
@@ -17,13 +17,10 @@ from cnnum.graph.nodes import (
     Apply,
     Constant,
     ConstantMap,
-    FirstFrame,
-    Input,
     Loop,
     Node,
     Parameter,
     Pick,
-    Read,
     Reduce,
     Transient,
 )
@@ -33,112 +30,23 @@ from cnnum.integrators.solver import Solver
 from cnnum.templating.template import Template
 
 
-@dataclass(slots=True, eq=False)
-class ReferenceMemory:
-    """What the memories of a batch of streams hold, by number."""
-
-    values: dict[int, Floats] = field(default_factory=dict[int, Floats])
-
-
 @dataclass(frozen=True, slots=True, eq=False)
-class ReferenceExecutable:
+class ReferenceExecutable(HostExecutable):
     """Walks a schedule node by node.
 
-    Every value is (batch, rows, cols), a stack (batch, maps · rows, cols), a number (batch, 1, 1).
+    Attributes
+    ----------
+    solvers : mapping of int to Solver
+        How each transient runs, by the index of its node.
     """
 
-    schedule: Schedule
     solvers: Solvers
 
-    @property
-    def launches(self) -> int:
-        """There is no device to launch on."""
-        return 0
-
-    @property
-    def private_bytes(self) -> int:
-        """There is no device with private memory."""
-        return 0
-
-    @property
-    def local_bytes(self) -> int:
-        """There is no device with local memory."""
-        return 0
-
-    @property
-    def scratch_bytes(self) -> int:
-        """The host's memory is not counted."""
-        return 0
-
-    @property
-    def strategies(self) -> Mapping[int, str]:
-        """Transients run in one way alone."""
-        return {}
-
-    @property
-    def source(self) -> str:
-        """The operations in words."""
-        lines = [
-            f"{node.index}: {node.operation} of {[a.index for a in node.arguments]}"
-            for node in self.schedule.nodes
-        ]
-        return "\n".join(lines)
-
-    def new_memory(self, batch: int) -> object:
-        """Return cleared memories."""
-        rows, cols = self.schedule.shape
-        return ReferenceMemory(
-            {
-                number: np.zeros(
-                    (batch, 1, 1) if memory.read.scalar else (batch, memory.read.maps * rows, cols)
-                )
-                for number, memory in self.schedule.memories.items()
-            }
-        )
-
-    def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
-        """Return what memories hold."""
-        assert isinstance(memory, ReferenceMemory)
-        return tuple(memory.values.values())
-
-    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
-        """Let memories hold a copy of these numbers."""
-        assert isinstance(memory, ReferenceMemory)
-        copies = (np.array(values, dtype=np.float64) for values in numbers)
-        memory.values = dict(zip(memory.values, copies, strict=True))
-
-    def one(self, memory: object) -> None:
-        """A single frame goes the way of a batch."""
-
-    def run_large(self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]) -> None:
-        """Large arrays go the way of others, and are looked at before."""
-
-    def run(
-        self, frames: NDArray[np.floating], memory: object, *, first: bool
-    ) -> dict[str, Floats]:
-        """Run every operation on the whole batch."""
-        assert isinstance(memory, ReferenceMemory)
-        inputs = {
-            name: np.asarray(frames[..., place], dtype=np.float64)
-            for place, name in enumerate(self.schedule.channels_read)
-        }
-        batch = len(frames)
-        values: dict[int, Floats] = {}
-        for node in self.schedule.nodes:
-            operation = node.operation
-            if isinstance(operation, Input):
-                values[node.index] = inputs[operation.channel]
-            elif isinstance(operation, Read):
-                values[node.index] = memory.values[operation.memory]
-            elif isinstance(operation, FirstFrame):
-                values[node.index] = np.full((1, 1, 1), float(first))
+    def evaluate(self, values: dict[int, Values], batch: int) -> None:
+        """Fill in the values of all nodes."""
         # what overflows is infinite on every engine; the plan refuses it where it comes out
         with np.errstate(all="ignore"):
-            self._evaluate(self.schedule.nodes, values, {}, batch)
-        for number, kept in self.schedule.memories.items():
-            shape = memory.values[number].shape
-            memory.values[number] = np.broadcast_to(values[kept.store.index], shape).copy()
-        return self._outputs(values, batch)
+            self._evaluate(self.schedule.nodes, cast(dict[int, Floats], values), {}, batch)
 
     def _evaluate(
         self,
@@ -157,10 +65,12 @@ class ReferenceExecutable:
                 answers[node.index] = self._transient(node, operation, arguments, batch)
             elif isinstance(operation, Loop):
                 answers[node.index] = self._loop(operation, arguments, batch)
-                if not _read_by_a_pick(node, "finished", nodes):
+                if not picks(node, "finished", nodes):
                     refuse_unfinished(1.0 - answers[node.index]["finished"].ravel())
             elif isinstance(operation, Pick):
-                values[node.index] = _picked(operation, answers[node.arguments[0].index])
+                values[node.index] = cast(
+                    Floats, picked(operation, answers[node.arguments[0].index])
+                )
             else:
                 values[node.index] = _local(operation, arguments)
 
@@ -194,14 +104,6 @@ class ReferenceExecutable:
         answers = {f"carried {k}": value for k, value in enumerate(carried)}
         return answers | {"iterations": iterations, "finished": (~running).astype(np.float64)}
 
-    def _outputs(self, values: dict[int, Floats], batch: int) -> dict[str, Floats]:
-        outputs: dict[str, Floats] = {}
-        for name, node in self.schedule.outputs.items():
-            value = values[node.index]
-            whole = np.broadcast_to(value, (batch, *value.shape[1:]))
-            outputs[name] = whole.reshape(batch, *self.schedule.shape_of(node)).copy()
-        return outputs
-
     def _transient(
         self, node: Node, operation: Transient, arguments: list[Floats], batch: int
     ) -> dict[str, Floats]:
@@ -225,15 +127,6 @@ class ReferenceExecutable:
         return {name: np.array([one[name] for one in answers]) for name in answers[0]}
 
 
-def _read_by_a_pick(node: Node, what: str, nodes: tuple[Node, ...]) -> bool:
-    return any(
-        isinstance(user.operation, Pick)
-        and user.arguments == (node,)
-        and user.operation.what == what
-        for user in nodes
-    )
-
-
 def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
     found = solve(equation.template, equation.shape, solver, equation.given)
     return {
@@ -244,15 +137,6 @@ def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
         "settled": np.asarray(float(change(equation, found, solver) <= 1.0)),
         "error": np.asarray(min(found.error, LOST)),
     }
-
-
-def _picked(operation: Pick, source: dict[str, Floats]) -> Floats:
-    if operation.what in ("output", "state"):
-        return source[operation.what][:, operation.layer]
-    if operation.what == "carried":
-        return source[f"carried {operation.layer}"]
-    figure = source[operation.what]
-    return figure if figure.ndim == 3 else figure[:, np.newaxis, np.newaxis]
 
 
 def _local(operation: object, arguments: list[Floats]) -> Floats:
@@ -287,4 +171,4 @@ class ReferenceBackend:
 
     def build(self, schedule: Schedule, solvers: Solvers) -> ReferenceExecutable:
         """Return the schedule ready to run."""
-        return ReferenceExecutable(schedule, solvers)
+        return ReferenceExecutable(schedule, np.dtype(np.float64), solvers)

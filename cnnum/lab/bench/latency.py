@@ -17,7 +17,7 @@ from cnnum.programs.library import get_program, program_names
 from cnnum.scenes.conversion import AsRead
 from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule
 from cnnum.scenes.frame_range import unit_range
-from cnnum.scenes.pipeline import Way
+from cnnum.scenes.pipeline import FramePath
 
 SHAPE = (8, 8)
 
@@ -167,7 +167,7 @@ class _Frames:
     def __init__(self, plan: Plan, frames: Sequence[Frame]) -> None:
         reader = AsRead(FORCE_AXES).reader(plan.schedule.channels_read, checks=False)
         within = unit_range(frames[0].unit, plan.precision)
-        self._way = Way(reader, plan.stream(), EventDetector(rules_of(plan)), within)
+        self._way = FramePath(reader, plan.stream(), EventDetector(rules_of(plan)), within)
         self._frames = enumerate(cycle(frames))
         self.events = 0
 

@@ -124,7 +124,7 @@ def compared(frames: Sequence[Frame], every: int) -> list[Frame]:
 
 def answers(scene: Scene, frames: Sequence[Frame]) -> list[Answer]:
     """Return what a scene's program makes of a stream of frames; of bad ones nothing."""
-    way = scene.way()
+    way = scene.path()
     moments = [way.step(number, frame) for number, frame in enumerate(frames)]
     return [moment.outputs for moment in moments if moment.values is not None]
 
@@ -152,7 +152,7 @@ class _Turns:
     """Scenes that take turns, a frame each."""
 
     def __init__(self, opened: Mapping[str, Scene]) -> None:
-        self._ways = {name: scene.way() for name, scene in opened.items()}
+        self._ways = {name: scene.path() for name, scene in opened.items()}
         self._taken: dict[str, list[float]] = {name: [] for name in opened}
         self._order, self._number = list(self._ways), 0
 

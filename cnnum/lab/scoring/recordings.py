@@ -13,7 +13,7 @@ from cnnum.lab.scoring.measures import Measure, auc, share
 from cnnum.lab.scoring.worst import Failing
 from cnnum.report.verdicts import held
 from cnnum.scenes.events import Event
-from cnnum.scenes.pipeline import Moment, load_scene
+from cnnum.scenes.pipeline import FrameResult, load_scene
 
 SUITE = "recordings"
 SCENE = "uskin_grasp"
@@ -83,7 +83,7 @@ def play_trial(folder: Path, engine: Engine) -> Trial:
         If the trial can not be read, or nobody labelled it.
     """
     scene = load_scene(SCENE, engine=engine, changes={"array.path": str(folder.resolve())})
-    moments = list(scene.moments())
+    moments = list(scene.results())
     truths = [moment.frame.truth for moment in moments]
     if any(truth is None for truth in truths):
         raise RecordingError(
@@ -105,7 +105,7 @@ def _gross(event: Event) -> bool:
     return event.kind == "slip" and event.phase == "gross"
 
 
-def _strengths(moments: Sequence[Moment]) -> list[float]:
+def _strengths(moments: Sequence[FrameResult]) -> list[float]:
     """Return the strength in every row, carried over repeats."""
     found, last = list[float](), 0.0
     for moment in moments:

@@ -33,7 +33,7 @@ def play_scene(name: str | Path, engine: Engine | None = None) -> Play:
     """
     scene = load_scene(name, engine=engine, changes={"wants": list(FIELDS)})
     recorder = SceneRecorder(scene)
-    for moment in scene.moments():
+    for moment in scene.results():
         recorder.add(moment)
     record = recorder.record()
     missing = [key for key in NEEDED if key not in record.truth]

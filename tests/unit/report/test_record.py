@@ -14,7 +14,8 @@ from cnnum.frame import Frame, Quality
 from cnnum.report import PlanCost, SceneRecord, SceneRecorder, compare
 from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import EVENT_RULES
-from cnnum.scenes.pipeline import Moment, Scene
+from cnnum.scenes.frame_range import unit_range
+from cnnum.scenes.pipeline import FrameResult, Scene
 from cnnum.scenes.scene_file import SceneSpec
 
 OPTIONS = {
@@ -51,20 +52,21 @@ def opened() -> Scene:
     conversion = ByCalibration(driver.calibration)
     engine = Engine("reference")
     plan = engine.compile(touch, driver.shape, channels=conversion.channels)
-    return Scene(spec, engine, driver, conversion, plan, EVENT_RULES["contact"])
+    within = unit_range(driver.unit, engine.precision)
+    return Scene(spec, engine, driver, conversion, plan, EVENT_RULES["contact"], within, None)
 
 
 @pytest.fixture(scope="module")
-def ran() -> tuple[SceneRecord, list[Moment]]:
+def ran() -> tuple[SceneRecord, list[FrameResult]]:
     scene = opened()
-    recorder, moments = SceneRecorder(scene), list[Moment]()
-    for moment in scene.moments():
+    recorder, moments = SceneRecorder(scene), list[FrameResult]()
+    for moment in scene.results():
         recorder.add(moment)
         moments.append(moment)
     return recorder.record(), moments
 
 
-def test_record_is_what_the_moments_were(ran: tuple[SceneRecord, list[Moment]]) -> None:
+def test_record_is_what_the_moments_were(ran: tuple[SceneRecord, list[FrameResult]]) -> None:
     record, moments = ran
     assert record.frames == len(moments) == 60
     assert record.channels == ("normal",)
@@ -83,7 +85,7 @@ def test_record_is_what_the_moments_were(ran: tuple[SceneRecord, list[Moment]]) 
     assert record.summary.frames == 60
 
 
-def test_its_events_are_judged(ran: tuple[SceneRecord, list[Moment]]) -> None:
+def test_its_events_are_judged(ran: tuple[SceneRecord, list[FrameResult]]) -> None:
     record, moments = ran
     assert record.events == tuple(event for moment in moments for event in moment.events)
     # noise-free, a touch is seen as soon as its strain passes 1e-4: some frames of the press
@@ -92,13 +94,13 @@ def test_its_events_are_judged(ran: tuple[SceneRecord, list[Moment]]) -> None:
     assert all(row.passed for row in rows), rows
 
 
-def test_frames_that_were_not_allowed_are_gaps(ran: tuple[SceneRecord, list[Moment]]) -> None:
+def test_frames_that_were_not_allowed_are_gaps(ran: tuple[SceneRecord, list[FrameResult]]) -> None:
     _, moments = ran
     scene = opened()
     recorder = SceneRecorder(scene)
     bad: Frame = replace(moments[1].frame, quality=Quality.CORRUPT, truth=None)
     recorder.add(moments[0])
-    recorder.add(Moment(1, bad, None, {}, (), 0.0))
+    recorder.add(FrameResult(1, bad, None, {}, (), 0.0))
     scene.driver.close()
     record = recorder.record()
     assert np.isnan(record.values[1]).all()
@@ -108,7 +110,7 @@ def test_frames_that_were_not_allowed_are_gaps(ran: tuple[SceneRecord, list[Mome
     assert record.outputs["contact"][0] == 0.0
 
 
-def test_cost_of_a_plan_is_that_of_its_frames(ran: tuple[SceneRecord, list[Moment]]) -> None:
+def test_cost_of_a_plan_is_that_of_its_frames(ran: tuple[SceneRecord, list[FrameResult]]) -> None:
     record, moments = ran
     cost = PlanCost.of_record("touch", record)
     micros = sorted(1e6 * moment.seconds for moment in moments)

@@ -1,6 +1,6 @@
 """Expressions that lower rooms hold as text, such as output functions, as records.
 
-`cnnum.safety.expressions` says what they are made of. Python's own language has all of it, and reads it.
+`cnnum.safety.expressions` says what they are made of. Python's own parser reads them.
 """
 
 import ast

@@ -1,4 +1,6 @@
-"""How far `contact` is from true loads: `python -m cnnum.lab.bench.programs.contact_errors [strain|stress]`.
+"""How far `contact` is from true loads.
+
+`python -m cnnum.lab.bench.programs.contact_errors [strain|stress]` prints it.
 
 Frames are those of `cnnum.tactile.touches` with noise. The program knows nothing of the tractions.
 """

@@ -1,4 +1,6 @@
-"""How soon the movement of a contact can tell slip: `python -m cnnum.lab.bench.programs.slip_bound [COUNT]`.
+"""How soon the movement of a contact shows slip.
+
+`python -m cnnum.lab.bench.programs.slip_bound [COUNT]` prints it.
 
 An oracle knows the scene without noise, and when a pull slips or stops. It has to say which of the
 two: what slips moves on, and every taxel reads it; what stopped at that moment stays as it was. So

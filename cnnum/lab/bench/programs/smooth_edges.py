@@ -1,7 +1,7 @@
 """How often smooth contacts have an edge: small ones, several spheres, and one that is pulled.
 
-`python -m cnnum.lab.bench.programs.smooth_edges` prints all tables. Spheres are Hertz's, pulls are Cattaneo's
-and Mindlin's, readings are Hankel's, Love's and Cerruti's, with the noise of Table 3.II.
+`python -m cnnum.lab.bench.programs.smooth_edges` prints all tables. Spheres are Hertz's, pulls are
+Cattaneo's and Mindlin's, readings are Hankel's, Love's and Cerruti's, with the noise of Table 3.II.
 """
 
 from collections.abc import Iterable, Sequence

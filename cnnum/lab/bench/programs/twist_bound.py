@@ -1,4 +1,6 @@
-"""How well the rate of a twist can be known at all: `python -m cnnum.lab.bench.programs.twist_bound [COUNT]`.
+"""How well the rate of a twist can be known.
+
+`python -m cnnum.lab.bench.programs.twist_bound [COUNT]` prints it.
 
 The Cramér–Rao bound, from the simulation's own strain and noise. The scene is worked out again with
 the sphere, the load, the place, the friction and the pull each a little different, and with the

@@ -1,1 +1,1 @@
-"""Answers by closed forms and refined solutions: decay, modes, delays, gains, oscillation, waves."""
+"""Answers by closed forms and refined solutions: decay, modes, delays, oscillation, waves."""

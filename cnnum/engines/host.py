@@ -1,0 +1,167 @@
+"""The side of an executable that engines on the host share: memories, channels in, outputs back."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.graph.nodes import FirstFrame, Input, Node, Pick, Read
+from cnnum.graph.schedule import Schedule
+
+Values = NDArray[np.floating[Any]]
+
+
+@dataclass(slots=True, eq=False)
+class HostMemory:
+    """What the memories of a batch of streams hold, by number."""
+
+    values: dict[int, Values]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class HostExecutable(ABC):
+    """Walks a schedule operation by operation over a whole batch.
+
+    Every value is (batch, rows, cols), a stack (batch, maps · rows, cols), a number (batch, 1, 1).
+
+    Attributes
+    ----------
+    schedule : Schedule
+    dtype : dtype
+        In which the engine holds numbers.
+    """
+
+    schedule: Schedule
+    dtype: np.dtype[np.floating[Any]]
+
+    @abstractmethod
+    def evaluate(self, values: dict[int, Values], batch: int) -> None:
+        """Fill in the values of all nodes; those from outside the program are there.
+
+        Raises
+        ------
+        MethodError
+            If a transient or a loop does not reach its end.
+        """
+
+    @property
+    def launches(self) -> int:
+        """There is no device to launch on."""
+        return 0
+
+    @property
+    def private_bytes(self) -> int:
+        """There is no device with private memory."""
+        return 0
+
+    @property
+    def local_bytes(self) -> int:
+        """There is no device with local memory."""
+        return 0
+
+    @property
+    def scratch_bytes(self) -> int:
+        """The host's memory is not counted."""
+        return 0
+
+    @property
+    def strategies(self) -> Mapping[int, str]:
+        """Transients run in one way alone."""
+        return {}
+
+    @property
+    def source(self) -> str:
+        """The operations in words."""
+        return "\n".join(
+            f"{node.index}: {node.operation} of {[a.index for a in node.arguments]}"
+            for node in self.schedule.nodes
+        )
+
+    def new_memory(self, batch: int) -> object:
+        """Return cleared memories."""
+        rows, cols = self.schedule.shape
+        return HostMemory(
+            {
+                number: np.zeros(
+                    (batch, 1, 1) if memory.read.scalar else (batch, memory.read.maps * rows, cols),
+                    self.dtype,
+                )
+                for number, memory in self.schedule.memories.items()
+            }
+        )
+
+    def held(self, memory: object, batch: int) -> tuple[Values, ...]:
+        """Return what memories hold."""
+        assert isinstance(memory, HostMemory)
+        return tuple(memory.values.values())
+
+    def restore(self, memory: object, numbers: Sequence[Values], batch: int) -> None:
+        """Let memories hold a copy of these numbers."""
+        assert isinstance(memory, HostMemory)
+        copies = (values.copy() for values in numbers)
+        memory.values = dict(zip(memory.values, copies, strict=True))
+
+    def one(self, memory: object) -> None:
+        """A single frame goes the way of a batch."""
+        return
+
+    def run_large(self, maps: Sequence[Values], lead: tuple[int, ...]) -> None:
+        """Large arrays go the way of others, and are looked at before."""
+        return
+
+    def run(self, frames: Values, memory: object, *, first: bool) -> dict[str, Floats]:
+        """Run every operation on the whole batch."""
+        assert isinstance(memory, HostMemory)
+        batch = len(frames)
+        values = self._given(frames, memory, first)
+        self.evaluate(values, batch)
+        for number, kept in self.schedule.memories.items():
+            shape = memory.values[number].shape
+            memory.values[number] = np.broadcast_to(values[kept.store.index], shape).copy()
+        return {
+            name: self._output(node, values[node.index], batch)
+            for name, node in self.schedule.outputs.items()
+        }
+
+    def _given(self, frames: Values, memory: HostMemory, first: bool) -> dict[int, Values]:
+        """Return the values that come from outside the frame's program."""
+        channels = self.schedule.channels_read
+        values: dict[int, Values] = {}
+        for node in self.schedule.nodes:
+            operation = node.operation
+            if isinstance(operation, Input):
+                plane = frames[..., channels.index(operation.channel)]
+                values[node.index] = np.array(plane, dtype=self.dtype, order="C")
+            elif isinstance(operation, Read):
+                values[node.index] = memory.values[operation.memory]
+            elif isinstance(operation, FirstFrame):
+                values[node.index] = np.full((1, 1, 1), first, self.dtype)
+        return values
+
+    def _output(self, node: Node, value: Values, batch: int) -> Floats:
+        whole = np.broadcast_to(value, (batch, *value.shape[1:]))
+        return whole.reshape(batch, *self.schedule.shape_of(node)).astype(np.float64)
+
+
+def picks(node: Node, what: str, nodes: Sequence[Node]) -> bool:
+    """Return whether an operation among `nodes` reads this figure of a transient or a loop."""
+    return any(
+        isinstance(user.operation, Pick)
+        and user.arguments == (node,)
+        and user.operation.what == what
+        for user in nodes
+    )
+
+
+def picked(operation: Pick, answer: Mapping[str, Values]) -> Values:
+    """Return the figure that is read of a transient or a loop, as a value of its own."""
+    if operation.what in ("output", "state"):
+        return answer[operation.what][:, operation.layer]
+    if operation.what == "carried":
+        return answer[f"carried {operation.layer}"]
+    figure = answer[operation.what]
+    return figure if figure.ndim == 3 else figure[:, np.newaxis, np.newaxis]
