@@ -104,6 +104,7 @@ def test_formulas_of_lower_rooms_become_records():
     assert formula("clamp(x, -ONE, ONE)", x=A) == call("clamp", A, -ONE, ONE)
     assert PRINTER.expression(formula("a - b", a=A, b=A - B)) == "a - (a - b)"
     assert PRINTER.expression(formula("R(0.5) * x", x=A)) == "R(0.5) * a"
+    assert PRINTER.expression(formula("x - 2.f * 1e-3f", x=A)) == "a - 2.f * 1e-3f"
     with pytest.raises(SyntaxError):
         formula("x if x else x", x=A)
 
