@@ -9,7 +9,9 @@ from cnnum.cli.signals import stoppable, undisturbed
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_what_is_shielded_comes_to_its_end_first(number):
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    # the suite may run where a signal is ignored, as under nohup
+    mine = {signal.SIGINT: signal.default_int_handler, signal.SIGHUP: signal.SIG_DFL}
+    before = {known: signal.signal(known, handler) for known, handler in mine.items()}
     done = []
     try:
         with pytest.raises(KeyboardInterrupt), stoppable() as stop:  # noqa: PT012
@@ -19,7 +21,8 @@ def test_what_is_shielded_comes_to_its_end_first(number):
                 done.append("whole")
             done.append("too far")
     finally:
-        signal.signal(signal.SIGINT, before)
+        for known, handler in before.items():
+            signal.signal(known, handler)
     assert done == ["half", "whole"]
 
 

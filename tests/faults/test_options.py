@@ -48,6 +48,7 @@ NEEDED = {
     "simulated": {"shape": (2, 2)},
     "serial": {"port": "/dev/ttyNONE"},
     "uskin-csv": {"path": "none"},
+    "mcap": {"path": "none.mcap"},
     "npz": {"path": "none.npz"},
 }
 

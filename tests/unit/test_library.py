@@ -56,7 +56,7 @@ def test_same_template_comes_back_each_time() -> None:
 
 def test_one_name_reads_one_file_and_needs_no_heavy_library() -> None:
     script = (
-        "import sys; from cnnum import library; library.get_template('EDGE');"
+        "import sys; from cnnum.templating import library; library.get_template('EDGE');"
         "assert library._load.cache_info().currsize == 1;"
         "assert not {'scipy', 'pyopencl', 'numba'} & sys.modules.keys()"
     )
