@@ -135,7 +135,7 @@ class Engine:
         Raises
         ------
         MethodError
-            If a transient can not run by that method, or not in such steps.
+            If a transient cannot run by that method, or not in such steps.
         ProgramError
             If it is no program, or cannot be traced.
         UnknownNameError

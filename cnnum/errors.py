@@ -35,11 +35,11 @@ class TemplateError(CnnumError, ValueError):
 
 
 class TemplateFileError(CnnumError, OSError):
-    """A template file can not be opened or written."""
+    """A template file cannot be opened or written."""
 
 
 class ProgramError(CnnumError, ValueError):
-    """An analogic program can not be traced or compiled."""
+    """An analogic program cannot be traced or compiled."""
 
 
 class SceneError(CnnumError, ValueError):
@@ -51,7 +51,7 @@ class UnknownNameError(CnnumError, LookupError):
 
 
 class MethodError(CnnumError, ValueError):
-    """An integration method can not be used as asked (step outside its stability bound…)."""
+    """An integration method cannot be used as asked (step outside its stability bound…)."""
 
 
 class DeviceError(CnnumError, RuntimeError):
@@ -82,11 +82,11 @@ class NotSupportedError(CnnumError, RuntimeError):
 
 
 class CodecError(CnnumError, ValueError):
-    """Bytes or text from an array or a recording can not be decoded."""
+    """Bytes or text from an array or a recording cannot be decoded."""
 
 
 class PortError(CnnumError, OSError):
-    """A port can not be opened, or went away."""
+    """A port cannot be opened, or went away."""
 
 
 class OtherArrayError(PortError):
@@ -94,7 +94,7 @@ class OtherArrayError(PortError):
 
 
 class RecordingError(CnnumError, OSError):
-    """A recording can not be read or written."""
+    """A recording cannot be read or written."""
 
 
 class RecordingWarning(UserWarning):
@@ -102,7 +102,7 @@ class RecordingWarning(UserWarning):
 
 
 class ReportError(CnnumError, OSError):
-    """A report can not be written."""
+    """A report cannot be written."""
 
 
 class PhysicsError(CnnumError, ValueError):
@@ -110,7 +110,7 @@ class PhysicsError(CnnumError, ValueError):
 
 
 class CalibrationError(CnnumError, ValueError):
-    """A calibration (or its file) is not well formed, or can not be fitted from a scan."""
+    """A calibration (or its file) is not well formed, or cannot be fitted from a scan."""
 
 
 class MissingExtraError(CnnumError, ImportError):

@@ -23,7 +23,7 @@ class Quality(IntFlag):
     SATURATED = 4
     """A taxel stands at an end of its range."""
     CORRUPT = 8
-    """The check over the bytes failed; the values can not be trusted."""
+    """The check over the bytes failed; the values cannot be trusted."""
 
 
 BAD = Quality.CORRUPT

@@ -101,7 +101,7 @@ def read_arrays(path: Path, wanted: Collection[str]) -> dict[str, NDArray[Any]]:
     Raises
     ------
     RecordingError
-        If the file can not be read, or needs more memory than there is.
+        If the file cannot be read, or needs more memory than there is.
     CodecError
         If it is no archive, is damaged, or promises more than it can hold; names the array.
     """
@@ -111,9 +111,9 @@ def read_arrays(path: Path, wanted: Collection[str]) -> dict[str, NDArray[Any]]:
     except (CodecError, RecordingError):
         raise
     except MemoryError:
-        raise RecordingError(f"'{path}' can not be read: there is not enough memory.") from None
+        raise RecordingError(f"'{path}' cannot be read: there is not enough memory.") from None
     except OSError as error:
-        raise RecordingError(f"'{path}' can not be read: {error.strerror or error}.") from None
+        raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
 
 
 def _read(path: Path, file: IO[bytes], wanted: Collection[str]) -> dict[str, NDArray[Any]]:

@@ -111,7 +111,7 @@ def read_npz(path: Path) -> Recording:
     Raises
     ------
     RecordingError
-        If the file can not be read, or needs more memory than there is.
+        If the file cannot be read, or needs more memory than there is.
     CodecError
         If it is no recording or is damaged; the sentence names the file and what is wrong.
     """
@@ -206,7 +206,7 @@ class NpzOptions:
         Raises
         ------
         RecordingError
-            If the file can not be read.
+            If the file cannot be read.
         CodecError
             If it is no recording.
         """

@@ -94,7 +94,7 @@ class StreamDecoder:
         return next((n for n in lengths if self._buffer.endswith(MARKER[:n])), 0)
 
     def _size(self) -> int | None:
-        """Bytes of the packet at the front, or None if its header can not be believed."""
+        """Bytes of the packet at the front, or None if its header cannot be believed."""
         try:
             header: Header = decode_header(bytes(self._buffer[: HEADER.size]))
         except CodecError:

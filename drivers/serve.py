@@ -57,7 +57,7 @@ def packets(frames: Iterable[Frame], rate: float, cell: str = "<f4") -> Iterator
     Raises
     ------
     CodecError
-        If the protocol can not carry the frames.
+        If the protocol cannot carry the frames.
     """
     for frame in frames:
         geometry = geometry_of(frame, cell)
@@ -100,7 +100,7 @@ def serve(
     Raises
     ------
     CodecError
-        If the protocol can not carry the frames.
+        If the protocol cannot carry the frames.
     OSError
         If the other side has gone.
     """

@@ -83,7 +83,7 @@ def read_table(path: Path) -> TextTable:
     Raises
     ------
     RecordingError
-        If the file can not be read.
+        If the file cannot be read.
     CodecError
         If it is empty, has too many rows, or one longer or shorter than the header, or is not text.
     """
@@ -96,7 +96,7 @@ def read_table(path: Path) -> TextTable:
             rows = ((reader.line_num, tuple(row)) for row in reader if row)
             found = list(islice(rows, MOST_ROWS + 2))
     except OSError as error:
-        raise RecordingError(f"'{path}' can not be read: {error.strerror}.") from None
+        raise RecordingError(f"'{path}' cannot be read: {error.strerror}.") from None
     except (UnicodeDecodeError, csv.Error) as error:
         raise CodecError(f"'{path}' is not a CSV text file in UTF-8: {error}.") from None
     if len(found) > MOST_ROWS + 1:

@@ -69,7 +69,7 @@ def toml_value(text: str) -> object:
     except tomllib.TOMLDecodeError:
         return text
     except ValueError as error:
-        raise click.UsageError(f"The value '{text:.40}…' can not be used: {error}.") from None
+        raise click.UsageError(f"The value '{text:.40}…' cannot be used: {error}.") from None
     return table["value"] if set(table) == {"value"} else text
 
 

@@ -69,7 +69,7 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
     Raises
     ------
     MethodError
-        If the method asked for can not run this template, or its step is unstable.
+        If the method asked for cannot run this template, or its step is unstable.
     UnknownNameError
         If there is no such method.
     """

@@ -4,7 +4,7 @@ A chain is made of templates whose answer is exact without steps, sums, constant
 totals. All that it does to the maps it reads is one matrix for each of them. It is fused where
 that takes less arithmetic, and where nobody asks for what lies between.
 
-Saturation can not be passed over: a template is in a chain only if its state is an affine map of
+Saturation cannot be passed over: a template is in a chain only if its state is an affine map of
 what it reads whatever the numbers are (its output function is linear, or its cells are uncoupled
 and the state is what is read). An output that saturates ends the chain.
 """

@@ -227,7 +227,7 @@ def as_field(graph: Graph, operand: object) -> Field:
         outer = outer.parent
     if outer is None:
         raise ProgramError(
-            "A field can not be used here: it belongs to another program, or to the inside of a "
+            "A field cannot be used here: it belongs to another program, or to the inside of a "
             "loop whose values come out through cnnum.loop's result."
         )
     return Field(graph, graph.capture(operand.node, outer))

@@ -56,7 +56,7 @@ def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> 
     ----------
     body : callable
         Takes the carried fields and returns what they become, a field each. Fields from outside
-        can be used in it; memories can not be stored in it.
+        can be used in it; memories cannot be stored in it.
     values : Field
         What the carried fields are at first.
     limit : int

@@ -48,7 +48,7 @@ def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None
     Raises
     ------
     ReportError
-        If the file can not be written.
+        If the file cannot be written.
     """
     cards = "\n".join(_card(step) for step in steps)
     text = (
@@ -64,7 +64,7 @@ def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None
         write_whole(path, text.encode("utf-8"))
     except OSError as error:
         raise ReportError(
-            f"The trace '{path}' can not be written: {error.strerror}; check that its folder "
+            f"The trace '{path}' cannot be written: {error.strerror}; check that its folder "
             "exists and may be written to."
         ) from None
 

@@ -37,7 +37,7 @@ def write_demo_report(
     Raises
     ------
     ReportError
-        If there is no frame to tell of, or the file can not be written.
+        If there is no frame to tell of, or the file cannot be written.
     """
     if record.frames == 0:
         raise ReportError(f"The scene '{record.name}' had no frame; a report needs at least one.")
@@ -48,6 +48,6 @@ def write_demo_report(
         write_whole(target, content)
     except OSError as error:
         raise ReportError(
-            f"The report '{target}' can not be written: {error.strerror}; check that its folder "
+            f"The report '{target}' cannot be written: {error.strerror}; check that its folder "
             "exists and may be written to."
         ) from None

@@ -151,7 +151,7 @@ def conversion_for(
     SceneError
         If the array has bridges and nothing says how to read them.
     CalibrationError
-        If the file can not be read.
+        If the file cannot be read.
     """
     bridges = channels == SIDES
     if use not in ("driver", "none"):

@@ -121,9 +121,9 @@ def _read(path: Path) -> str:
     try:
         return read_text(path, most=LARGEST)
     except OSError as error:
-        raise SceneError(f"Scene '{path}' can not be read: {error.strerror}.") from None
+        raise SceneError(f"Scene '{path}' cannot be read: {error.strerror}.") from None
     except UnicodeDecodeError as error:
-        raise SceneError(f"Scene '{path}' can not be read: {error}.") from None
+        raise SceneError(f"Scene '{path}' cannot be read: {error}.") from None
 
 
 def _set(table: dict[str, Any], key: str, value: object) -> None:
@@ -131,7 +131,7 @@ def _set(table: dict[str, Any], key: str, value: object) -> None:
     for folder in folders:
         table = table.setdefault(folder, {})
         if not isinstance(cast(object, table), dict):
-            raise SceneError(f"'{key}' can not be set: '{folder}' is not a table.")
+            raise SceneError(f"'{key}' cannot be set: '{folder}' is not a table.")
     table[last] = value
 
 

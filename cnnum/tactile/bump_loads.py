@@ -65,7 +65,7 @@ def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.
     left[:, :, 0, 0] -= np.eye(3)
     if np.abs(left).max() > LEFT:
         raise PhysicsError(
-            f"Bumps {pitch:g} radii apart over taxels {depth:g} radii deep can not be told apart: "
+            f"Bumps {pitch:g} radii apart over taxels {depth:g} radii deep cannot be told apart: "
             f"{np.abs(left).max():.0%} of a load would be left, expected up to {LEFT:.0%}."
         )
     # templates correlate, and a filter's weights are met from the other side

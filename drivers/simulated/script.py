@@ -19,7 +19,7 @@ NEEDS: dict[Kind, tuple[str, ...]] = {
     "vibrate": ("frequency", "amplitude"),
     "release": (),
 }
-"""The amounts that a kind of phase can not do without."""
+"""The amounts that a kind of phase cannot do without."""
 
 LEAST, MOST = 1e-9, 1e6
 """Smallest amount besides 0, and largest: beyond them the squares of loads and radii overflow."""

@@ -28,7 +28,7 @@ def contact(
     """Contact and its loads.
 
     The stream must begin without contact: its first frames say what rest is. The cover's blur is
-    taken off as in `edges`; of what strain can not pass, the contact's own shape tells.
+    taken off as in `edges`; of what strain cannot pass, the contact's own shape tells.
 
     Parameters
     ----------

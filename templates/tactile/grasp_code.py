@@ -61,7 +61,7 @@ def grasp_code(
     Raises
     ------
     ProgramError
-        If the frame can not be divided into two fingers of 2×2 quarters.
+        If the frame cannot be divided into two fingers of 2×2 quarters.
     """
     loads = loads_of(frame, push)
     masks = _quarters(frame)

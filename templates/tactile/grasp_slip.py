@@ -1,7 +1,7 @@
 """Slip of an object that is already held, from raw counts of one pad or of several on one frame.
 
 Nothing here is calibrated and no frame shows the unloaded skin, so friction, contact and stick
-radius can not be had: `slip` is the program for arrays that saw the touch begin. What is left is
+radius cannot be had: `slip` is the program for arrays that saw the touch begin. What is left is
 that slip takes two things at once, a pull and a contact that rearranges, both measured against
 the noise of the grasp while still:
 
@@ -90,14 +90,14 @@ def grasp_slip(
     Returns
     -------
     mapping
-        `gross_slip` (flag, until the pull turns; incipient slip can not be told without having
+        `gross_slip` (flag, until the pull turns; incipient slip cannot be told without having
         seen the touch), `slip_x`, `slip_y` (unit vector of the shear's change on the pad that is
         pulled most), `slip_strength` (the score).
 
     Raises
     ------
     ProgramError
-        If the columns can not be divided among the pads.
+        If the columns cannot be divided among the pads.
     """
     refuse_outside(rate=(rate, 1e-3, 1e6), window=(window, 1e-6, 1e6))
     count = _counter(frame)
@@ -187,7 +187,7 @@ def _columns(frame: FrameFields, pads: int) -> list[Field]:
     """Return for each pad the map that averages over it."""
     rows, cols = frame.shape
     if pads < 1 or cols % pads:
-        raise ProgramError(f"{cols} columns can not be divided among 'pads' = {pads}.")
+        raise ProgramError(f"{cols} columns cannot be divided among 'pads' = {pads}.")
     place = np.broadcast_to(np.arange(cols) // (cols // pads), (rows, cols))
     return [frame.constant((place == pad) * (pads / (rows * cols))) for pad in range(pads)]
 

@@ -3,7 +3,7 @@
 A force that an object puts on the skin at a constant speed grows by Mindlin's law,
 Q = μP (1 − (1 − t/T)^(3/2)), and all of the contact slips at T; c/a = √(1 − t/T) of it sticks until
 then. So the program asks how much of that law the force has gone through, whatever the friction,
-the speed, the cover and the size of the contact are. Where a few frames can not tell slip from a
+the speed, the cover and the size of the contact are. Where a few frames cannot tell slip from a
 pull that has stopped, the contact tells: it moves on (`moves`).
 """
 

@@ -60,7 +60,7 @@ def test_scene_that_is_not_toml(call, tmp_path):
 def test_scene_that_is_not_text(call, tmp_path):
     scene = tmp_path / "noise.toml"
     scene.write_bytes(bytes(range(256)))
-    assert "can not be read" in sentence(call("run", scene))
+    assert "cannot be read" in sentence(call("run", scene))
 
 
 def test_recording_that_is_none(call, tmp_path):

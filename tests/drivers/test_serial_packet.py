@@ -125,7 +125,7 @@ def test_the_documents_table_is_the_layout() -> None:
         ({"rows": 255, "cols": 255, "channels": 255}, "at most"),
     ],
 )
-def test_a_geometry_that_can_not_be_is_refused(change: dict[str, int], sentence: str) -> None:
+def test_a_geometry_that_cannot_be_is_refused(change: dict[str, int], sentence: str) -> None:
     with pytest.raises(CodecError, match=sentence):
         Geometry(**{"rows": 2, "cols": 2, "channels": 3, "cell": 1, **change})
 

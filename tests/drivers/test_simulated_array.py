@@ -285,7 +285,7 @@ def test_the_simulation_goes_over_a_real_terminal(device: Any, link: Path) -> No
         ({"noise": float("nan")}, "'noise' must be"),
     ],
 )
-def test_what_can_not_be_simulated_is_named(options: dict[str, object], sentence: str) -> None:
+def test_what_cannot_be_simulated_is_named(options: dict[str, object], sentence: str) -> None:
     with pytest.raises(SceneError, match=f"Driver 'simulated': .*{sentence}"):
         open_driver("simulated", options)
 

@@ -175,7 +175,7 @@ def test_creep_goes_on_from_chunk_to_chunk(chunk: int, monkeypatch: pytest.Monke
         ({"cover": "layer", "thickness": 0.07e-3}, "'thickness' must be at least 0.05 pitches"),
     ],
 )
-def test_what_can_not_be_simulated_is_named(options: dict[str, object], sentence: str) -> None:
+def test_what_cannot_be_simulated_is_named(options: dict[str, object], sentence: str) -> None:
     with pytest.raises(SceneError, match=f"Driver 'simulated': .*{sentence}"):
         open_driver("simulated", options)
 

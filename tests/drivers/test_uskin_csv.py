@@ -241,7 +241,7 @@ def test_a_missing_file_and_one_that_is_no_text(trial: Path) -> None:
     with pytest.raises(CodecError, match=r"xela_sensor1\.csv' is not a CSV"):
         replay(trial)
     (trial / "xela_sensor1.csv").unlink()
-    with pytest.raises(RecordingError, match=r"xela_sensor1\.csv' can not be read"):
+    with pytest.raises(RecordingError, match=r"xela_sensor1\.csv' cannot be read"):
         replay(trial)
 
 

@@ -1,4 +1,4 @@
-"""Runs to equilibrium come to rest, and say so; those that can not, say that."""
+"""Runs to equilibrium come to rest, and say so; those that cannot, say that."""
 
 import numpy as np
 import pytest

@@ -87,7 +87,7 @@ def test_thin_incompressible_layer_is_lubrication(reach):
 
 @pytest.mark.parametrize("poisson", [0.3, 0.0])
 def test_thin_compressible_layer_is_a_column(poisson):
-    """Under an even pressure the strain is that of a column that can not widen."""
+    """Under an even pressure the strain is that of a column that cannot widen."""
     waves = layer_waves(0.0, 0.3 * H, thickness=H, poisson=poisson)
     confined = (1 - 2 * poisson) / (2 * (1 - poisson))
     assert waves.strain_p == pytest.approx(-confined, rel=1e-9)  # stops at kh = 1e-6

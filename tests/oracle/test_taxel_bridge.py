@@ -144,6 +144,6 @@ def test_offsets_and_heat_add_up() -> None:
         (lambda: Readout(heat=Heat(1.0)).read(np.zeros((1, 1, 4)), time=-1.0), PhysicsError),
     ],
 )
-def test_what_can_not_be_is_refused(build: object, error: type[Exception]) -> None:
+def test_what_cannot_be_is_refused(build: object, error: type[Exception]) -> None:
     with pytest.raises(error):
         build()  # type: ignore[operator]

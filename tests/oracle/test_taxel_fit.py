@@ -132,7 +132,7 @@ def test_saturated_frames_are_left_out() -> None:
         ({"sign": -1.0}, "wrong sign"),
     ],
 )
-def test_a_scan_that_can_not_be_is_refused(change: dict[str, object], sentence: str) -> None:
+def test_a_scan_that_cannot_be_is_refused(change: dict[str, object], sentence: str) -> None:
     rng = np.random.default_rng(4)
     positions = rng.uniform(-0.4e-3, 0.4e-3, (40, 2))
     strain = strain_at(np.zeros((1, 1, 2)), positions, np.array([0.0, 0.0, 2e-3]))

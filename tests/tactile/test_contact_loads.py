@@ -49,7 +49,7 @@ def test_loads_of_pulled_spheres(fast, cells, depth, reads):
     assert np.quantile(off["load_x, load_y"], 0.9) < 0.1
     assert np.median(off["load_x, load_y"]) < 0.05
     assert np.quantile(np.abs(off["friction_used"]), 0.9) < 0.12
-    # what strain tells of pull and pressure can not be told apart wholly: a tenth of the radius
+    # what strain tells of pull and pressure cannot be told apart wholly: a tenth of the radius
     assert off["place"].max() < 0.4
     # whole taxels: the rim crosses 10 to 25 of them
     assert np.abs(off["contact_area"]).max() < 0.45

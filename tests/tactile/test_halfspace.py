@@ -101,6 +101,6 @@ def test_the_lattice_nears_the_continuum_as_the_square_of_the_cell(numba):
 @pytest.mark.parametrize(
     "options", [{"thickness": 0.0}, {"thickness": -1.0}, {"tolerance": 0.5}, {"cells": 0.5}]
 )
-def test_what_can_not_be_is_refused(options):
+def test_what_cannot_be_is_refused(options):
     with pytest.raises(ProgramError, match=r"thickness above 0|'cells'.* must be a whole number"):
         halfspace_stress.bind(**options).trace((8, 8))

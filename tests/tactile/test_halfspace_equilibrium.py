@@ -106,6 +106,6 @@ def test_the_lattice_fades_as_stated():
 
 
 @pytest.mark.parametrize("options", [{"poisson": 0.5}, {"slabs": 1}])
-def test_what_can_not_be_is_refused(options):
+def test_what_cannot_be_is_refused(options):
     with pytest.raises(ProgramError, match="Poisson ratio"):
         halfspace_equilibrium.bind(**options).trace((8, 8))

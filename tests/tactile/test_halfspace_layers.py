@@ -71,6 +71,6 @@ def test_the_end_of_the_stack_is_as_deep_as_stated():
 
 
 @pytest.mark.parametrize("options", [{"layers": 0}, {"order": 3}, {"tolerance": 1.0}])
-def test_what_can_not_be_is_refused(options):
+def test_what_cannot_be_is_refused(options):
     with pytest.raises(ProgramError, match="number of layers"):
         halfspace_layers.bind(**options).trace((8, 8))

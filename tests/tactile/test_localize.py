@@ -132,7 +132,7 @@ def test_without_unmixing_a_neighbour_would_pull(fast, run):
     assert abs(got["bump_load_x"][-1]).max() < 0.05
 
 
-def test_bumps_that_can_not_be_told_apart_are_refused():
+def test_bumps_that_cannot_be_told_apart_are_refused():
     with pytest.raises(PhysicsError, match="told apart"):
         unmix("strain", 2.0, 4.0)
     with pytest.raises(UnknownNameError, match="taxels"):

@@ -69,7 +69,7 @@ def test_large_numbers_are_not_taken_for_infinite():
     )
 
 
-def test_frames_that_a_calibration_can_not_read_are_refused():
+def test_frames_that_a_calibration_cannot_read_are_refused():
     read = ByCalibration(UNIFORM).reader(("normal",))
     with pytest.raises(ArrayError, match="bridges"):
         read(frame(np.ones((3, 4, 3)), FORCE_AXES))

@@ -100,7 +100,7 @@ def test_a_scene_file_is_scored(scene, engine):
     assert not any(name.startswith("twist:") for name in by_name)  # none is there
 
 
-def test_an_array_without_truth_can_not_be_scored(tmp_path):
+def test_an_array_without_truth_cannot_be_scored(tmp_path):
     trial = write_trial(tmp_path / "one", slip_from=None, rows=5)
     scene = tmp_path / "trial.toml"
     scene.write_text(f'wants = ["slip"]\n[array]\ndriver = "uskin-csv"\npath = "{trial}"\n')

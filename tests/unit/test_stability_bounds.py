@@ -55,7 +55,7 @@ def test_no_mode_of_a_linear_array_that_decays_grows(shape):
     for _ in range(15 if shape != (3, 90) else 8):
         template = sampled(rng, "linear")
         rates = np.linalg.eigvals(Network(template, shape).linear_system().matrix)
-        # a mode that the decomposition can not tell from one that only turns is left out
+        # a mode that the decomposition cannot tell from one that only turns is left out
         decaying = rates[rates.real <= -1e-6]
         for method in STEPPING:
             step = stability_bound(method, template, shape).step

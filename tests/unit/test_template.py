@@ -43,7 +43,7 @@ def test_layers_have_their_own_bias_and_time_constant() -> None:
     assert template.tau.tolist() == [1.0, 10.0]
 
 
-def test_arrays_are_copies_that_can_not_be_written() -> None:
+def test_arrays_are_copies_that_cannot_be_written() -> None:
     weights = np.array(CENTRE)
     template = Template("t", A=weights)
     weights[1, 1] = 7.0
@@ -52,7 +52,7 @@ def test_arrays_are_copies_that_can_not_be_written() -> None:
         template.A[0, 0, 1, 1] = 2.0
 
 
-def test_delayed_weights_are_copies_that_can_not_be_written() -> None:
+def test_delayed_weights_are_copies_that_cannot_be_written() -> None:
     weights = np.full((1, 1, 3, 3), 0.5)
     late = DelayedCoupling(1.0, weights, weights)
     digest = Template("t", A=CENTRE, B=CENTRE, delayed=late).digest

@@ -205,7 +205,7 @@ def test_error_names_the_file_and_the_key(old: str, new: str, message: str, tmp_
 
 
 def test_missing_file_is_an_os_error_with_its_path(tmp_path: Path) -> None:
-    with pytest.raises(TemplateFileError, match=r"nothing\.toml' can not be read: No such file"):
+    with pytest.raises(TemplateFileError, match=r"nothing\.toml' cannot be read: No such file"):
         load_template(tmp_path / "nothing.toml")
     with pytest.raises(OSError, match="check the path"):
         load_template(tmp_path / "nothing.toml")
@@ -250,6 +250,6 @@ def test_saving_over_a_folder_or_into_none_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "folder.toml"
     folder.mkdir()
     for target in (folder, tmp_path / "none" / "mine.toml"):
-        with pytest.raises(TemplateFileError, match="can not be written"):
+        with pytest.raises(TemplateFileError, match="cannot be written"):
             save_template(Template("t", A=[[1.0]]), target)
     assert [item.name for item in tmp_path.iterdir()] == ["folder.toml"]

@@ -65,7 +65,7 @@ def _report(
     come at once. Ctrl-C and SIGTERM end the benchmark, not the report.
     """
     output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
-    if out is not None:  # a folder that can not be made shall not fail after all has been measured
+    if out is not None:  # a folder that cannot be made shall not fail after all has been measured
         out.mkdir(parents=True, exist_ok=True)
     stopped = not _collect(name, found, total, output, rows, left_out, out)
     if stopped:

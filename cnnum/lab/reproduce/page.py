@@ -53,7 +53,7 @@ def write_page(
     Raises
     ------
     RecordingError
-        If it can not be written.
+        If it cannot be written.
     """
     target = place if place.suffix.lower() == ".html" else place / NAME
     text = page(rows, figures, advance)
@@ -62,7 +62,7 @@ def write_page(
         write_whole(target, text.encode("utf-8"))
     except OSError as error:
         raise RecordingError(
-            f"Can not write '{target}' ({error.strerror}): expected a folder or a file that may "
+            f"Cannot write '{target}' ({error.strerror}): expected a folder or a file that may "
             "be written; give another with --out."
         ) from error
     return target
@@ -109,7 +109,7 @@ def _head(rows: Sequence[Row]) -> str:
         "Budapest 2007) that a model can give, with ours beside it.</p>"
         '<p class="soft">Each check states how far it may be off, and why. Where a figure has no '
         "digits, the row says what is compared: a zero, an extremum, a slope. Real covers and "
-        "sensors deviate from any half-space; those rows are comparisons, and can not pass.</p>"
+        "sensors deviate from any half-space; those rows are comparisons, and cannot pass.</p>"
         f'<div class="tiles">{tiled}</div>{_contents(rows)}'
     )
 

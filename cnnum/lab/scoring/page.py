@@ -25,13 +25,13 @@ def write_page(path: Path, report: Report, request: Request, environment: Enviro
     Raises
     ------
     ReportError
-        If the file can not be written.
+        If the file cannot be written.
     """
     try:
         write_whole(path, page(report, request, environment).encode("utf-8"))
     except OSError as error:
         raise ReportError(
-            f"Can not write '{path}' ({error.strerror}): expected a file in a folder that may be "
+            f"Cannot write '{path}' ({error.strerror}): expected a file in a folder that may be "
             "written; give another with --out."
         ) from error
 

@@ -80,7 +80,7 @@ def play_trial(folder: Path, engine: Engine) -> Trial:
     Raises
     ------
     CnnumError
-        If the trial can not be read, or nobody labelled it.
+        If the trial cannot be read, or nobody labelled it.
     """
     scene = load_scene(SCENE, engine=engine, changes={"array.path": str(folder.resolve())})
     moments = list(scene.results())

@@ -11,7 +11,7 @@ from cnnum.report.record import SceneRecorder
 from cnnum.scenes.pipeline import Scene, load_scene
 
 NEEDED = ("contact", "incipient", "slip", "twist_slip", "stick_radius")
-"""Ground truth without which a scene can not be scored."""
+"""Ground truth without which a scene cannot be scored."""
 
 FIELDS = ("contact", "slip", "twist", "slip_strength")
 
@@ -39,7 +39,7 @@ def play_scene(name: str | Path, engine: Engine | None = None) -> Play:
     missing = [key for key in NEEDED if key not in record.truth]
     if missing or record.pitch is None:
         raise SceneError(
-            f"Scene '{name}' can not be scored: expected an array that tells the truth "
+            f"Scene '{name}' cannot be scored: expected an array that tells the truth "
             f"({', '.join(NEEDED)}), got none of {', '.join(missing) or 'its pitch'}; use the "
             "driver 'simulated', or name the folder of labelled trials."
         )

@@ -95,7 +95,7 @@ def sphere_traction(
     modulus : float, Pa
         Contact modulus E*, see `contact_modulus`.
     friction : float
-        Coefficient of friction μ; 0 for a slippery sphere, infinity for one that can not slip.
+        Coefficient of friction μ; 0 for a slippery sphere, infinity for one that cannot slip.
     centre : (x, y) float, m
         Where the sphere touches; what lies outside the map is left out.
     tangential : (Q_x, Q_y) float, N

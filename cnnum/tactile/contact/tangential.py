@@ -123,7 +123,7 @@ def tangential_displacement(
 
 
 def stuck_traction(rho: ArrayLike, tangential: ArrayLike, radius: ArrayLike) -> Array:
-    """Return the shear traction, Pa, of a contact that can not slip: Q / (2πa √(a² - ρ²)).
+    """Return the shear traction, Pa, of a contact that cannot slip: Q / (2πa √(a² - ρ²)).
 
     Parameters
     ----------

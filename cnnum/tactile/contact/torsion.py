@@ -29,7 +29,7 @@ _SERIES = 24
 
 
 def stuck_torsion_traction(rho: ArrayLike, torque: ArrayLike, radius: ArrayLike) -> Array:
-    """Return the circumferential traction of a twisted disc that can not slip.
+    """Return the circumferential traction of a twisted disc that cannot slip.
 
     Parameters
     ----------

@@ -263,7 +263,7 @@ def _curvature(
     """Return what the bend of the inverse adds to the errors: second differences over the noise.
 
     Infinite where the noise reaches signals that no load at a finite distance makes (s = 0
-    under n < 0): far out, a taxel can not bound how far.
+    under n < 0): far out, a taxel cannot bound how far.
     """
     place, amplitude = np.zeros_like(s), np.zeros_like(s)
     for along_s, along_n in _DIRECTIONS:

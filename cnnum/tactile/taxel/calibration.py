@@ -236,7 +236,7 @@ class Calibration:
         Raises
         ------
         CalibrationError
-            If the file can not be written.
+            If the file cannot be written.
         """
         calibration_file.save(Path(path), self._values())
 
@@ -251,7 +251,7 @@ class Calibration:
         Raises
         ------
         CalibrationError
-            If the file can not be read, or a key of it is missing, unknown or wrong.
+            If the file cannot be read, or a key of it is missing, unknown or wrong.
         """
         return cls._of(calibration_file.load(Path(path)), Path(path))
 
@@ -298,7 +298,7 @@ def _inverse(cross: Floats) -> Floats:
     worst = float(np.max(np.linalg.cond(cross)))
     if not worst < 1e6:  # volts carry 12 bits; beyond this nothing of the signals is left
         raise CalibrationError(
-            f"'cross' can not be undone: its condition is {worst:.3g}, expected below 1e6; "
+            f"'cross' cannot be undone: its condition is {worst:.3g}, expected below 1e6; "
             "leave out the taxel, or fit it again."
         )
     return np.asarray(np.linalg.inv(cross), dtype=np.float64)

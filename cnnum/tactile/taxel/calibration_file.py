@@ -29,13 +29,13 @@ def save(path: Path, values: Mapping[str, Any]) -> None:
     Raises
     ------
     CalibrationError
-        If the folder or the file can not be written.
+        If the folder or the file cannot be written.
     """
     try:
         write_whole(path, to_text(values).encode("utf-8"))
     except OSError as error:
         raise CalibrationError(
-            f"Calibration '{path}' can not be written: {error.strerror}; choose a folder that "
+            f"Calibration '{path}' cannot be written: {error.strerror}; choose a folder that "
             "exists and is writable."
         ) from None
 
@@ -46,13 +46,13 @@ def load(path: Path) -> dict[str, Any]:
     Raises
     ------
     CalibrationError
-        If the file can not be read, or a key of it is missing, unknown or wrong.
+        If the file cannot be read, or a key of it is missing, unknown or wrong.
     """
     try:
         return from_text(read_text(path, most=LARGEST), path)
     except OSError as error:
         raise CalibrationError(
-            f"Calibration {str(path)!r} can not be read: {error.strerror}."
+            f"Calibration {str(path)!r} cannot be read: {error.strerror}."
         ) from None
     except UnicodeDecodeError as error:
         raise CalibrationError(f"Calibration '{path}' is not a TOML file: {error}.") from None

@@ -71,7 +71,7 @@ def frame_times(time: ArrayLike) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """What came out of the converter, with what can not be trusted in it.
+    """What came out of the converter, with what cannot be trusted in it.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ def load_template(path: str | PathLike[str]) -> Template:
     Raises
     ------
     TemplateFileError
-        If the file can not be read.
+        If the file cannot be read.
     TemplateError
         If the suffix is unknown, or the content is not a template; names the file and the key.
     """
@@ -46,7 +46,7 @@ def load_entry(path: str | PathLike[str]) -> Entry:
         raise TemplateError(f"'{source}' must be UTF-8 text, got {error.reason}.") from None
     except OSError as error:
         raise TemplateFileError(
-            f"The template file '{source}' can not be read: {error.strerror}; check the path."
+            f"The template file '{source}' cannot be read: {error.strerror}; check the path."
         ) from None
     return form.read(text, str(source))
 
@@ -67,7 +67,7 @@ def save_template(
     Raises
     ------
     TemplateFileError
-        If the file can not be written.
+        If the file cannot be written.
     TemplateError
         If the suffix is unknown.
     """

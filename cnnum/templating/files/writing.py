@@ -12,7 +12,7 @@ def write_text(target: Path, text: str) -> None:
     Raises
     ------
     TemplateFileError
-        If the file can not be written.
+        If the file cannot be written.
     TemplateError
         If the text has no UTF-8 form.
     """
@@ -20,13 +20,13 @@ def write_text(target: Path, text: str) -> None:
         content = text.encode("utf-8")
     except UnicodeEncodeError as error:
         raise TemplateError(
-            f"'{target}' can not be written as UTF-8 text: {error.reason}; "
+            f"'{target}' cannot be written as UTF-8 text: {error.reason}; "
             "remove that character from the name, the description or the source."
         ) from None
     try:
         write_whole(target, content)
     except OSError as error:
         raise TemplateFileError(
-            f"The template file '{target}' can not be written: {error.strerror}; "
+            f"The template file '{target}' cannot be written: {error.strerror}; "
             "check that its folder exists and may be written to."
         ) from None

@@ -122,7 +122,7 @@ def _under_cover(loads: Loads, normal: Field, noise: Field, cover: _Cover) -> Pr
     """Return what presses on a cover: the pull's shape and the pressure's find one another.
 
     In an incompressible cover a pull strains the skin as a pressure behind it would, so
-    that one map can not be told from the other. What can: the sum of the shear is the pull, and
+    that one map cannot be told from the other. What can: the sum of the shear is the pull, and
     it acts where the pressure does.
     """
     gained = noise_gain(cover.depth, cover.reads) * noise

@@ -72,7 +72,7 @@ def test_an_infinite_error_is_null(data: ReportData) -> None:
     assert json.loads(to_json(broken))["checks"][0]["error"] is None
 
 
-def test_the_text_can_not_end_its_script_element(data: ReportData) -> None:
+def test_the_text_cannot_end_its_script_element(data: ReportData) -> None:
     assert "<" not in to_json(data)
 
 

@@ -223,7 +223,7 @@ def test_the_file_is_written_whole_and_nothing_beside_it(
 
 
 def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path, record: SceneRecord) -> None:
-    with pytest.raises(ReportError, match=r"can not be written: No such file.*; check that"):
+    with pytest.raises(ReportError, match=r"cannot be written: No such file.*; check that"):
         write_demo_report(tmp_path / "none" / "report.html", record)
 
 

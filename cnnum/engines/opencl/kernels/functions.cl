@@ -1,4 +1,4 @@
-// Comparisons and bits in place of the built-ins of these names: some builds of PoCL can not
+// Comparisons and bits in place of the built-ins of these names: some builds of PoCL cannot
 // compile those of 64-byte vectors, and on others they are calls. What is NaN in `a` stays NaN.
 static inline real larger(const real a, const real b) { return a < b ? b : a; }
 static inline real smaller(const real a, const real b) { return b < a ? b : a; }

@@ -74,7 +74,7 @@ def arithmetic_kernels() -> Iterator[Arithmetic]:
     """Yield the kernels to try.
 
     Those with ``fma()`` come last: on some builds of PoCL it is a function call, and a wide one
-    can not be compiled at all.
+    cannot be compiled at all.
     """
     for form, (width, chains) in product(FORMS, SHAPES):
         yield Arithmetic(width, chains, form)

@@ -1,7 +1,7 @@
 """What a device really does: its peak of multiply-adds and its bandwidth.
 
 The kernels run in a process of their own, which says before each what it tries: some OpenCL
-compilers end the whole process on a kernel that they can not build, and that shall cost that
+compilers end the whole process on a kernel that they cannot build, and that shall cost that
 kernel and no more. The peak is that of the best kernel, because compilers differ.
 """
 
@@ -73,7 +73,7 @@ def measure(device: Device, *, budget: float = 3.5) -> Figures:
     flops = [(value, label) for kind, label, value in records if kind == "arithmetic"]
     if not copies or not flops:
         raise DeviceError(
-            f"Device '{device.label}' can not be measured: it failed at '{tried}'; check its "
+            f"Device '{device.label}' cannot be measured: it failed at '{tried}'; check its "
             "OpenCL driver."
         )
     best, kernel = max(flops)

@@ -42,7 +42,7 @@ class Peer:
         Raises
         ------
         MissingExtraError
-            If its package is not installed, or can not be imported.
+            If its package is not installed, or cannot be imported.
         """
         try:
             module = import_module(f"cnnum.lab.bench.peers.{self.module}")
@@ -53,7 +53,7 @@ class Peer:
             ) from None
         except ImportError as error:
             raise MissingExtraError(
-                f"Peer '{self.name}': '{self.package}' can not be imported ({error})."
+                f"Peer '{self.name}': '{self.package}' cannot be imported ({error})."
             ) from error
         return cast(Run, module.run)
 

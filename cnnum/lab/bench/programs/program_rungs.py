@@ -127,7 +127,7 @@ class By:
         Raises
         ------
         MethodError
-            If one of its transients can not run by that method.
+            If one of its transients cannot run by that method.
         """
         rung = self.rung
         method = None if rung == AUTO else rung.method

@@ -59,7 +59,7 @@ def regenerate(
     MissingExtraError
         If scikit-fem is not installed.
     RecordingError
-        If the file can not be written.
+        If the file cannot be written.
     """
     deep, levers = _deep(fineness, depths, growth)
     layers = [_layer(fineness, depth, growth) for depth in depths]
@@ -124,4 +124,4 @@ def _write(path: Path, tables: Mapping[str, Array]) -> None:
         with path.open("wb") as file:
             np.savez_compressed(file, allow_pickle=False, **small)
     except OSError as reason:
-        raise RecordingError(f"'{path}' can not be written: {reason}.") from reason
+        raise RecordingError(f"'{path}' cannot be written: {reason}.") from reason
