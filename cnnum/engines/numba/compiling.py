@@ -12,6 +12,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 
 import numba
 
+from cnnum.engines.forks import note_threads
 from cnnum.engines.numba.keeping import KeptForms
 
 _P = ParamSpec("_P")
@@ -64,5 +65,6 @@ def kept(function: Callable[_P, _R]) -> Callable[_P, _R]:
 
 
 def cores() -> int:
-    """Return the number of cores that compiled functions may use."""
+    """Return the number of cores that compiled functions may use; asking starts their threads."""
+    note_threads()
     return int(numba.get_num_threads())
