@@ -28,6 +28,9 @@ WRONG = {
     "slip-and-turn-onset": {"push": 1.0},
     "score": {"window": 0.25},
     "report": {"threshold": 6.8},
+    "moving-strength": {"look": 0.1},
+    "moving-report": {"level": 0.4},
+    "moving-pads": {"pads": 1},
 }
 """Parameters that make a program wrong for its form."""
 
@@ -85,7 +88,7 @@ def test_engines_that_are_left_out_have_a_reason():
     assert all(form.left_out for form in some)
 
 
-@pytest.mark.parametrize("name", ["gross-onset", "turn-onset", "report"])
+@pytest.mark.parametrize("name", ["gross-onset", "turn-onset", "report", "moving-pads"])
 @pytest.mark.parametrize("engine", ["numba", "reference"])
 def test_streams_pass_on_other_engines(name, engine):
     (form,) = (form for form in FORMS if form.name == name)

@@ -100,6 +100,19 @@ def rearranged(cells: int) -> Floats:
     return np.round(counts)
 
 
+def slid(cells: int) -> Floats:
+    """A narrow patch that is pressed, pulled and moved on along the pull."""
+    frames, place = np.arange(70), np.arange(cells) - (cells - 1) / 2
+    pressed, pull = np.clip((frames - 20) / 10, 0, 1), 0.5 * np.clip((frames - 45) / 10, 0, 1)
+    gone = 0.05 * np.maximum(frames - 55, 0)
+    right = place - 0.8 * gone[:, None, None] + 0.3
+    down = place[:, None] + 0.6 * gone[:, None, None] - 0.2
+    load = pressed[:, None, None] * np.exp(-(right**2 + down**2) / (2 * 0.9**2))
+    pull = pull[:, None, None] * load
+    noise = np.random.default_rng(cells).normal(0.0, 1e-5, (70, cells, cells, 3))
+    return -np.stack([0.8 * pull, -0.6 * pull, load], axis=-1) + noise
+
+
 def block(cells: int) -> Floats:
     """Tractions on the middle 2×2 cells, Pa."""
     load, at = np.zeros((1, cells, cells, 3)), cells // 2
@@ -144,6 +157,18 @@ SCENES = {
     ),
     "grasp_slip": Scene(
         rearranged, (Same("gross_slip", 0.0), Same("slip_x", 0.05, turns=True)), {}
+    ),
+    "moving_contact": Scene(
+        slid,
+        (
+            Same("gross_slip", 0.0),
+            Same("slip_x", 0.01, turns=True),
+            Same("slip_y", 0.01),
+            # 4×4 cells cut off the rim of the patch
+            Same("twist_row", 0.1),
+            Same("twist_column", 0.1, turns=True),
+        ),
+        {"rate": 50.0},
     ),
     "halfspace_equilibrium": Scene(
         block, STRESSES, {"poisson": 0.3, "layers": 1, "slabs": 3, "tolerance": 1e-3}, middle=True

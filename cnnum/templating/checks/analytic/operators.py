@@ -21,6 +21,11 @@ def neighbours(picture: Floats, boundary: Boundary) -> Callable[[int, int], Floa
     return lambda down, east: padded[..., 1 + down : 1 + down + rows, 1 + east : 1 + east + cols]
 
 
+def _same(picture: Floats, boundary: Boundary) -> Floats:
+    """Return the picture itself."""
+    return picture
+
+
 def _east(picture: Floats, boundary: Boundary) -> Floats:
     """Return the central difference along a row, towards rising columns."""
     at = neighbours(picture, boundary)
@@ -55,6 +60,7 @@ def _curl(field: Floats, boundary: Boundary) -> Floats:
 
 
 SCALAR: Mapping[str, Operator] = {
+    "identity": _same,
     "gradient-x": _east,
     "gradient-y": _south,
     "laplacian": _laplacian,

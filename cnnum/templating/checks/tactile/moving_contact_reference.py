@@ -1,0 +1,187 @@
+"""Slip and twist by what moves in a contact, frame by frame in NumPy and double precision.
+
+The oracle of the program `moving_contact`: it knows no templates, no graph and no engine.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cnnum.arrays import Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Constants:
+    """Parameters of the program under the same names; times in s, rates in 1/s."""
+
+    push: float = -1.0
+    shear_gain: float = 1.0
+    axes: bool = True
+    pads: int = 1
+    rate: float = 200.0
+    rest: float = 0.4
+    fast: float = 0.02
+    look: float = 0.08
+    spread: float = 4.0
+    load: float = 0.35
+    floor: float = 240.0
+    still: float = 0.25
+    pull: float = 0.75
+    swing: float = 0.3
+    level: float = 0.28
+    hold: float = 0.5
+    turn: float = 0.1
+
+    @property
+    def quiet(self) -> int:
+        """Frames of rest."""
+        return max(4, int(np.ceil(np.round(self.rest * self.rate, 6))))
+
+    def step(self, time: float) -> float:
+        """Return the share of a change that a leaky mean takes in a frame."""
+        return float(-np.expm1(-1.0 / (self.rate * time)))
+
+
+def central(values: Floats, axis: int) -> Floats:
+    """Return half the difference of the two neighbours, a cell beyond the rim as on it."""
+    wide = np.pad(values, 1, mode="edge")
+    if axis == 1:
+        return (wide[1:-1, 2:] - wide[1:-1, :-2]) / 2.0
+    return (wide[2:, 1:-1] - wide[:-2, 1:-1]) / 2.0
+
+
+def diffused(values: Floats, time: float) -> Floats:
+    """Return a map after diffusion on the lattice without flux through the rim, by its modes."""
+    for axis, cells in enumerate(values.shape):
+        places: Floats = np.arange(cells, dtype=np.float64)
+        modes: Floats = np.cos(np.pi * np.outer(places, places + 0.5) / cells)
+        modes = modes * np.sqrt(np.where(places > 0.0, 2.0, 1.0) / cells)[:, None]
+        decay = np.exp(-time * (2.0 - 2.0 * np.cos(np.pi * places / cells)))
+        spread: Floats = (modes.T * decay) @ modes
+        values = spread @ values if axis == 0 else values @ spread.T
+    return values
+
+
+@dataclass(slots=True)
+class MovingContact:
+    """What is kept from frame to frame, one frame a call."""
+
+    c: Constants
+    frames: list[Floats] = field(default_factory=list[Floats])
+    noise: float = 0.0
+    maps: dict[str, Floats] = field(default_factory=dict[str, Floats])
+    trend: float = 0.0
+    mass: float = 0.0
+    offsets: Floats | None = None
+    slips: bool = False
+    turns: bool = False
+
+    def step(self, frame: Floats) -> dict[str, float]:
+        """Return the outputs of a frame (rows, cols, 3): shear x, shear y, normal."""
+        if len(self.frames) < self.c.quiet:
+            self.frames.append(frame)
+            return dict.fromkeys(OUTPUTS, 0.0)
+        starts = self.offsets is None
+        if starts:
+            self._learn()
+        c = self.c
+        above = c.push * (frame - np.mean(self.frames, axis=0))
+        now = {"z": np.maximum(above[..., 2], 0.0)}
+        now |= {"x": c.shear_gain * above[..., 0], "y": c.shear_gain * above[..., 1]}
+        for name, value in now.items():
+            held = self.maps.get(name, value)
+            now[name] = self.maps[name] = held + c.step(c.fast) * (value - held)
+        if starts:
+            self.maps |= {f"old {name}": value for name, value in now.items()}
+        old = {name: self.maps[f"old {name}"] for name in now}
+        for name, value in now.items():
+            self.maps[f"old {name}"] = old[name] + c.step(c.look) * (value - old[name])
+        return self._decided(now, self._read(now, old), starts)
+
+    def _learn(self) -> None:
+        normal = np.stack(self.frames)[..., 2]
+        self.noise = float(np.sqrt((np.diff(normal, axis=0) ** 2).mean() / 2.0))
+        self.noise = max(self.noise, 1e-6 * float(np.abs(normal.mean(axis=0)).max()))
+
+    def _read(self, now: dict[str, Floats], old: dict[str, Floats]) -> list[dict[str, float]]:
+        """Return the numbers of each pad."""
+        c = self.c
+        per_s = c.rate * c.step(c.look)
+        change = {axis: per_s * (now[axis] - old[axis]) for axis in "xy"}
+        loose = {axis: change[axis] - diffused(change[axis], c.spread) for axis in "xy"}
+        curl = central(now["y"], 1) - central(now["x"], 0)
+        wide = now["z"].shape[1] // c.pads
+        found: list[dict[str, float]] = []
+        for pad in range(c.pads):
+            cols = slice(pad * wide, (pad + 1) * wide)
+            # gradients beside another pad would mix both
+            inner = slice(pad * wide + (pad > 0), (pad + 1) * wide - (pad < c.pads - 1))
+            z, before, x, y = (m[:, cols] for m in (now["z"], old["z"], now["x"], now["y"]))
+            least = max(c.floor * self.noise * np.sqrt(z.size), 1e-12)
+            mass, size = z.sum() + least, np.sqrt((z**2).sum() + least**2 / z.size)
+            share, was = now["z"] / mass, old["z"] / (before.sum() + least)
+            moved = np.linalg.norm((share - was)[:, cols])
+            force = np.hypot(x.sum(), y.sum())
+            right, down = (central((share + was) / 2.0, axis)[:, inner] for axis in (1, 0))
+            slope = (x.sum() * right + y.sum() * down) / max(force, 1e-300)
+            steep = np.sqrt((right**2 + down**2).sum())
+            along = -((share - was)[:, inner] * slope).sum() / max(moved * steep, 1e-300)
+            found.append({
+                "moves": per_s * moved * mass / size,
+                "loosens": np.sqrt(sum((loose[a][:, cols] ** 2).sum() for a in "xy")) / size,
+                "ratio": force / mass,
+                "grows": np.hypot(*(change[a][:, cols].sum() for a in "xy")) / mass,
+                "mass": mass,
+                "jolt": per_s * (z.sum() - before.sum()),
+                "along": along,
+                "x": x.sum(),
+                "y": y.sum(),
+                "curl": (now["z"] * curl)[:, inner].sum()
+                / ((z**2).sum() + least**2 / (16.0 * z.size)),
+            })  # fmt: skip
+        return found
+
+    def _decided(
+        self, now: dict[str, Floats], pads: list[dict[str, float]], starts: bool
+    ) -> dict[str, float]:
+        c = self.c
+        mean = {name: float(np.mean([pad[name] for pad in pads])) for name in pads[0]}
+        mass, jolt = mean["mass"], abs(mean["jolt"]) / mean["mass"]
+        growth = 0.0 if starts else c.rate * (mass - self.mass) / mass
+        self.trend, self.mass = self.trend + c.step(c.load) * (growth - self.trend), mass
+        strength = np.cbrt(mean["moves"] ** 2 * mean["loosens"]) * mean["ratio"]
+        strength /= c.still + abs(self.trend) + c.swing * jolt + c.pull * mean["grows"]
+        if c.axes:
+            strength *= max(0.0, 1.0 + mean["along"]) / 1.5
+        curls = np.array([pad["curl"] for pad in pads])
+        if self.offsets is None or jolt > c.still:
+            self.offsets = curls
+        turned = float(max(curls - self.offsets, key=abs))
+        self.slips = bool(strength > c.level * (c.hold if self.slips else 1.0))
+        far = abs(turned) > c.turn * (c.hold if self.turns else 1.0)
+        self.turns = bool(far and abs(turned) > mean["ratio"])
+        most = max(pads, key=lambda pad: float(np.hypot(pad["x"], pad["y"])))
+        force = max(float(np.hypot(most["x"], most["y"])), 1e-300)
+        weight = now["z"] ** 2 / max((now["z"] ** 2).sum(), 1e-300)
+        row, column = (
+            float(np.dot(weight.sum(axis=1 - axis), np.arange(cells, dtype=np.float64)))
+            for axis, cells in enumerate(weight.shape)
+        )
+        values = (
+            self.slips, most["x"] / force, most["y"] / force, float(strength), self.turns,
+            float(np.sign(turned)) * self.turns, abs(turned), row, column,
+        )  # fmt: skip
+        return dict(zip(OUTPUTS, map(float, values), strict=True))
+
+
+OUTPUTS = (
+    "gross_slip", "slip_x", "slip_y", "slip_strength",
+    "twist", "twist_sense", "twist_strength", "twist_row", "twist_column",
+)  # fmt: skip
+
+
+def played(frames: Floats, c: Constants) -> dict[str, Floats]:
+    """Return the outputs of a stream (frames, rows, cols, 3) by name, a number a frame."""
+    contact = MovingContact(c)
+    steps = [contact.step(frame) for frame in frames]
+    return {name: np.array([step[name] for step in steps]) for name in OUTPUTS}
