@@ -67,5 +67,7 @@ def has_feedback(template: Template) -> bool:
     return (
         bool(np.any(template.A))
         or (delayed is not None and bool(np.any(delayed.A)))
-        or any(each.neighbour != "u" or each.centre not in (None, "u") for each in template.nonlinear)
+        or any(
+            each.neighbour != "u" or each.centre not in (None, "u") for each in template.nonlinear
+        )
     )

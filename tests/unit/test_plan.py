@@ -213,13 +213,12 @@ def test_parts_are_counted_by_kind_and_bodies_once():
     def parted(frame):
         spread = cnnum.apply(diffusion, input=frame.normal)
         steep = cnnum.apply(slope, input=spread)
-        looped = cnnum.loop(
+        return cnnum.loop(
             lambda a: cnnum.apply(diffusion, input=a) + frame.shear_x,
             steep,
             limit=3,
             until=lambda a: a.max() < 0.1,
         ).value
-        return looped
 
     plan = explained(parted)
     assert (plan.parts.feedback, plan.parts.feedforward) == (2, 1)
