@@ -109,18 +109,17 @@ def test_an_array_without_truth_cannot_be_scored(tmp_path):
 
 
 def write_trial(folder, slip_from, rows=160):
-    """An object in two pads; from a row on it is pulled and the taxels change one by one."""
+    """An object in two pads; from a row on its pattern moves on under a pull."""
     folder.mkdir()
     rng = np.random.default_rng(rows)
-    loose = np.zeros((rows, 1, 1))
-    pull = np.zeros(rows)
-    if slip_from is not None:
-        loose[slip_from : slip_from + 25], pull[slip_from:] = 8.0, 150.0
-        pull[slip_from : slip_from + 25] = np.linspace(0, 150, 25)
+    place, now = np.arange(4) - 1.5, np.arange(rows)[:, None, None]
+    gone = np.clip(0.04 * (now - (slip_from or rows)), 0.0, 1.0)
+    near = np.exp(-((place - gone) ** 2 + place[:, None] ** 2) / 2).reshape(rows, 16)
+    pressed, pulled = (np.clip((now[:, 0] - row) / 10, 0, 1) for row in (30, 55))
     for pad in (1, 2):
         counts = 16000 + rng.normal(0, 1.5, (rows, 16, 3))
-        counts += np.cumsum(loose * rng.normal(0, 1.0, counts.shape), axis=0)
-        counts[..., 0] += pull[:, None]
+        counts[..., 0] += 4500 * pulled * near
+        counts[..., 2] += 15000 * pressed * near
         lines = [",".join(HEADER)]
         lines += [",".join(f"{n:.0f}" for n in row.reshape(-1)) for row in counts]
         (folder / f"xela_sensor{pad}.csv").write_text("\n".join(lines) + "\n")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.driver import Counters
+from cnnum.graph.parts import Parts
 from cnnum.graph.schedule import LeftOut
 from cnnum.plan import Explanation
 from cnnum.report import PlanCost, SceneRecord, WorkPrecision
@@ -55,6 +56,12 @@ def made_events() -> tuple[Event, ...]:
     )
 
 
+def made_flags() -> dict[str, Any]:
+    """What a program with every phase reports."""
+    names = ("incipient_slip", "gross_slip", "twist")
+    return {"contact": during((22, 109)), **{name: during((0, 0)) for name in names}}
+
+
 def explained(program: str, channels: tuple[str, ...], ops: int, *left: LeftOut) -> Explanation:
     return Explanation(
         program=program,
@@ -64,6 +71,7 @@ def explained(program: str, channels: tuple[str, ...], ops: int, *left: LeftOut)
         shape=SHAPE,
         ops=ops,
         ops_most=10 * ops,
+        parts=Parts(),
         launches=1,
         channels_read=channels,
         maps_read_back=("contact_map",),
@@ -100,7 +108,7 @@ def record() -> SceneRecord:
         times=np.arange(FRAMES) / RATE,
         values=values,
         push=-1,
-        outputs={"contact": during((22, 109)), "contact_map": contact_map},
+        outputs={**made_flags(), "contact_map": contact_map},
         events=made_events(),
         truth=made_truth(),
         seconds=seconds,

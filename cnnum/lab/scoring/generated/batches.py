@@ -15,7 +15,7 @@ from cnnum.lab.scoring.play import Play, spans_of
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
-from cnnum.scenes.events import EVENT_RULES, Event, EventDetector
+from cnnum.scenes.events import Event, EventDetector, rules_that_fit
 
 WANTS = ("contact", "slip", "twist")
 EXTRA = ("twist_rate",)
@@ -39,7 +39,7 @@ class Player:
         self._engine, self._program = engine, get_program(program)
         self._simulate = Simulator()
         self._plans: dict[tuple[object, ...], Plan] = {}
-        self._rules = tuple(rule for want in WANTS for rule in EVENT_RULES[want])
+        self._rules = rules_that_fit(WANTS, self._program.trace((4, 4)).outputs)
 
     def play(self, cases: Iterable[Case]) -> Iterator[Play]:
         """Yield a play for every case, those of one shape and rate together.
