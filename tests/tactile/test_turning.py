@@ -8,7 +8,7 @@ from cnnum.drivers.simulated.script import Phase
 from cnnum.drivers.simulated.settings import Settings
 from cnnum.drivers.simulated.springs import Pair, Springs
 from cnnum.engine import Engine
-from cnnum.lab.scoring.generated.bounds import Bounds
+from cnnum.lab.scoring.families.bounds import Bounds
 from cnnum.programs import program
 from cnnum.tactile.bumps_felt import bumps_felt
 from cnnum.tactile.contact import sliding_torque

@@ -28,7 +28,9 @@ STYLES = {True: "green", False: "bold red", None: ""}
     type=click.Choice(SUITES),
     help="Both unless given; recordings only if CNNUM_RECORDINGS is set.",
 )
-@click.option("--count", type=click.IntRange(min=1), help="Scenes of every family; 20 unless given.")
+@click.option(
+    "--count", type=click.IntRange(min=1), help="Scenes of every family; 20 unless given."
+)
 @click.option("--quick", is_flag=True, help="One scene of every family.")
 @click.option(
     "--seed",
@@ -132,7 +134,9 @@ def _parts(tables: "Sequence[Table]") -> list[rich.table.Table | str]:
     parts: list[rich.table.Table | str] = []
     for each in tables:
         heads = [column.title for column in each.columns]
-        words = {c.title for c in each.columns if any(isinstance(r.get(c.key), str) for r in each.rows)}
+        words = {
+            c.title for c in each.columns if any(isinstance(r.get(c.key), str) for r in each.rows)
+        }
         made = table(*(h if h in words else f">{h}" for h in heads), title=each.title)
         for row in each.rows:
             cells = ((column, row.get(column.key)) for column in each.columns)

@@ -1,7 +1,7 @@
 """The suite "families": every family of scenes, one row each."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ import numpy as np
 from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES, Family
 from cnnum.lab.scoring.judge import NEAR, Verdict, judge, sense_right
-from cnnum.lab.scoring.measures import per_ten_minutes, median, share
+from cnnum.lab.scoring.measures import median, per_ten_minutes, share
 from cnnum.lab.scoring.subject import Answers, Subject
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.lab.scoring.trial import Trial
@@ -106,7 +106,7 @@ def _drawn(name: str, count: int, seed: int, advance: Advance = str) -> list[Tri
 
 
 @contextmanager
-def _workers() -> Iterator[ProcessPoolExecutor]:
+def _workers() -> Generator[ProcessPoolExecutor]:
     """Yield a process a core, each with one thread for matrices: more get into each other's way."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))

@@ -8,7 +8,7 @@ import numpy as np
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import FOUND, Scenes
 from cnnum.lab.scoring.judge import NEAR, judge
-from cnnum.lab.scoring.measures import latched, per_ten_minutes, median, share
+from cnnum.lab.scoring.measures import latched, median, per_ten_minutes, share
 from cnnum.lab.scoring.subject import default
 from cnnum.lab.scoring.table import Column, Row, Table
 

@@ -172,9 +172,7 @@ def _frames(path: Path) -> list[tuple[int, Frame]]:
     return [(row, frame) for row, frame in scans if Quality.REPEATED not in frame.quality]
 
 
-def _trial(
-    folder: Folder, frames: list[tuple[int, Frame]], slips: Floats, scored: Flags
-) -> Trial:
+def _trial(folder: Folder, frames: list[tuple[int, Frame]], slips: Floats, scored: Flags) -> Trial:
     times = np.array([frame.time for _, frame in frames])
     count = len(frames)
     rate = float(max(1, round((count - 1) / (times[-1] - times[0]))))

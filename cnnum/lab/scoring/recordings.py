@@ -14,7 +14,6 @@ from cnnum.lab.scoring.left_out import GRID
 from cnnum.lab.scoring.measures import auc
 from cnnum.lab.scoring.recorded import (
     FLAT,
-
     USKIN,
     flat_folders,
     flat_trial,
@@ -119,9 +118,7 @@ def _shipped(recorded: Recorded) -> dict[str, tuple[list[Floats], list[Floats]]]
     return {"slip_strength": (flat, uskin)}
 
 
-def _change(
-    recorded: Recorded, window: int, incoherent: bool
-) -> tuple[list[Floats], list[Floats]]:
+def _change(recorded: Recorded, window: int, incoherent: bool) -> tuple[list[Floats], list[Floats]]:
     flat, uskin = (
         [baselines.shear_change(trial, window, incoherent=incoherent) for trial in trials]
         for trials in (recorded.flat, recorded.uskin)
@@ -143,7 +140,8 @@ def _chosen(engine: Engine, trials: Sequence[Trial]) -> list[Floats]:
         rest = [trials[n] for n in others]
         best = max(settings, key=lambda scores: pooled(rest, [scores[n] for n in others]))
         quiet = np.concatenate(split(rest, [best[n] for n in others])[1])
-        found.update({n: best[n] / float(np.median(quiet)) for n in mine})
+        unit = float(np.median(quiet)) if len(quiet) else 1.0
+        found.update({n: best[n] / unit for n in mine})
     return [found[n] for n in range(len(trials))]
 
 
@@ -169,9 +167,7 @@ def folds(trials: Sequence[Trial]) -> list[tuple[str, list[int], list[int]]]:
     ]
 
 
-def split(
-    trials: Sequence[Trial], scores: Sequence[Floats]
-) -> tuple[list[Floats], list[Floats]]:
+def split(trials: Sequence[Trial], scores: Sequence[Floats]) -> tuple[list[Floats], list[Floats]]:
     """Return the scores of frames that slip, and of those that do not, a trial each."""
     pairs = list(zip(trials, scores, strict=True))
     return (

@@ -18,12 +18,9 @@ from cnnum.programs.library import get_program
 SLIP, TWIST = "moving_contact", "moving_contact"
 """Programs that report slip and twist."""
 
-OUTPUTS = {
-    SLIP: ("gross_slip", "slip_x", "slip_y", "slip_strength"),
-    TWIST: ("twist", "twist_sense"),
-}
-if SLIP == TWIST:
-    OUTPUTS = {SLIP: ("gross_slip", "slip_x", "slip_y", "slip_strength", "twist", "twist_sense")}
+SLIPS = ("gross_slip", "slip_x", "slip_y", "slip_strength")
+TWISTS = ("twist", "twist_sense")
+OUTPUTS = {SLIP: SLIPS, TWIST: TWISTS} if SLIP != TWIST else {SLIP: (*SLIPS, *TWISTS)}
 
 BATCH = 32
 """Arrays side by side: enough to hide the cost of a launch, few enough to keep in memory."""

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import isfinite, isnan
-from typing import Literal
 
 Value = str | float | int | bool | None
 Row = dict[str, Value]

@@ -70,7 +70,7 @@ def spread(grid: Grid, x: Floats, y: Floats, forces: Floats) -> Floats:
     right, below = column - left, row - top
     made = np.zeros((grid.rows * grid.cols, 3))
     for down, across in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        weight = np.where(down, below, 1 - below) * np.where(across, right, 1 - right)
+        weight = (below if down else 1 - below) * (right if across else 1 - right)
         place = (top + down) * grid.cols + left + across
         for axis in range(3):
             made[:, axis] += np.bincount(place, weight * forces[:, axis], len(made))
@@ -84,9 +84,7 @@ def _trial(array: SimulatedArray, draw: Draw, family: str, body: Dragged, way: F
     way = np.concatenate([np.zeros(len(load) - len(way)), way])
     strain = [
         np.tensordot(
-            np.stack(
-                [body.tractions(array.surface, load[n], way[n]) for n in range(first, last)]
-            ),
+            np.stack([body.tractions(array.surface, load[n], way[n]) for n in range(first, last)]),
             array.influence,
             axes=([1, 2, 3], [2, 3, 4]),
         )

@@ -52,7 +52,7 @@ def force_ramp(draw: Draw, travel: float) -> Pull:
     force = np.arange(1, lasts + 1) / lasts
     grows = travel * (1.0 - (1.0 - np.minimum(force, 0.999)) ** (2 / 3))
     slide = 2e-3 * np.arange(1, draw.scans(SLIDE[1] / 2e-3) + 1) / draw.rate
-    return plain(np.concatenate([grows, travel + slide]))
+    return plain(np.concatenate([grows, travel + slide]).astype(np.float64))
 
 
 def tremor(draw: Draw, travel: float) -> Pull:

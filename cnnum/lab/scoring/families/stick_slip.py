@@ -73,4 +73,4 @@ def _held(hand: Drawn, stretch: float, share: float) -> float:
     """Return the force of the contact (Mindlin), N."""
     use = min(max(abs(stretch) / (share * hand.travel), 0.0), 1.0)
     force = share * hand.limit * (1.0 - (1.0 - use) ** 1.5)
-    return force if stretch >= 0 else -force
+    return float(force) if stretch >= 0 else -float(force)
