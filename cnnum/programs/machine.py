@@ -1,7 +1,8 @@
 """What a program sees of the machine: the frame's channels, its geometry, and local memories."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Hashable, Sequence
 from numbers import Integral
+from typing import TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +12,8 @@ from cnnum.errors import ProgramError, name_error
 from cnnum.graph.nodes import FirstFrame, Graph, Input, Memory, Node, Read
 from cnnum.programs.fields import Field, constant, where
 from cnnum.safety.names import checked_name
+
+Made = TypeVar("Made")
 
 
 class LocalMemory:
@@ -64,6 +67,7 @@ class FrameFields:
     def __init__(self, graph: Graph, channels: Sequence[str]) -> None:
         self._graph = graph
         self.channels = tuple(checked_name("a channel", c, ProgramError) for c in channels)
+        self._made: dict[tuple[object, ...], object] = {}
 
     def __getattr__(self, name: str) -> Field:
         if name.startswith("_") or name not in self.channels:
@@ -124,6 +128,16 @@ class FrameFields:
         if not isinstance(maps, Integral) or maps < 1:
             raise ProgramError(f"A memory holds 1 map or more, a whole number, got {maps!r:.60}.")
         return LocalMemory(self._graph, name, scalar=scalar, logic=logic, maps=int(maps))
+
+    def once(self, make: Callable[..., Made], **settings: Hashable) -> Made:
+        """Return what `make` gives of the frame and the settings, made once for all who ask.
+
+        Programs inside another one share what they start from, its memories too.
+        """
+        key = (make, *sorted(settings.items()))
+        if key not in self._made:
+            self._made[key] = make(self, **settings)
+        return cast(Made, self._made[key])
 
     def previous(self, value: Field) -> Field:
         """Return what `value` was on the frame before; on the first frame, what it is."""

@@ -78,7 +78,7 @@ def _tiles(data: ReportData) -> list[tuple[str, str, bool]]:
         tiles.append(
             (
                 f"{good} of {len(true)}",
-                f"events right, within {MAX_DELAY} frames",
+                "events right",
                 good == len(true),
             )
         )
@@ -171,7 +171,8 @@ def events(number: int, data: ReportData) -> str:
         listed = tables.report_table(data.record.events)
         return section(number, "events", "Events", paragraph(words), listed)
     words = (
-        f"A report is right if it comes within {MAX_DELAY} frames of the truth, points within "
+        f"A report is right if it comes within {MAX_DELAY} frames of the truth (a gross slip up to "
+        "0.3 s after it, a twist from 0.5 s before to 0.3 s after half of it slips), points within "
         f"{np.degrees(MAX_TURN):.0f}° of it, and turns the same way. Directions run from x (right) "
         "towards y (down). A report of something that did not happen is listed as false."
     )

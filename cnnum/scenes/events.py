@@ -1,7 +1,7 @@
 """Events: what is reported when a flag rises or falls, with where, which way and how much."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -171,7 +171,15 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
     ),
     "edge": (EventRule("edge", "edge_count", where=("edge_row", "edge_column")),),
 }
-"""What a scene can want as events: name to rules."""
+"""What a scene can want as events: name to rules. Of slip, `tactile` reports the gross phase; a
+program that tells incipient slip has an output for it."""
+
+
+def rules_that_fit(events: Iterable[str], outputs: Collection[str]) -> tuple[EventRule, ...]:
+    """Return the rules of events that a program with these outputs can follow."""
+    given = set(outputs)
+    rules = (rule for event in events for rule in EVENT_RULES.get(event, ()))
+    return tuple(rule for rule in rules if set(rule.needs) <= given)
 
 
 _NO_GAP = (0.0, 0.0)

@@ -21,7 +21,7 @@ from cnnum.programs.library import get_program
 from cnnum.scenes.bad_frames import BadFrames
 from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for
 from cnnum.scenes.dead_cells import DeadCells
-from cnnum.scenes.events import EVENT_RULES, Event, EventDetector, EventRule
+from cnnum.scenes.events import EVENT_RULES, Event, EventDetector, EventRule, rules_that_fit
 from cnnum.scenes.frame_range import ANY, FrameRange, range_for
 from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene
@@ -282,13 +282,8 @@ def _wants(spec: SceneSpec, outputs: Collection[str]) -> tuple[str, ...]:
     """Return what a scene wants, by name where it wants everything."""
     if EVERYTHING not in spec.wants:
         return spec.wants
-    events = (want for want in EVENT_RULES if _fitting(want, outputs))
+    events = (want for want in EVENT_RULES if rules_that_fit([want], outputs))
     return tuple(dict.fromkeys((*events, *outputs)))
-
-
-def _fitting(want: str, outputs: Collection[str]) -> list[EventRule]:
-    """Return the rules of an event that a program with these outputs can follow."""
-    return [rule for rule in EVENT_RULES.get(want, ()) if set(rule.needs) <= set(outputs)]
 
 
 def _rules(
@@ -303,7 +298,7 @@ def _rules(
     """
     found: list[EventRule] = []
     for want in wants:
-        fitting = _fitting(want, outputs)
+        fitting = rules_that_fit([want], outputs)
         if want in EVENT_RULES and not fitting:
             raise SceneError(
                 f"Scene '{spec.name}' wants '{want}', which the program '{spec.program}' does not "

@@ -8,14 +8,12 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.contact import contact_of
-from cnnum.templates.tactile.contact_mechanics.contact_wrench import place_of
-from cnnum.templates.tactile.contact_mechanics.cover_response import Skin
 from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
 from cnnum.templates.tactile.edges import edges_of
 from cnnum.templates.tactile.localize import localize_of
-from cnnum.templates.tactile.shared.loads import PUSH, loads_of, patch_of
-from cnnum.templates.tactile.slip import slip_of
-from cnnum.templates.tactile.twist import BUMP, RATE, Cover, twist_of
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of
+from cnnum.templates.tactile.slip import slip
+from cnnum.templates.tactile.twist import twist
 
 
 @program
@@ -26,9 +24,10 @@ def tactile(
     depth: float = DEPTH,
     reads: Reads = READS,
     unit: float = 1.0,
-    rate: float = RATE,
-    cover: Cover = "flat",
-    bump: float = BUMP,
+    rate: float = 200.0,
+    rest: float = 0.4,
+    level: float = 0.28,
+    turn: float = 0.1,
 ) -> Mapping[str, Field]:
     """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.
 
@@ -42,13 +41,13 @@ def tactile(
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
     depth, reads
-        See `edges` and `contact`; they are for `slip`, and the depth for `twist_rate`, too.
+        See `edges` and `contact`.
     unit : float
         See `contact`: what a unit of its loads is.
-    rate : float, Hz
-    cover : "flat", "bumpy" or "bumps-fem"
-    bump : float
-        See `slip` and `twist`.
+    rate, rest : float, Hz, s
+        Frames a second, and the time at the start without contact, for `slip` and `twist`.
+    level, turn : float
+        Strengths from which `slip` and `twist` report.
 
     Returns
     -------
@@ -57,11 +56,11 @@ def tactile(
     """
     refuse_outside(depth=(depth, 1e-6, 1e6))
     loads = loads_of(frame, push)
-    place = place_of(loads, patch_of(loads))
+    skin = {"push": push, "rate": rate, "rest": rest}
     return {
         **contact_of(loads, depth=depth, reads=reads, unit=unit),
-        **slip_of(place, Skin(float(depth), reads, cover, float(bump))),
-        **twist_of(place, rate=rate, depth=depth, cover=cover, bump=bump),
+        **slip.bind(**skin, level=level)(frame),
+        **twist.bind(**skin, turn=turn)(frame),
         **edges_of(loads, depth=depth, reads=reads),
         **localize_of(loads),
     }

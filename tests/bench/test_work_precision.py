@@ -147,7 +147,7 @@ def test_a_program_climbs_its_ladder_to_the_truth(monkeypatch):
 
 def test_a_program_without_transients_has_one_row():
     engines = [Engine("numba", precision="float64")]
-    assert bench.count(["grasp_slip"], engines) == 1
+    assert bench.count(["grasp_code"], engines) == 1
     assert bench.count(["slip"], engines) == len(program_rungs.LADDER)
 
 

@@ -119,7 +119,7 @@ def test_a_program_without_a_check_says_so(call):
 
 
 def test_slip_and_twist_are_checked(call, records, fast):
-    names = ("slip", "twist", "tactile", "grasp_slip")
+    names = ("slip", "twist", "tactile")
     result = call("templates", "check", *names, "--engine", fast.name, "--json")
     assert result.exit_code == 0, result.stderr
     found = records(result.stdout)

@@ -15,7 +15,7 @@ from cnnum.lab.bench.samples import scene_frames
 from cnnum.plan import Explanation, Plan
 from cnnum.programs.library import get_program, program_names
 from cnnum.scenes.conversion import AsRead
-from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule
+from cnnum.scenes.events import EVENT_RULES, EventDetector, EventRule, rules_that_fit
 from cnnum.scenes.frame_range import unit_range
 from cnnum.scenes.pipeline import FramePath
 
@@ -52,8 +52,10 @@ class Subject:
 
     def plan(self, engine: Engine) -> Plan:
         """Return the plan, as a scene that wants these events has it."""
-        needs = [name for event in self.events for r in EVENT_RULES[event] for name in r.needs]
-        return engine.compile(get_program(self.program), SHAPE, list(dict.fromkeys(needs)) or None)
+        program = get_program(self.program)
+        rules = rules_that_fit(self.events, program.trace(SHAPE).outputs) if self.events else ()
+        needs = [name for rule in rules for name in rule.needs]
+        return engine.compile(program, SHAPE, list(dict.fromkeys(needs)) or None)
 
 
 BOTH = Subject("slip and twist", "tactile", ("slip", "twist"))
@@ -157,8 +159,7 @@ def measure_latency(
 
 def rules_of(plan: Plan) -> tuple[EventRule, ...]:
     """Return the rules of all events that a plan has the outputs for."""
-    given = set(plan.schedule.outputs)
-    return tuple(r for rules in EVENT_RULES.values() for r in rules if set(r.needs) <= given)
+    return rules_that_fit(EVENT_RULES, plan.schedule.outputs)
 
 
 class _Frames:

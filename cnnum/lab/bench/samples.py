@@ -71,11 +71,11 @@ def frames(batch: int, shape: Shape, channels: int = 3) -> NDArray[np.float32]:
     return maps(batch, *shape, channels).astype(np.float32)
 
 
-TOUCHED = 18
-"""First frame of `touch` with a contact: programs take 16 to learn what rest is."""
+TOUCHED = 82
+"""First frame of `touch` with a contact: programs take up to 80 to learn what rest is."""
 
 
-def touch(count: int = 28, shape: Shape = (8, 8)) -> NDArray[np.float32]:
+def touch(count: int = TOUCHED + 10, shape: Shape = (8, 8)) -> NDArray[np.float32]:
     """Return frames of a stream: noise, then a contact that is pushed and pulled."""
     rows, cols = shape
     row, col = np.mgrid[:rows, :cols]

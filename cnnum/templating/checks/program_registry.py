@@ -5,18 +5,14 @@ from types import MappingProxyType
 
 from cnnum.templating.checks.program_records import ProgramForm
 from cnnum.templating.checks.tactile import codes as tactile_codes
-from cnnum.templating.checks.tactile import grasps as tactile_grasps
 from cnnum.templating.checks.tactile import halfspace as tactile_halfspace
-from cnnum.templating.checks.tactile import moving_contact as tactile_moving_contact
 from cnnum.templating.checks.tactile import outlines as tactile_outlines
-from cnnum.templating.checks.tactile import slip as tactile_slip
+from cnnum.templating.checks.tactile import slip_and_twist as tactile_slip_and_twist
 
 _KINDS = (
     tactile_outlines.FORMS,
     tactile_codes.FORMS,
-    tactile_slip.FORMS,
-    tactile_grasps.FORMS,
-    tactile_moving_contact.FORMS,
+    tactile_slip_and_twist.FORMS,
     tactile_halfspace.FORMS,
 )
 _FORMS: Mapping[str, tuple[ProgramForm, ...]] = MappingProxyType(

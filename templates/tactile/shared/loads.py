@@ -10,7 +10,6 @@ from cnnum.frame import FORCE_AXES
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply
-from cnnum.templates.tactile.cover_model.deconvolution import filter_template
 from cnnum.templating.library import get_template
 
 SETTLE = 16
@@ -44,18 +43,6 @@ ROUNDING = 1e-6
 PUSH = -1.0
 """Sign of strain and stress under a push: what a calibrated array gives."""
 
-BETWEEN = ((-0.25, 0.5, -0.25), (0.5, 0.0, 0.5), (-0.25, 0.5, -0.25))
-"""Of its eight neighbours' loads, that of a taxel that is broken: right for every cubic surface
-(central differences), where the mean of four cuts off peaks. Without it a centre is 0.04 to 0.08
-pitches off (RMS; one broken taxel near 40 spheres on 8×8 and 4×4), with it as much as with none."""
-
-ENOUGH = 0.2
-"""Sum of these weights that neighbours must have that are not broken themselves."""
-
-RIM = 0.1
-"""Share of the peak load that is taken off before loads are weighed, so that the elastic
-surroundings of a contact do not pull at its centre."""
-
 
 @dataclass(frozen=True, slots=True)
 class Loads:
@@ -75,8 +62,6 @@ class Loads:
         tell where a contact is, only healthy ones what acts on it.
     alive : Field
         Logic map: taxels that read something, be it noise at rest.
-    breaks : Field
-        Flag: a taxel broke in this frame, under a contact.
     """
 
     frame: FrameFields
@@ -89,30 +74,6 @@ class Loads:
     sound: Field
     healthy: Field
     alive: Field
-    breaks: Field
-
-
-@dataclass(frozen=True, slots=True)
-class Patch:
-    """Where a contact is and how much it carries.
-
-    Attributes
-    ----------
-    weight : Field
-        Normal load above the rim, a map; of broken taxels what their neighbours say.
-    load : Field
-        Its sum.
-    row, column : Field
-        Its centroid, cells.
-    spread : Field
-        Its radius of gyration, cells.
-    """
-
-    weight: Field
-    load: Field
-    row: Field
-    column: Field
-    spread: Field
 
 
 def loads_of(frame: FrameFields, push: float) -> Loads:
@@ -132,7 +93,7 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     rest = {name: frame.memory() for name in FORCE_AXES}
     shear, normal = _Noise(frame, ("shear_x", "shear_y")), _Noise(frame, ("normal",))
     above = push * (frame.normal - rest["normal"].value)
-    broken, breaks = _broken(frame, touched.value, normal, abs(above))
+    broken = _broken(frame, touched.value, normal, abs(above))
     sound = normal.healthy & ~_astray(normal, rest["normal"].value) & ~broken
     aside = abs(rest["shear_x"].value) + abs(rest["shear_y"].value)
     peak = where(sound, above, 0.0).max()
@@ -163,7 +124,6 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
         sound=sound,
         healthy=sound & shear.healthy & ~_astray(shear, aside),
         alive=normal.alive | (abs(z) > 0.0),
-        breaks=breaks,
     )
 
 
@@ -173,10 +133,8 @@ def _astray(noise: "_Noise", rest: Field) -> Field:
     return far > ASTRAY * maximum(square(sqrt(far).mean()), sqrt(noise.held))
 
 
-def _broken(
-    frame: FrameFields, touched: Field, normal: "_Noise", above: Field
-) -> tuple[Field, Field]:
-    """Return the taxels that broke under a contact, and whether any did in this frame.
+def _broken(frame: FrameFields, touched: Field, normal: "_Noise", above: Field) -> Field:
+    """Return the taxels that broke under a contact.
 
     One is broken until it reads as at rest again while nothing touches.
     """
@@ -190,23 +148,7 @@ def _broken(
     back = ~touched & (above < LIFT * sqrt(normal.held))
     broken = new | (latch.value & ~back)
     latch.store(broken)
-    return broken, new.any()
-
-
-def patch_of(loads: Loads) -> Patch:
-    """Return where the contact is: moments of the normal load above its rim."""
-    frame, reads = loads.frame, loads.sound & loads.alive
-    known = where(reads, loads.normal, 0.0)
-    rim = RIM * known.max() + LIFT * sqrt(loads.normal_noise)
-    around = filter_template("between", BETWEEN, "What lies between neighbours, to third order.")
-    share = apply(around, input=where(reads, 1.0, 0.0))
-    between = apply(around, input=known) / maximum(share, ENOUGH)
-    normal = where(reads, known, where(share > ENOUGH, between, 0.0))
-    weight = where(loads.contact, maximum(normal - rim, 0.0), 0.0)
-    load = weight.sum()
-    row, column = (weight * frame.row).sum() / load, (weight * frame.column).sum() / load
-    away = square(frame.row - row) + square(frame.column - column)
-    return Patch(weight, load, row, column, sqrt((weight * away).sum() / load))
+    return broken
 
 
 def square(value: Field) -> Field:

@@ -55,6 +55,12 @@ def made_events() -> tuple[Event, ...]:
     )
 
 
+def made_flags() -> dict[str, Any]:
+    """What a program with every phase reports."""
+    names = ("incipient_slip", "gross_slip", "twist")
+    return {"contact": during((22, 109)), **{name: during((0, 0)) for name in names}}
+
+
 def explained(program: str, channels: tuple[str, ...], ops: int, *left: LeftOut) -> Explanation:
     return Explanation(
         program=program,
@@ -100,7 +106,7 @@ def record() -> SceneRecord:
         times=np.arange(FRAMES) / RATE,
         values=values,
         push=-1,
-        outputs={"contact": during((22, 109)), "contact_map": contact_map},
+        outputs={**made_flags(), "contact_map": contact_map},
         events=made_events(),
         truth=made_truth(),
         seconds=seconds,

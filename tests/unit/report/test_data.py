@@ -32,7 +32,7 @@ def test_series_have_seven_digits(tree: Any, record: SceneRecord) -> None:
     assert tree["truth"].keys() == record.truth.keys()
     for name, values in record.truth.items():
         same(tree["truth"][name], values)
-    assert tree["outputs"].keys() == {"contact"}
+    assert tree["outputs"].keys() == {"contact", "incipient_slip", "gross_slip", "twist"}
     same(tree["outputs"]["contact"], record.outputs["contact"])
 
 

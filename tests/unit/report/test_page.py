@@ -133,7 +133,7 @@ def test_a_failing_event_is_shown_as_failing(record: SceneRecord) -> None:
     reader = read(page(ReportData(wrong)))
     failed = {cells[0].strip(): cells for kind, cells in reader.rows if kind}
     assert failed.keys() == {"contact", "incipient slip", "gross slip", "twist", "release"}
-    assert failed["twist"][-1].strip() == "✗ 15 frames early; wrong sense"
+    assert failed["twist"][-1].strip() == "✗ wrong sense"
     assert failed["gross slip"][-1].strip() == "✗ missed"
     assert "5 of 5 events of “made & up” are wrong" in reader.text["h1"]
 

@@ -1,6 +1,6 @@
 """Slip and twist by what moves in a contact, frame by frame in NumPy and double precision.
 
-The oracle of the program `moving_contact`: it knows no templates, no graph and no engine.
+The oracle of the programs `slip` and `twist`: it knows no templates, no graph and no engine.
 """
 
 from dataclasses import dataclass, field
@@ -9,10 +9,13 @@ import numpy as np
 
 from cnnum.arrays import Floats
 
+FAST, SPREAD, HOLD = 0.02, 4.0, 0.5
+"""Smoothing, s; diffusion time, cells²; share of a level below which a report ends."""
+
 
 @dataclass(frozen=True, slots=True)
 class Constants:
-    """Parameters of the program under the same names; times in s, rates in 1/s."""
+    """Parameters of the programs under the same names; times in s, rates in 1/s."""
 
     push: float = -1.0
     shear_gain: float = 1.0
@@ -20,17 +23,15 @@ class Constants:
     pads: int = 1
     rate: float = 200.0
     rest: float = 0.4
-    fast: float = 0.02
     look: float = 0.08
-    spread: float = 4.0
     load: float = 0.35
     floor: float = 240.0
     still: float = 0.25
     pull: float = 0.75
     swing: float = 0.3
     level: float = 0.28
-    hold: float = 0.5
     turn: float = 0.1
+    hold_time: float = 0.1
 
     @property
     def quiet(self) -> int:
@@ -63,44 +64,63 @@ def diffused(values: Floats, time: float) -> Floats:
 
 
 @dataclass(slots=True)
+class Latch:
+    """A flag: on above a level, off when below a share of it for longer than a time."""
+
+    level: float
+    frames: float
+    on: bool = False
+    low: int = 0
+
+    def step(self, value: float) -> bool:
+        """Return the flag after a value."""
+        self.low = 0 if value > HOLD * self.level else self.low + 1
+        self.on = value > self.level or (self.on and self.low <= self.frames)
+        return self.on
+
+
+@dataclass(slots=True)
 class MovingContact:
     """What is kept from frame to frame, one frame a call."""
 
     c: Constants
+    slips: Latch
+    turns: Latch
     frames: list[Floats] = field(default_factory=list[Floats])
-    noise: float = 0.0
     maps: dict[str, Floats] = field(default_factory=dict[str, Floats])
+    rest: Floats = field(default_factory=lambda: np.zeros(1))
+    noise: float = 0.0
     trend: float = 0.0
     mass: float = 0.0
-    offsets: Floats | None = None
-    slips: bool = False
-    turns: bool = False
+    offsets: Floats = field(default_factory=lambda: np.zeros(1))
 
     def step(self, frame: Floats) -> dict[str, float]:
         """Return the outputs of a frame (rows, cols, 3): shear x, shear y, normal."""
-        if len(self.frames) < self.c.quiet:
+        c, resting = self.c, len(self.frames) < self.c.quiet
+        if resting:
             self.frames.append(frame)
-            return dict.fromkeys(OUTPUTS, 0.0)
-        starts = self.offsets is None
-        if starts:
             self._learn()
-        c = self.c
-        above = c.push * (frame - np.mean(self.frames, axis=0))
+        above = c.push * (frame - self.rest)
         now = {"z": np.maximum(above[..., 2], 0.0)}
         now |= {"x": c.shear_gain * above[..., 0], "y": c.shear_gain * above[..., 1]}
         for name, value in now.items():
-            held = self.maps.get(name, value)
-            now[name] = self.maps[name] = held + c.step(c.fast) * (value - held)
-        if starts:
-            self.maps |= {f"old {name}": value for name, value in now.items()}
-        old = {name: self.maps[f"old {name}"] for name in now}
+            held = self.maps.get(name, 0.0 * value)
+            now[name] = self.maps[name] = held + c.step(FAST) * (value - held)
+        old = {name: self.maps.get(f"old {name}", 0.0 * value) for name, value in now.items()}
         for name, value in now.items():
             self.maps[f"old {name}"] = old[name] + c.step(c.look) * (value - old[name])
-        return self._decided(now, self._read(now, old), starts)
+        pads = self._read(now, old)
+        if resting:
+            self.mass = float(np.mean([pad["mass"] for pad in pads]))
+            self.offsets = np.array([pad["curl"] for pad in pads])
+            return dict.fromkeys(OUTPUTS, 0.0)
+        return self._decided(now, pads)
 
     def _learn(self) -> None:
         normal = np.stack(self.frames)[..., 2]
-        self.noise = float(np.sqrt((np.diff(normal, axis=0) ** 2).mean() / 2.0))
+        self.rest = np.mean(self.frames, axis=0)
+        if len(self.frames) > 1:
+            self.noise = float(np.sqrt((np.diff(normal, axis=0) ** 2).mean() / 2.0))
         self.noise = max(self.noise, 1e-6 * float(np.abs(normal.mean(axis=0)).max()))
 
     def _read(self, now: dict[str, Floats], old: dict[str, Floats]) -> list[dict[str, float]]:
@@ -108,7 +128,7 @@ class MovingContact:
         c = self.c
         per_s = c.rate * c.step(c.look)
         change = {axis: per_s * (now[axis] - old[axis]) for axis in "xy"}
-        loose = {axis: change[axis] - diffused(change[axis], c.spread) for axis in "xy"}
+        loose = {axis: change[axis] - diffused(change[axis], SPREAD) for axis in "xy"}
         curl = central(now["y"], 1) - central(now["x"], 0)
         wide = now["z"].shape[1] // c.pads
         found: list[dict[str, float]] = []
@@ -141,25 +161,22 @@ class MovingContact:
             })  # fmt: skip
         return found
 
-    def _decided(
-        self, now: dict[str, Floats], pads: list[dict[str, float]], starts: bool
-    ) -> dict[str, float]:
+    def _decided(self, now: dict[str, Floats], pads: list[dict[str, float]]) -> dict[str, float]:
         c = self.c
         mean = {name: float(np.mean([pad[name] for pad in pads])) for name in pads[0]}
         mass, jolt = mean["mass"], abs(mean["jolt"]) / mean["mass"]
-        growth = 0.0 if starts else c.rate * (mass - self.mass) / mass
+        growth = c.rate * (mass - self.mass) / mass
         self.trend, self.mass = self.trend + c.step(c.load) * (growth - self.trend), mass
         strength = np.cbrt(mean["moves"] ** 2 * mean["loosens"]) * mean["ratio"]
         strength /= c.still + abs(self.trend) + c.swing * jolt + c.pull * mean["grows"]
         if c.axes:
             strength *= max(0.0, 1.0 + mean["along"]) / 1.5
         curls = np.array([pad["curl"] for pad in pads])
-        if self.offsets is None or jolt > c.still:
+        if jolt > c.still:
             self.offsets = curls
         turned = float(max(curls - self.offsets, key=abs))
-        self.slips = bool(strength > c.level * (c.hold if self.slips else 1.0))
-        far = abs(turned) > c.turn * (c.hold if self.turns else 1.0)
-        self.turns = bool(far and abs(turned) > mean["ratio"])
+        slips = self.slips.step(strength)
+        turns = self.turns.step(abs(turned) if abs(turned) > mean["ratio"] else 0.0)
         most = max(pads, key=lambda pad: float(np.hypot(pad["x"], pad["y"])))
         force = max(float(np.hypot(most["x"], most["y"])), 1e-300)
         weight = now["z"] ** 2 / max((now["z"] ** 2).sum(), 1e-300)
@@ -168,8 +185,8 @@ class MovingContact:
             for axis, cells in enumerate(weight.shape)
         )
         values = (
-            self.slips, most["x"] / force, most["y"] / force, float(strength), self.turns,
-            float(np.sign(turned)) * self.turns, abs(turned), row, column,
+            slips, most["x"] / force, most["y"] / force, float(strength), turns,
+            float(np.sign(turned)) * turns, abs(turned), row, column,
         )  # fmt: skip
         return dict(zip(OUTPUTS, map(float, values), strict=True))
 
@@ -182,6 +199,7 @@ OUTPUTS = (
 
 def played(frames: Floats, c: Constants) -> dict[str, Floats]:
     """Return the outputs of a stream (frames, rows, cols, 3) by name, a number a frame."""
-    contact = MovingContact(c)
+    frames_held = c.hold_time * c.rate + 1e-6
+    contact = MovingContact(c, Latch(c.level, frames_held), Latch(c.turn, frames_held))
     steps = [contact.step(frame) for frame in frames]
     return {name: np.array([step[name] for step in steps]) for name in OUTPUTS}
