@@ -130,8 +130,14 @@ def test_auc_is_the_chance_that_a_slip_scores_higher():
 
 def test_a_latch_stays_on_down_to_its_share():
     values = np.array([0.0, 0.5, 1.1, 0.7, 0.51, 0.5, 0.9, 1.2, 0.6])
-    expected = [0, 0, 1, 1, 1, 0, 0, 1, 1]
-    np.testing.assert_array_equal(latched(values, 1.0, 0.5), expected)
+    np.testing.assert_array_equal(latched(values, 1.0, 0.5, 0), [0, 0, 1, 1, 1, 0, 0, 1, 1])
+
+
+def test_a_latch_waits_before_it_goes_off():
+    values = np.array([0.1, 0.1, 1.1, 0.4, 0.6, 0.4, 0.4, 0.4, 0.6, 1.1, 0.3])
+    np.testing.assert_array_equal(latched(values, 1.0, 0.5, 1), [0, 0, 1, 1, 1, 1, 0, 0, 0, 1, 1])
+    np.testing.assert_array_equal(latched(values, 1.0, 0.5, 2), [0, 0, 1, 1, 1, 1, 1, 0, 0, 1, 1])
+    np.testing.assert_array_equal(latched(values, 1.0, 0.5, 3), [0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1])
 
 
 def test_medians_do_not_mix_what_never_came():

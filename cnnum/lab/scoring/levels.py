@@ -8,8 +8,8 @@ import numpy as np
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import FOUND, Scenes
 from cnnum.lab.scoring.judge import NEAR, judge
-from cnnum.lab.scoring.measures import latched, median, per_ten_minutes, share
-from cnnum.lab.scoring.subject import default
+from cnnum.lab.scoring.measures import median, per_ten_minutes, share
+from cnnum.lab.scoring.subject import default, reports
 from cnnum.lab.scoring.table import Column, Row, Table
 
 LEVELS = (0.15, 0.20, 0.25, 0.28, 0.32, 0.36, 0.40, 0.45, 0.50, 0.60)
@@ -52,9 +52,8 @@ class Outcome:
 
 def outcome(scenes: Scenes, family: str, level: float) -> Outcome:
     """Return what a family comes to at a level of `slip_strength`."""
-    hold = default("hold")
     pairs = zip(scenes.trials[family], scenes.answers[family], strict=True)
-    verdicts = [judge(t, a, latched(a["slip_strength"], level, hold)) for t, a in pairs]
+    verdicts = [judge(t, a, reports(a["slip_strength"], level, t.rate)) for t, a in pairs]
     slides = [one for one in verdicts if one.slides]
     slid = tuple(one.slid if one.found else float("inf") for one in slides)
     return Outcome(

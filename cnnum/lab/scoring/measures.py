@@ -41,19 +41,23 @@ def auc(with_label: Floats, without: Floats) -> float:
     return (ranks - high * (high + 1) / 2) / (high * low)
 
 
-def latched(values: Floats, level: float, hold: float) -> Flags:
-    """Return the flags of a bistable latch: on above a level, off at a share of it.
+def latched(values: Floats, on: float, off: float, frames: int) -> Flags:
+    """Return the flags of a bistable latch: on above a level, off when low for some frames.
 
     Parameters
     ----------
     values : (frames,) float
-    level, hold : float
+    on, off : float
+        What is not above `off` is low.
+    frames : int
+        Low frames before the one in which the flag goes off.
 
     Returns
     -------
     (frames,) bool
     """
-    on, off = values > level, values <= hold * level
-    place = np.arange(len(values))
-    decided = np.maximum.accumulate(np.where(on | off, place, -1))
-    return np.asarray((decided >= 0) & on[decided])
+    place, high = np.arange(len(values)), values > off
+    low_before = place - np.maximum.accumulate(np.where(high, place, -1)) - 1
+    goes_on, goes_off = values > on, ~high & (low_before >= frames)
+    decided = np.maximum.accumulate(np.where(goes_on | goes_off, place, -1))
+    return np.asarray((decided >= 0) & goes_on[decided])

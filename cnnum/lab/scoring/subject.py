@@ -4,6 +4,7 @@ import inspect
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
+from math import ceil
 from typing import Any
 
 import numpy as np
@@ -11,16 +12,19 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.frame import FORCE_AXES
-from cnnum.lab.scoring.trial import Trial
+from cnnum.lab.scoring.measures import latched
+from cnnum.lab.scoring.trial import Flags, Trial
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
+from cnnum.templates.tactile.shared.recent_loads import HOLD
 
-SLIP, TWIST = "moving_contact", "moving_contact"
+SLIP, TWIST = "slip", "twist"
 """Programs that report slip and twist."""
 
-SLIPS = ("gross_slip", "slip_x", "slip_y", "slip_strength")
-TWISTS = ("twist", "twist_sense")
-OUTPUTS = {SLIP: SLIPS, TWIST: TWISTS} if SLIP != TWIST else {SLIP: (*SLIPS, *TWISTS)}
+OUTPUTS = {
+    SLIP: ("gross_slip", "slip_x", "slip_y", "slip_strength"),
+    TWIST: ("twist", "twist_sense"),
+}
 
 BATCH = 32
 """Arrays side by side: enough to hide the cost of a launch, few enough to keep in memory."""
@@ -31,6 +35,22 @@ Answers = dict[str, Floats]
 def default(name: str) -> float:
     """Return the value of a parameter of the slip program, as shipped."""
     return float(inspect.signature(get_program(SLIP).function).parameters[name].default)
+
+
+def reports(strength: Floats, level: float, rate: float) -> Flags:
+    """Return the flags of slip at another level than the shipped one, as the program has them.
+
+    Parameters
+    ----------
+    strength : (frames,) float
+    level : float
+    rate : float, Hz
+
+    Returns
+    -------
+    (frames,) bool
+    """
+    return latched(strength, level, HOLD * level, ceil(default("hold_time") * rate - 0.5))
 
 
 @dataclass(frozen=True, slots=True)
