@@ -242,13 +242,15 @@ def test_a_grasp_is_read_with_labels_from_its_marker(flat):
 def test_recordings_are_scored_with_each_object_left_out(flat, engine, monkeypatch):
     monkeypatch.setattr(recordings, "GRID", recordings.GRID[::8])
     made = score(Request(("recordings",), recordings=flat), engine)
-    scores, reports = made
+    scores, found, levels = made
     assert [column.key for column in scores.columns][2:4] == ["object_5", "object_7"]
     rows = {row["score"]: row for row in scores.rows}
     assert rows["incoherent change, 1 frame"]["pooled"] > 0.9
     assert "constants chosen without the object" in rows
-    assert [row["group"] for row in reports.rows] == ["5", "7", "all objects"]
-    assert [row["slips"] for row in reports.rows] == [1, 1, 2]
+    assert [row["group"] for row in found.rows] == ["5", "7", "all objects"]
+    assert [row["slips"] for row in found.rows] == [1, 1, 2]
+    shipped = next(row for row in levels.rows if row["group"] == default("level"))
+    assert {**shipped, "group": "all objects"} == found.rows[-1]
 
 
 @pytest.mark.skipif(
@@ -256,9 +258,9 @@ def test_recordings_are_scored_with_each_object_left_out(flat, engine, monkeypat
 )
 def test_the_labelled_trials_reach_their_aims(engine, tmp_path):
     (tmp_path / "uskin_grasp").symlink_to(Path(RECORDINGS, "uskin_grasp").resolve())
-    scores, reports, trials = score(Request(("recordings",), recordings=tmp_path), engine)
+    scores, found, trials = score(Request(("recordings",), recordings=tmp_path), engine)
     assert scores.rows[0]["uskin"] > 0.96
-    (row,) = reports.rows
+    (row,) = found.rows
     assert (row["slips"], row["found"], row["quiet"]) == (3, 3, 2)
     assert row["quiet_reported"] <= 1
     assert row["rows"] <= 10

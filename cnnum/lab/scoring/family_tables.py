@@ -22,26 +22,26 @@ FOUND, SENSE, FALSE = 0.95, 0.98, 1.0
 
 SLIPS = (
     Column("family", "family"),
-    Column("about", "apart by"),
+    Column("about", "apart by", explains=True),
     Column("scenes", "scenes"),
     Column("found", "found", 2, least=FOUND),
-    Column("slid_mm", "slid before, mm", 2, most=NEAR * 1e3),
+    Column("slid_mm", "slid, mm", 2, most=NEAR * 1e3),
     Column("near", "by 0.3 mm"),
-    Column("turned", "direction off, °", 1),
-    Column("false", "false / 10 min", 1),
-    Column("twists", "with a twist", 2, most=1 - SENSE),
+    Column("turned", "off, °", 1),
+    Column("false", "false / 10 min", 1, most=FALSE),
+    Column("twists", "twist, too", 2, most=1 - SENSE),
 )
 TWISTS = (
     Column("family", "family"),
-    Column("about", "apart by"),
+    Column("about", "apart by", explains=True),
     Column("scenes", "scenes"),
     Column("found", "found"),
     Column("sense", "sense right", 2, least=SENSE),
-    Column("slips", "with a slip", 2, most=1 - SENSE),
+    Column("slips", "slip, too", 2, most=1 - SENSE),
 )
 HELD = (
     Column("family", "family"),
-    Column("about", "apart by"),
+    Column("about", "apart by", explains=True),
     Column("scenes", "scenes"),
     Column("minutes", "minutes", 1),
     Column("false", "false / 10 min", 1, most=FALSE),
@@ -140,9 +140,9 @@ def tables(scenes: Scenes) -> list[Table]:
 
 
 SLIPS_NOTE = (
-    "Found: slip is reported while the object slips. Slid before: median of the sliding before "
-    "that report. False: reports that begin more than 0.1 s before the slip, while the contact "
-    "sticks on more than half its radius."
+    "Found: slip is reported while the object slips. Slid: median of the sliding before that "
+    "report. Off: median error of its direction. False: reports that begin more than 0.1 s before "
+    "the slip, while the contact sticks on more than half its radius. Twist, too: share of scenes."
 )
 TWISTS_NOTE = "Sense right: a twist is reported, and never in the other sense."
 HELD_NOTE = "Each report of slip is false, each of its own if the flag goes out in between."

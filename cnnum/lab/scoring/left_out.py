@@ -26,7 +26,7 @@ COLUMNS = (
     Column("pull", "pull"),
     Column("level", "level"),
     Column("found", "found", 2, least=FOUND),
-    Column("slid_mm", "slid before, mm", 2, most=NEAR * 1e3),
+    Column("slid_mm", "slid, mm", 2, most=NEAR * 1e3),
     Column("near", "by 0.3 mm"),
     Column("false", "false / 10 min", 1, most=FALSE),
 )

@@ -19,7 +19,7 @@ COLUMNS = (
     Column("found", "found", 3),
     Column("families", f"families ≥ {FOUND:g}"),
     Column("near", "by 0.3 mm", 3),
-    Column("slid_mm", "slid before, mm"),
+    Column("slid_mm", "slid, mm"),
     Column("false", "false / 10 min", 1),
     Column("still_false", "without rolling", 1),
 )

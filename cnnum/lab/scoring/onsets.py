@@ -3,10 +3,13 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from cnnum.arrays import Floats
 from cnnum.lab.scoring.judge import judge
+from cnnum.lab.scoring.levels import LEVELS
 from cnnum.lab.scoring.measures import median, per_ten_minutes
-from cnnum.lab.scoring.subject import Answers
+from cnnum.lab.scoring.subject import Answers, default, reports
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.lab.scoring.trial import Flags, Trial, runs
 
@@ -77,6 +80,19 @@ def report_table(groups: Mapping[str, tuple[Sequence[Trial], Sequence[Answers]]]
     """Return one row a group of trials."""
     rows = [_row(name, *group) for name, group in groups.items()]
     return Table("reports", "Reports in real recordings", NOTE, COLUMNS, rows)
+
+
+def recorded_levels(trials: Sequence[Trial], answers: Sequence[Answers]) -> Table:
+    """Return one row a level, all trials together."""
+    rows: list[Row] = []
+    for level in sorted({*LEVELS, default("level")}):
+        said = [
+            {**a, "gross_slip": reports(a["slip_strength"], level, t.rate).astype(np.float64)}
+            for t, a in zip(trials, answers, strict=True)
+        ]
+        rows.append({**_row("", trials, said), "group": level})
+    columns = (Column("group", "level"), *COLUMNS[1:])
+    return Table("recorded-levels", "Level against real reports", NOTE, columns, rows)
 
 
 def _row(name: str, trials: Sequence[Trial], answers: Sequence[Mapping[str, Floats]]) -> Row:

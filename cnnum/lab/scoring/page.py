@@ -72,15 +72,17 @@ def _foot(environment: Environment) -> str:
 
 def _sections(tables: Sequence[Table]) -> Iterator[str]:
     for number, each in enumerate(tables, 1):
-        head = [f"{column.title} ({column.aim})".replace(" ()", "") for column in each.columns]
+        shown = [column for column in each.columns if not column.explains]
+        head = [f"{column.title} ({column.aim})".replace(" ()", "") for column in shown]
         rows = ((False, _cells(each, row)) for row in each.rows)
         inside = table(head, rows, style="fold")
         yield section(number, each.name, each.title, paragraph(each.note, "note"), inside)
 
 
 def _cells(each: Table, row: Row) -> list[Cell]:
-    first, *others = each.columns
-    cells = [Cell(first.text(row.get(first.key)), strong=True)]
+    first, *others = (column for column in each.columns if not column.explains)
+    more = ", ".join(c.text(row.get(c.key)) for c in each.columns if c.explains)
+    cells = [Cell(first.text(row.get(first.key)), more, strong=True)]
     for column in others:
         value = row.get(column.key)
         cells.append(Cell(column.text(value), style=STYLES[column.reached(value)]))

@@ -10,7 +10,7 @@ from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import drawn, played, tables
 from cnnum.lab.scoring.left_out import GRID, choices, left_out_table
 from cnnum.lab.scoring.levels import level_table
-from cnnum.lab.scoring.onsets import report_table, trial_table
+from cnnum.lab.scoring.onsets import recorded_levels, report_table, trial_table
 from cnnum.lab.scoring.recorded import flat_folders, uskin_folders
 from cnnum.lab.scoring.recordings import Recorded, read, score_table
 from cnnum.lab.scoring.subject import Answers, Subject
@@ -116,7 +116,11 @@ def _recordings(
     if uskin:
         groups["uSkin trials"] = (uskin, recorded.uskin_answers)
     made = [score_table(engine, recorded), report_table(groups)]
-    return [*made, trial_table(uskin, recorded.uskin_answers)] if uskin else made
+    if flat:
+        made.append(recorded_levels(flat, recorded.flat_answers))
+    if uskin:
+        made.append(trial_table(uskin, recorded.uskin_answers))
+    return made
 
 
 def _grouped(

@@ -22,6 +22,8 @@ class Column:
         After the point.
     least, most : float, optional
         The aim: what numbers should reach, or stay under.
+    explains : bool
+        Whether it says more of what the first column names.
     """
 
     key: str
@@ -29,6 +31,7 @@ class Column:
     digits: int = 2
     least: float | None = None
     most: float | None = None
+    explains: bool = False
 
     @property
     def aim(self) -> str:
