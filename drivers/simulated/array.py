@@ -1,6 +1,6 @@
 """The driver of the simulated array."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -11,13 +11,14 @@ from cnnum.drivers.driver import Closing, Counters
 from cnnum.drivers.simulated.cover import Layout
 from cnnum.drivers.simulated.creep import Creeping
 from cnnum.drivers.simulated.influence import influence_of
-from cnnum.drivers.simulated.motion import commands, largest_load, total_scans
+from cnnum.drivers.simulated.motion import Command, commands, largest_load, total_scans
 from cnnum.drivers.simulated.settings import Settings
 from cnnum.drivers.simulated.springs import Pair, Springs, State
 from cnnum.drivers.simulated.tractions import Tractions
 from cnnum.drivers.simulated.truth import truth_of
 from cnnum.errors import PhysicsError
 from cnnum.frame import Frame, Quality, Truth
+from cnnum.tactile.grid import Grid
 from cnnum.tactile.taxel import SIDES, Calibration, Coupling, Reading, Readout, Taxel
 
 CHUNK = 32
@@ -36,6 +37,8 @@ class SimulatedArray(Closing):
         The exact way back from voltages to strain at the taxels.
     total_frames : int
         Scans of the whole script.
+    surface : Grid
+        Cells of the cover that tractions act on.
     influence : (rows, cols, surface rows, surface cols, load, component) float, 1/Pa
         Strain at each taxel under a unit traction on each cell: costly for large arrays, so
         that another array of the same taxels and cover may be given it.
@@ -54,7 +57,7 @@ class SimulatedArray(Closing):
         self.rate = options.rate
         self._springs = _springs(options)
         layout = Layout(options.shape, options.pitch)
-        self._surface = layout.surface
+        self.surface: Grid = layout.surface
         self._tractions = Tractions(self._springs, layout.surface)
         self.influence = influence_of(options, layout) if influence is None else influence
         self._creeping = Creeping(options)
@@ -99,8 +102,12 @@ class SimulatedArray(Closing):
 
     def scans(self) -> Iterator[tuple[State, Truth]]:
         """Yield the contact and the ground truth at every scan, without what the array reads."""
+        yield from self.follow(commands(self._options.script, self.rate))
+
+    def follow(self, hand: Iterable[Command]) -> Iterator[tuple[State, Truth]]:
+        """Yield the contact and the ground truth as a hand moves, one command a scan."""
         state, turned = self._springs.rest(self._options.start), 0.0
-        for command in commands(self._options.script, self.rate):
+        for command in hand:
             state = self._springs.step(state, command)
             turn = command.turn if state.load > 0 else 0.0
             turned = turned + turn if state.load > 0 else 0.0
@@ -139,7 +146,7 @@ class SimulatedArray(Closing):
         )
 
     def _check_inside(self, states: list[State]) -> None:
-        edge = np.array([self._surface.x_edges[-1], self._surface.y_edges[-1]])
+        edge = np.array([self.surface.x_edges[-1], self.surface.y_edges[-1]])
         for state in states:
             if (np.abs(state.position) + state.contact_radius > edge).any():
                 x, y = state.position * 1e3

@@ -23,6 +23,8 @@ class Command:
         About the normal.
     give : float
         Share of the shear and the torque that the hand lets go.
+    friction : float
+        Share of the pair's friction that holds at this scan.
     """
 
     load: float
@@ -30,6 +32,7 @@ class Command:
     roll: tuple[float, float] = (0.0, 0.0)
     turn: float = 0.0
     give: float = 0.0
+    friction: float = 1.0
 
 
 RELAXED = 8.0

@@ -125,7 +125,7 @@ class Springs:
             return self.rest((float(before.position[0]), float(before.position[1])))
         inside = self.s < a
         shear, twist = self._moved(before, command, a)
-        rest_shear, rest_twist = self._limits(command.load, a)
+        rest_shear, rest_twist = self._limits(command, a)
         use = np.hypot(np.hypot(*shear) / rest_shear, twist / rest_twist)
         keep = np.where(inside, 1 / np.maximum(use, 1.0), 0.0)
         slipped = (1 - keep[0]) * shear[:, 0]
@@ -164,14 +164,14 @@ class Springs:
         turn = 3 * self.torque(before) / (16 * self.pair.shear_modulus * a**3)
         return -command.give * push, -command.give * turn
 
-    def _limits(self, load: float, a: float) -> tuple[Floats, Floats]:
+    def _limits(self, command: Command, a: float) -> tuple[Floats, Floats]:
         """Return the deflections at which each spring slips; tiny, not 0, outside the contact."""
-        pair = self.pair
+        pair, friction = self.pair, self.pair.friction * command.friction
         ratio = np.minimum(np.maximum(self.s, self.spacing / 4) / a, 1.0)
         stiffness = pair.normal_modulus / pair.tangential_modulus
-        shear = pair.friction * stiffness * a * a * (1 - ratio**2) / pair.radius
-        peak = 1.5 * load / (np.pi * a * a)
-        twist = pair.friction * peak / (2 * pair.shear_modulus) * _k_less_e(ratio)
+        shear = friction * stiffness * a * a * (1 - ratio**2) / pair.radius
+        peak = 1.5 * command.load / (np.pi * a * a)
+        twist = friction * peak / (2 * pair.shear_modulus) * _k_less_e(ratio)
         tiny = np.finfo(np.float64).tiny
         return np.maximum(shear, tiny), np.maximum(twist, tiny)
 

@@ -157,7 +157,7 @@ CALLS = {
     "record": ["nowhere", "out.npz"],
     "replay": ["nowhere.npz"],
     "calibrate": ["nowhere.csv", "--youngs-modulus", "1e6"],
-    "score": ["nowhere"],
+    "score": ["--engine", "nowhere"],
     "reproduce": ["nothing"],
     "templates show": ["NOTHING"],
     "templates check": ["NOTHING"],

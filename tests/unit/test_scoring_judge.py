@@ -1,302 +1,298 @@
-"""Judging: invented plays whose figures can be counted by hand."""
+"""Judging: invented trials whose figures can be counted by hand."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
-from cnnum.errors import RecordingError, SceneError
-from cnnum.lab.scoring.alarms import alarm_measures
-from cnnum.lab.scoring.confusion import confusion_measures
-from cnnum.lab.scoring.events import event_measures, strength_measures, warning_measures
-from cnnum.lab.scoring.judge import faults, judge
-from cnnum.lab.scoring.measures import Measure, auc
-from cnnum.lab.scoring.play import Play, Span
-from cnnum.lab.scoring.recordings import Trial, failing_trials, recording_measures
-from cnnum.lab.scoring.suites import Request, score
-from cnnum.lab.scoring.twists import twist_measures
-from cnnum.lab.scoring.worst import failing
-from cnnum.report.verdicts import MAX_DELAY
-from cnnum.scenes.events import Event
+from cnnum.lab.scoring.baselines import can_learn, regression, shear_change
+from cnnum.lab.scoring.judge import judge, sense_right
+from cnnum.lab.scoring.left_out import Choice, chosen, reached
+from cnnum.lab.scoring.levels import Outcome, rate_of
+from cnnum.lab.scoring.measures import auc, latched, median, per_ten_minutes
+from cnnum.lab.scoring.onsets import onsets, report_table
+from cnnum.lab.scoring.recorded import held, labels, speeds
+from cnnum.lab.scoring.recordings import folds, pooled
+from cnnum.lab.scoring.table import Column, Table
+from cnnum.lab.scoring.trial import Trial, runs
 
-FRAMES, RATE, PITCH = 400, 100.0, 1.5e-3
-CONTACT, LIFTED = 50, 390
-PULL, LOOSE, GROSS, RELAX = 100, 140, 160, 200
-TWIST, TURNS, BACK = 260, 290, 340
+FRAMES, RATE = 600, 100.0
+SETTLED, LOOSE, ONSET, END = 45, 280, 300, 500
 
 
-def between(first, after):
-    return ((np.arange(FRAMES) >= first) & (np.arange(FRAMES) < after)).astype(float)
+def between(*spans):
+    frames = np.arange(FRAMES)
+    inside = [(frames >= a) & (frames < b) for a, b in spans]
+    return np.any([np.zeros(FRAMES, bool), *inside], axis=0)
 
 
-def ramp(first, top, after):
-    return np.interp(np.arange(FRAMES), [first - 1, top, after - 1, after], [0, 1, 1, 0])
-
-
-def invented(events=(), **changes):
-    """A pull that slips towards +y and a twist of sense −1, under 1 N on 2 mm."""
-    stick = between(CONTACT, LIFTED)
-    stick[PULL:RELAX] = np.interp(np.arange(PULL, RELAX), [PULL, LOOSE, GROSS], [1, 0.5, 0])
-    stick[TWIST:BACK] = np.interp(np.arange(TWIST, BACK), [TWIST, TURNS, BACK], [1, 0.5, 0.3])
-    zero = np.zeros(FRAMES)
-    truth = {
-        "contact": between(CONTACT, LIFTED),
-        "contact_radius": 2e-3 * between(CONTACT, LIFTED),
-        "stick_radius": 2e-3 * stick,
-        "incipient": between(LOOSE, GROSS),
-        "slip": between(GROSS, RELAX),
-        "slip_direction": np.pi / 2 * between(GROSS, RELAX),
-        "twist_rate": -0.5 * between(TWIST, BACK),
-        "twist_slip": between(TURNS, BACK),
-        "normal_force": between(CONTACT, LIFTED),
-        "shear_x": zero,
-        "shear_y": 0.5 * ramp(PULL, GROSS, RELAX),
-        "torque": -0.5e-3 * ramp(TWIST, BACK - 2, BACK),
-        "x": np.full(FRAMES, PITCH),
-        "y": zero,
-    }
-    outputs = {"slip_strength": between(LOOSE, RELAX), "twist": zero}
-    play = Play(
-        name="invented",
-        suite="made up",
-        seed=7,
-        shape=(8, 8),
+def invented(**changes):
+    """A slide of 1 mm/s along +y, which is incipient for 0.2 s before it."""
+    trial = Trial(
+        family="invented",
+        name="invented 1",
         rate=RATE,
-        pitch=PITCH,
-        times=np.arange(FRAMES) / RATE,
-        truth=truth,
-        outputs=outputs,
-        events=tuple(events),
-        phases=(Span("grip", 210, 240), Span("twist", TWIST, BACK)),
+        frames=np.zeros((FRAMES, 4, 4, 3), np.float32),
+        slips=between((ONSET, END)).astype(float),
+        scored=np.arange(FRAMES) >= SETTLED,
+        early=between((LOOSE, ONSET)),
+        slid=np.clip(np.arange(FRAMES) - ONSET + 1, 0, END - ONSET) * 1e-3 / RATE,
+        sense=np.zeros(FRAMES, int),
+        direction=np.pi / 2,
+        rows=3 * np.arange(FRAMES),
     )
-    return replace(play, **changes)
+    return replace(trial, **changes)
 
 
-def event(kind, frame, phase=None, **more):
-    return Event(frame / RATE, kind, frame, phase, **more)
+def answers(*spans, twist=(), sense=0, direction=np.pi / 2):
+    return {
+        "gross_slip": between(*spans).astype(float),
+        "slip_x": np.full(FRAMES, np.cos(direction)),
+        "slip_y": np.full(FRAMES, np.sin(direction)),
+        "twist": between(*twist).astype(float),
+        "twist_sense": np.full(FRAMES, float(sense)),
+    }
 
 
-def all_right():
-    return (
-        event("contact", CONTACT),
-        event("slip", LOOSE - 3, "incipient", direction=1.6),
-        event("slip", GROSS + 2, "gross", direction=1.5),
-        event("twist", TURNS + 1, sense=-1, where=(3.5, 4.5)),
-        event("release", LIFTED),
-    )
+def test_a_slip_is_found_after_the_sliding_before_its_report():
+    one = judge(invented(), answers((320, 400), direction=np.pi / 2 + 0.1))
+    assert one.found
+    assert one.slid == pytest.approx(0.21e-3)  # 21 frames of 10 µm
+    assert one.delay == pytest.approx(0.2)
+    assert one.turned == pytest.approx(np.degrees(0.1))
+    assert (one.false, one.twists) == (0, 0)
+    assert one.seconds == pytest.approx((FRAMES - SETTLED) / RATE)
 
 
-def figures(measures):
-    return {m.measure: m.value for m in measures if m.unit != "s"}
+def test_a_report_that_lasts_into_the_slip_finds_it_at_once():
+    one = judge(invented(), answers((100, 350)))
+    assert one.found
+    assert one.delay == 0
+    assert one.false == 1  # and began where nothing slips
 
 
-def test_all_right():
-    judged = [judge(invented(all_right()))]
-    got = figures(event_measures("x", judged))
-    for kind in ("contact", "release", "incipient slip", "gross slip", "twist"):
-        assert got[f"{kind}: precision"] == got[f"{kind}: recall"] == 1.0
-    assert got["gross slip: delay, median"] == 2
-    assert got["incipient slip: delay, median"] == -3
-    assert got["incipient slip: direction error, median"] == pytest.approx(
-        np.degrees(1.6 - np.pi / 2)
-    )
-    assert not list(faults(judged[0]))
-    warned = figures(warning_measures("x", judged))
-    assert warned["incipient slip before gross slip"] == 1.0
-    stick = 1 - 0.5 * (LOOSE - 3 - PULL) / (LOOSE - PULL)
-    assert warned["stick radius c/a at the report of incipient slip, median"] == pytest.approx(
-        stick
-    )
-    turned = figures(twist_measures("x", judged))
-    assert turned["twist: sense right"] == turned["twist: centre within half a pitch"] == 1.0
-    assert turned["twist: centre error, median"] == pytest.approx(0.0, abs=1e-12)
-    confused = figures(confusion_measures("x", judged))
-    assert confused["slip against twist"] == 0.0
-    assert confused["slip reported as slip"] == confused["twist reported as twist"] == 1.0
-    assert confused["grip reported as slip"] == 0.0
-    assert figures(alarm_measures("x", judged))["false slip and twist"] == 0
+def test_nothing_reported_is_not_found():
+    one = judge(invented(), answers())
+    assert not one.found
+    assert np.isnan([one.slid, one.delay, one.turned]).all()
 
 
 @pytest.mark.parametrize(
-    ("shift", "recall", "in_time", "precision"),
+    ("start", "false"),
     [
-        (MAX_DELAY, 1.0, 1.0, 1.0),
-        (MAX_DELAY + 1, 1.0, 0.0, 1.0),  # late, but it does slip
-        (-MAX_DELAY, 1.0, 1.0, 1.0),
-        (-MAX_DELAY - 1, 0.0, 0.0, 0.0),  # before it slips: false, and the slip is missed
+        (LOOSE - 11, 1),  # more than 0.1 s before the slip, and nothing is loose yet
+        (LOOSE, 0),
+        (ONSET + 50, 0),
+        (END + 9, 0),
+        (END + 11, 1),
+        (SETTLED - 20, 1),  # the rest of it counts
     ],
 )
-def test_gross_slip_must_be_in_time(shift, recall, in_time, precision):
-    judged = [judge(invented([event("slip", GROSS + shift, "gross", direction=1.57)]))]
-    got = figures(event_measures("x", judged))
-    assert got["gross slip: recall"] == recall
-    assert got["gross slip: recall within 5 frames"] == in_time
-    assert got["gross slip: precision"] == precision
+def test_reports_are_false_where_nothing_slips(start, false):
+    assert judge(invented(), answers((start, start + 30))).false == false
 
 
-def test_second_reports_are_false():
-    twice = (*all_right(), event("slip", GROSS + 20, "gross", direction=1.5))
-    one = judge(invented(twice))
-    assert [e.frame for e in one.alarms] == [GROSS + 20]
-    assert figures(event_measures("x", [one]))["gross slip: precision"] == 0.5
-    assert next(faults(one)).startswith("false gross slip")
+def test_every_report_counts_once_and_minutes_are_those_that_count():
+    still = invented(slips=np.zeros(FRAMES), early=between())
+    one = judge(still, answers((100, 110), (120, 121), (200, 300)))
+    assert one.false == 3
+    assert per_ten_minutes(one.false, one.seconds) == pytest.approx(3 * 600 / 5.55)
 
 
-def test_reports_in_a_grip_are_false_alarms():
-    grip = (event("slip", 220, "incipient", direction=0.0), event("twist", 225, sense=1))
-    judged = [judge(invented((*all_right(), *grip)))]
-    got = figures(alarm_measures("x", judged))
-    assert (got["false slip"], got["false twist"], got["false during grip"]) == (1, 1, 2)
-    assert got["false slip and twist a minute"] == pytest.approx(2 / (FRAMES / RATE / 60))
-    confused = figures(confusion_measures("x", judged))
-    assert confused["grip reported as slip"] == confused["grip reported as twist"] == 1.0
+def test_frames_of_unknown_truth_make_no_report_false():
+    unknown = invented(slips=np.full(FRAMES, np.nan), early=between())
+    assert judge(unknown, answers((100, 200))).false == 0
 
 
-def test_slip_and_twist_confused():
-    wrong = (event("twist", GROSS, sense=1), event("slip", TURNS, "gross", direction=0.0))
-    judged = [judge(invented(wrong))]
-    got = figures(confusion_measures("x", judged))
-    assert got["slip against twist"] == 1.0
-    assert got["slip reported as slip"] == 0.0
-    assert len(judged[0].alarms) == 2
+def test_a_twist_must_have_its_own_sense_throughout():
+    sense = np.where(between((300, 400)), -1, 0)
+    twists = invented(slips=np.zeros(FRAMES), sense=sense)
+    assert sense_right(twists, answers(twist=[(290, 380)], sense=-1))
+    assert not sense_right(twists, answers(twist=[(290, 380)], sense=1))
+    assert not sense_right(twists, answers())
+    assert judge(twists, answers(twist=[(100, 200), (290, 380)])).twists == 1
 
 
-def test_what_a_report_says_is_checked():
-    wrong = (
-        event("slip", GROSS, "gross", direction=-np.pi / 2),
-        event("twist", TURNS, sense=1, where=(3.5, 5.2)),
-    )
-    one = judge(invented(wrong))
-    said = list(faults(one))
-    assert any("direction off by 180°" in text for text in said)
-    assert any("wrong sense" in text for text in said)
-    assert any("centre off by 0.70 pitches" in text for text in said)
-    assert any("incipient slip" in text and "missed" in text for text in said)
-    got = figures(twist_measures("x", [one]))
-    assert got["twist: sense right"] == got["twist: centre within half a pitch"] == 0.0
-    assert got["twist: centre error, median"] == pytest.approx(0.7)
+def test_the_program_s_own_flags_give_way_to_others():
+    one = judge(invented(), answers((320, 400)), between((350, 360)))
+    assert one.delay == pytest.approx(0.5)
 
 
-def test_nothing_reported_misses_every_target():
-    judged = [judge(invented())]
-    measures = [
-        *event_measures("x", judged),
-        *warning_measures("x", judged),
-        *twist_measures("x", judged),
-    ]
-    aimed = [measure for measure in measures if measure.target is not None]
-    assert len(aimed) == 7
-    assert all(measure.reached is False for measure in aimed)
+def test_auc_is_the_chance_that_a_slip_scores_higher():
+    rng = np.random.default_rng(0)
+    high, low = rng.integers(0, 9, 40) + 1.0, rng.integers(0, 9, 60).astype(float)
+    pairs = list(product(high, low))
+    expected = sum((a > b) + 0.5 * (a == b) for a, b in pairs) / len(pairs)
+    assert auc(high, low) == pytest.approx(expected)
+    assert np.isnan(auc(high, np.zeros(0)))
 
 
-def test_the_worst_scenes_come_with_their_seed_and_what_went_wrong():
-    bad = invented(name="bad", about={"kind": "pull and twist", "faults": "dead"})
-    better = invented(all_right()[:3], name="better")
-    worst, second = failing([judge(better), judge(invented(all_right())), judge(bad)])
-    assert (worst.name, second.name) == ("bad", "better")
-    record = worst.record()
-    assert (record["worst"], record["seed"], record["faults"]) == ("bad", 7, "dead")
-    assert record["wrong"] == [
-        f"incipient slip at frame {LOOSE} missed",
-        f"gross slip at frame {GROSS} missed",
-        f"twist at frame {TURNS} missed",
-    ]
-    assert second.wrong == (f"twist at frame {TURNS} missed",)
+def test_a_latch_stays_on_down_to_its_share():
+    values = np.array([0.0, 0.5, 1.1, 0.7, 0.51, 0.5, 0.9, 1.2, 0.6])
+    np.testing.assert_array_equal(latched(values, 1.0, 0.5, 0), [0, 0, 1, 1, 1, 0, 0, 1, 1])
 
 
-@pytest.mark.parametrize(("told", "near"), [(-0.46, 1.0), (-0.44, 0.0), (0.5, 0.0)])
-def test_twist_rate(told, near):
-    outputs = {
-        "slip_strength": np.zeros(FRAMES),
-        "twist": between(TURNS, BACK),
-        "twist_rate": told * between(TURNS, BACK),
+def test_a_latch_waits_before_it_goes_off():
+    values = np.array([0.1, 0.1, 1.1, 0.4, 0.6, 0.4, 0.4, 0.4, 0.6, 1.1, 0.3])
+    np.testing.assert_array_equal(latched(values, 1.0, 0.5, 1), [0, 0, 1, 1, 1, 1, 0, 0, 0, 1, 1])
+    np.testing.assert_array_equal(latched(values, 1.0, 0.5, 2), [0, 0, 1, 1, 1, 1, 1, 0, 0, 1, 1])
+    np.testing.assert_array_equal(latched(values, 1.0, 0.5, 3), [0, 0, 1, 1, 1, 1, 1, 1, 1, 1, 1])
+
+
+def test_medians_do_not_mix_what_never_came():
+    assert median([0.1, np.inf, np.inf]) == np.inf
+    assert median([0.1, 0.2, np.inf]) == 0.2
+
+
+def test_onsets_are_matched_in_rows_of_the_log():
+    trial = invented(slips=between((ONSET, END), (550, 551)).astype(float))
+    one = onsets(trial, between((310, 320), (400, 410)))
+    assert (one.slips, one.found) == (1, 1)  # one frame alone is no slip
+    assert one.delays == (pytest.approx(0.1),)
+    assert one.rows == (30,)  # three rows a frame
+    early = onsets(trial, between((ONSET - 40, 320)))
+    assert (early.found, early.delays) == (1, ())  # it was on before
+    assert onsets(trial, between((100, 200))).found == 0
+
+
+def test_reports_of_a_group_add_up():
+    still = invented(slips=np.zeros(FRAMES), early=between())
+    said = [answers((310, 320)), answers((100, 110)), answers()]
+    row = report_table({"5": ([invented(), still, still], said)}).rows[0]
+    assert (row["trials"], row["quiet"], row["quiet_reported"]) == (3, 2, 1)
+    assert (row["slips"], row["found"], row["rows"]) == (1, 1, 30)
+    assert row["false"] == pytest.approx(600 / (3 * 5.55))
+
+
+def choice(level, near, false=None):
+    outcomes = {
+        name: Outcome(1.0, share, (0.1e-3,), (false or {}).get(name, 0), 600.0)
+        for name, share in near.items()
     }
-    judged = [judge(invented([event("twist", TURNS, sense=-1, where=(3.5, 4.5))], outputs=outputs))]
-    assert figures(twist_measures("x", judged))["twist: rate within 10 %"] == near
+    outcomes["held"] = Outcome(np.nan, np.nan, (), (false or {}).get("held", 0), 600.0)
+    return Choice({"still": 0.25, "pull": 0.5, "level": level}, outcomes)
 
 
-def test_a_rate_of_nothing_is_not_told():
-    """Frames without a rate do not count, and a twist without any has none."""
-    told = []
-    for first in (TURNS + 5, BACK):
-        outputs = {
-            "slip_strength": np.zeros(FRAMES),
-            "twist": between(TURNS, BACK),
-            "twist_rate": -0.5 * between(first, BACK),
-        }
-        events = [event("twist", TURNS, sense=-1, where=(3.5, 4.5))]
-        told.append(judge(invented(events, outputs=outputs)))
-    found = {one.measure: one for one in twist_measures("x", told)}
-    near, share = found["twist: rate within 10 %"], found["twist: rate told"]
-    assert (near.value, near.count) == (1.0, 1)
-    assert (share.value, share.count) == (0.5, 2)
-    assert found["twist: rate error, median"].value == 0.0
+def test_constants_are_those_that_reach_most_aims_on_the_others():
+    one, other = choice(0.2, {"a": 1.0, "b": 0.6}), choice(0.4, {"a": 0.1, "b": 0.8})
+    assert chosen([one, other], "b") is one  # as many aims, more found by 0.3 mm
+    assert chosen([one, other], "a") is other
+    noisy = choice(0.1, {"a": 1.0, "b": 1.0}, {"held": 40})
+    assert chosen([noisy, one], "b") is one  # one aim fewer
+    assert chosen([noisy, one], "held") is noisy
 
 
-def test_a_slip_as_the_contact_vanishes_may_be_reported():
-    truth = dict(invented().truth)
-    truth["slip"] = truth["slip"] + between(LIFTED - 3, LIFTED)
-    events = (*all_right()[:-1], event("slip", LIFTED - 2, "gross", direction=0.0))
-    one = judge(invented(events, truth=truth))
-    assert len(one.of("gross slip")) == 1
-    assert not one.alarms
+def test_a_family_has_an_aim_for_false_reports_and_two_for_slips():
+    assert reached(Outcome(0.95, 0.5, (0.3e-3, 0.3e-3), 1, 600.0)) == 3
+    assert reached(Outcome(0.94, 0.5, (0.3e-3, 0.3e-3), 1, 600.0)) == 2
+    assert reached(Outcome(0.95, 0.5, (0.3e-3, np.inf), 2, 600.0)) == 1
+    assert reached(Outcome(np.nan, np.nan, (), 1, 600.0)) == 1
+    assert rate_of([Outcome(np.nan, np.nan, (), 2, 600.0)]) == 2
 
 
-def test_strength_is_ranked_over_all_frames():
-    (either, gross) = strength_measures("x", [judge(invented())])
-    assert either.value == 1.0
-    # all of gross slip at 1, of the others the 20 incipient frames too: ties count half
-    others = FRAMES - (RELAX - GROSS)
-    assert gross.value == pytest.approx(1 - 0.5 * (GROSS - LOOSE) / others)
+def test_a_family_left_out_is_never_seen():
+    rng = np.random.default_rng(1)
+    plain = [choice(level, dict(zip("abc", rng.random(3), strict=True))) for level in range(20)]
+    for name in ("a", "b", "c", "held"):
+        best = chosen(plain, name).constants
+        worse = Outcome(0.0, 0.0, (np.inf,), 10**6, 1.0)
+        spoilt = [
+            Choice(one.constants, {**one.outcomes, name: worse if n % 2 else one.outcomes[name]})
+            for n, one in enumerate(plain)
+        ]
+        assert chosen(spoilt, name).constants == best
 
 
-def test_auc_against_counting_pairs():
+def test_no_object_is_in_its_own_fold():
+    trials = [invented(family=name) for name in ("5", "7", "5", "13")]
+    found = folds(trials)
+    assert [name for name, _, _ in found] == ["5", "7", "13"]
+    for name, mine, others in found:
+        assert {trials[n].family for n in mine} == {name}
+        assert name not in {trials[n].family for n in others}
+        assert sorted([*mine, *others]) == [0, 1, 2, 3]
+
+
+def test_pooled_areas_take_frames_that_count_and_are_known():
+    scores = np.where(between((ONSET, END)), 1.0, 0.0)
+    assert pooled([invented()], [scores]) == 1.0
+    spoilt = np.where(np.arange(FRAMES) < SETTLED, 5.0, scores)
+    assert pooled([invented()], [spoilt]) == 1.0
+    unknown = np.where(between((100, 200)), np.nan, invented().slips)
+    spoilt = np.where(between((100, 200)), 5.0, scores)
+    assert pooled([invented(slips=unknown)], [spoilt]) == 1.0
+
+
+def test_a_marker_s_speed_is_that_of_its_motion():
+    rate, speed = 40.0, np.array([3e-3, -4e-3, 0.0])
+    places = np.arange(200)[:, None] / rate * speed
+    np.testing.assert_allclose(speeds(places, rate), 5e-3, rtol=1e-9)
+    places[100:120] = 10.0  # not seen
+    gone = np.isnan(speeds(places, rate))
+    assert gone[104:116].all()
+    assert not gone[:95].any()
+
+
+def test_labels_leave_out_what_is_in_between():
+    found = labels(np.array([7e-3, 6e-3, 3e-3, 1.5e-3, 1e-3, np.nan]))
+    np.testing.assert_array_equal(found, [1, np.nan, np.nan, np.nan, 0, np.nan])
+
+
+def test_an_object_is_held_until_it_is_gone():
+    values = np.zeros((100, 4, 8, 3))
+    values[20:80, ..., 2] = 100.0
+    values[40:43, :, :4, 2] = 0.0  # one pad, for three frames
+    assert runs(held(values)) == [(20, 80)]
+    values[40:46, :, :4, 2] = 0.0
+    assert runs(held(values)) == [(20, 40)]
+    values[:, :, 4:, 2] = 0.0
+    assert not held(values).any()
+
+
+def changing(slip, still):
+    """Two pads: all taxels change alike when still, and against each other in a slip."""
     rng = np.random.default_rng(2)
-    scores, labels = np.round(rng.normal(0, 1, 80), 1), rng.random(80) < 0.3
-    high, low = scores[labels], scores[~labels]
-    counted = np.mean((high[:, None] > low) + 0.5 * (high[:, None] == low))
-    assert auc(scores, labels.astype(float)) == pytest.approx(counted, rel=1e-12)
-    assert np.isnan(auc(scores, np.zeros(80)))
+    frames = np.zeros((FRAMES, 4, 8, 3))
+    frames[..., 2] = 500.0
+    checks = np.where(np.indices((4, 8)).sum(axis=0) % 2, 1.0, -1.0)
+    moves = np.where(between((ONSET, END)), slip, 0.0)
+    frames[..., 0] += np.cumsum(moves)[:, None, None] * checks
+    frames[..., 1] += np.cumsum(rng.normal(size=FRAMES) * still)[:, None, None]
+    return invented(frames=frames.astype(np.float32), setting={"pads": 2})
 
 
-def test_a_target_is_reached_from_its_side():
-    assert Measure("m", "s", 0.9, 1, target=0.9).reached
-    assert not Measure("m", "s", 0.89, 1, target=0.9).reached
-    assert Measure("m", "s", 1.0, 1, target=1.0, rule="at most").reached
-    assert not Measure("m", "s", 2.0, 1, target=1.0, rule="at most").reached
-    assert Measure("m", "s", float("nan"), 0, target=0.9).reached is False
-    assert Measure("m", "s", 0.9, 1).reached is None
+def test_the_incoherent_change_ignores_what_a_whole_pad_does():
+    trial = changing(1.0, 5.0)
+    score = shear_change(trial, 1, incoherent=True)
+    assert pooled([trial], [score]) == 1.0
+    assert pooled([trial], [shear_change(trial, 1, incoherent=False)]) < 0.9
+    np.testing.assert_allclose(score[ONSET + 1 : END], 1.0, rtol=1e-3)
+    mean = shear_change(trial, 5, incoherent=True)
+    np.testing.assert_allclose(mean[ONSET + 1], 2 / 5, rtol=1e-3)  # two of five frames
 
 
-def trial(slip_from, reports, name="t", lost=200):
-    slip, kept = np.zeros(200), (np.arange(200) < lost).astype(float)
-    if slip_from is not None:
-        slip[slip_from : slip_from + 40] = 1.0
-    return Trial(name, slip, kept, slip + 0.1, tuple(reports))
+@pytest.mark.skipif(not can_learn(), reason="scikit-learn is not installed (extra 'texture')")
+def test_a_regression_learns_on_other_trials():
+    trial = changing(1.0, 5.0)
+    (score,) = regression([changing(2.0, 5.0)], [trial])
+    assert pooled([trial], [score]) > 0.99
 
 
-def test_trials():
-    trials = [trial(80, [84, 150], "one"), trial(100, [], "two"), trial(None, [30], "three")]
-    got = figures(recording_measures(trials))
-    assert got["slip onsets within 6 rows of the label"] == 0.5
-    assert np.isnan(got["slip onset against the label, largest"])  # one has no report at all
-    assert got["false reports in trials without slip"] == 1
-    assert got["other reports in trials with slip"] == 1
-    assert got["slip_strength against the label before the loss: pooled AUC"] == 1.0
-    assert [item.name for item in failing_trials(trials)] == ["one", "two", "three"]
-    late = [trial(80, [87])]
-    assert figures(recording_measures(late))["slip onsets within 6 rows of the label"] == 0.0
-
-
-def test_rows_after_the_loss_do_not_count():
-    lost = trial(80, [84], lost=100)
-    (pooled, *_) = recording_measures([lost])
-    assert pooled.count == 100
-    assert lost.onsets == (80,)
-
-
-def test_the_suite_of_recordings_needs_some(tmp_path):
-    with pytest.raises(SceneError, match="CNNUM_RECORDINGS"):
-        Request(suites=("recordings",))
-    with pytest.raises(RecordingError, match="xela_sensor1"):
-        score(Request(recordings=(tmp_path,)), None)
+def test_a_table_counts_aims_and_has_no_infinite_numbers():
+    columns = (
+        Column("name", "name"),
+        Column("found", "found", 2, least=0.95),
+        Column("slid", "slid", 1, most=0.3),
+    )
+    rows = [
+        {"name": "a", "found": 0.95, "slid": 0.31},
+        {"name": "b", "found": float("nan"), "slid": float("inf")},
+    ]
+    made = Table("t", "T", "", columns, rows)
+    assert (made.aimed, made.missed) == (
+        3,
+        2,
+    )  # what never came misses, what was not there does not
+    assert list(made.records())[1] == {"table": "t", "name": "b", "found": None, "slid": None}
+    assert [column.text(rows[1][column.key]) for column in columns] == ["b", "–", "–"]

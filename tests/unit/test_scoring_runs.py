@@ -1,8 +1,7 @@
-"""Scoring as a whole: batches give what the pipeline gives, trials are read, the command prints."""
+"""Scoring runs: the programs on scenes, the command, its tables and its page."""
 
 import json
 import os
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,47 +9,20 @@ import pytest
 from click.testing import CliRunner
 
 from cnnum.cli import main
-from cnnum.drivers.simulated.script import Phase
-from cnnum.drivers.simulated.settings import Settings
-from cnnum.drivers.uskin_csv import HEADER
 from cnnum.engine import Engine
 from cnnum.errors import RecordingError, SceneError
-from cnnum.lab.scoring.generated.batches import Player
-from cnnum.lab.scoring.generated.case import Case
-from cnnum.lab.scoring.recordings import play_trial, trials_in
-from cnnum.lab.scoring.scenes import play_scene
+from cnnum.lab.scoring import recordings
+from cnnum.lab.scoring.families.arrays import Arrays
+from cnnum.lab.scoring.families.catalogue import FAMILIES
+from cnnum.lab.scoring.family_tables import played, tables
+from cnnum.lab.scoring.levels import LEVELS, level_table, outcome
+from cnnum.lab.scoring.recorded import FLAT, HELD_BACK, flat_folders, flat_trial
+from cnnum.lab.scoring.subject import Subject, default, reports
 from cnnum.lab.scoring.suites import Request, score
+from cnnum.lab.scoring.table import Column, Table
 
 RECORDINGS = os.environ.get("CNNUM_RECORDINGS", "")
-
-SCRIPT = (
-    Phase("hold", 0.3),
-    Phase("press", 0.2, load=0.8),
-    Phase("hold", 0.2),
-    Phase("pull", 0.4, speed=1.0e-3, direction=0.3),
-    Phase("relax", 0.2),
-    Phase("release", 0.2),
-    Phase("hold", 0.1),
-)
-SETTINGS = Settings(shape=(8, 8), start=(-0.3e-3, 0.0), script=SCRIPT, seed=4)
-
-TOML = """
-wants = ["contact"]
-[array]
-driver = "simulated"
-shape = [8, 8]
-start = [-0.3e-3, 0.0]
-seed = 4
-script = [
-  {kind = "hold", duration = 0.3},
-  {kind = "press", duration = 0.2, load = 0.8},
-  {kind = "hold", duration = 0.2},
-  {kind = "pull", duration = 0.4, speed = 1.0e-3, direction = 0.3},
-  {kind = "relax", duration = 0.2},
-  {kind = "release", duration = 0.2},
-  {kind = "hold", duration = 0.1},
-]
-"""
+SOME = ("25 Hz", "10 Hz", "twist, 10 Hz")
 
 
 @pytest.fixture(scope="module")
@@ -58,163 +30,238 @@ def engine():
     return Engine()
 
 
-@pytest.fixture
-def scene(tmp_path):
-    path = tmp_path / "pull.toml"
-    path.write_text(TOML)
-    return path
+@pytest.fixture(scope="module")
+def trials():
+    """A few quick scenes in every family's place: what they show is not looked at."""
+    arrays = Arrays()
+    make = {family.name: family.make for family in FAMILIES}
+    some = [make[name](arrays, name, seed) for name in SOME for seed in (3, 4)]
+    return {family.name: some for family in FAMILIES}
 
 
-def signature(play):
-    return [(event.kind, event.phase) for event in play.events]
+@pytest.fixture(scope="module")
+def scenes(engine, trials):
+    return played(Subject(engine), {name: trials[name] for name in trials})
 
 
-def test_a_batch_gives_what_the_pipeline_gives(engine, scene):
-    """Three scenes of unlike lengths side by side: the one of the file is as it is alone."""
-    short = replace(SETTINGS, script=SCRIPT[:3], seed=9)
-    cases = [Case("slip", n, "pull", s) for n, s in enumerate([short, SETTINGS, short])]
-    plays = {play.seed: play for play in Player(engine).play(cases)}
-    alone = play_scene(scene, engine)
-    assert ("slip", "gross") in signature(alone)
-    assert signature(plays[1]) == signature(alone)
-    assert signature(plays[0]) == signature(plays[2]) == [("contact", None)]
-    for one, other in zip(plays[1].events, alone.events, strict=True):
-        # strain is kept in float32 here: at a threshold that may move a flag by one frame
-        assert abs(one.frame - other.frame) <= 1
-    assert plays[0].frames == len(plays[0].outputs["contact"]) == 140
-    for name, values in alone.truth.items():
-        np.testing.assert_array_equal(plays[1].truth[name], values)
-    assert plays[1].phases == alone.phases
-    assert (alone.phases[3].kind, alone.phases[3].first) == ("pull", 140)
+def test_trials_side_by_side_are_trials_alone(engine, trials):
+    some = trials["grip"]
+    together = Subject(engine).play(some)
+    for trial, answers in zip(some, together, strict=True):
+        (alone,) = Subject(engine).play([trial])
+        assert set(answers) >= {"gross_slip", "slip_strength", "twist_sense"}
+        for name, values in answers.items():
+            assert values.shape == (len(trial.frames),)
+            # in single precision, sums in another order
+            np.testing.assert_allclose(values, alone[name], rtol=1e-4, atol=1e-5, err_msg=name)
 
 
-def test_a_scene_file_is_scored(scene, engine):
-    play = play_scene(scene, engine)
-    report = score(Request(scenes=(str(scene),)), engine)
-    by_name = {m.measure: m for m in report.measures if m.unit != "s"}
-    assert by_name["gross slip: recall"].value == 1.0
-    gross = next(e.frame for e in play.events if e.phase == "gross")
-    onset = int(np.argmax(play.truth["slip"] > 0))
-    assert by_name["gross slip: delay, median"].value == gross - onset
-    assert by_name["contact: recall"].value == 1.0
-    assert not any(name.startswith("twist:") for name in by_name)  # none is there
+def test_slips_and_twists_of_plain_scenes_are_reported(engine, trials):
+    slide, _, twist = (trials["grip"][2 * n] for n in range(3))
+    slipped, turned = Subject(engine).play([slide, twist])
+    assert slipped["gross_slip"][slide.onset :].any()
+    assert not slipped["twist"].any()
+    assert set(turned["twist_sense"]) - {0.0} == {float(twist.sense[twist.sense != 0][0])}
 
 
-def test_an_array_without_truth_cannot_be_scored(tmp_path):
-    trial = write_trial(tmp_path / "one", slip_from=None, rows=5)
-    scene = tmp_path / "trial.toml"
-    scene.write_text(f'wants = ["slip"]\n[array]\ndriver = "uskin-csv"\npath = "{trial}"\n')
-    with pytest.raises(SceneError, match=r"trial.toml.*stick_radius"):
-        play_scene(scene, Engine("numba"))
+def test_constants_reach_the_program(engine, trials):
+    slide = trials["grip"][0]
+    (plain,) = Subject(engine).play([slide])
+    (strict,) = Subject(engine, {"level": 1e6}).play([slide])
+    assert plain["gross_slip"].any()
+    assert not strict["gross_slip"].any()
+    np.testing.assert_allclose(plain["slip_strength"], strict["slip_strength"])
 
 
-def write_trial(folder, slip_from, rows=160):
-    """An object in two pads; from a row on its pattern moves on under a pull."""
-    folder.mkdir()
-    rng = np.random.default_rng(rows)
-    place, now = np.arange(4) - 1.5, np.arange(rows)[:, None, None]
-    gone = np.clip(0.04 * (now - (slip_from or rows)), 0.0, 1.0)
-    near = np.exp(-((place - gone) ** 2 + place[:, None] ** 2) / 2).reshape(rows, 16)
-    pressed, pulled = (np.clip((now[:, 0] - row) / 10, 0, 1) for row in (30, 55))
-    for pad in (1, 2):
-        counts = 16000 + rng.normal(0, 1.5, (rows, 16, 3))
-        counts[..., 0] += 4500 * pulled * near
-        counts[..., 2] += 15000 * pressed * near
-        lines = [",".join(HEADER)]
-        lines += [",".join(f"{n:.0f}" for n in row.reshape(-1)) for row in counts]
-        (folder / f"xela_sensor{pad}.csv").write_text("\n".join(lines) + "\n")
-    (folder / "meta_data.csv").write_text("frequency_hz\n60.0\n")
-    slip = np.zeros(rows, dtype=int)
-    if slip_from is not None:
-        slip[slip_from:] = 1
-    rows_of = "\n".join(f"{now},0" for now in slip)
-    (folder / "slip_label.csv").write_text(f"slip,fail\n{rows_of}\n")
-    return folder
+def test_a_level_is_the_program_s_own_latch(scenes):
+    for trial, answers in zip(scenes.trials["grip"], scenes.answers["grip"], strict=True):
+        flags = reports(answers["slip_strength"], default("level"), trial.rate)
+        np.testing.assert_array_equal(flags, answers["gross_slip"] > 0)
 
 
-def test_trials_are_played_and_scored(tmp_path, engine):
-    write_trial(tmp_path / "slips", slip_from=80)
-    write_trial(tmp_path / "still", slip_from=None)
-    assert [path.name for path in trials_in(tmp_path)] == ["slips", "still"]
-    report = score(Request(recordings=(tmp_path,)), engine)
-    got = {measure.measure: measure for measure in report.measures}
-    assert got["slip onsets within 6 rows of the label"].value == 1.0
-    assert got["false reports in trials without slip"].value == 0.0
-    pooled = got["slip_strength against the label before the loss: pooled AUC"]
-    assert pooled.value > 0.9
-    assert pooled.count == 320
-    assert not report.failing
+def test_tables_have_a_row_a_family(scenes):
+    slips, twists, held = tables(scenes)
+    kinds = {
+        kind: [f.name for f in FAMILIES if f.kind == kind] for kind in ("slip", "twist", "held")
+    }
+    for table, kind in ((slips, "slip"), (twists, "twist"), (held, "held")):
+        assert [row["family"] for row in table.rows] == kinds[kind]
+        assert all(set(row) == {column.key for column in table.columns} for row in table.rows)
+    # four slides and two twists
+    assert slips.rows[0]["found"] == pytest.approx(4 / 6)
 
 
-def test_a_trial_without_labels_is_refused(tmp_path, engine):
-    trial = write_trial(tmp_path / "one", slip_from=None)
-    (trial / "slip_label.csv").unlink()
-    with pytest.raises(RecordingError, match="slip_label"):
-        play_trial(trial, engine)
-
-
-@pytest.mark.skipif(not Path(RECORDINGS, "uskin_grasp").is_dir(), reason="no CNNUM_RECORDINGS")
-def test_real_trials(engine):
-    report = score(Request(recordings=(Path(RECORDINGS),)), engine)
-    assert {measure.count for measure in report.measures} >= {1047}  # rows before the loss
-    assert not report.missed
+def test_higher_levels_find_less_and_report_less(scenes):
+    rows = level_table(scenes).rows
+    assert [row["level"] for row in rows] == sorted({*LEVELS, default("level")})
+    found = [row["found"] for row in rows]
+    assert found == sorted(found, reverse=True)
+    assert found[0] > found[-1]
+    assert outcome(scenes, "grip", 1e6).false == 0
 
 
 def run(*arguments):
     return CliRunner().invoke(main, ["score", *map(str, arguments)])
 
 
-def test_the_command_scores_a_scene(scene, tmp_path):
+TABLE = Table(
+    "slips",
+    "Scenes that slip",
+    "How to read it.",
+    (Column("family", "family"), Column("found", "found", 2, least=0.95)),
+    [{"family": "ring & bar", "found": 0.5}, {"family": "bar", "found": 1.0}],
+)
+
+
+@pytest.fixture
+def quick(monkeypatch):
+    asked = []
+
+    def scored(request, engine, advance=str):
+        asked.append(request)
+        return [TABLE]
+
+    monkeypatch.setattr("cnnum.lab.scoring.score", scored)
+    return asked
+
+
+def test_the_command_prints_a_line_a_row(quick, tmp_path):
     page = tmp_path / "score.html"
-    result = run(scene, "--json", "--out", page)
+    result = run("--suite", "families", "--json", "--out", page)
     assert result.exit_code == 0, result.output
-    records = [json.loads(line) for line in result.stdout.splitlines()]
-    measures = [record for record in records if "measure" in record]
-    for record in measures:
-        assert {"measure", "suite", "value", "target", "reached", "count"} <= set(record)
-    recall = next(r for r in measures if r["measure"] == "gross slip: recall within 5 frames")
-    assert (recall["suite"], recall["target"], recall["count"]) == ("pull", 0.995, 1)
-    assert recall["reached"] is (recall["value"] >= 0.995)
+    lines = [json.loads(line) for line in result.stdout.splitlines()]
+    assert lines[0] == {"table": "slips", "family": "ring & bar", "found": 0.5}
     text = page.read_text()
-    assert "gross slip: recall within 5 frames" in text
+    assert "ring &amp; bar" in text
+    assert 'class="no"' in text
+    assert "found (≥ 0.95)" in text
+    assert "1 of 2 aims reached" in text
     assert "http" not in text.split("<body>")[1].split("<script")[0]  # it needs nothing else
 
 
-def test_strict_fails_when_a_target_is_missed(tmp_path):
-    """A scene that begins with a touch, full after three frames: nothing says what rest is."""
-    scene = tmp_path / "hasty.toml"
-    hasty = TOML.replace("duration = 0.3}", "duration = 0.005}", 1)
-    scene.write_text(hasty.replace('"press", duration = 0.2', '"press", duration = 0.01', 1))
-    assert run(scene).exit_code == 0
-    result = run(scene, "--strict")
+def test_strict_fails_when_an_aim_is_missed(quick):
+    assert run("--suite", "families").exit_code == 0
+    result = run("--suite", "families", "--strict")
     assert result.exit_code == 1
-    assert "MISSED" in result.stdout
+    assert "1 of 2 aims reached" in result.stdout
 
 
-def test_generated_scenes_by_seed(tmp_path):
-    result = run("--suite", "slip", "--seed", 3, "--count", 1, "--json")
-    assert result.exit_code == 0, result.output
-    records = [json.loads(line) for line in result.stdout.splitlines()]
-    assert {record["suite"] for record in records} == {"slip"}
-    contact = next(r for r in records if r.get("measure") == "contact: recall" and "group" not in r)
-    assert contact["count"] == 1
-    assert any(r.get("group", "").startswith("array ") for r in records)
+def test_the_command_asks_for_what_it_was_given(quick, monkeypatch, tmp_path):
+    monkeypatch.setenv("CNNUM_RECORDINGS", str(tmp_path))
+    run()
+    run("--quick", "--seed", 7, "--leave-one-out", "--objects", "5, 7")
+    plain, asked = quick
+    assert plain.suites == ("families", "recordings")
+    assert (plain.objects, plain.leave_one_out) == (None, False)
+    assert plain.seed == 1_000_000
+    assert (asked.count, asked.seed, asked.objects) == (1, 7, ("5", "7"))
+    assert asked.leave_one_out
+    monkeypatch.delenv("CNNUM_RECORDINGS")
+    run()
+    assert quick[-1].suites == ("families",)
 
 
-def test_wrong_input_is_one_sentence(tmp_path):
+def test_wrong_input_is_one_sentence(tmp_path, monkeypatch):
+    monkeypatch.setenv("CNNUM_RECORDINGS", str(tmp_path))
     for arguments, word in [
-        ((tmp_path,), "xela_sensor1"),
-        (("no_such_scene",), "no_such_scene"),
+        (("--suite", "recordings"), FLAT),
+        (("--suite", "nothing"), "families"),
+        (("--quick", "--count", 3), "both"),
         (("--out", tmp_path / "none" / "x.html"), "none"),
     ]:
         result = run(*arguments)
         assert result.exit_code == 2
         assert word in result.stderr
         assert len(result.stderr.strip().splitlines()) == 1
+    monkeypatch.delenv("CNNUM_RECORDINGS")
+    assert "CNNUM_RECORDINGS" in run("--suite", "recordings").stderr
+    with pytest.raises(SceneError, match="CNNUM_RECORDINGS"):
+        Request(("recordings",))
 
 
-def test_recordings_must_be_named(monkeypatch):
-    monkeypatch.delenv("CNNUM_RECORDINGS", raising=False)
-    result = run("--suite", "recordings")
-    assert result.exit_code == 2
-    assert "CNNUM_RECORDINGS" in result.stderr
+RATE, ROWS = 40.0, 400
+GRASPED, SLIPS = 60, (200, 280)
+
+
+def write(path, header, rows):
+    lines = [",".join(header), *(",".join(f"{value:.9g}" for value in row) for row in rows)]
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture
+def flat(tmp_path):
+    """Made-up grasps of some objects, one of them held back: rows repeat four times."""
+    rng = np.random.default_rng(0)
+    names = [f"txl{n}_{axis}" for n in range(1, 17) for axis in "xyz"]
+    for number, name in enumerate(("5", "7", "9")):
+        folder = tmp_path / FLAT / "train" / f"data_sample_{number}"
+        folder.mkdir(parents=True)
+        (folder / "meta_data.csv").write_text(f"object_name,frequency_hz\n{name},{RATE}\n")
+        row = np.arange(ROWS)
+        slips = (row >= SLIPS[0]) & (row < SLIPS[1])
+        moves = np.cumsum(np.where(slips, 10e-3, 0.0)) / RATE
+        marker = np.stack([moves, 0 * moves, 0 * moves], axis=-1)
+        write(folder / "marker.csv", [f"marker1_position_{axis}" for axis in "xyz"], marker)
+        for pad in (1, 2):
+            load = 400.0 * (row >= GRASPED)[:, None] * np.hanning(18)[1:-1]
+            shakes = np.where(slips, 60.0, 2.0)[:, None, None] * rng.normal(size=(ROWS, 16, 3))
+            # a scan never repeats the one before, even at rest
+            counts = 20000.0 + shakes
+            counts[..., 2] += load
+            counts[..., 0] += 0.3 * load
+            counts = np.repeat(counts[::4], 4, axis=0).round()
+            write(folder / f"xela_sensor{pad}.csv", names, counts.reshape(ROWS, -1))
+    return tmp_path
+
+
+def test_objects_are_held_back_unless_named(flat):
+    assert "9" in HELD_BACK
+    assert [folder.object for folder in flat_folders(flat, None)] == ["5", "7"]
+    assert [folder.object for folder in flat_folders(flat, ("9",))] == ["9"]
+    assert [folder.object for folder in flat_folders(flat, ("all",))] == ["5", "7", "9"]
+    # their sensor files are not even opened
+    for pad in (1, 2):
+        (flat / FLAT / "train" / "data_sample_2" / f"xela_sensor{pad}.csv").unlink()
+    assert len(recordings.read(flat, None, str)[0]) == 2
+    with pytest.raises(RecordingError):
+        recordings.read(flat, ("4",), str)
+
+
+def test_a_grasp_is_read_with_labels_from_its_marker(flat):
+    trial = flat_trial(flat_folders(flat, None)[0])
+    assert trial.rate == 10.0
+    assert trial.frames.shape == (ROWS / 4, 4, 8, 3)
+    np.testing.assert_array_equal(trial.rows, np.arange(0, ROWS, 4))
+    inside = (trial.rows > SLIPS[0] + 6) & (trial.rows < SLIPS[1] - 6)
+    outside = (trial.rows < SLIPS[0] - 6) | (trial.rows > SLIPS[1] + 6)
+    assert (trial.slips[inside] == 1).all()
+    assert (trial.slips[outside] == 0).all()
+    assert trial.rows[trial.scored][0] == GRASPED
+
+
+def test_recordings_are_scored_with_each_object_left_out(flat, engine, monkeypatch):
+    monkeypatch.setattr(recordings, "GRID", recordings.GRID[::8])
+    made = score(Request(("recordings",), recordings=flat), engine)
+    scores, found, levels = made
+    assert [column.key for column in scores.columns][2:4] == ["object_5", "object_7"]
+    rows = {row["score"]: row for row in scores.rows}
+    assert rows["incoherent change, 1 frame"]["pooled"] > 0.9
+    assert "constants chosen without the object" in rows
+    assert [row["group"] for row in found.rows] == ["5", "7", "all objects"]
+    assert [row["slips"] for row in found.rows] == [1, 1, 2]
+    shipped = next(row for row in levels.rows if row["group"] == default("level"))
+    assert {**shipped, "group": "all objects"} == found.rows[-1]
+
+
+@pytest.mark.skipif(
+    not Path(RECORDINGS, "uskin_grasp").is_dir(), reason="CNNUM_RECORDINGS names no trials"
+)
+def test_the_labelled_trials_reach_their_aims(engine, tmp_path):
+    (tmp_path / "uskin_grasp").symlink_to(Path(RECORDINGS, "uskin_grasp").resolve())
+    scores, found, trials = score(Request(("recordings",), recordings=tmp_path), engine)
+    assert scores.rows[0]["uskin"] > 0.96
+    (row,) = found.rows
+    assert (row["slips"], row["found"], row["quiet"]) == (3, 3, 2)
+    assert row["quiet_reported"] <= 1
+    assert row["rows"] <= 10
+    assert len(trials.rows) == 4

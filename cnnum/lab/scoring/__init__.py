@@ -1,12 +1,12 @@
-"""Scoring: how often the tactile programs are right, on many scenes of which the truth is known.
+"""Scoring: slip and twist judged on scenes beyond the simulator's own, and on real recordings.
 
-The way of the data: `draw` (seeded scenes: `case`) → `simulate` (frames, with `faults`) →
-`batches` (many arrays side by side through one plan: `play`) → `episodes` and `judge` (against the
-closed forms) → `measures`. `scenes` plays scene files, `recordings` labelled real trials; `worst`
-lists what went wrong, `suites` puts it together, `page` writes it down.
+The way of the data: `families` (scenes by seed) or `recorded` (real trials) → a `trial` (frames
+with their truth) → `subject` (the programs that are judged) → `judge` and `onsets` (reports
+against the truth) → `family_tables`, `levels`, `left_out` and `recordings` (with `baselines`) →
+a `table`. `suites` puts it together, `page` writes it down.
 """
 
-from cnnum.lab.scoring.measures import Measure
-from cnnum.lab.scoring.suites import SUITES, Report, Request, score
+from cnnum.lab.scoring.suites import SUITES, Request, score
+from cnnum.lab.scoring.table import Table
 
-__all__ = ["SUITES", "Measure", "Report", "Request", "score"]
+__all__ = ["SUITES", "Request", "Table", "score"]

@@ -1,4 +1,4 @@
-"""The report as one HTML page: figures against targets, then the scenes that went wrong."""
+"""The tables as one HTML page."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -6,21 +6,20 @@ from importlib import resources
 from pathlib import Path
 
 from cnnum.errors import ReportError
-from cnnum.lab.scoring.generated.case import seed_set
-from cnnum.lab.scoring.measures import Measure
-from cnnum.lab.scoring.suites import Report, Request
-from cnnum.lab.scoring.worst import Failing
+from cnnum.lab.scoring.suites import SCORING, Request
+from cnnum.lab.scoring.table import Row, Table
 from cnnum.report.environment import Environment
 from cnnum.report.html import Cell, paragraph, section, table
-from cnnum.report.pictures.svg import plain
 from cnnum.safety.files import write_whole
 
-HEAD = ("measure", "value", "unit", "target", "count", "verdict")
-WORST_HEAD = ("scene", "what went wrong", "array", "rate", "cover", "faults")
+TITLE = "cnnum: slip and twist where the truth is known"
+STYLES = {True: "yes", False: "no", None: ""}
 
 
-def write_page(path: Path, report: Report, request: Request, environment: Environment) -> None:
-    """Write the page of a report.
+def write_page(
+    path: Path, tables: Sequence[Table], request: Request, environment: Environment
+) -> None:
+    """Write the page.
 
     Raises
     ------
@@ -28,7 +27,7 @@ def write_page(path: Path, report: Report, request: Request, environment: Enviro
         If the file cannot be written.
     """
     try:
-        write_whole(path, page(report, request, environment).encode("utf-8"))
+        write_whole(path, page(tables, request, environment).encode("utf-8"))
     except OSError as error:
         raise ReportError(
             f"Cannot write '{path}' ({error.strerror}): expected a file in a folder that may be "
@@ -36,36 +35,30 @@ def write_page(path: Path, report: Report, request: Request, environment: Enviro
         ) from error
 
 
-def page(report: Report, request: Request, environment: Environment) -> str:
+def page(tables: Sequence[Table], request: Request, environment: Environment) -> str:
     """Return the page as a text that needs nothing else."""
     style = (resources.files("cnnum.report") / "style.css").read_text(encoding="utf-8")
-    data = {
-        "measures": [_plain(measure.record()) for measure in report.measures],
-        "failing": [item.record() for item in report.failing],
-    }
+    data = [record for each in tables for record in each.records()]
     inside = json.dumps(data, ensure_ascii=False).replace("<", "\\u003c")
-    title = "cnnum: how often the tactile programs are right"
     return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{style}</style></head><body><header><h1>{title}</h1>"
-        f"{paragraph(_lead(report, request), 'lead')}</header>"
-        f"<main>{''.join(_sections(report))}</main>"
+        f"<style>{style}</style></head><body><header><h1>{TITLE}</h1>"
+        f"{paragraph(_lead(tables, request), 'lead')}</header>"
+        f"<main>{''.join(_sections(tables))}</main>"
         f"<footer>{paragraph(_foot(environment), 'note')}</footer>"
         f'<script type="application/json" id="data">{inside}</script></body></html>\n'
     )
 
 
-def _lead(report: Report, request: Request) -> str:
-    aimed = [measure for measure in report.measures if measure.target is not None]
-    reached = sum(measure.reached is True for measure in aimed)
-    first, last = request.seed, request.seed + request.count - 1
-    drawn = (
-        f" Generated scenes: seeds {first} to {last}, of the {seed_set(first)} set."
-        if request.cases()
-        else ""
-    )
-    return f"{reached} of {len(aimed)} targets reached.{drawn}"
+def _lead(tables: Sequence[Table], request: Request) -> str:
+    aimed, missed = (sum(getattr(t, name) for t in tables) for name in ("aimed", "missed"))
+    lead = f"{aimed - missed} of {aimed} aims reached."
+    if "families" not in request.suites:
+        return lead
+    kind = "scoring" if request.seed >= SCORING else "tuning"
+    last = request.seed + request.count - 1
+    return f"{lead} {request.count} scenes a family, {kind} seeds {request.seed} to {last}."
 
 
 def _foot(environment: Environment) -> str:
@@ -77,62 +70,20 @@ def _foot(environment: Environment) -> str:
     )
 
 
-def _sections(report: Report) -> Iterator[str]:
-    whole = [measure for measure in report.measures if not measure.group]
-    number = 0
-    for suite in dict.fromkeys(measure.suite for measure in whole):
-        number += 1
-        mine = [measure for measure in whole if measure.suite == suite]
-        rows = ((m.reached is False, _cells(m)) for m in mine)
-        yield section(number, f"s{number}", f"Suite “{suite}”", table(HEAD, rows, style="fold"))
-    groups = [measure for measure in report.measures if measure.group]
-    if groups:
-        number += 1
-        head = ("group", *HEAD)
-        rows = ((False, (Cell(m.group, strong=True), *_cells(m))) for m in groups)
-        yield section(number, "groups", "By kind of scene", table(head, rows, style="fold tall"))
-    if report.failing:
-        number += 1
-        rows = ((False, _failing(item)) for item in report.failing)
-        yield section(
-            number, "worst", "Scenes that went wrong", table(WORST_HEAD, rows, style="fold tall")
-        )
+def _sections(tables: Sequence[Table]) -> Iterator[str]:
+    for number, each in enumerate(tables, 1):
+        shown = [column for column in each.columns if not column.explains]
+        head = [f"{column.title} ({column.aim})".replace(" ()", "") for column in shown]
+        rows = ((False, _cells(each, row)) for row in each.rows)
+        inside = table(head, rows, style="fold")
+        yield section(number, each.name, each.title, paragraph(each.note, "note"), inside)
 
 
-def _cells(measure: Measure) -> Sequence[Cell]:
-    verdict = {
-        True: Cell("✓ reached", style="yes"),
-        False: Cell("✗ missed", style="no"),
-        None: Cell("–"),
-    }
-    return (
-        Cell(measure.measure, style="text", strong=measure.target is not None),
-        Cell(plain(measure.value, 4)),
-        Cell(measure.unit),
-        Cell(target_text(measure)),
-        Cell(str(measure.count)),
-        verdict[measure.reached],
-    )
-
-
-def target_text(measure: Measure) -> str:
-    """Return a target with its sign, or nothing."""
-    if measure.target is None:
-        return ""
-    return f"{'≥' if measure.rule == 'at least' else '≤'} {measure.target:g}"
-
-
-def _failing(item: Failing) -> Sequence[Cell]:
-    about = (str(item.about.get(key, "–")) for key in ("array", "rate", "cover", "faults"))
-    return (
-        Cell(item.name, strong=True),
-        Cell("; ".join(item.wrong), style="text"),
-        *(Cell(text) for text in about),
-    )
-
-
-def _plain(record: dict[str, object]) -> dict[str, object]:
-    return {
-        key: None if isinstance(value, float) and value != value else value
-        for key, value in record.items()
-    }
+def _cells(each: Table, row: Row) -> list[Cell]:
+    first, *others = (column for column in each.columns if not column.explains)
+    more = ", ".join(c.text(row.get(c.key)) for c in each.columns if c.explains)
+    cells = [Cell(first.text(row.get(first.key)), more, strong=True)]
+    for column in others:
+        value = row.get(column.key)
+        cells.append(Cell(column.text(value), style=STYLES[column.reached(value)]))
+    return cells

@@ -1,6 +1,6 @@
-"""Labelled real trials: uSkin pads that hold an object, with and without slip."""
+"""The suite "recordings": scores of real trials with each object left out, and their reports."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,164 +9,195 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.errors import RecordingError
-from cnnum.lab.scoring.measures import Measure, auc, share
-from cnnum.lab.scoring.worst import Failing
-from cnnum.report.verdicts import held
-from cnnum.scenes.events import Event
-from cnnum.scenes.pipeline import FrameResult, load_scene
+from cnnum.lab.scoring import baselines
+from cnnum.lab.scoring.left_out import GRID
+from cnnum.lab.scoring.measures import auc
+from cnnum.lab.scoring.recorded import (
+    FLAT,
+    USKIN,
+    flat_folders,
+    flat_trial,
+    uskin_folders,
+    uskin_trial,
+)
+from cnnum.lab.scoring.subject import Answers, Subject
+from cnnum.lab.scoring.table import Column, Row, Table
+from cnnum.lab.scoring.trial import Trial
 
-SUITE = "recordings"
-SCENE = "uskin_grasp"
-"""The scene that comes with the package: one setting for all trials."""
+POOLED, USKIN_AUC = 0.90, 0.96
+"""Aims."""
 
-PAD_FILE = "xela_sensor1.csv"
-"""By which a folder is known as a trial."""
+NOTE = (
+    "Area under the ROC curve of the frames in which an object is held and its marker moves "
+    "faster than 6 mm/s (slip) or slower than 1.5 mm/s (none)."
+)
+Advance = Callable[[str], object]
+Scores = dict[str, list[Floats]]
+"""Of the trials, in order, by the row of the table."""
 
-NEAR = 6
-"""Rows between a label and a report."""
 
-POOLED, FALSE = 0.96, 1.0
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Trial:
-    """A trial as it went.
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """Real trials, with what the program says of them.
 
     Attributes
     ----------
-    name : str
-    slip : (rows,) bool
-        The label.
-    kept : (rows,) bool
-        Whether the object is not yet lost.
-    strength : (rows,) float
-        `slip_strength`; in a row that repeats a scan, that of the row before.
-    reports : tuple of int
-        Rows before the loss in which gross slip was reported.
+    flat, uskin : list of Trial
+    flat_answers, uskin_answers : list of Answers
     """
 
-    name: str
-    slip: Floats
-    kept: Floats
-    strength: Floats
-    reports: tuple[int, ...]
-
-    @property
-    def onsets(self) -> tuple[int, ...]:
-        """First row of every labelled slip before the loss."""
-        return tuple(first for first, _ in held(self.slip * self.kept))
+    flat: list[Trial]
+    uskin: list[Trial]
+    flat_answers: list[Answers]
+    uskin_answers: list[Answers]
 
 
-def trials_in(folder: Path) -> tuple[Path, ...]:
-    """Return the folders of trials at or below a folder, in order.
+def read(root: Path, objects: tuple[str, ...] | None, advance: Advance) -> list[list[Trial]]:
+    """Return the trials of the two data sets in a folder, those that are there.
+
+    Parameters
+    ----------
+    root : Path
+        With the folders "uskin_grasp" and "tactile_prediction_flat_dataset".
+    objects : tuple of str, optional
+        Of the flat data set; all but those held back unless given.
+    advance : callable
+        Called with the name of every trial that is read.
 
     Raises
     ------
     RecordingError
-        If there is none.
-    """
-    found = sorted(file.parent for file in folder.rglob(PAD_FILE))
-    if not found:
-        raise RecordingError(
-            f"Expected folders of uSkin trials in '{folder}', got none with a '{PAD_FILE}': name "
-            "a folder that has them, or set CNNUM_RECORDINGS to it."
-        )
-    return tuple(found)
-
-
-def play_trial(folder: Path, engine: Engine) -> Trial:
-    """Run the program of the scene over a trial.
-
-    Raises
-    ------
+        If there is neither, or no trial of these objects.
     CnnumError
-        If the trial cannot be read, or nobody labelled it.
+        If a file is not as it should be.
     """
-    scene = load_scene(SCENE, engine=engine, changes={"array.path": str(folder.resolve())})
-    moments = list(scene.results())
-    truths = [moment.frame.truth for moment in moments]
-    if any(truth is None for truth in truths):
+    flat, uskin = flat_folders(root, objects), uskin_folders(root)
+    if not flat and not uskin:
         raise RecordingError(
-            f"Trial '{folder}' has no 'slip_label.csv': expected a label a row; leave it out."
+            f"Expected '{USKIN}' or '{FLAT}' with trials in '{root}', got neither: set "
+            "CNNUM_RECORDINGS to the folder that has them."
         )
-    known = [truth for truth in truths if truth is not None]
-    kept = np.array([float(truth["fail"] == 0) for truth in known])
-    events = [event for moment in moments for event in moment.events]
-    return Trial(
-        name=folder.name,
-        slip=np.array([float(truth["slip"] > 0) for truth in known]),
-        kept=kept,
-        strength=np.array(_strengths(moments)),
-        reports=tuple(e.frame for e in events if _gross(e) and kept[e.frame] > 0),
-    )
-
-
-def _gross(event: Event) -> bool:
-    return event.kind == "slip" and event.phase == "gross"
-
-
-def _strengths(moments: Sequence[FrameResult]) -> list[float]:
-    """Return the strength in every row, carried over repeats."""
-    found, last = list[float](), 0.0
-    for moment in moments:
-        last = float(moment.outputs["slip_strength"]) if moment.outputs else last
-        found.append(last)
+    found: list[list[Trial]] = [[], []]
+    for place, (folders, load) in enumerate(((flat, flat_trial), (uskin, uskin_trial))):
+        for folder in folders:
+            found[place].append(load(folder))
+            advance(folder.path.name)
     return found
 
 
-def recording_measures(trials: Sequence[Trial]) -> Iterator[Measure]:
-    """Yield what the trials came to."""
-    kept = [trial.kept > 0 for trial in trials]
-    scores = np.concatenate([t.strength[k] for t, k in zip(trials, kept, strict=True)])
-    labels = np.concatenate([t.slip[k] for t, k in zip(trials, kept, strict=True)])
-    yield Measure(
-        "slip_strength against the label before the loss: pooled AUC",
-        SUITE,
-        auc(scores, labels),
-        scores.size,
-        "rows",
-        POOLED,
+def score_table(engine: Engine, recorded: Recorded) -> Table:
+    """Return the areas under the curve of the program and of what it has to beat."""
+    rows = _shipped(recorded)
+    rows |= {name: _change(recorded, *how) for name, how in CHANGES.items()}
+    if recorded.flat:
+        rows["constants chosen without the object"] = _chosen(engine, recorded.flat), []
+        if baselines.can_learn():
+            rows["logistic regression without the object"] = _learned(recorded.flat), []
+    objects = sorted({trial.family for trial in recorded.flat}, key=_number)
+    columns = (
+        Column("score", "score"),
+        Column("pooled", "pooled", 3, least=POOLED),
+        *(Column(f"object_{name}", name, 3) for name in objects),
+        Column("uskin", "uSkin trials", 3, least=USKIN_AUC),
     )
-    away = [abs(delay) for trial in trials for delay in delays(trial)]
-    onsets = sum(len(trial.onsets) for trial in trials)
-    near = sum(delay <= NEAR for delay in away)
-    name = f"slip onsets within {NEAR} rows of the label"
-    yield Measure(name, SUITE, share(near, onsets), onsets, target=1.0)
-    largest = float(max(away)) if away and len(away) == onsets else float("nan")
-    yield Measure("slip onset against the label, largest", SUITE, largest, onsets, "rows")
-    quiet = [trial for trial in trials if not trial.onsets]
-    alarms = float(sum(len(trial.reports) for trial in quiet))
-    name = "false reports in trials without slip"
-    yield Measure(name, SUITE, alarms, len(quiet), "reports", FALSE, "at most")
-    others = [trial for trial in trials if trial.onsets]
-    extra = float(sum(len(extra_reports(trial)) for trial in others))
-    yield Measure("other reports in trials with slip", SUITE, extra, len(others), "reports")
+    made = [_row(name, recorded, objects, *scores) for name, scores in rows.items()]
+    missing = "" if baselines.can_learn() else " scikit-learn is missing: no regression."
+    return Table("recordings", "Real recordings", NOTE + missing, columns, made)
 
 
-def delays(trial: Trial) -> list[int]:
-    """Return, for each onset that has a report, the rows from it to the nearest one."""
-    if not trial.reports:
-        return []
-    return [min((r - onset for r in trial.reports), key=abs) for onset in trial.onsets]
+CHANGES = {
+    f"{name}, {window} frame{'s' * (window > 1)}": (window, incoherent)
+    for name, incoherent in (("mean change of shear", False), ("incoherent change", True))
+    for window in baselines.WINDOWS
+}
 
 
-def extra_reports(trial: Trial) -> list[int]:
-    """Return reports that are near no onset."""
-    return [r for r in trial.reports if all(abs(r - onset) > NEAR for onset in trial.onsets)]
+def _shipped(recorded: Recorded) -> dict[str, tuple[list[Floats], list[Floats]]]:
+    answers = (recorded.flat_answers, recorded.uskin_answers)
+    flat, uskin = ([each["slip_strength"] for each in some] for some in answers)
+    return {"slip_strength": (flat, uskin)}
 
 
-def failing_trials(trials: Sequence[Trial]) -> list[Failing]:
-    """Return the trials in which something went wrong."""
-    found = [Failing(SUITE, trial.name, None, tuple(_faults(trial))) for trial in trials]
-    return [item for item in found if item.wrong]
+def _change(recorded: Recorded, window: int, incoherent: bool) -> tuple[list[Floats], list[Floats]]:
+    flat, uskin = (
+        [baselines.shear_change(trial, window, incoherent=incoherent) for trial in trials]
+        for trials in (recorded.flat, recorded.uskin)
+    )
+    return flat, uskin
 
 
-def _faults(trial: Trial) -> Iterator[str]:
-    for row in extra_reports(trial):
-        yield f"slip reported in row {row}, where none begins"
-    for onset in trial.onsets:
-        delay = min((r - onset for r in trial.reports), key=abs, default=None)
-        if delay is None:
-            yield f"slip from row {onset} on missed"
-        elif abs(delay) > NEAR:
-            yield f"slip from row {onset} on reported {delay:+d} rows away"
+def _chosen(engine: Engine, trials: Sequence[Trial]) -> list[Floats]:
+    """Return scores with the constants that are best on all other objects.
+
+    Each fold's are in units of the others' median without slip: constants scale the score.
+    """
+    settings = [
+        [answers["slip_strength"] for answers in Subject(engine, known, twists=False).play(trials)]
+        for known in GRID
+    ]
+    found: dict[int, Floats] = {}
+    for _, mine, others in folds(trials):
+        rest = [trials[n] for n in others]
+        best = max(settings, key=lambda scores: pooled(rest, [scores[n] for n in others]))
+        quiet = np.concatenate(split(rest, [best[n] for n in others])[1])
+        unit = float(np.median(quiet)) if len(quiet) else 1.0
+        found.update({n: best[n] / unit for n in mine})
+    return [found[n] for n in range(len(trials))]
+
+
+def _learned(trials: Sequence[Trial]) -> list[Floats]:
+    found: dict[int, Floats] = {}
+    for _, mine, others in folds(trials):
+        scores = baselines.regression([trials[n] for n in others], [trials[n] for n in mine])
+        found.update(zip(mine, scores, strict=True))
+    return [found[n] for n in range(len(trials))]
+
+
+def folds(trials: Sequence[Trial]) -> list[tuple[str, list[int], list[int]]]:
+    """Return for every object its trials, and all others."""
+    objects = dict.fromkeys(trial.family for trial in trials)
+    places = range(len(trials))
+    return [
+        (
+            name,
+            [n for n in places if trials[n].family == name],
+            [n for n in places if trials[n].family != name],
+        )
+        for name in objects
+    ]
+
+
+def split(trials: Sequence[Trial], scores: Sequence[Floats]) -> tuple[list[Floats], list[Floats]]:
+    """Return the scores of frames that slip, and of those that do not, a trial each."""
+    pairs = list(zip(trials, scores, strict=True))
+    return (
+        [score[trial.scored & (trial.slips == 1)] for trial, score in pairs],
+        [score[trial.scored & (trial.slips == 0)] for trial, score in pairs],
+    )
+
+
+def pooled(trials: Sequence[Trial], scores: Sequence[Floats]) -> float:
+    """Return the area under the curve of all frames of all trials together."""
+    if not trials:
+        return float("nan")
+    slips, none = split(trials, scores)
+    return auc(np.concatenate(slips), np.concatenate(none))
+
+
+def _row(
+    name: str,
+    recorded: Recorded,
+    objects: Sequence[str],
+    flat: Sequence[Floats],
+    uskin: Sequence[Floats],
+) -> Row:
+    row: Row = {"score": name, "pooled": pooled(recorded.flat, flat)}
+    for each in objects:
+        mine = [n for n, trial in enumerate(recorded.flat) if trial.family == each]
+        row[f"object_{each}"] = pooled([recorded.flat[n] for n in mine], [flat[n] for n in mine])
+    row["uskin"] = pooled(recorded.uskin, uskin) if len(uskin) else None
+    return row
+
+
+def _number(name: str) -> tuple[int, str]:
+    return (int(name), "") if name.isdigit() else (10**6, name)

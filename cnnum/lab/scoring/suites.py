@@ -1,39 +1,32 @@
-"""The suites, put together: what is asked for becomes a report."""
+"""The suites, put together: what is asked for becomes tables."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
-from math import ceil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from cnnum.engine import Engine
 from cnnum.errors import SceneError
-from cnnum.lab.scoring.alarms import alarm_measures
-from cnnum.lab.scoring.confusion import confusion_measures
-from cnnum.lab.scoring.events import event_measures, strength_measures, warning_measures
-from cnnum.lab.scoring.generated.batches import Player
-from cnnum.lab.scoring.generated.case import SCORING, Case
-from cnnum.lab.scoring.generated.scripts import held_case, slip_case
-from cnnum.lab.scoring.groups import group_measures
-from cnnum.lab.scoring.judge import Judgement, judge
-from cnnum.lab.scoring.measures import Measure
-from cnnum.lab.scoring.recordings import (
-    Trial,
-    failing_trials,
-    play_trial,
-    recording_measures,
-    trials_in,
-)
-from cnnum.lab.scoring.scenes import play_scene
-from cnnum.lab.scoring.twists import twist_measures
-from cnnum.lab.scoring.worst import Failing, failing
+from cnnum.lab.scoring.families.catalogue import FAMILIES
+from cnnum.lab.scoring.family_tables import drawn, played, tables
+from cnnum.lab.scoring.left_out import GRID, choices, left_out_table
+from cnnum.lab.scoring.levels import level_table
+from cnnum.lab.scoring.onsets import recorded_levels, report_table, trial_table
+from cnnum.lab.scoring.recorded import flat_folders, uskin_folders
+from cnnum.lab.scoring.recordings import Recorded, read, score_table
+from cnnum.lab.scoring.subject import Answers, Subject
+from cnnum.lab.scoring.table import Table
+from cnnum.lab.scoring.trial import Trial
 
-SUITES = ("slip", "false-alarms", "recordings", "all")
+SUITES = ("families", "recordings")
 
-QUICK, FULL = 24, 300
-"""Scenes of the suite "slip", unless told, and of a run that is to be published."""
+QUICK, USUAL = 1, 20
+"""Scenes of every family."""
 
-HELD_SHARE = 3
-"""Scenes that slip for one in which an object is held: 300 of them go with ten minutes."""
+SCORING = 1_000_000
+"""First seed of the scoring set. Seeds below are for tuning: whoever sets a constant of a program
+by looking at results looks at those, and never at these."""
+
+Advance = Callable[[str], object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,124 +36,102 @@ class Request:
     Attributes
     ----------
     suites : tuple of str
-    scenes : tuple of str
-        Names or files.
-    recordings : tuple of Path
-        Folders of trials.
-    count : int
-        Scenes of the suite "slip"; a third as many of "false-alarms", unless that is alone.
-    seed : int
-        Of the first scene.
-    program : str
+    count, seed : int
+        Scenes of every family, and the seed of the first one.
+    leave_one_out : bool
+        Whether constants are chosen without each family in turn.
+    recordings : Path, optional
+        Folder of the data sets.
+    objects : tuple of str, optional
+        Of the flat data set; all but those held back unless given.
     """
 
-    suites: tuple[str, ...] = ()
-    scenes: tuple[str, ...] = ()
-    recordings: tuple[Path, ...] = ()
-    count: int = QUICK
+    suites: tuple[str, ...]
+    count: int = USUAL
     seed: int = SCORING
-    program: str = "tactile"
+    leave_one_out: bool = False
+    recordings: Path | None = None
+    objects: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
-        if "recordings" in self.suites and not self.recordings:
+        if "recordings" in self.suites and self.recordings is None:
             raise SceneError(
-                "The suite 'recordings' needs a folder of trials: name one, or set "
-                "CNNUM_RECORDINGS."
+                "The suite 'recordings' needs real trials: set CNNUM_RECORDINGS to the folder "
+                "that has them."
             )
 
-    def cases(self) -> tuple[Case, ...]:
-        """Return the generated scenes that are asked for."""
-        slips = range(self.seed, self.seed + self.count) if "slip" in self.suites else range(0)
-        some = ceil(self.count / HELD_SHARE) if "slip" in self.suites else self.count
-        held = range(self.seed, self.seed + some) if "false-alarms" in self.suites else range(0)
-        return (*map(slip_case, slips), *map(held_case, held))
-
-    def trials(self) -> tuple[Path, ...]:
-        """Return the trials that are asked for.
-
-        Raises
-        ------
-        RecordingError
-            If a folder has none.
-        """
-        return tuple(trial for folder in self.recordings for trial in trials_in(folder))
-
-
-@dataclass(frozen=True, slots=True)
-class Report:
-    """What a request came to.
-
-    Attributes
-    ----------
-    measures : tuple of Measure
-        Whole suites first; those of groups name theirs.
-    failing : tuple of Failing
-        The worst scenes of each suite first.
-    """
-
-    measures: tuple[Measure, ...]
-    failing: tuple[Failing, ...] = field(default=())
-
-    def records(self) -> Iterator[dict[str, object]]:
-        """Yield all of it as JSON objects: a measure each, then a scene that went wrong each."""
-        yield from (measure.record() for measure in self.measures)
-        yield from (item.record() for item in self.failing)
-
     @property
-    def missed(self) -> tuple[Measure, ...]:
-        """Measures whose target is not reached."""
-        return tuple(measure for measure in self.measures if measure.reached is False)
+    def steps(self) -> int:
+        """Number of times that progress is reported."""
+        count = 0
+        if "families" in self.suites:
+            count += len(FAMILIES) + len(GRID) * self.leave_one_out
+        if "recordings" in self.suites and self.recordings is not None:
+            count += len(flat_folders(self.recordings, self.objects))
+            count += len(uskin_folders(self.recordings))
+        return count
 
 
-def score(
-    request: Request, engine: Engine, advance: Callable[[str], object] = lambda _: None
-) -> Report:
-    """Play and judge everything that is asked for.
+def score(request: Request, engine: Engine, advance: Advance = str) -> list[Table]:
+    """Return the tables of everything that is asked for.
 
     Parameters
     ----------
     request : Request
     engine : Engine
     advance : callable
-        Told the name of every scene that is done.
+        Called with the name of whatever is done.
 
     Raises
     ------
     CnnumError
         Whatever is wrong with a scene, a trial or the device.
     """
-    measures, wrong = list[Measure](), list[Failing]()
-    judged: dict[str, list[Judgement]] = {}
-    for play in Player(engine, request.program).play(request.cases()):
-        judged.setdefault(play.suite, []).append(judge(play))
-        advance(play.name)
-    for name in request.scenes:
-        play = play_scene(name, engine)
-        judged.setdefault(play.suite, []).append(judge(play))
-        advance(name)
-    for suite, ones in judged.items():
-        measures += suite_measures(suite, ones)
-        wrong += failing(ones)
-    trials = list[Trial]()
-    for folder in request.trials():
-        trials.append(play_trial(folder, engine))
-        advance(folder.name)
-    if trials:
-        measures += recording_measures(trials)
-        wrong += failing_trials(trials)
-    return Report(tuple(measures), tuple(wrong))
+    made = list[Table]()
+    if "families" in request.suites:
+        made += _families(request, engine, advance)
+    if "recordings" in request.suites and request.recordings is not None:
+        made += _recordings(request.recordings, request.objects, engine, advance)
+    return made
 
 
-def suite_measures(suite: str, judged: Sequence[Judgement]) -> Iterator[Measure]:
-    """Yield all measures of a suite of plays."""
-    if suite == "false-alarms":
-        yield from alarm_measures(suite, judged, target=0.0)
-        yield from confusion_measures(suite, judged)
-        return
-    yield from event_measures(suite, judged)
-    yield from warning_measures(suite, judged)
-    yield from strength_measures(suite, judged)
-    yield from twist_measures(suite, judged)
-    yield from confusion_measures(suite, judged)
-    yield from alarm_measures(suite, judged)
-    yield from group_measures(suite, judged)
+def _families(request: Request, engine: Engine, advance: Advance) -> list[Table]:
+    trials = drawn(request.count, request.seed, advance)
+    scenes = played(Subject(engine), trials)
+    made = [*tables(scenes), level_table(scenes)]
+    if request.leave_one_out:
+        made.append(left_out_table(choices(engine, trials, advance)))
+    return made
+
+
+def _recordings(
+    root: Path, objects: tuple[str, ...] | None, engine: Engine, advance: Advance
+) -> list[Table]:
+    flat, uskin = read(root, objects, advance)
+    subject = Subject(engine, twists=False)
+    recorded = Recorded(flat, uskin, subject.play(flat), subject.play(uskin))
+    groups = _grouped(flat, recorded.flat_answers)
+    if flat:
+        groups["all objects"] = (flat, recorded.flat_answers)
+    if uskin:
+        groups["uSkin trials"] = (uskin, recorded.uskin_answers)
+    made = [score_table(engine, recorded), report_table(groups)]
+    if flat:
+        made.append(recorded_levels(flat, recorded.flat_answers))
+    if uskin:
+        made.append(trial_table(uskin, recorded.uskin_answers))
+    return made
+
+
+def _grouped(
+    trials: Sequence[Trial], answers: Sequence[Answers]
+) -> dict[str, tuple[Sequence[Trial], Sequence[Answers]]]:
+    names = dict.fromkeys(trial.family for trial in trials)
+    pairs = list(zip(trials, answers, strict=True))
+    return {
+        name: (
+            [trial for trial, _ in pairs if trial.family == name],
+            [each for trial, each in pairs if trial.family == name],
+        )
+        for name in sorted(names, key=lambda text: (len(text), text))
+    }

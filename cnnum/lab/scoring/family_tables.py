@@ -1,0 +1,200 @@
+"""The suite "families": every family of scenes, one row each."""
+
+import os
+from collections.abc import Callable, Generator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing import get_context
+
+import numpy as np
+
+from cnnum.lab.scoring.families.arrays import Arrays
+from cnnum.lab.scoring.families.catalogue import FAMILIES, Family
+from cnnum.lab.scoring.judge import NEAR, Verdict, judge, sense_right
+from cnnum.lab.scoring.measures import median, per_ten_minutes, share
+from cnnum.lab.scoring.subject import Answers, Subject
+from cnnum.lab.scoring.table import Column, Row, Table
+from cnnum.lab.scoring.trial import Trial
+
+FOUND, SENSE, FALSE = 0.95, 0.98, 1.0
+"""Aims: shares found and of right senses, and false reports in ten minutes."""
+
+SLIPS = (
+    Column("family", "family"),
+    Column("about", "apart by", explains=True),
+    Column("scenes", "scenes"),
+    Column("found", "found", 2, least=FOUND),
+    Column("slid_mm", "slid, mm", 2, most=NEAR * 1e3),
+    Column("near", "by 0.3 mm"),
+    Column("turned", "off, °", 1),
+    Column("false", "false / 10 min", 1, most=FALSE),
+    Column("twists", "twist, too", 2, most=1 - SENSE),
+)
+TWISTS = (
+    Column("family", "family"),
+    Column("about", "apart by", explains=True),
+    Column("scenes", "scenes"),
+    Column("found", "found"),
+    Column("sense", "sense right", 2, least=SENSE),
+    Column("slips", "slip, too", 2, most=1 - SENSE),
+)
+HELD = (
+    Column("family", "family"),
+    Column("about", "apart by", explains=True),
+    Column("scenes", "scenes"),
+    Column("minutes", "minutes", 1),
+    Column("false", "false / 10 min", 1, most=FALSE),
+    Column("with_false", "scenes with one"),
+    Column("twists", "twists / 10 min", 1, most=FALSE),
+)
+
+FEW = 100
+"""Scenes that are not worth more processes."""
+
+THREADS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+Advance = Callable[[str], object]
+
+
+@dataclass(frozen=True, slots=True)
+class Scenes:
+    """Scenes of all families, with what the programs say of them.
+
+    Attributes
+    ----------
+    trials : mapping of str to sequence of Trial
+        By family.
+    answers : mapping of str to sequence of Answers
+    """
+
+    trials: Mapping[str, Sequence[Trial]]
+    answers: Mapping[str, Sequence[Answers]]
+
+    def verdicts(self, family: str) -> list[Verdict]:
+        """Return what the reports in a family's scenes are worth."""
+        pairs = zip(self.trials[family], self.answers[family], strict=True)
+        return [judge(trial, answers) for trial, answers in pairs]
+
+
+def drawn(count: int, seed: int, advance: Advance) -> dict[str, list[Trial]]:
+    """Return scenes of every family: `count` each, from a seed on.
+
+    Raises
+    ------
+    CnnumError
+        If a contact leaves its array.
+    """
+    if count * len(FAMILIES) <= FEW:
+        return {family.name: _drawn(family.name, count, seed, advance) for family in FAMILIES}
+    names = [family.name for family in FAMILIES]
+    with _workers() as workers:
+        waiting = [workers.submit(_drawn, name, count, seed) for name in names]
+        found = dict[str, list[Trial]]()
+        for name, future in zip(names, waiting, strict=True):
+            found[name] = future.result()
+            advance(name)
+    return found
+
+
+def _drawn(name: str, count: int, seed: int, advance: Advance = str) -> list[Trial]:
+    """Return a family's scenes; by name, since what makes them cannot go to another process."""
+    arrays, family = Arrays(), next(one for one in FAMILIES if one.name == name)
+    made = [family.make(arrays, name, n) for n in range(seed, seed + count)]
+    advance(name)
+    return made
+
+
+@contextmanager
+def _workers() -> Generator[ProcessPoolExecutor]:
+    """Yield a process a core, each with one thread for matrices: more get into each other's way."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        with ProcessPoolExecutor(mp_context=get_context("spawn")) as workers:
+            yield workers
+    finally:
+        for name, value in before.items():
+            os.environ.pop(name)
+            if value is not None:
+                os.environ[name] = value
+
+
+def played(subject: Subject, trials: Mapping[str, Sequence[Trial]]) -> Scenes:
+    """Return what the programs say of scenes."""
+    flat = [trial for ones in trials.values() for trial in ones]
+    answers = iter(subject.play(flat))
+    return Scenes(trials, {name: [next(answers) for _ in ones] for name, ones in trials.items()})
+
+
+def tables(scenes: Scenes) -> list[Table]:
+    """Return one table each for scenes that slip, that twist, and that are held."""
+    rows: dict[str, list[Row]] = {"slip": [], "twist": [], "held": []}
+    for family in FAMILIES:
+        rows[family.kind].append(_ROWS[family.kind](family, scenes))
+    return [
+        Table("slips", "Scenes that slip", SLIPS_NOTE, SLIPS, rows["slip"]),
+        Table("twists", "Scenes that twist", TWISTS_NOTE, TWISTS, rows["twist"]),
+        Table("held", "Scenes without slip", HELD_NOTE, HELD, rows["held"]),
+    ]
+
+
+SLIPS_NOTE = (
+    "Found: slip is reported while the object slips. Slid: median of the sliding before that "
+    "report. Off: median error of its direction. False: reports that begin more than 0.1 s before "
+    "the slip, while the contact sticks on more than half its radius. Twist, too: share of scenes."
+)
+TWISTS_NOTE = "Sense right: a twist is reported, and never in the other sense."
+HELD_NOTE = "Each report of slip is false, each of its own if the flag goes out in between."
+
+
+def _slip_row(family: Family, scenes: Scenes) -> Row:
+    verdicts = scenes.verdicts(family.name)
+    found = [one for one in verdicts if one.found]
+    slid = [one.slid if one.found else np.inf for one in verdicts]
+    return {
+        **_head(family, verdicts),
+        "found": share(len(found), len(verdicts)),
+        "slid_mm": median(slid) * 1e3,
+        "near": share(sum(way <= NEAR for way in slid), len(verdicts)),
+        "turned": median([one.turned for one in found]),
+        "false": _rate(verdicts),
+        "twists": share(sum(one.twists > 0 for one in verdicts), len(verdicts)),
+    }
+
+
+def _twist_row(family: Family, scenes: Scenes) -> Row:
+    verdicts = scenes.verdicts(family.name)
+    pairs = list(zip(scenes.trials[family.name], scenes.answers[family.name], strict=True))
+    found = sum(bool((answers["twist"][trial.scored] > 0).any()) for trial, answers in pairs)
+    right = sum(sense_right(trial, answers) for trial, answers in pairs)
+    return {
+        **_head(family, verdicts),
+        "found": share(found, len(pairs)),
+        "sense": share(right, len(pairs)),
+        "slips": share(sum(one.false > 0 for one in verdicts), len(verdicts)),
+    }
+
+
+def _held_row(family: Family, scenes: Scenes) -> Row:
+    verdicts = scenes.verdicts(family.name)
+    seconds = sum(one.seconds for one in verdicts)
+    return {
+        **_head(family, verdicts),
+        "minutes": seconds / 60.0,
+        "false": _rate(verdicts),
+        "with_false": sum(one.false > 0 for one in verdicts),
+        "twists": per_ten_minutes(sum(one.twists for one in verdicts), seconds),
+    }
+
+
+_ROWS = {"slip": _slip_row, "twist": _twist_row, "held": _held_row}
+
+
+def _head(family: Family, verdicts: Sequence[Verdict]) -> Row:
+    return {"family": family.name, "about": family.about, "scenes": len(verdicts)}
+
+
+def _rate(verdicts: Sequence[Verdict]) -> float:
+    false, seconds = sum(one.false for one in verdicts), sum(one.seconds for one in verdicts)
+    return per_ten_minutes(false, seconds)

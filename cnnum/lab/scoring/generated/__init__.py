@@ -1,1 +1,0 @@
-"""Generated scenes: drawn from a seed, simulated, and run in batches."""

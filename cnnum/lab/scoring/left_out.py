@@ -1,0 +1,107 @@
+"""Leave one family out: free constants are chosen on the others, and judged on that family."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+
+from cnnum.engine import Engine
+from cnnum.lab.scoring.families.catalogue import FAMILIES
+from cnnum.lab.scoring.family_tables import FALSE, FOUND, played
+from cnnum.lab.scoring.judge import NEAR
+from cnnum.lab.scoring.levels import LEVELS, Outcome, outcome, rate_of
+from cnnum.lab.scoring.measures import median
+from cnnum.lab.scoring.subject import Subject
+from cnnum.lab.scoring.table import Column, Row, Table
+from cnnum.lab.scoring.trial import Trial
+
+STILL, PULL = (0.15, 0.25, 0.4), (0.25, 0.5, 0.75, 1.5)
+GRID = tuple({"still": still, "pull": pull} for still, pull in product(STILL, PULL))
+"""Values of two free constants; the third is the level."""
+
+COLUMNS = (
+    Column("family", "family left out"),
+    Column("still", "still"),
+    Column("pull", "pull"),
+    Column("level", "level"),
+    Column("found", "found", 2, least=FOUND),
+    Column("slid_mm", "slid, mm", 2, most=NEAR * 1e3),
+    Column("near", "by 0.3 mm"),
+    Column("false", "false / 10 min", 1, most=FALSE),
+)
+NOTE = (
+    "The constants of each row reach most aims on the other families; of several, those that "
+    "find most by 0.3 mm."
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """Constants, and what every family comes to with them.
+
+    Attributes
+    ----------
+    constants : mapping of str to float
+    outcomes : mapping of str to Outcome
+        By family.
+    """
+
+    constants: Mapping[str, float]
+    outcomes: Mapping[str, Outcome]
+
+
+def choices(
+    engine: Engine, trials: Mapping[str, Sequence[Trial]], advance: Callable[[str], object]
+) -> list[Choice]:
+    """Return all constants of the grid, with what families of scenes come to."""
+    found = list[Choice]()
+    names = [family.name for family in FAMILIES if family.kind != "twist"]
+    some = {name: trials[name] for name in names}
+    for constants in GRID:
+        scenes = played(Subject(engine, constants, twists=False), some)
+        for level in LEVELS:
+            outcomes = {name: outcome(scenes, name, level) for name in names}
+            found.append(Choice({**constants, "level": level}, outcomes))
+        advance(", ".join(f"{name} {value:g}" for name, value in constants.items()))
+    return found
+
+
+def chosen(found: Sequence[Choice], left_out: str) -> Choice:
+    """Return the constants that reach most aims on all families but one.
+
+    A family without slip has one aim, one that slips three. Of several, those that find most by
+    0.3 mm.
+    """
+
+    def merit(choice: Choice) -> tuple[int, float]:
+        others = [one for name, one in choice.outcomes.items() if name != left_out]
+        near = float(np.mean([one.near for one in others if one.slid]))
+        return sum(reached(one) for one in others), near
+
+    return max(found, key=merit)
+
+
+def reached(one: Outcome) -> int:
+    """Return the number of aims that a family reaches."""
+    slips = (one.found >= FOUND, median(one.slid) <= NEAR) if one.slid else ()
+    return sum((rate_of([one]) <= FALSE, *slips))
+
+
+def left_out_table(found: Sequence[Choice]) -> Table:
+    """Return one row a family, with the constants that the other families choose."""
+    rows = [_row(found, family.name) for family in FAMILIES if family.kind != "twist"]
+    return Table("left-out", "Leave one family out", NOTE, COLUMNS, rows)
+
+
+def _row(found: Sequence[Choice], family: str) -> Row:
+    choice = chosen(found, family)
+    mine = choice.outcomes[family]
+    return {
+        "family": family,
+        **choice.constants,
+        "found": mine.found,
+        "slid_mm": median(list(mine.slid)) * 1e3,
+        "near": mine.near,
+        "false": rate_of([mine]),
+    }

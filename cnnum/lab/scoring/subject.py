@@ -1,0 +1,131 @@
+"""The programs that are judged: the one place that knows their names and outputs."""
+
+import inspect
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+from math import ceil
+from typing import Any
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.engine import Engine
+from cnnum.frame import FORCE_AXES
+from cnnum.lab.scoring.measures import latched
+from cnnum.lab.scoring.trial import Flags, Trial
+from cnnum.programs import Program
+from cnnum.programs.library import get_program
+from cnnum.templates.tactile.shared.recent_loads import HOLD
+
+SLIP, TWIST = "slip", "twist"
+"""Programs that report slip and twist."""
+
+OUTPUTS = {
+    SLIP: ("gross_slip", "slip_x", "slip_y", "slip_strength"),
+    TWIST: ("twist", "twist_sense"),
+}
+
+BATCH = 32
+"""Arrays side by side: enough to hide the cost of a launch, few enough to keep in memory."""
+
+Answers = dict[str, Floats]
+
+
+def default(name: str) -> float:
+    """Return the value of a parameter of the slip program, as shipped."""
+    return float(inspect.signature(get_program(SLIP).function).parameters[name].default)
+
+
+def reports(strength: Floats, level: float, rate: float) -> Flags:
+    """Return the flags of slip at another level than the shipped one, as the program has them.
+
+    Parameters
+    ----------
+    strength : (frames,) float
+    level : float
+    rate : float, Hz
+
+    Returns
+    -------
+    (frames,) bool
+    """
+    return latched(strength, level, HOLD * level, ceil(default("hold_time") * rate - 0.5))
+
+
+@dataclass(frozen=True, slots=True)
+class Subject:
+    """Slip and twist as judged.
+
+    Attributes
+    ----------
+    engine : Engine
+    constants : mapping
+        Parameters other than the shipped ones.
+    twists : bool
+        Whether twist is judged, too.
+    """
+
+    engine: Engine
+    constants: Mapping[str, float] = field(default_factory=dict[str, float])
+    twists: bool = True
+
+    def play(self, trials: Sequence[Trial]) -> list[Answers]:
+        """Return what the programs say of every frame of every trial, one array an output.
+
+        Raises
+        ------
+        CnnumError
+            If a program lacks a parameter or an output.
+        """
+        order = sorted(range(len(trials)), key=lambda n: (_kind(trials[n]), len(trials[n].frames)))
+        found: dict[int, Answers] = {}
+        for _, same in groupby(order, key=lambda n: _kind(trials[n])):
+            numbers = list(same)
+            for start in range(0, len(numbers), BATCH):
+                some = numbers[start : start + BATCH]
+                answers = self._run([trials[n] for n in some])
+                found.update(zip(some, answers, strict=True))
+        return [found[n] for n in range(len(trials))]
+
+    def _run(self, trials: Sequence[Trial]) -> list[Answers]:
+        answers: list[Answers] = [{} for _ in trials]
+        for name, outputs in OUTPUTS.items():
+            if name == SLIP or self.twists:
+                for mine, more in zip(answers, self._one(name, outputs, trials), strict=True):
+                    mine.update(more)
+        return answers
+
+    def _one(self, name: str, outputs: tuple[str, ...], trials: Sequence[Trial]) -> list[Answers]:
+        """Return the outputs of one program, all trials side by side.
+
+        A trial that is over repeats its last frame; what comes of it is dropped.
+        """
+        program = _bound(get_program(name), {**trials[0].setting, **self.constants})
+        plan = self.engine.compile(program, trials[0].shape, outputs, channels=FORCE_AXES)
+        columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
+        stream, longest = plan.stream((len(trials),)), max(len(one.frames) for one in trials)
+        series = {output: np.empty((longest, len(trials))) for output in outputs}
+        for n, frame in enumerate(_side_by_side(trials, longest)):
+            for output, values in stream.push(frame[..., columns]).items():
+                series[output][n] = values
+        return [
+            {output: values[: len(one.frames), place] for output, values in series.items()}
+            for place, one in enumerate(trials)
+        ]
+
+
+def _side_by_side(trials: Sequence[Trial], longest: int) -> Iterator[Any]:
+    last = [len(one.frames) - 1 for one in trials]
+    for n in range(longest):
+        yield np.stack([t.frames[min(n, end)] for t, end in zip(trials, last, strict=True)])
+
+
+def _bound(program: Program, known: Mapping[str, float | bool]) -> Program:
+    """Return the program with what it takes of the known parameters."""
+    takes = inspect.signature(program.function).parameters
+    return program.bind(**{name: known[name] for name in known if name in takes})
+
+
+def _kind(trial: Trial) -> tuple[object, ...]:
+    return (trial.shape, *sorted(trial.setting.items()))
