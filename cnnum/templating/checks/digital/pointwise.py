@@ -29,7 +29,12 @@ _LOGIC: Mapping[str, Callable[[Bools, Bools], Bools]] = {
     "not input": lambda u, x: ~u,
 }
 _RING = [(down, east) for down in (-1, 0, 1) for east in (-1, 0, 1) if (down, east) != (0, 0)]
-_OFFSETS = {"east": (0, 1), "west": (0, -1), "south": (1, 0), "north": (-1, 0)}
+_OFFSETS = {"east": (0, 1), "west": (0, -1), "south": (1, 0), "north": (-1, 0)} | {
+    "north-east": (-1, 1),
+    "north-west": (-1, -1),
+    "south-east": (1, 1),
+    "south-west": (1, -1),
+}
 
 
 def _logic(template: Template, case: Case) -> Floats:

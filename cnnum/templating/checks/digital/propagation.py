@@ -71,7 +71,11 @@ def _shadow_columns(cells: Bools) -> Bools:
     return np.broadcast_to(cells.any(axis=0), cells.shape)
 
 
-_SHADOWS = {"west": _shadow_west, "north-south": _shadow_columns}
+def _shadow_south(cells: Bools) -> Bools:
+    return np.logical_or.accumulate(cells, axis=0)
+
+
+_SHADOWS = {"west": _shadow_west, "south": _shadow_south, "north-south": _shadow_columns}
 
 
 def _shadow(template: Template, case: Case) -> Floats:
