@@ -8,13 +8,14 @@ from cnnum.errors import TemplateError, TemplateFileError
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST
 from cnnum.templating.files.entry import Entry, FileFormat
+from cnnum.templating.files.measured import Measured, measured_toml
 from cnnum.templating.files.toml_format import TOML
 from cnnum.templating.files.writing import write_text
 from cnnum.templating.template import Template
 
 _FORMATS: dict[str, FileFormat] = {TOML.suffix: TOML}
 
-__all__ = ["Entry", "load_entry", "load_template", "save_template"]
+__all__ = ["Entry", "load_entry", "load_template", "save_template", "write_measured"]
 
 
 def load_template(path: str | PathLike[str]) -> Template:
@@ -74,6 +75,26 @@ def save_template(
     target = Path(path)
     form = _format(target)
     write_text(target, form.write(Entry(template, tuple(aliases))))
+
+
+def write_measured(path: str | PathLike[str], measured: Measured) -> None:
+    """Write the table [measured] at the end of a TOML template, in the place of an older one.
+
+    Nothing else of the file changes, comments included.
+
+    Raises
+    ------
+    TemplateFileError
+        If the file cannot be read or written.
+    TemplateError
+        If it would be no template afterwards.
+    """
+    target = Path(path)
+    load_entry(target)
+    kept = target.read_text(encoding="utf-8").partition("\n[measured]\n")[0]
+    content = kept.rstrip("\n") + "\n\n" + measured_toml(measured)
+    TOML.read(content, str(target))
+    write_text(target, content)
 
 
 def _format(path: Path) -> FileFormat:

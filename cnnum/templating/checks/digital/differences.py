@@ -7,10 +7,10 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.linear import ANALOG_REASON, ANALOG_TOLERANCE
 from cnnum.templating.checks.analytic.operators import neighbours
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON, DIGITAL_TOLERANCE
+from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON
 from cnnum.templating.checks.parameters import has, number, text
 from cnnum.templating.checks.pictures import as_picture, gray
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
 from cnnum.templating.template import Template
 
 _RING = [(down, east) for down in (-1, 0, 1) for east in (-1, 0, 1) if (down, east) != (0, 0)]

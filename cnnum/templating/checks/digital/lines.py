@@ -5,11 +5,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_TOLERANCE, Bools
+from cnnum.templating.checks.digital.neighbourhood import Bools
 from cnnum.templating.checks.digital.propagation import packed_runs
 from cnnum.templating.checks.parameters import choice, number
 from cnnum.templating.checks.pictures import as_picture, binary, binary_input
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
 from cnnum.templating.template import Template
 
 _REASON = (

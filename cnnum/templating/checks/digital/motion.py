@@ -7,10 +7,10 @@ import numpy as np
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON, DIGITAL_TOLERANCE
+from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import as_picture, binary
-from cnnum.templating.checks.records import Case, Cases, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, Cases, ClosedForm
 from cnnum.templating.template import Template
 
 _NINE = np.ones((1, 3, 3), dtype=np.int64)

@@ -7,15 +7,10 @@ from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.operators import neighbours
-from cnnum.templating.checks.digital.neighbourhood import (
-    DIGITAL_REASON,
-    DIGITAL_TOLERANCE,
-    Bools,
-    local,
-)
+from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON, Bools, local
 from cnnum.templating.checks.parameters import choice, number
 from cnnum.templating.checks.pictures import as_picture, binary_input, binary_pair, gray
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
 from cnnum.templating.template import Template
 
 MARGIN = 0.05

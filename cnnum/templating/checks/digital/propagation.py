@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_TOLERANCE, Bools
+from cnnum.templating.checks.digital.neighbourhood import Bools
 from cnnum.templating.checks.parameters import choice
 from cnnum.templating.checks.pictures import as_picture, binary, binary_input
-from cnnum.templating.checks.records import Case, Cases, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, Cases, ClosedForm
 from cnnum.templating.template import Template
 
 _REASON = (

@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON, DIGITAL_TOLERANCE
+from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON
 from cnnum.templating.checks.parameters import choice, has, number, text
 from cnnum.templating.checks.pictures import as_picture, binary
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
 from cnnum.templating.checks.rules.language import Neighbourhood, Rule, as_black
 from cnnum.templating.template import Template
 
