@@ -109,6 +109,8 @@ def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
     if template.delayed is not None or template.gains or template.output.discrete:
         return None
     form, case = form_of(template), _case(template, shape)
+    if case.duration is not None:
+        return None  # the check stops it on its way
     whole = _run(template, engine, form, case)
     end = float(np.max(whole.time))
     if not 0.0 < end < np.inf:
@@ -120,7 +122,7 @@ def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
         now = replace(now, state=np.asarray(passed.state, dtype=np.float64))
         if not (np.abs(np.asarray(passed.output) - goal) <= NEAR).all():
             last = n
-    return (last + 1) * step
+    return (last + 1) * step if last < _CHUNKS - 1 else None
 
 
 def _start(case: Case) -> Floats:

@@ -15,6 +15,9 @@ from cnnum.templating.checks.running import Engine, Result, run_case
 from cnnum.templating.files.measured import Measured
 from cnnum.templating.template import Template
 
+_SLOW = 0.5
+"""Runs of so many seconds are timed once: what compiling adds to them counts little."""
+
 
 def run_check(
     template: Template,
@@ -59,7 +62,8 @@ def run_check(
     form = form_of(template)
     case = form.cases(template, np.random.default_rng(seed), as_shape(shape))
     result, first = _timed(template, engine, case, method, form.rtol)
-    others = [_timed(template, engine, case, method, form.rtol)[1] for _ in range(repeats)]
+    again = repeats if first < _SLOW else 0
+    others = [_timed(template, engine, case, method, form.rtol)[1] for _ in range(again)]
     seconds = statistics.median(others or [first])
     error = _error(getattr(result, form.compares), form.expected(template, case))
     known = measured if seed == 0 and tuple(shape) == SHAPE else None
