@@ -29,6 +29,17 @@ def get_template(name: str) -> Template:
     return _load(template_path(name)).template
 
 
+def get_entry(name: str) -> Entry:
+    """Return the library's template with the words about it and its measured figures.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none; the sentence names the nearest ones.
+    """
+    return _load(template_path(name))
+
+
 def template_names() -> tuple[str, ...]:
     """Return the names of all templates of the library, sorted without regard to case."""
     return tuple(sorted((_load(path).template.name for path in _files().values()), key=str.lower))

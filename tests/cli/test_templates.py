@@ -32,7 +32,7 @@ def test_list_names_the_whole_library(call, records):
     found = records(call("templates", "list", "--json").stdout)
     assert [record["template"] for record in found] == list(template_names())
     edge = next(record for record in found if record["template"] == "EDGE")
-    assert (edge["group"], edge["radius"], edge["inputs"]) == ("classic", 1, 1)
+    assert (edge["group"], edge["radius"], edge["inputs"]) == ("edges", 1, 1)
     table = call("templates", "list").stdout
     assert all(name in table for name in template_names())
 

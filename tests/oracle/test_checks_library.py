@@ -14,13 +14,28 @@ from cnnum.templating.function_tables import Table
 from cnnum.templating.template import Template
 
 NAMES = library.template_names()
-SHAPES = [(8, 8), (12, 12), (5, 9), (1, 7), (9, 1)]
+FORMS = {name: form_of(library.get_template(name)).name for name in NAMES}
+FIRST = [name for n, name in enumerate(NAMES) if FORMS[name] not in map(FORMS.get, NAMES[:n])]
+"""One template of each closed form."""
+
+WEAK = [name for name in NAMES if FORMS[name].startswith("refined")]
+"""Their check says nothing of their job, and is slow."""
+
+ROBUST = ("MATCNN_MINIMIZE", "TRACE")
+"""The minimum flows round an edge that repels it, and a layer follows its input regardless."""
+
+SHAPES = [(8, 8), (5, 9), (9, 1)]
+PAIRS = [
+    *((name, shape) for name in NAMES if name not in WEAK for shape in SHAPES),
+    *((name, shape) for name in FIRST if name not in WEAK for shape in [(12, 12), (1, 7)]),
+    *((name, (5, 6)) for name in WEAK if not name.startswith("RETINA")),
+]
 
 EQUIVALENT = {
     # x' = -x + f(x) - 2u and x' = -x - f(x) - 2u both end at -u.
     ("LOGNOT", "A", (0, 0, 1, 1)),
     # Gray values differ by less than 2, so that the table is never read beyond.
-    *((name, "table 0", (n,)) for name in ("AVERGRAD", "GRADIENT") for n in (0, 4)),
+    *((name, "table 0", (n,)) for name in ("AVERGRAD", "BLUE") for n in (0, 4)),
     # The maximum flows round one edge that repels it; test_waves.py tells such an array apart.
     *(("GLOBMAX", "weights 0", edge) for edge in ((0, 1), (1, 0), (1, 2), (2, 1))),
 }
@@ -30,11 +45,10 @@ ANALOG_FORMS = {
     *("diffusion", "coupled", "band-pass", "filter", "uncoupled-cell", "mean-difference"),
     *("dominoes", "delayed-coupling", "fading", "oscillator", "trigger-wave"),
 }
-ANALOG = [name for name in NAMES if form_of(library.get_template(name)).name in ANALOG_FORMS]
+ANALOG = [name for name in FIRST if form_of(library.get_template(name)).name in ANALOG_FORMS]
 
 
-@pytest.mark.parametrize("shape", SHAPES, ids=str)
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(("name", "shape"), PAIRS, ids=str)
 def test_template_passes_its_check(name: str, shape: tuple[int, int], simulator: Any) -> None:
     result = run_check(library.get_template(name), simulator, shape=shape, repeats=0)
     assert result.passed, result
@@ -46,7 +60,7 @@ def test_waves_cross_an_array_of_sixteen(name: str, simulator: Any) -> None:
     assert result.passed, result
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [name for name in FIRST if name not in (*WEAK, *ROBUST)])
 def test_template_with_a_negated_weight_fails_its_check(name: str, hasty_simulator: Any) -> None:
     template = library.get_template(name)
     for part, index, broken in altered(template, -1.0):

@@ -59,6 +59,9 @@ def test_result_has_the_fields_that_users_read() -> None:
         "seconds",
         "passed",
         "reason",
+        "margin",
+        "settle",
+        "note",
     ]
 
 

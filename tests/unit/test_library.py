@@ -28,6 +28,25 @@ def test_file_is_named_as_its_template_and_says_what_it_is(name: str) -> None:
     assert len(template.description) > 40
     assert template.source
     assert form_of(template).name
+    about = library.get_entry(name).about
+    assert about.input
+    assert about.state
+    assert about.tags
+
+
+def test_most_templates_have_a_definition_of_their_own() -> None:
+    experimental = [name for name in NAMES if library.get_entry(name).about.experimental]
+    assert len(experimental) <= 0.15 * len(NAMES)
+    weak = {name for name in NAMES if library.get_template(name).check.name.startswith("refined")}
+    anisotropic = {"D_ANISOB", "D_ANISOL", "MATCNN_ANISO", "MATCNN_ANISOC"}
+    assert weak <= {*experimental, *anisotropic}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_measured_figures_are_those_of_the_numbers(name: str) -> None:
+    entry = library.get_entry(name)
+    assert entry.measured is not None
+    assert entry.measured.digest == entry.template.digest
 
 
 @pytest.mark.parametrize("spelling", ["EDGE", "edge", "Edge", "EdgeDetector", "EDGEDETECTION"])

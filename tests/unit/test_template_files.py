@@ -213,7 +213,7 @@ def test_missing_file_is_an_os_error_with_its_path(tmp_path: Path) -> None:
 
 def test_unknown_suffix_names_the_known_ones(tmp_path: Path) -> None:
     path = write(tmp_path, GOOD, "mine.yaml")
-    with pytest.raises(TemplateError, match=r"known suffix \('\.toml'\), got '\.yaml'"):
+    with pytest.raises(TemplateError, match=r"known suffix \('\.toml', .*\), got '\.yaml'"):
         load_template(path)
     with pytest.raises(TemplateError, match="known suffix"):
         save_template(Template("t", A=[[1.0]]), path)

@@ -3,7 +3,9 @@
 import click
 
 from cnnum.cli.commands.templates_check import check
+from cnnum.cli.commands.templates_convert import export, import_files
 from cnnum.cli.commands.templates_list import list_templates
+from cnnum.cli.commands.templates_measure import measure
 from cnnum.cli.commands.templates_show import show
 
 
@@ -19,5 +21,5 @@ def command(ctx: click.Context) -> None:
         click.echo(ctx.get_help())
 
 
-for _member in (list_templates, show, check):
+for _member in (list_templates, show, check, measure, import_files, export):
     command.add_command(_member)

@@ -1,5 +1,6 @@
 """`cnnum templates check`: every template against its closed form, on every engine."""
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from rich.table import Table
 
+from cnnum.cli.commands.templates_choice import chosen, is_place
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from cnnum.engine import Engine
     from cnnum.templating.checks import CheckResult
     from cnnum.templating.checks.program_records import ProgramForm
-    from cnnum.templating.template import Template
+    from cnnum.templating.files import Entry
 
 CHECKS_FAILED = 1
 
@@ -61,7 +63,9 @@ def check(
 ) -> int:
     """Run templates on random pictures and compare them with their closed forms.
 
-    NAMES are templates of the library, or tactile programs; all that have a check unless given.
+    NAMES are templates of the library, template files, folders of them, or tactile programs; all
+    that have a check unless given. A template with measured figures must also agree with them.
+    Of a single file, the stability, steps, robustness and cost of the template are shown too.
     Exits with 1 if one fails.
     """
     used = _engines(engines, device, precision)
@@ -69,7 +73,7 @@ def check(
     for name in engines:
         if name != "all" and name not in {job.engine for job in jobs}:
             raise _nothing(name, left_out)
-    output = Output(as_json)
+    output, begin = Output(as_json), time.perf_counter()
     results: list[CheckResult] = []
     with progress("checks", len(jobs), as_json=as_json) as steps:
         for job in jobs:
@@ -77,7 +81,9 @@ def check(
             output.record(asdict(results[-1]))
             steps.advance(job.name)
     failed = sum(not result.passed for result in results)
-    output.show(_table(results), f"{len(results) - failed} of {len(results)} passed.")
+    total = quantity(time.perf_counter() - begin, "s")
+    passed = f"{len(results) - failed} of {len(results)} passed in {total}."
+    output.show(_table(results), passed, *_notes(results))
     for item in left_out:
         click.echo(item.text, err=as_json)
     return CHECKS_FAILED if failed else 0
@@ -135,12 +141,19 @@ def _planned(
     from cnnum.templating.library import template_names
 
     programs = [name for name in names or checked_programs() if name in checked_programs()]
-    templates = [_template(n) for n in names or template_names() if n not in programs]
+    listed = [n for n in names or template_names() if n not in programs]
     jobs = list[_Job]()
-    for template in templates:
+    for entry in (entry for name in listed for entry in _entries(name)):
+        template = entry.template
         if names or template.check is not None:
             run = partial(
-                run_check, template, seed=seed, shape=shape, method=method, repeats=repeats
+                run_check,
+                template,
+                seed=seed,
+                shape=shape,
+                method=method,
+                repeats=repeats,
+                measured=entry.measured,
             )
             jobs += [_Job(template.name, each.name, partial(run, engine=each)) for each in used]
     left_out = list[_LeftOut]()
@@ -153,13 +166,16 @@ def _planned(
     return jobs, left_out
 
 
-def _template(name: str) -> "Template":
-    """Return a template, or say that a program of that name has no check."""
+def _entries(name: str) -> "list[Entry]":
+    """Return the templates of a name, a file or a folder, or say that a program has no check."""
     from cnnum.programs.library import program_names
-    from cnnum.templating.library import get_template
+    from cnnum.templating.files import load_entry
+    from cnnum.templating.library import get_entry
 
+    if is_place(name):
+        return [load_entry(path) for path in chosen((name,))]
     try:
-        return get_template(name)
+        return [get_entry(name)]
     except UnknownNameError:
         if name not in program_names():
             raise
@@ -181,18 +197,28 @@ def _nothing(engine: str, left_out: "Sequence[_LeftOut]") -> CnnumError:
 
 
 def _table(results: "list[CheckResult]") -> Table:
-    """Return all results; a narrow terminal gets no method and no closed form."""
+    """Return all results; a narrow terminal gets neither tolerance nor closed form."""
     wide = console().width >= WIDE
-    columns = ("Template", "engine", ">error", ">tolerance", ">run time", "result")
-    made = table(*columns, *(("method", "closed form") if wide else ()))
+    columns = ("Template", "engine", ">error", ">margin", ">settle", ">run time", "result")
+    made = table(*columns, *((">tolerance", "method", "closed form") if wide else ()))
     for result in results:
         made.add_row(
             result.template,
             f"{result.engine} {result.precision.removeprefix('float')}",
             number(result.error, 2),
-            number(result.tolerance, 2),
+            _figure(result.margin),
+            _figure(result.settle),
             quantity(result.seconds, "s"),
             verdict(result.passed),
-            *((result.method, result.check) if wide else ()),
+            *((number(result.tolerance, 2), result.method, result.check) if wide else ()),
         )
     return made
+
+
+def _figure(value: float | None) -> str:
+    return "" if value is None else number(value, 3)
+
+
+def _notes(results: "list[CheckResult]") -> list[str]:
+    """Return what differs from the measured figures, a line each."""
+    return [f"{one.template} on {one.engine}: {one.note}." for one in results if one.note]

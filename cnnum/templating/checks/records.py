@@ -9,6 +9,9 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.template import Duration, Template
 
+DIGITAL_TOLERANCE = 0.01
+"""Of outputs that are to be black or white."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
@@ -108,6 +111,11 @@ class ClosedForm:
     compares: Literal["output", "state"] = "output"
     rtol: float = 1e-4
 
+    @property
+    def digital(self) -> bool:
+        """Whether the answer is black and white, so that a cell can flip."""
+        return self.compares == "output" and self.tolerance == DIGITAL_TOLERANCE
+
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
@@ -124,6 +132,12 @@ class CheckResult:
     passed : bool
     reason : str
         Why this method.
+    margin : float or None
+        The bias that may be added or taken with no wrong cell, where it was measured.
+    settle : float or None
+        Time constants until the outputs rest, on 8×8 cells, where it was measured.
+    note : str
+        How the run differs from what was measured; empty where it does not.
     """
 
     template: str
@@ -136,3 +150,6 @@ class CheckResult:
     seconds: float
     passed: bool
     reason: str
+    margin: float | None = None
+    settle: float | None = None
+    note: str = ""

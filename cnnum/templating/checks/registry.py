@@ -7,17 +7,20 @@ from cnnum.errors import TemplateError, name_error
 from cnnum.templating.checks.analytic import (
     anisotropic,
     cell,
+    courses,
     delays,
     filters,
     gains,
     interpolation,
     linear,
     oscillation,
+    reference_run,
     waves,
 )
 from cnnum.templating.checks.digital import (
     differences,
     life,
+    lines,
     motion,
     neighbourhood,
     pointwise,
@@ -25,12 +28,14 @@ from cnnum.templating.checks.digital import (
     ranks,
 )
 from cnnum.templating.checks.records import ClosedForm
+from cnnum.templating.checks.rules import forms as rules
 from cnnum.templating.template import Template
 
 _KINDS = (
     *(neighbourhood.FORMS, propagation.FORMS, pointwise.FORMS, linear.FORMS, filters.FORMS),
     *(cell.FORMS, differences.FORMS, ranks.FORMS, anisotropic.FORMS, interpolation.FORMS),
     *(motion.FORMS, delays.FORMS, gains.FORMS),
+    *(rules.FORMS, lines.FORMS, courses.FORMS, reference_run.FORMS),
     *(life.FORMS, waves.FORMS, oscillation.FORMS),
 )
 _FORMS: Mapping[str, ClosedForm] = MappingProxyType(

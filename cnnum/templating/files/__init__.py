@@ -7,14 +7,29 @@ from pathlib import Path
 from cnnum.errors import TemplateError, TemplateFileError
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST
+from cnnum.templating.files import matcnn_format, tem_format
+from cnnum.templating.files.cnnsim_format import CNNSIM
 from cnnum.templating.files.entry import Entry, FileFormat
+from cnnum.templating.files.matcnn_format import MATCNN
+from cnnum.templating.files.measured import Measured, measured_toml
+from cnnum.templating.files.tem_format import TEM
 from cnnum.templating.files.toml_format import TOML
 from cnnum.templating.files.writing import write_text
 from cnnum.templating.template import Template
 
-_FORMATS: dict[str, FileFormat] = {TOML.suffix: TOML}
+_FORMATS: dict[str, FileFormat] = {each.suffix: each for each in (TOML, TEM, MATCNN, CNNSIM)}
+_SEVERAL = {TEM.suffix: tem_format.read_all, MATCNN.suffix: matcnn_format.read_all}
 
-__all__ = ["Entry", "load_entry", "load_template", "save_template"]
+__all__ = [
+    "Entry",
+    "load_entries",
+    "load_entry",
+    "load_template",
+    "load_templates",
+    "save_entry",
+    "save_template",
+    "write_measured",
+]
 
 
 def load_template(path: str | PathLike[str]) -> Template:
@@ -40,15 +55,47 @@ def load_entry(path: str | PathLike[str]) -> Entry:
     """
     source = Path(path)
     form = _format(source)
+    return form.read(_content(source), str(source))
+
+
+def load_entries(path: str | PathLike[str]) -> tuple[Entry, ...]:
+    """Return every template of a file, with the words about it.
+
+    Raises
+    ------
+    TemplateFileError, TemplateError
+        As `load_template`.
+    """
+    source = Path(path)
+    form = _format(source)
+    if form.suffix not in _SEVERAL:
+        return (load_entry(source),)
+    return _SEVERAL[form.suffix](_content(source), str(source))
+
+
+def load_templates(path: str | PathLike[str]) -> tuple[Template, ...]:
+    """Return every template of a file: MatCNN's library, or the parts of a time-varying `.tem`.
+
+    Raises
+    ------
+    TemplateFileError, TemplateError
+        As `load_template`.
+    """
+    return tuple(entry.template for entry in load_entries(path))
+
+
+def _content(source: Path) -> str:
+    """Return the text of a file; old ones, which end in ^Z, are in a code page of Windows."""
     try:
-        text = read_text(source, most=LARGEST)
+        return read_text(source, most=LARGEST)
     except UnicodeDecodeError as error:
-        raise TemplateError(f"'{source}' must be UTF-8 text, got {error.reason}.") from None
+        if source.suffix.lower() == TOML.suffix:
+            raise TemplateError(f"'{source}' must be UTF-8 text, got {error.reason}.") from None
+        return source.read_bytes().decode("cp1250", errors="replace")
     except OSError as error:
         raise TemplateFileError(
             f"The template file '{source}' cannot be read: {error.strerror}; check the path."
         ) from None
-    return form.read(text, str(source))
 
 
 def save_template(
@@ -71,13 +118,48 @@ def save_template(
     TemplateError
         If the suffix is unknown.
     """
+    save_entry(Entry(template, tuple(aliases)), path)
+
+
+def save_entry(entry: Entry, path: str | PathLike[str]) -> None:
+    """Write a template with all that a file says about it, whole or not at all.
+
+    Raises
+    ------
+    TemplateFileError
+        If the file cannot be written.
+    TemplateError
+        If the suffix is unknown.
+    NotSupportedError
+        If the format cannot say what the template has.
+    """
     target = Path(path)
     form = _format(target)
-    write_text(target, form.write(Entry(template, tuple(aliases))))
+    write_text(target, form.write(entry))
+
+
+def write_measured(path: str | PathLike[str], measured: Measured) -> None:
+    """Write the table [measured] at the end of a TOML template, in the place of an older one.
+
+    Nothing else of the file changes, comments included.
+
+    Raises
+    ------
+    TemplateFileError
+        If the file cannot be read or written.
+    TemplateError
+        If it would be no template afterwards.
+    """
+    target = Path(path)
+    load_entry(target)
+    kept = target.read_text(encoding="utf-8").partition("\n[measured]\n")[0]
+    content = kept.rstrip("\n") + "\n\n" + measured_toml(measured)
+    TOML.read(content, str(target))
+    write_text(target, content)
 
 
 def _format(path: Path) -> FileFormat:
-    suffix = path.suffix.lower()
+    suffix = path.suffix.lower() or CNNSIM.suffix
     if suffix not in _FORMATS:
         known = ", ".join(f"'{item}'" for item in _FORMATS)
         raise TemplateError(

@@ -1,16 +1,44 @@
 """What a template file holds, and what a file format can do."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from cnnum.errors import TemplateError
 from cnnum.safety.names import checked_name
+from cnnum.templating.files.measured import Measured
 from cnnum.templating.template import Template
 
 
 @dataclass(frozen=True, slots=True)
+class About:
+    """The words that a file has about its template; they change no run.
+
+    Attributes
+    ----------
+    input, state : str
+        The meaning of the input and of the initial state.
+    tags : tuple of str
+    experimental : str
+        Why no check shows that the template does its job; empty where one does.
+    published_boundary : str
+        The boundary that the source names, where the library uses another.
+    """
+
+    input: str = ""
+    state: str = ""
+    tags: tuple[str, ...] = ()
+    experimental: str = ""
+    published_boundary: str = ""
+
+
+@dataclass(frozen=True, slots=True)
 class Entry:
-    """A template and the other names it goes by.
+    """A template, the other names it goes by, the words about it, and its measured figures.
+
+    Attributes
+    ----------
+    measured : Measured or None
+        Written by a command; None where nothing was measured yet.
 
     Raises
     ------
@@ -20,6 +48,8 @@ class Entry:
 
     template: Template
     aliases: tuple[str, ...] = ()
+    about: About = field(default_factory=About)
+    measured: Measured | None = None
 
     def __post_init__(self) -> None:
         for alias in self.aliases:

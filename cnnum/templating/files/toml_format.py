@@ -1,10 +1,12 @@
 """Templates as TOML: what the library is written in.
 
 Keys: name, A, B, z, tau, boundary, input_boundary, initial, duration, output, description, source,
-aliases; the tables [[nonlinear]] (neighbour, weights, interpolation, points, and where needed
-centre, to, source, centre_source, times_argument, reversed_sign), [[gain]] (to, source,
-interpolation, points) and [delayed] (delay, A, B); and the table [check] with the name of a closed
-form and its parameters. Matrices are nested lists of rows, (k, k) or [to][from][row][col].
+aliases; the words about it: input, state, tags, experimental, published_boundary; the tables
+[[nonlinear]] (neighbour, weights, interpolation, points, and where needed centre, to, source,
+centre_source, times_argument, reversed_sign), [[gain]] (to, source, interpolation, points) and
+[delayed] (delay, A, B); the table [check] with the name of a closed form and its parameters; and
+the table [measured] that a command writes. Matrices are nested lists of rows, (k, k) or
+[to][from][row][col].
 """
 
 from collections.abc import Callable, Mapping
@@ -12,7 +14,8 @@ from typing import Any
 
 from cnnum.errors import ArrayError, TemplateError, UnknownNameError
 from cnnum.safety.toml_reading import parse_toml
-from cnnum.templating.files.entry import Entry, FileFormat
+from cnnum.templating.files.entry import About, Entry, FileFormat
+from cnnum.templating.files.measured import read_measured
 from cnnum.templating.files.toml_couplings import Delay, delayed, gains, nonlinear
 from cnnum.templating.files.toml_text import entry_to_toml
 from cnnum.templating.files.toml_values import (
@@ -26,6 +29,13 @@ from cnnum.templating.files.toml_values import (
 from cnnum.templating.template import Template
 
 _REQUIRED = ("name", "A")
+_ABOUT: Mapping[str, Callable[[str, str, object], Any]] = {
+    "input": text,
+    "state": text,
+    "tags": names,
+    "experimental": text,
+    "published_boundary": text,
+}
 
 # In the order in which the error for an unknown key lists them.
 _READERS: Mapping[str, Callable[[str, str, object], Any]] = {
@@ -54,9 +64,12 @@ def _read(content: str, file: str) -> Entry:
     except ValueError as error:
         raise TemplateError(f"'{file}' must be TOML, got an error: {error}.") from None
     aliases = names(file, "aliases", table.pop("aliases", []))
+    found = table.pop("measured", None)
+    words = {key: read(file, key, table.pop(key)) for key, read in _ABOUT.items() if key in table}
     template = _template(file, table)
     try:
-        return Entry(template, aliases)
+        measured = None if found is None else read_measured(file, "measured", found)
+        return Entry(template, aliases, About(**words), measured)
     except TemplateError as error:
         raise TemplateError(f"'{file}': {error}") from None
 
@@ -66,7 +79,7 @@ def _template(file: str, table: dict[str, object]) -> Template:
         if key not in _READERS:
             raise TemplateError(
                 f"'{file}': unknown key {key!r:.60}, expected one of "
-                f"{', '.join([*_READERS, 'aliases'])}."
+                f"{', '.join([*_READERS, 'aliases', *_ABOUT, 'measured'])}."
             )
     for key in _REQUIRED:
         if key not in table:

@@ -4,7 +4,8 @@ from collections.abc import Iterator
 
 from cnnum.errors import TemplateError
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
-from cnnum.templating.files.entry import Entry
+from cnnum.templating.files.entry import About, Entry
+from cnnum.templating.files.measured import measured_toml
 from cnnum.templating.files.toml_scalars import quoted, rows, several, stacked, value, yes_or_no
 from cnnum.templating.function_tables import Table
 from cnnum.templating.template import Check, Template
@@ -22,6 +23,8 @@ def entry_to_toml(entry: Entry) -> str:
         lines += ["", "[delayed]", *_assigned(_delayed(template.delayed, template))]
     if template.check is not None:
         lines += ["", "[check]", *_check(template.check)]
+    if entry.measured is not None:
+        lines += ["", measured_toml(entry.measured).rstrip()]
     return "\n".join([*lines, ""])
 
 
@@ -36,6 +39,7 @@ def _parts(entry: Entry) -> dict[str, str]:
         "aliases": f"[{', '.join(quoted(alias) for alias in entry.aliases)}]",
         "description": quoted(template.description),
         "source": quoted(template.source),
+        **_about(entry.about),
         "A": stacked(template.A),
         "z": several(template.z),
         "tau": several(template.tau),
@@ -46,6 +50,17 @@ def _parts(entry: Entry) -> dict[str, str]:
         "output": quoted(template.output.name),
     }
     return {**parts, "B": stacked(template.B)} if template.inputs else parts
+
+
+def _about(about: About) -> dict[str, str]:
+    words = {
+        "input": quoted(about.input),
+        "state": quoted(about.state),
+        "tags": f"[{', '.join(quoted(tag) for tag in about.tags)}]",
+        "experimental": quoted(about.experimental),
+        "published_boundary": quoted(about.published_boundary),
+    }
+    return {key: words[key] for key in words if getattr(about, key)}
 
 
 def _nonlinear(coupling: NonlinearCoupling) -> dict[str, str]:

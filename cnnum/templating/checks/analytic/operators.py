@@ -10,15 +10,22 @@ from cnnum.templating.boundary import Boundary
 Operator = Callable[[Floats, Boundary], Floats]
 
 
-def neighbours(picture: Floats, boundary: Boundary) -> Callable[[int, int], Floats]:
+def neighbours(
+    picture: Floats, boundary: Boundary, radius: int = 1
+) -> Callable[[int, int], Floats]:
     """Return a function of (row step, column step) that gives each cell that neighbour's value."""
     rows, cols = picture.shape[-2:]
-    rim = [(0, 0)] * (picture.ndim - 2) + [(1, 1), (1, 1)]
+    rim = [(0, 0)] * (picture.ndim - 2) + [(radius, radius)] * 2
     if boundary.constant is None:
         padded = np.pad(picture, rim, mode=boundary.pad_mode)
     else:
         padded = np.pad(picture, rim, constant_values=boundary.constant)
-    return lambda down, east: padded[..., 1 + down : 1 + down + rows, 1 + east : 1 + east + cols]
+
+    def at(down: int, east: int) -> Floats:
+        top, left = radius + down, radius + east
+        return padded[..., top : top + rows, left : left + cols]
+
+    return at
 
 
 def _same(picture: Floats, boundary: Boundary) -> Floats:
@@ -36,6 +43,13 @@ def _south(picture: Floats, boundary: Boundary) -> Floats:
     """Return the central difference along a column, towards rising rows."""
     at = neighbours(picture, boundary)
     return (at(1, 0) - at(-1, 0)) / 2.0
+
+
+def _slope_east(picture: Floats, boundary: Boundary) -> Floats:
+    """Return a smoothed difference along a row, its rows weighed 0.11, 0.28 and 0.11."""
+    at = neighbours(picture, boundary)
+    rows = [at(down, 1) - at(down, -1) for down in (-1, 0, 1)]
+    return 0.28 * rows[1] + 0.11 * (rows[0] + rows[2])
 
 
 def _laplacian(picture: Floats, boundary: Boundary) -> Floats:
@@ -62,6 +76,7 @@ def _curl(field: Floats, boundary: Boundary) -> Floats:
 SCALAR: Mapping[str, Operator] = {
     "identity": _same,
     "gradient-x": _east,
+    "slope-x": _slope_east,
     "gradient-y": _south,
     "laplacian": _laplacian,
     "binomial": _binomial,

@@ -7,10 +7,10 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.linear import ANALOG_REASON, ANALOG_TOLERANCE
 from cnnum.templating.checks.analytic.operators import neighbours
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON, DIGITAL_TOLERANCE
-from cnnum.templating.checks.parameters import number
+from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON
+from cnnum.templating.checks.parameters import has, number, text
 from cnnum.templating.checks.pictures import as_picture, gray
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
 from cnnum.templating.template import Template
 
 _RING = [(down, east) for down in (-1, 0, 1) for east in (-1, 0, 1) if (down, east) != (0, 0)]
@@ -51,9 +51,59 @@ def _steep(template: Template, case: Case) -> Floats:
 
 def _mean_difference(template: Template, case: Case) -> Floats:
     """Return w + (x₀ − w)e^{−t}, with w the mean of the eight absolute differences."""
-    mean = np.abs(differences(template, case)).mean(axis=0)
+    gain = number(template, "gain", 1.0)
+    return _approached(template, case, gain * np.abs(differences(template, case)).mean(axis=0))
+
+
+def _approached(template: Template, case: Case, goal: Floats) -> Floats:
     left = np.exp(-case.time(template))
-    return np.asarray(mean + (case.start(template) - mean) * left, dtype=np.float64)
+    return np.asarray(goal + (case.start(template) - goal) * left, dtype=np.float64)
+
+
+def _flat_extremum(sign: float) -> Callable[[Template, Case], Floats]:
+    def expected(template: Template, case: Case) -> Floats:
+        above = sign * differences(template, case)
+        return as_picture(above.min(axis=0) > -0.5 * number(template, "step"))
+
+    return expected
+
+
+def _flat(template: Template, case: Case) -> Floats:
+    cost = np.minimum(np.abs(differences(template, case)), number(template, "most"))
+    return as_picture(cost.sum(axis=0) < number(template, "threshold"))
+
+
+def _raised(template: Template, case: Case) -> Floats:
+    """Return how many neighbours lie below by more than the threshold, less those above."""
+    beyond, each = number(template, "threshold"), differences(template, case)
+    lead = (each > beyond).sum(axis=0) - (each < -beyond).sum(axis=0)
+    return _approached(template, case, lead / 8.0)
+
+
+def _alike(template: Template, case: Case) -> Floats:
+    """Return the mean likeness of the 3×3 cells, 1 for equal ones and 0 from `width` on."""
+    apart = np.abs(differences(template, case)) / number(template, "width")
+    likeness = (1.0 + np.maximum(1.0 - apart, 0.0).sum(axis=0)) / 9.0
+    return _approached(template, case, likeness)
+
+
+def _line(template: Template, case: Case) -> Floats:
+    """Count the neighbours that are as a line would have them.
+
+    Of the pattern, '#' cells belong to the line: no darker than the cell by `similar`, or within
+    it either way where there is `darker`; 'o' cells are paler by more than `darker`, or `similar`.
+    """
+    rows = text(template, "pattern").split("/")
+    at, radius = neighbours(case.pictures, template.input_boundary, len(rows) // 2), len(rows) // 2
+    similar, count = number(template, "similar"), np.zeros(case.pictures.shape)
+    both, paler = has(template, "darker"), number(template, "darker", similar)
+    for down, row in enumerate(rows):
+        for east, sign in enumerate(row):
+            apart = case.pictures - at(down - radius, east - radius)
+            like = (np.abs(apart) if both else apart) < similar
+            fits = {"#": like, "o": apart > paler, ".": np.zeros_like(like)}[sign]
+            count += fits.astype(np.float64)
+    return as_picture(count >= number(template, "least"))
 
 
 def _digital(
@@ -61,13 +111,67 @@ def _digital(
     expected: Callable[[Template, Case], Floats],
     summary: str,
     needs: tuple[str, ...],
+    takes: tuple[str, ...] = (),
+) -> ClosedForm:
+    reason = DIGITAL_REASON
+    return ClosedForm(
+        name, _graded_case, expected, DIGITAL_TOLERANCE, reason, summary, needs=needs, takes=takes
+    )
+
+
+def _analog(
+    name: str,
+    expected: Callable[[Template, Case], Floats],
+    summary: str,
+    needs: tuple[str, ...],
 ) -> ClosedForm:
     return ClosedForm(
-        name, _graded_case, expected, DIGITAL_TOLERANCE, DIGITAL_REASON, summary, needs=needs
+        name,
+        _graded_case,
+        expected,
+        ANALOG_TOLERANCE,
+        ANALOG_REASON,
+        summary,
+        needs=needs,
+        compares="state",
     )
 
 
 FORMS = (
+    _digital(
+        "flat-minimum",
+        _flat_extremum(-1.0),
+        "cells above none of their eight neighbours",
+        ("step",),
+    ),
+    _digital(
+        "flat-maximum", _flat_extremum(1.0), "cells below none of their eight neighbours", ("step",)
+    ),
+    _digital(
+        "flat",
+        _flat,
+        "cells whose eight absolute differences, each cut at the most, sum to little",
+        ("threshold", "most", "step"),
+    ),
+    _digital(
+        "gray-line",
+        _line,
+        "cells around which at least so many neighbours are as a gray line has them",
+        ("pattern", "similar", "least", "step"),
+        ("darker",),
+    ),
+    _analog(
+        "raised",
+        _raised,
+        "an eighth of the neighbours that lie below by the threshold, less those above",
+        ("threshold", "step"),
+    ),
+    _analog(
+        "alike",
+        _alike,
+        "the mean likeness of the nine cells, falling with their distance in gray",
+        ("width", "step"),
+    ),
     _digital(
         "local-maximum", _local_maximum, "cells above all of their eight neighbours", ("step",)
     ),
@@ -90,6 +194,7 @@ FORMS = (
         ANALOG_TOLERANCE,
         ANALOG_REASON,
         "w + (x0 - w)exp(-t) with w the mean of the eight absolute differences",
+        takes=("gain",),
         compares="state",
     ),
 )

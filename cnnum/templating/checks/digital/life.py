@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON, DIGITAL_TOLERANCE
+from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import as_picture, binary, binary_input
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
 from cnnum.templating.template import Template
 
 _RING = np.array([[[1, 1, 1], [1, 0, 1], [1, 1, 1]]])

@@ -7,10 +7,10 @@ import numpy as np
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON, DIGITAL_TOLERANCE
+from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import as_picture, binary
-from cnnum.templating.checks.records import Case, Cases, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, Cases, ClosedForm
 from cnnum.templating.template import Template
 
 _NINE = np.ones((1, 3, 3), dtype=np.int64)
@@ -82,6 +82,17 @@ def _grown(template: Template, case: Case) -> Floats:
     return as_picture(ndimage.binary_dilation(case.pictures > 0, _CROSS, iterations=times))
 
 
+def _travelling(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
+    """Draw what is seen now as the input and in the first layer, and a path in the second."""
+    now = binary(rng, shape)
+    return Case(input=now, state=np.stack([now, rng.permutation(now)], axis=1))
+
+
+def _path(template: Template, case: Case) -> Floats:
+    now = case.pictures > 0
+    return np.stack([as_picture(now), as_picture(now | (case.states[:, 1] > 0))], axis=1)
+
+
 def _form(
     name: str,
     cases: Cases,
@@ -125,6 +136,7 @@ FORMS = (
         "cells that turned black while around them so many more appeared than vanished",
         ("least",),
     ),
+    _form("path", _travelling, _path, "the picture, and all that it or the path up to now covers"),
     _form(
         "delayed-wave",
         _seeds,

@@ -11,12 +11,11 @@ from cnnum.errors import TemplateError
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.checks.parameters import has, number, text
 from cnnum.templating.checks.pictures import as_picture, binary_input
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
 from cnnum.templating.template import Template
 
 Bools = NDArray[np.bool_]
 
-DIGITAL_TOLERANCE = 0.01
 DIGITAL_REASON = (
     "a cell that is decided has come within e^-5 = 0.7 % of black or white after the five time "
     "constants of a template that does not propagate; a wrong cell is off by 2"

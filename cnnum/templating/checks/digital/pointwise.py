@@ -7,15 +7,10 @@ from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.operators import neighbours
-from cnnum.templating.checks.digital.neighbourhood import (
-    DIGITAL_REASON,
-    DIGITAL_TOLERANCE,
-    Bools,
-    local,
-)
+from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON, Bools, local
 from cnnum.templating.checks.parameters import choice, number
 from cnnum.templating.checks.pictures import as_picture, binary_input, binary_pair, gray
-from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
 from cnnum.templating.template import Template
 
 MARGIN = 0.05
@@ -29,7 +24,12 @@ _LOGIC: Mapping[str, Callable[[Bools, Bools], Bools]] = {
     "not input": lambda u, x: ~u,
 }
 _RING = [(down, east) for down in (-1, 0, 1) for east in (-1, 0, 1) if (down, east) != (0, 0)]
-_OFFSETS = {"east": (0, 1), "west": (0, -1), "south": (1, 0), "north": (-1, 0)}
+_OFFSETS = {"east": (0, 1), "west": (0, -1), "south": (1, 0), "north": (-1, 0)} | {
+    "north-east": (-1, 1),
+    "north-west": (-1, -1),
+    "south-east": (1, 1),
+    "south-west": (1, -1),
+}
 
 
 def _logic(template: Template, case: Case) -> Floats:

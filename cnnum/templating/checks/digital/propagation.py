@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_TOLERANCE, Bools
+from cnnum.templating.checks.digital.neighbourhood import Bools
 from cnnum.templating.checks.parameters import choice
 from cnnum.templating.checks.pictures import as_picture, binary, binary_input
-from cnnum.templating.checks.records import Case, Cases, ClosedForm
+from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, Cases, ClosedForm
 from cnnum.templating.template import Template
 
 _REASON = (
@@ -71,7 +71,11 @@ def _shadow_columns(cells: Bools) -> Bools:
     return np.broadcast_to(cells.any(axis=0), cells.shape)
 
 
-_SHADOWS = {"west": _shadow_west, "north-south": _shadow_columns}
+def _shadow_south(cells: Bools) -> Bools:
+    return np.logical_or.accumulate(cells, axis=0)
+
+
+_SHADOWS = {"west": _shadow_west, "south": _shadow_south, "north-south": _shadow_columns}
 
 
 def _shadow(template: Template, case: Case) -> Floats:

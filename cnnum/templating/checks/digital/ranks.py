@@ -61,6 +61,11 @@ def _global_maximum(template: Template, case: Case) -> Floats:
     return np.broadcast_to(largest, case.pictures.shape)
 
 
+def _global_minimum(template: Template, case: Case) -> Floats:
+    smallest = case.pictures.min(axis=(-2, -1), keepdims=True)
+    return np.broadcast_to(smallest, case.pictures.shape)
+
+
 FORMS = (
     ClosedForm(
         "rank",
@@ -78,5 +83,15 @@ FORMS = (
         _SPREAD,
         _SPREAD_REASON,
         "the largest value of the picture, in every cell",
+    ),
+    ClosedForm(
+        "global-minimum",
+        _case,
+        _global_minimum,
+        _SPREAD,
+        _SPREAD_REASON.replace("maximum never falls", "minimum never rises").replace(
+            "lift", "lower"
+        ),
+        "the smallest value of the picture, in every cell",
     ),
 )

@@ -1,0 +1,48 @@
+"""`cnnum templates import` and `export`: template files of other programs."""
+
+from pathlib import Path
+
+import click
+
+from cnnum.cli.commands.templates_choice import is_place
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output
+
+
+@click.command("import")
+@click.argument("files", nargs=-1, required=True, metavar="FILES...")
+@click.option("--to", "folder", default=".", help="Folder for the new files.")
+@json_option
+def import_files(files: tuple[str, ...], folder: str, as_json: bool) -> None:
+    """Write templates of other programs as TOML, one file each.
+
+    FILES are `.tem` files of the CNN Software Library, MatCNN's temlib.m, or CNNSim's files.
+    """
+    from cnnum.templating.files import load_entries, save_entry
+
+    output, target = Output(as_json), Path(folder)
+    for file in files:
+        for entry in load_entries(file):
+            name = entry.template.name
+            path = target / f"{name.lower().replace(' ', '_')}.toml"
+            save_entry(entry, path)
+            output.record({"template": name, "from": file, "file": str(path)}, f"{name}: {path}")
+
+
+@click.command("export")
+@click.argument("name")
+@click.argument("file")
+@json_option
+def export(name: str, file: str, as_json: bool) -> None:
+    """Write the template NAME, of the library or a file, to FILE.
+
+    The suffix says the format: .tem (CNN Software Library), .m (MatCNN), .cnnsim or .toml.
+    """
+    from cnnum.templating.files import load_entry, save_entry
+    from cnnum.templating.library import get_entry
+
+    entry = load_entry(name) if is_place(name) else get_entry(name)
+    save_entry(entry, file)
+    Output(as_json).record(
+        {"template": entry.template.name, "file": file}, f"{entry.template.name}: {file}"
+    )

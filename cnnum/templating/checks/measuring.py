@@ -1,0 +1,174 @@
+"""Measured figures of a template: its end state, how soon it is there, and how far from flipping.
+
+All are taken on the pictures of the template's own check, so that anyone can take them again.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.registry import form_of
+from cnnum.templating.checks.running import Engine, Result, run_case
+from cnnum.templating.files.measured import Measured
+from cnnum.templating.template import Template
+
+SHAPE: Shape = (8, 8)
+SIDES = (8, 12, 16)
+"""Sides of the square arrays on which the settle time is taken."""
+
+NEAR = 0.01
+"""Outputs this close to their end have settled."""
+
+_CHUNKS = 40
+_BIASES = np.geomspace(0.01, 8.0, 30)
+_STEP = 1.3
+"""Between a bias of the ladder and the next one, 1.26, with room for an engine's own errors."""
+
+_ALLOWED = 0.01
+"""Of a mean over all states: engines end within 0.01 of each other, cell by cell."""
+
+WRONG = 0.5
+"""Outputs this far from black or white are wrong."""
+
+
+def measure(template: Template, engine: Engine) -> Measured:
+    """Return the figures of a template, taken on an engine.
+
+    Raises
+    ------
+    TemplateError
+        If the template has no check.
+    """
+    form = form_of(template)
+    case = _case(template, SHAPE)
+    mean, rms = summary(run_case(template, engine, case, form.rtol).state)
+    return Measured(
+        template.digest,
+        mean,
+        rms,
+        tuple((n, t) for n in SIDES if (t := _settle(template, engine, (n, n))) is not None),
+        _margin(template, engine, form, case) if form.digital else None,
+    )
+
+
+def summary(states: object) -> tuple[float, float]:
+    """Return the mean of all states and the root of the mean of their squares."""
+    values = np.asarray(states, dtype=np.float64)
+    return float(values.mean()), float(np.sqrt((values**2).mean()))
+
+
+def _case(template: Template, shape: Shape) -> Case:
+    return form_of(template).cases(template, np.random.default_rng(0), shape)
+
+
+def wrong_at(
+    template: Template, engine: Engine, form: ClosedForm, case: Case, biases: Floats
+) -> list[bool]:
+    """Return for each number whether, added to the bias, it makes a cell wrong; one run for all."""
+    expected = form.expected(template, case)
+    count, times = len(expected), len(biases)
+
+    def repeated(maps: Floats | None) -> Floats | None:
+        return None if maps is None else np.concatenate([maps] * times)
+
+    layers = (template.layers,) if template.layers > 1 else ()
+    each = np.repeat(biases, count).reshape(-1, *(1 for _ in layers), 1, 1)
+    offset = np.broadcast_to(each, (times * count, *layers, *expected.shape[-2:])).copy()
+    if case.bias is not None:
+        offset += np.concatenate([case.bias] * times)
+    many = replace(
+        case,
+        input=repeated(case.input),
+        previous=repeated(case.previous),
+        state=repeated(case.state),
+        mask=repeated(case.mask),
+        bias=offset,
+    )
+    found = np.asarray(run_case(template, engine, many, form.rtol).output, dtype=np.float64)
+    apart = np.abs(found.reshape(times, *expected.shape) - expected)
+    return [bool(not (one <= WRONG).all()) for one in apart]
+
+
+def _margin(template: Template, engine: Engine, form: ClosedForm, case: Case) -> float:
+    ladder = np.concatenate([_BIASES, -_BIASES])
+    wrong = wrong_at(template, engine, form, case, ladder)
+    half = len(_BIASES)
+    return min(_before_first(wrong[:half]), _before_first(wrong[half:]))
+
+
+def _before_first(wrong: list[bool]) -> float:
+    """Return the last bias before the first that makes a cell wrong, 0 where none is right."""
+    first = wrong.index(True) if True in wrong else len(wrong)
+    return float(_BIASES[first - 1]) if first else 0.0
+
+
+def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
+    """Return when all outputs are within 0.01 of their end, a fortieth of the run too late."""
+    if template.delayed is not None or template.gains or template.output.discrete:
+        return None
+    form, case = form_of(template), _case(template, shape)
+    if case.duration is not None:
+        return None  # the check stops it on its way
+    whole = _run(template, engine, form, case)
+    end = float(np.max(whole.time))
+    if not 0.0 < end < np.inf:
+        return None
+    goal, step = np.asarray(whole.output), end / _CHUNKS
+    last, now = 0, case if template.inputs else replace(case, input=None, state=_start(case))
+    for n in range(1, _CHUNKS):
+        passed = _run(template, engine, form, replace(now, duration=step))
+        now = replace(now, state=np.asarray(passed.state, dtype=np.float64))
+        if not (np.abs(np.asarray(passed.output) - goal) <= NEAR).all():
+            last = n
+    return (last + 1) * step if last < _CHUNKS - 1 else None
+
+
+def _start(case: Case) -> Floats:
+    return case.pictures if case.state is None else case.state
+
+
+def _run(template: Template, engine: Engine, form: ClosedForm, case: Case) -> Result:
+    return run_case(template, engine, case, form.rtol)
+
+
+def drift(template: Template, result: Result, measured: Measured) -> str:
+    """Return how a template differs from what was measured of it, in a sentence; empty if not.
+
+    Parameters
+    ----------
+    template : Template
+    result : Result
+        Of the check's case on 8×8 cells, seed 0.
+    measured : Measured
+    """
+    if template.digest != measured.digest:
+        return "its numbers are not those that were measured"
+    mean, rms = summary(result.state)
+    allowed = _ALLOWED * max(1.0, measured.rms)
+    if not (abs(mean - measured.mean) <= allowed and abs(rms - measured.rms) <= allowed):
+        return f"its states end at a mean of {mean:.4g} and {rms:.4g} rms"
+    return ""
+
+
+def shifted(template: Template, engine: Engine, measured: Measured) -> str:
+    """Return how margin or settle time differ from what was measured, in a sentence; empty if not.
+
+    A margin is right if nine tenths of it flip no cell, and 1.3 times it flips one.
+    """
+    form, case = form_of(template), _case(template, SHAPE)
+    margin = measured.margin
+    if margin is not None and form.digital and margin > 0.0:
+        tries = np.array([0.9 * margin, -0.9 * margin, _STEP * margin, -_STEP * margin])
+        wrong = wrong_at(template, engine, form, case, tries)
+        if any(wrong[:2]):
+            return f"a bias of {0.9 * margin:.3g} more or less flips a cell"
+        if margin < _BIASES[-1] and not any(wrong[2:]):
+            return f"a bias of {_STEP * margin:.3g} more or less flips no cell"
+    known = dict(measured.settle).get(SHAPE[0])
+    if known is not None:
+        found = _settle(template, engine, SHAPE)
+        if found is None or abs(found - known) > 0.3 * known + 0.2:
+            return f"it settles after {found or np.inf:.3g} τ"
+    return ""

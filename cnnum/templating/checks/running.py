@@ -1,0 +1,87 @@
+"""What a check asks of an engine, and the run of a case on one."""
+
+from typing import Protocol
+
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Floats
+from cnnum.templating.checks.records import Case
+from cnnum.templating.template import Duration, Template
+
+
+class Result(Protocol):
+    """What a check reads of a run."""
+
+    @property
+    def output(self) -> ArrayLike:
+        """Outputs of the cells."""
+        ...
+
+    @property
+    def state(self) -> ArrayLike:
+        """States of the cells."""
+        ...
+
+    @property
+    def time(self) -> ArrayLike:
+        """Time constants that each picture took."""
+        ...
+
+    @property
+    def method(self) -> str:
+        """Integration method used."""
+        ...
+
+    @property
+    def reason(self) -> str:
+        """Why this method."""
+        ...
+
+
+class Engine(Protocol):
+    """What a check asks of an engine."""
+
+    @property
+    def name(self) -> str:
+        """As users call it."""
+        ...
+
+    @property
+    def precision(self) -> str:
+        """Of the arithmetic: "float32" or "float64"."""
+        ...
+
+    def run(
+        self,
+        template: Template,
+        *,
+        input: Floats | None = None,
+        previous: Floats | None = None,
+        state: Floats | None = None,
+        bias: Floats | None = None,
+        mask: Floats | None = None,
+        duration: Duration | None = None,
+        method: str = "auto",
+        rtol: float = 1e-4,
+        atol: float = 1e-5,
+    ) -> Result:
+        """Run a template."""
+        ...
+
+
+def run_case(
+    template: Template, engine: Engine, case: Case, rtol: float, method: str = "auto"
+) -> Result:
+    """Run a template on a case, with a tenth of the relative tolerance as the absolute one."""
+    return engine.run(
+        template,
+        input=case.input,
+        previous=case.previous,
+        state=case.state,
+        bias=case.bias,
+        mask=case.mask,
+        duration=case.duration,
+        method=method,
+        rtol=rtol,
+        atol=0.1 * rtol,
+    )

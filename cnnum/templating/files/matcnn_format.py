@@ -1,0 +1,183 @@
+"""MatCNN's `temlib.m`: records of matrices NAME_A, NAME_B and NAME_I, and tables of functions.
+
+NAME_Aa, NAME_Bb and NAME_Dd are weights of a nonlinear A, B or D, and NAME_a, NAME_b, NAME_d its
+table [interp n x1 y1 … xn yn], for D with a code at the end: the digits say what neighbour and
+cell give (1 = u, 2 = x, 3 = y), and a third digit before them that the difference is a factor.
+The argument is neighbour less centre.
+"""
+
+import re
+from typing import Any, cast
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.errors import ArrayError, NotSupportedError, TemplateError
+from cnnum.templating.couplings import NonlinearCoupling, Quantity
+from cnnum.templating.files.entry import Entry, FileFormat
+from cnnum.templating.function_tables import Table
+from cnnum.templating.template import Template
+
+_ASSIGNED = re.compile(r"([A-Za-z]\w*)_(A|B|I|Aa|Bb|Dd|a|b|d)\s*=\s*(\[[^\]]*\]|[^;\n\[]+)")
+_COMMENT = re.compile(r"%[^\n]*")
+_DIGITS: dict[str, Quantity] = {"1": "u", "2": "x", "3": "y"}
+_PAIRS = {"A": ("y", "y"), "B": ("u", "u")}
+_ORDER = ("A", "B", "I", "Aa", "a", "Bb", "b", "Dd", "d")
+
+Fields = dict[str, Floats]
+
+
+def read_all(content: str, file: str) -> tuple[Entry, ...]:
+    """Return every template of an M-file.
+
+    Raises
+    ------
+    TemplateError
+        Names the file, the line, and what was expected there.
+    """
+    code = _COMMENT.sub("", content)
+    records = dict[str, Fields]()
+    for match in _ASSIGNED.finditer(code):
+        line = code.count("\n", 0, match.start()) + 1
+        records.setdefault(match[1], {})[match[2]] = _matrix(match[3], file, line)
+    if not records:
+        raise TemplateError(
+            f"'{file}', line 1: expected a matrix such as 'EDGE_A = [0 0 0; 0 1 0; 0 0 0];', "
+            "got none in the whole file."
+        )
+    return tuple(Entry(_template(name, parts, file)) for name, parts in records.items())
+
+
+def _matrix(text: str, file: str, line: int) -> Floats:
+    rows = [row for row in re.split(r"[;\n]", text.strip("[] \t")) if row.strip()]
+    try:
+        values = [[float(v) for v in row.replace(",", " ").split()] for row in rows]
+    except ValueError as error:
+        raise TemplateError(
+            f"'{file}', line {line}: expected numbers, got {str(error).split(': ')[-1]}."
+        ) from None
+    if len({len(row) for row in values}) != 1:
+        raise TemplateError(
+            f"'{file}', line {line}: expected rows of equal length, got {[len(r) for r in values]}."
+        )
+    return np.array(values)
+
+
+def _template(name: str, parts: Fields, file: str) -> Template:
+    try:
+        nonlinear = [_coupling(kind, parts) for kind in "ABD" if kind + kind.lower() in parts]
+        reads = "B" in parts or any("u" in (c.neighbour, c.centre) for c in nonlinear)
+        given: dict[str, Any] = {"B": parts.get("B", np.zeros((3, 3)))} if reads else {}
+        return Template(
+            name,
+            parts.get("A", np.zeros((3, 3))),
+            z=float(parts["I"].ravel()[0]) if "I" in parts else 0.0,
+            nonlinear=nonlinear,
+            boundary="zero-flux",
+            initial="input",
+            duration=5.0,
+            source="imported from MatCNN's temlib.m",
+            **given,
+        )
+    except (TemplateError, ArrayError) as error:
+        raise TemplateError(f"'{file}': {error}") from None
+
+
+def _coupling(kind: str, parts: Fields) -> NonlinearCoupling:
+    letter = kind.lower()
+    if letter not in parts:
+        raise TemplateError(f"The weights {kind}{letter} need a table '{letter}', got none.")
+    values = parts[letter].ravel()
+    count = int(values[1]) if len(values) > 1 else 0
+    if len(values) - 2 * count not in (2, 3) or count < 1:
+        raise TemplateError(f"The table '{letter}' must be [interp n x1 y1 … xn yn], got {values}.")
+    function = Table.of(
+        "linear" if values[0] else "constant", values[2 : 2 + 2 * count].reshape(-1, 2).tolist()
+    )
+    neighbour, centre = _PAIRS.get(kind, ("u", "x"))
+    factor = False
+    if kind == "D":
+        code = f"{int(values[-1]):d}" if len(values) % 2 else ""
+        if not re.fullmatch("1?[123][123]", code):
+            raise TemplateError(f"The code of a D table must be like 12 or 122, got '{code}'.")
+        neighbour, centre, factor = _DIGITS[code[-2]], _DIGITS[code[-1]], len(code) == 3
+    return NonlinearCoupling(
+        parts[kind + letter],
+        function,
+        cast(Quantity, neighbour),
+        cast(Quantity, centre),
+        times_argument=factor,
+        reversed_sign=True,
+    )
+
+
+def _read(content: str, file: str) -> Entry:
+    found = read_all(content, file)
+    if len(found) > 1:
+        names = ", ".join(entry.template.name for entry in found[:5])
+        raise TemplateError(
+            f"'{file}' holds {len(found)} templates ({names}, …), expected one: read it with "
+            "`load_templates`."
+        )
+    return found[0]
+
+
+def _write(entry: Entry) -> str:
+    template = entry.template
+    _refuse(template)
+    name = re.sub(r"\W", "_", template.name)
+    fields = {"A": _text(template.A[0, 0]), "I": repr(float(template.z[0]))}
+    if template.inputs:
+        fields["B"] = _text(template.B[0, 0])
+    for coupling in template.nonlinear:
+        kind = _kind(coupling)
+        fields[kind + kind.lower()] = _text(coupling.weights)
+        fields[kind.lower()] = _table(coupling, kind)
+    lines = [f"{name}_{key} = {fields[key]};" for key in _ORDER if key in fields]
+    return "\n".join([f"% {name}", *lines, ""])
+
+
+def _kind(coupling: NonlinearCoupling) -> str:
+    pair = (coupling.neighbour, coupling.centre)
+    plain = {pair: kind for kind, pair in _PAIRS.items()}.get(cast(Any, pair), "D")
+    return "D" if coupling.times_argument else plain
+
+
+def _text(matrix: Floats) -> str:
+    return "[" + "; ".join(" ".join(repr(v) for v in row) for row in matrix.tolist()) + "]"
+
+
+def _table(coupling: NonlinearCoupling, kind: str) -> str:
+    table = coupling.function
+    points = [number for point in table.points for number in point]
+    words = [int(table.interpolation == "linear"), len(table.points), *points]
+    if kind == "D":
+        digits = {quantity: digit for digit, quantity in _DIGITS.items()}
+        code = digits[coupling.neighbour] + digits[coupling.centre or "x"]
+        words.append(int("1" + code if coupling.times_argument else code))
+    return "[" + " ".join(repr(word) for word in words) + "]"
+
+
+def _refuse(template: Template) -> None:
+    kinds = [_kind(coupling) for coupling in template.nonlinear]
+    wrong = {
+        "several layers or inputs": template.layers > 1 or template.inputs > 1,
+        "a delay": template.delayed is not None,
+        "gains in time": bool(template.gains),
+        "a time constant other than 1": bool((template.tau != 1.0).any()),
+        f"the output '{template.output.name}'": template.output.name != "standard",
+        "two nonlinear couplings of a kind": len(set(kinds)) < len(kinds),
+        "a function of centre less neighbour": not all(
+            c.reversed_sign and c.centre is not None for c in template.nonlinear
+        ),
+    }
+    for what, present in wrong.items():
+        if present:
+            raise NotSupportedError(
+                f"Template '{template.name}' has {what}, which a MatCNN record cannot say: save "
+                "it as .toml."
+            )
+
+
+MATCNN = FileFormat(".m", _read, _write)
+"""A template as a record of MatCNN; boundary, start and duration are MatCNN's defaults."""

@@ -1,0 +1,78 @@
+"""Files of other programs: what is written comes back."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.files import load_template, save_template
+from cnnum.templating.function_tables import Table
+from cnnum.templating.template import Template
+
+NUMBERS = st.floats(-20.0, 20.0, allow_nan=False).map(lambda v: round(v, 4) + 0.0)
+KERNELS = st.lists(st.lists(NUMBERS, min_size=3, max_size=3), min_size=3, max_size=3)
+PLACES = st.lists(st.integers(-30, 30), min_size=1, max_size=5, unique=True).map(sorted)
+
+
+@st.composite
+def tables(draw):
+    points = tuple((0.1 * v, draw(NUMBERS)) for v in draw(PLACES))
+    return Table(draw(st.sampled_from(["constant", "linear"])), points)
+
+
+@st.composite
+def couplings(draw):
+    marks = draw(st.lists(st.booleans(), min_size=9, max_size=9).filter(any))
+    neighbour, centre = draw(
+        st.sampled_from([("y", "y"), ("u", "u"), ("y", None), ("u", None), ("u", "x"), ("x", "x")])
+    )
+    weights = np.array(marks, dtype=float).reshape(3, 3)
+    factor = draw(st.booleans()) if (neighbour, centre) == ("x", "x") else False
+    return NonlinearCoupling(weights, draw(tables()), neighbour, centre, times_argument=factor)
+
+
+@st.composite
+def templates(draw, plain=False):
+    nonlinear = [] if plain else draw(st.lists(couplings(), max_size=2))
+    return Template(
+        "mine",
+        draw(KERNELS),
+        draw(KERNELS),
+        draw(NUMBERS),
+        boundary=draw(st.sampled_from(["zero-flux", -1.0, 0.0, 1.0])),
+        initial=draw(st.sampled_from(["input", 0.0, -1.0])),
+        nonlinear=nonlinear,
+    )
+
+
+def through(template, suffix):
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"mine{suffix}"
+        save_template(template, path)
+        return load_template(path)
+
+
+@given(templates())
+@settings(max_examples=60, deadline=None)
+def test_tem_keeps_every_number(template):
+    back = through(template, ".tem")
+    for part in ("A", "B", "z"):
+        np.testing.assert_array_equal(getattr(back, part), getattr(template, part))
+    assert (back.boundary, back.initial) == (template.boundary, template.initial)
+    kept = {(c.neighbour, c.centre, c.times_argument, c.function) for c in back.nonlinear}
+    assert kept == {
+        (c.neighbour, c.centre, c.times_argument, c.function) for c in template.nonlinear
+    }
+
+
+@given(templates(plain=True))
+@settings(max_examples=40, deadline=None)
+def test_cnnsim_and_matcnn_keep_every_weight(template):
+    for suffix in (".cnnsim", ".m"):
+        back = through(template, suffix)
+        for part in ("A", "B", "z"):
+            np.testing.assert_array_equal(getattr(back, part), getattr(template, part))
+    assert through(template, ".cnnsim").boundary == template.boundary
