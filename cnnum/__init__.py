@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from cnnum.frame import Frame, Quality
     from cnnum.graph.nodes import RunSpec
     from cnnum.integrators.stability import stability_bound
+    from cnnum.pictures import as_picture, load_picture, save_picture
     from cnnum.plan import Plan
     from cnnum.programs import Program, program
     from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
@@ -30,6 +31,9 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "as_picture": "cnnum.pictures",
+    "load_picture": "cnnum.pictures",
+    "save_picture": "cnnum.pictures",
     "Engine": "cnnum.engine",
     "Result": "cnnum.runs.result",
     "CnnumError": "cnnum.errors",
@@ -79,10 +83,12 @@ __all__ = [
     "Template",
     "__version__",
     "apply",
+    "as_picture",
     "branch",
     "exp",
     "get_program",
     "get_template",
+    "load_picture",
     "load_scene",
     "load_template",
     "logic",
@@ -91,6 +97,7 @@ __all__ = [
     "minimum",
     "program",
     "program_names",
+    "save_picture",
     "save_template",
     "shift",
     "sqrt",

@@ -1,6 +1,5 @@
 """The way of a frame: driver, conversion, plan, events; one obvious path."""
 
-import inspect
 import math
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -12,12 +11,12 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.registry import open_driver
 from cnnum.engine import Engine
-from cnnum.errors import ArrayError, CnnumError, FrameError, MethodError, SceneError, name_error
+from cnnum.errors import ArrayError, CnnumError, FrameError, MethodError, SceneError
 from cnnum.frame import Frame, Quality
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
-from cnnum.programs import Program
 from cnnum.programs.library import get_program
+from cnnum.scenes.arrangement import bound, unknown_want
 from cnnum.scenes.bad_frames import BadFrames
 from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for
 from cnnum.scenes.dead_cells import DeadCells
@@ -174,7 +173,7 @@ class Scene:
         try:
             known = cast(Calibration | None, getattr(driver, "calibration", None))
             conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
-            program = _bound(get_program(spec.program), spec, driver.rate)
+            program = bound(get_program(spec.program), spec, driver)
             outputs = program.trace(driver.shape, conversion.channels).outputs
             wants = _wants(spec, outputs)
             rules = _rules(spec, wants, outputs)
@@ -281,6 +280,9 @@ def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: s
 def _wants(spec: SceneSpec, outputs: Collection[str]) -> tuple[str, ...]:
     """Return what a scene wants, by name where it wants everything."""
     if EVERYTHING not in spec.wants:
+        for want in spec.wants:
+            if want not in EVENT_RULES and want not in outputs:
+                raise unknown_want(spec, want, outputs)
         return spec.wants
     events = (want for want in EVENT_RULES if _fitting(want, outputs))
     return tuple(dict.fromkeys((*events, *outputs)))
@@ -311,18 +313,6 @@ def _rules(
             )
         found += fitting
     return tuple(found)
-
-
-def _bound(program: Program, spec: SceneSpec, rate: float) -> Program:
-    """Return the program with the scene's parameters, and the array's rate if it takes one."""
-    known = inspect.signature(program.function).parameters
-    for name in spec.parameters:
-        if name not in known:
-            choices = [key for key in known if key != "frame"]
-            raise SceneError(f"Scene '{spec.name}': {name_error('parameter', name, choices)}")
-    if "rate" in known and "rate" not in spec.parameters and rate > 0:
-        program = program.bind(rate=rate)
-    return program.bind(**spec.parameters)
 
 
 def load_scene(

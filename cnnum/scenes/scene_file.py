@@ -97,6 +97,8 @@ def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None
     SceneError
         If the file is not there, is not TOML, or a key is unknown, missing or of a wrong type.
     """
+    if not isinstance(cast(object, scene), str | Path):
+        raise SceneError(f"A scene is a TOML file or the name of one, got {type(scene).__name__}.")
     path = Path(scene)
     packaged = resources.files("cnnum.scenes") / f"{scene}.toml"
     if str(scene) in scene_names():
