@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cnnum import tactile
+    from cnnum.drivers.recording_file import load_recording
     from cnnum.engine import Engine
     from cnnum.errors import CnnumError
     from cnnum.frame import Frame, Quality
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from cnnum.programs.logic import logic
     from cnnum.programs.loops import branch, loop
     from cnnum.programs.transients import apply, shift, transient
+    from cnnum.recordings.recording import Recording
     from cnnum.runs.result import Result
     from cnnum.scenes.events import Event
     from cnnum.scenes.pipeline import load_scene
@@ -34,6 +36,8 @@ _HOME = {
     "as_picture": "cnnum.pictures",
     "load_picture": "cnnum.pictures",
     "save_picture": "cnnum.pictures",
+    "Recording": "cnnum.recordings.recording",
+    "load_recording": "cnnum.drivers.recording_file",
     "Engine": "cnnum.engine",
     "Result": "cnnum.runs.result",
     "CnnumError": "cnnum.errors",
@@ -78,6 +82,7 @@ __all__ = [
     "Plan",
     "Program",
     "Quality",
+    "Recording",
     "Result",
     "RunSpec",
     "Template",
@@ -89,6 +94,7 @@ __all__ = [
     "get_program",
     "get_template",
     "load_picture",
+    "load_recording",
     "load_scene",
     "load_template",
     "logic",

@@ -4,7 +4,7 @@ import hashlib
 import math
 import operator
 from collections.abc import Sequence
-from typing import SupportsIndex, cast
+from typing import Any, SupportsIndex, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -86,8 +86,8 @@ def _in_words(value: object) -> str:
     """Return what a value that is no array of numbers is."""
     kind = type(value).__name__
     if isinstance(value, list | tuple):
-        parts = (part for part in cast(Sequence[object], value) if isinstance(part, list | tuple))
-        rows = [len(cast(Sequence[object], part)) for part in parts]
+        parts = cast(Sequence[Any], value)
+        rows = [len(part) for part in parts if type(part) in (list, tuple)]
         if len(set(rows)) > 1:
             return f"a {kind} of rows of different lengths ({min(rows)} to {max(rows)})"
     return kind

@@ -12,6 +12,15 @@ from cnnum.safety.names import LONGEST, shown
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec
 
+COUNT = "count"
+"""Unit of values without a scale."""
+
+PHYSICAL = ("thickness", "youngs_modulus")
+"""Parameters of programs that take strain or stress, and nothing else."""
+
+PADS, NARROWEST = "pads", 3
+"""Of a pad's columns: a neighbourhood of a taxel is as wide."""
+
 
 def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
     """Return the program with the scene's parameters, and what its array knows of itself.
@@ -38,7 +47,56 @@ def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
     pitch = getattr(driver, "pitch", None)
     if extra and PITCH not in given and isinstance(pitch, float):
         given[PITCH] = pitch
+    pads = getattr(driver, "pads", None)
+    if PADS in known and PADS not in given and isinstance(pads, int):
+        given[PADS] = pads
     return program.bind(**given)
+
+
+def refuse_unfit(program: Program, spec: SceneSpec, driver: Driver, unit: str) -> None:
+    """Refuse a program whose parameters the array's values cannot mean.
+
+    Parameters
+    ----------
+    program : Program
+        With its parameters.
+    spec : SceneSpec
+    driver : Driver
+    unit : str
+        Of the values that the program sees.
+
+    Raises
+    ------
+    SceneError
+        If counts meet lengths, loads or moduli, or the pads are not those of the array.
+    """
+    known = inspect.signature(program.function).parameters
+    physical = [name for name in PHYSICAL if name in known]
+    asked = [name for name in ("unit", PITCH) if name in spec.parameters and name not in physical]
+    asked += [n for n in ("depth",) if isinstance(spec.parameters.get(n), str)]
+    if unit == COUNT and (physical or asked):
+        raise SceneError(
+            f"Scene '{spec.name}': the array gives counts, and '{[*asked, *physical][0]}' of the "
+            f"program '{spec.program}' is in physical units, which counts have no scale for: "
+            "calibrate the array with 'calibration.gain' and 'calibration.unit', or leave it out."
+        )
+    _refuse_pads(program, spec, driver)
+
+
+def _refuse_pads(program: Program, spec: SceneSpec, driver: Driver) -> None:
+    """Raise if a program takes the columns of an array for other pads than they are."""
+    pads = dict(program.parameters).get(PADS)
+    if not isinstance(pads, int) or pads < 2:
+        return
+    rows, cols = driver.shape
+    there = getattr(driver, PADS, None)
+    if there == pads or (there is None and cols // pads >= NARROWEST):
+        return
+    seen = f"{there} pad(s)" if isinstance(there, int) else f"pads of {cols // pads} column(s)"
+    raise SceneError(
+        f"Scene '{spec.name}': 'pads' = {pads} on an array of {rows}×{cols} taxels, which is "
+        f"{seen}: set 'program.parameters.pads' to the pads that lie side by side."
+    )
 
 
 def unknown_want(spec: SceneSpec, want: str, outputs: Collection[str]) -> UnknownNameError:

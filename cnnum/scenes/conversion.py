@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from cnnum.arrays import Floats, all_finite, finite
+from cnnum.drivers.driver import Driver
 from cnnum.errors import SceneError
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.tactile.taxel import SIDES, Calibration
@@ -128,6 +129,11 @@ class StrainReader:
 def _checked(frame: Frame) -> Floats:
     values = frame.values
     return values if all_finite(values) else finite("frame", values)
+
+
+def unit_of(conversion: Conversion, driver: Driver) -> str:
+    """Return the unit of what a program sees: "strain" of bridges, else the driver's."""
+    return "strain" if isinstance(conversion, ByCalibration) else driver.unit
 
 
 def conversion_for(

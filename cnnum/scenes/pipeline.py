@@ -16,9 +16,9 @@ from cnnum.frame import Frame, Quality
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
 from cnnum.programs.library import get_program
-from cnnum.scenes.arrangement import bound, unknown_want
+from cnnum.scenes.arrangement import bound, refuse_unfit, unknown_want
 from cnnum.scenes.bad_frames import BadFrames
-from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for
+from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for, unit_of
 from cnnum.scenes.dead_cells import DeadCells
 from cnnum.scenes.events import EVENT_RULES, Event, EventDetector, EventRule
 from cnnum.scenes.frame_range import ANY, FrameRange, range_for
@@ -174,6 +174,7 @@ class Scene:
             known = cast(Calibration | None, getattr(driver, "calibration", None))
             conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
             program = bound(get_program(spec.program), spec, driver)
+            refuse_unfit(program, spec, driver, unit_of(conversion, driver))
             outputs = program.trace(driver.shape, conversion.channels).outputs
             wants = _wants(spec, outputs)
             rules = _rules(spec, wants, outputs)

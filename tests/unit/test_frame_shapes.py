@@ -70,7 +70,7 @@ def test_a_run_takes_rows_of_one_length_and_one_array_at_least(name):
     engine, edge = cnnum.Engine(name), cnnum.get_template("EDGE")
     with pytest.raises(
         ArrayError,
-        match="'input' .* got a list of rows",
+        match=r"'input' .* got a list of rows",
     ):
         engine.run(edge, input=[[1.0, 2.0], [3.0]])
     with pytest.raises(ArrayError, match="at least one array"):
@@ -83,6 +83,6 @@ def test_a_frame_takes_rows_of_one_length():
     plan = cnnum.Engine("reference").compile(total, (2, 2), channels=("normal",))
     with pytest.raises(
         ArrayError,
-        match="'frame' .* got a list of rows",
+        match=r"'frame' .* got a list of rows",
     ):
         plan([[1.0, 2.0], [3.0]])
