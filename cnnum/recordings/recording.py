@@ -19,6 +19,7 @@ from cnnum.recordings.layout import Layout
 from cnnum.recordings.place import taken
 from cnnum.recordings.reader import look
 from cnnum.safety.names import checked_name, shown
+from cnnum.tactile.array_calibration import ArrayCalibration
 
 AXES = {"x": "shear_x", "y": "shear_y", "z": "normal"}
 """Short names of the three axes of a taxel: to the right, downwards, and into the skin."""
@@ -133,6 +134,37 @@ class Recording:
                 quality=Quality(int(self.quality[number])),
                 truth=Truth(known) if names else None,
             )
+
+    def calibrated(
+        self,
+        gain: ArrayLike = 1.0,
+        *,
+        offset: ArrayLike = 0.0,
+        unit: str = "",
+        tare: int = 0,
+    ) -> "Recording":
+        """Return the recording with gain · (raw − offset) as its values.
+
+        Parameters
+        ----------
+        gain, offset, unit, tare
+            As in `cnnum.tactile.array_calibration.ArrayCalibration`.
+
+        Raises
+        ------
+        CalibrationError
+            If they do not fit the array.
+        """
+        known = ArrayCalibration(gain, offset, unit, tare)
+        return Recording(
+            known.apply(self.values),
+            rate=self.rate,
+            unit=unit or self.unit,
+            axes=self.axes,
+            times=self.times,
+            truth=self.truth,
+            quality=self.quality,
+        )
 
     def save(self, path: str | Path, *, force: bool = False) -> Path:
         """Write the recording to a file that `cnnum replay` reads, and return its path.

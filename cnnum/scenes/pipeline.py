@@ -23,10 +23,11 @@ from cnnum.scenes.dead_cells import DeadCells
 from cnnum.scenes.events import EVENT_RULES, Event, EventDetector, EventRule
 from cnnum.scenes.frame_range import ANY, FrameRange, range_for
 from cnnum.scenes.histogram import Histogram
+from cnnum.scenes.push_watch import PushWatch
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene
+from cnnum.scenes.strength_units import with_units
 from cnnum.scenes.summary import Summary
 from cnnum.stream import Stream
-from cnnum.tactile.taxel import Calibration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -141,6 +142,8 @@ class Scene:
         What a good frame holds.
     dead : DeadCells or None
         Taxels whose values come from their neighbours.
+    push : PushWatch
+        Notices pushes that read as pulls.
     bad : BadFrames
         Those passed over so far.
     """
@@ -153,6 +156,7 @@ class Scene:
     rules: tuple[EventRule, ...]
     range: FrameRange
     dead: DeadCells | None
+    push: PushWatch
     bad: BadFrames = field(default_factory=BadFrames)
     _micros: Histogram = field(default_factory=Histogram)
     _begun: int = 0
@@ -171,13 +175,13 @@ class Scene:
         used = engine or Engine(spec.engine, device=spec.device, precision=spec.precision)
         driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
-            known = cast(Calibration | None, getattr(driver, "calibration", None))
-            conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
+            conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
             program = bound(get_program(spec.program), spec, driver)
             refuse_unfit(program, spec, driver, unit_of(conversion, driver))
             outputs = program.trace(driver.shape, conversion.channels).outputs
             wants = _wants(spec, outputs)
-            rules = _rules(spec, wants, outputs)
+            measured = unit_of(conversion, driver)
+            rules = with_units(_rules(spec, wants, outputs), program, measured)
             fields = tuple(want for want in wants if want not in EVENT_RULES)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
             dead = DeadCells(spec.dead, driver.shape) if spec.dead else None
@@ -187,7 +191,8 @@ class Scene:
             driver.close()
             raise
         within = _range(spec, driver, conversion, used.precision)
-        return cls(spec, used, driver, conversion, plan, rules, within, dead)
+        push = PushWatch(program, plan.schedule.channels_read)
+        return cls(spec, used, driver, conversion, plan, rules, within, dead, push)
 
     def results(self) -> Iterator[FrameResult]:
         """Yield every frame with what came of it, until the source ends or the caller stops."""
@@ -209,6 +214,7 @@ class Scene:
 
     def _count(self, moment: FrameResult, way: FramePath) -> None:
         if moment.values is not None:
+            self.push.look(moment.values)
             self._micros.add(1e6 * moment.seconds)
             self._longest_gap = way.detector.longest_gap
         elif moment.error is not None:
