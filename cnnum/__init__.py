@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from cnnum import tactile
+    from cnnum.drivers.recording_file import load_recording
     from cnnum.engine import Engine
     from cnnum.errors import CnnumError
     from cnnum.frame import Frame, Quality
     from cnnum.graph.nodes import RunSpec
     from cnnum.integrators.stability import stability_bound
+    from cnnum.pictures import as_picture, load_picture, save_picture
     from cnnum.plan import Plan
     from cnnum.programs import Program, program
     from cnnum.programs.fields import Field, exp, maximum, minimum, sqrt, where
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from cnnum.programs.logic import logic
     from cnnum.programs.loops import branch, loop
     from cnnum.programs.transients import apply, shift, transient
+    from cnnum.recordings.recording import Recording
     from cnnum.runs.result import Result
     from cnnum.scenes.events import Event
     from cnnum.scenes.pipeline import load_scene
@@ -30,6 +33,11 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOME = {
+    "as_picture": "cnnum.pictures",
+    "load_picture": "cnnum.pictures",
+    "save_picture": "cnnum.pictures",
+    "Recording": "cnnum.recordings.recording",
+    "load_recording": "cnnum.drivers.recording_file",
     "Engine": "cnnum.engine",
     "Result": "cnnum.runs.result",
     "CnnumError": "cnnum.errors",
@@ -74,15 +82,19 @@ __all__ = [
     "Plan",
     "Program",
     "Quality",
+    "Recording",
     "Result",
     "RunSpec",
     "Template",
     "__version__",
     "apply",
+    "as_picture",
     "branch",
     "exp",
     "get_program",
     "get_template",
+    "load_picture",
+    "load_recording",
     "load_scene",
     "load_template",
     "logic",
@@ -91,6 +103,7 @@ __all__ = [
     "minimum",
     "program",
     "program_names",
+    "save_picture",
     "save_template",
     "shift",
     "sqrt",

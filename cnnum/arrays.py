@@ -2,8 +2,9 @@
 
 import hashlib
 import math
+import operator
 from collections.abc import Sequence
-from typing import cast
+from typing import Any, SupportsIndex, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -67,16 +68,29 @@ def real_numbers(name: str, value: ArrayLike) -> NDArray[np.floating]:
 
 
 def _real(name: str, value: ArrayLike, dtype: type[np.floating]) -> NDArray[np.floating]:
+    if cast(object, value) is None:  # NumPy would make it NaN
+        raise ArrayError(f"'{name}' must be an array of real numbers, got nothing (None).")
     try:
         is_complex = np.iscomplexobj(value)
         array = np.zeros(0, dtype) if is_complex else np.asarray(value, dtype=dtype)
     except (TypeError, ValueError):  # of lists, rows of different lengths too
         raise ArrayError(
-            f"'{name}' must be an array of real numbers, got {type(value).__name__}."
+            f"'{name}' must be an array of real numbers, got {_in_words(value)}."
         ) from None
     if is_complex:
         raise ArrayError(f"'{name}' must hold real numbers, got complex ones: give a part of them.")
     return array
+
+
+def _in_words(value: object) -> str:
+    """Return what a value that is no array of numbers is."""
+    kind = type(value).__name__
+    if isinstance(value, list | tuple):
+        parts = cast(Sequence[Any], value)
+        rows = [len(part) for part in parts if type(part) in (list, tuple)]
+        if len(set(rows)) > 1:
+            return f"a {kind} of rows of different lengths ({min(rows)} to {max(rows)})"
+    return kind
 
 
 def all_finite(array: NDArray[np.floating]) -> bool:
@@ -131,7 +145,7 @@ def maps(name: str, array: NDArray[np.floating], shape: Shape, layers: int) -> N
     raise ArrayError(f"'{name}' must have the shape {wanted}, got {array.shape}.")
 
 
-def as_shape(value: Sequence[int]) -> Shape:
+def as_shape(value: object) -> Shape:
     """Return rows and columns as a tuple of two positive integers.
 
     Raises
@@ -139,10 +153,16 @@ def as_shape(value: Sequence[int]) -> Shape:
     ArrayError
         If there are not two of them, or one is below 1.
     """
-    dims = tuple(int(n) for n in value)
-    if len(dims) != 2 or min(dims) < 1:
-        raise ArrayError(f"A cell array has two positive dimensions (rows, columns), got {dims}.")
-    return dims[0], dims[1]
+    try:
+        rows, cols = (operator.index(n) for n in cast(Sequence[SupportsIndex], value))
+    except (TypeError, ValueError):
+        rows = cols = 0
+    if rows < 1 or cols < 1:
+        raise ArrayError(
+            "The shape of a cell array is two whole numbers from 1 up, rows and columns, as in "
+            f"(8, 8), got {value!r:.60}."
+        )
+    return rows, cols
 
 
 def frozen(array: ArrayLike) -> Floats:

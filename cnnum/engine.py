@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Shape
 from cnnum.engines.backend import open_backend
 from cnnum.engines.support import FUSING
-from cnnum.errors import ProgramError
+from cnnum.errors import ProgramError, TemplateError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
@@ -30,6 +30,7 @@ from cnnum.runs.arguments import as_frame, channels_and_lead, has_many_cells, ma
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
 from cnnum.runs.result import Result, result_of
 from cnnum.safety.memory import refuse_on_host
+from cnnum.templating.library import get_template
 from cnnum.templating.template import Duration, Template
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -187,7 +188,7 @@ class Engine:
 
     def run(
         self,
-        template: Template,
+        template: Template | str,
         *,
         input: ArrayLike | None = None,
         previous: ArrayLike | None = None,
@@ -209,7 +210,8 @@ class Engine:
 
         Parameters
         ----------
-        template : Template
+        template : Template or str
+            One of the library's by its name, or one of your own.
         input : (..., rows, cols) or (..., inputs, rows, cols) float, optional
             Where the template has no control template and starts from its input, this is the
             initial state.
@@ -251,6 +253,8 @@ class Engine:
         SizeError
             If the machine or the device has less memory than the array needs.
         """
+        if not isinstance(template, Template):
+            template = _by_name(template)
         arrays = (input, previous, state, bias, mask)
         asked = (duration, method, rtol, atol, dt, force, estimate)
         form = form_of(template, arrays, asked)
@@ -327,6 +331,16 @@ class Engine:
         for figure in ("time", "steps", "settled", "error"):
             graph.outputs[figure] = getattr(applied, figure).node
         return self._build(template.name, graph, names, None)
+
+
+def _by_name(template: object) -> Template:
+    """Return the library's template of that name."""
+    if not isinstance(template, str):
+        raise TemplateError(
+            f"engine.run takes a template or the name of one, got {type(template).__name__}; a "
+            "program runs by engine.compile."
+        )
+    return get_template(template)
 
 
 def _outputs(template: Template) -> list[str]:

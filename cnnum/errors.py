@@ -4,6 +4,10 @@ Each leaf is also the builtin that a caller would reach for, so ``except ValueEr
 """
 
 from collections.abc import Iterable
+from difflib import get_close_matches
+
+LONGEST_GUESSED = 80
+"""Signs of a name for which near ones are looked for: longer ones would take their time."""
 
 
 class CnnumError(Exception):
@@ -105,6 +109,10 @@ class ReportError(CnnumError, OSError):
     """A report cannot be written."""
 
 
+class PictureError(CnnumError, OSError):
+    """A picture file cannot be read or written."""
+
+
 class PhysicsError(CnnumError, ValueError):
     """A physical parameter is outside the range of its closed form."""
 
@@ -129,5 +137,8 @@ def name_error(kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
     known : iterable of str
         The valid names.
     """
-    choices = ", ".join(f"'{item}'" for item in known)
-    return UnknownNameError(f"Unknown {kind} {name!r:.60}: expected one of {choices}.")
+    names = list(known)
+    near = get_close_matches(name[:LONGEST_GUESSED], names, n=3)
+    choices, guess = (", ".join(f"'{item}'" for item in some) for some in (names, near))
+    hint = f" (did you mean {guess}?)" if near else ""
+    return UnknownNameError(f"Unknown {kind} {name!r:.60}{hint}: expected one of {choices}.")

@@ -58,9 +58,9 @@ class Counters:
 class Driver(Protocol):
     """A source of frames: an array at a port, a recording, a simulation.
 
-    Two attributes more are used where a driver has them: ``calibration`` (a
-    `cnnum.tactile.taxel.Calibration`), and ``full_scale``, the largest magnitude that a value can
-    have; a frame with a larger one is a bad frame.
+    Three attributes more are used where a driver has them: ``calibration`` (a
+    `cnnum.tactile.taxel.Calibration`), ``pitch`` (distance of the taxels, m), and ``full_scale``,
+    the largest magnitude that a value can have; a frame with a larger one is a bad frame.
     """
 
     @property

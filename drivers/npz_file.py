@@ -43,7 +43,7 @@ _WANTED = frozenset((*_KEYS, *_PARTS))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Recording:
+class Archive:
     """What an archive holds.
 
     Attributes
@@ -105,7 +105,7 @@ class Recording:
         return max(0, int(self.sequence[number]) - int(self.sequence[number - 1]) - 1)
 
 
-def read_npz(path: Path) -> Recording:
+def read_npz(path: Path) -> Archive:
     """Read a recording.
 
     Raises
@@ -122,7 +122,7 @@ def read_npz(path: Path) -> Recording:
         raise CodecError(f"'{path}' is no recording of cnnum: {error}") from None
 
 
-def _recording(held: Mapping[str, NDArray[Any]]) -> Recording:
+def _recording(held: Mapping[str, NDArray[Any]]) -> Archive:
     for name in _KEYS:
         if name not in held:
             raise CodecError(f"it has no '{name}'.")
@@ -130,7 +130,7 @@ def _recording(held: Mapping[str, NDArray[Any]]) -> Recording:
         _check_array(name, array)
     if str(held["kind"]) != KIND:
         raise CodecError(f"'kind' must be '{KIND}', got {shown(str(held['kind']))}.")
-    return Recording(
+    return Archive(
         values=held["values"].astype(np.float64, copy=False),
         channels=tuple(str(name) for name in held["channels"]),
         unit=str(held["unit"]),
@@ -144,7 +144,7 @@ def _recording(held: Mapping[str, NDArray[Any]]) -> Recording:
     )
 
 
-def _checked(recording: Recording) -> Recording:
+def _checked(recording: Archive) -> Archive:
     """Return a recording unless it holds what no array sends."""
     if not recording.values.size:
         raise CodecError(f"'values' must have a cell at least, got {recording.values.shape}.")
@@ -223,7 +223,7 @@ class NpzFile(Closing):
     total_frames : int
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Archive) -> None:
         self._recording = recording
         self.shape: Shape = (recording.values.shape[1], recording.values.shape[2])
         self.channels = recording.channels

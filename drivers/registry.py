@@ -1,4 +1,4 @@
-"""The drivers by name. A new array is one new file and one line here."""
+"""The drivers by name. A new array is one new file and one line here, or "module:Options"."""
 
 from collections.abc import Mapping
 from importlib import import_module
@@ -15,6 +15,7 @@ DRIVERS: Mapping[str, str] = {
     "uskin-csv": "cnnum.drivers.uskin_csv:UskinCsvOptions",
     "mcap": "cnnum.drivers.mcap_file:McapOptions",
     "npz": "cnnum.drivers.npz_file:NpzOptions",
+    "file": "cnnum.drivers.own_data.driver:DataFileOptions",
 }
 """Name in a scene file to the record of its options, imported when it is asked for."""
 
@@ -28,8 +29,10 @@ class DriverOptions(Protocol):
 
 
 def driver_names() -> tuple[str, ...]:
-    """Return the names that a scene's driver can have."""
-    return tuple(DRIVERS)
+    """Return the names that a scene's driver can have, those of other packages last."""
+    from cnnum.drivers.outside import offered
+
+    return (*DRIVERS, *(name for name in offered() if name not in DRIVERS))
 
 
 def driver_options(
@@ -44,14 +47,32 @@ def driver_options(
     SceneError
         If an option is unknown, missing, of the wrong type or out of range.
     """
-    if name not in DRIVERS:
-        raise name_error("driver", name, DRIVERS)
-    module, record = DRIVERS[name].split(":")
-    kind = cast(type[DriverOptions], getattr(import_module(module), record))
+    folder = base if base is not None else Path()
+    kind = _record(name, folder)
     try:
-        return read_options(kind, options, base if base is not None else Path())
+        return read_options(kind, options, folder)
     except SceneError as error:
         raise SceneError(f"Driver '{name}': {_lower_first(str(error))}") from None
+
+
+def _record(name: str, base: Path) -> type[DriverOptions]:
+    """Return the record of a driver's options."""
+    if name in DRIVERS:
+        module, record = DRIVERS[name].split(":")
+        return cast(type[DriverOptions], getattr(import_module(module), record))
+    from cnnum.drivers.outside import outside_record
+
+    found = outside_record(name, base)
+    if found is None:
+        raise name_error("driver", name, driver_names())
+    return cast(type[DriverOptions], found)
+
+
+def is_driver(name: str) -> bool:
+    """Return whether a name is that of a driver, and not of a scene or a file."""
+    module, colon, record = name.partition(":")
+    own = bool(colon) and record.isidentifier() and module.replace(".", "_").isidentifier()
+    return own or name in driver_names()
 
 
 def open_driver(
@@ -62,7 +83,7 @@ def open_driver(
     Parameters
     ----------
     name : str
-        One of `driver_names()`.
+        One of `driver_names()`, or "module:Options" for a record of your own.
     options : mapping of str to object
         As in a scene's table; each driver's record of options says what there is.
     base : Path, optional

@@ -40,8 +40,14 @@ class TextTable:
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
 
-    def numbers(self, columns: Sequence[str]) -> Floats:
+    def numbers(self, columns: Sequence[str], *, finite: bool = True) -> Floats:
         """Return columns as numbers, (rows, columns).
+
+        Parameters
+        ----------
+        columns : sequence of str
+        finite : bool
+            Whether NaN and infinity are refused, too.
 
         Raises
         ------
@@ -52,7 +58,7 @@ class TextTable:
         values = np.empty((len(self.rows), len(places)))
         for i, row in enumerate(self.rows):
             for j, place in enumerate(places):
-                values[i, j] = self._number(row[place], i, columns[j])
+                values[i, j] = self._number(row[place], i, columns[j], finite)
         return values
 
     def first(self, rows: int) -> "TextTable":
@@ -64,14 +70,16 @@ class TextTable:
             raise CodecError(f"'{self.path}', line 1: expected a column '{column}', found none.")
         return self.header.index(column)
 
-    def _number(self, text: str, row: int, column: str) -> float:
+    def _number(self, text: str, row: int, column: str, finite: bool) -> float:
+        value: float | None
         try:
             value = float(text)
         except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
+            value = None
+        if value is None or (finite and not math.isfinite(value)):
+            kind = "a finite number" if finite else "a number"
             raise CodecError(
-                f"'{self.path}', line {self.lines[row]}: expected a finite number in the column "
+                f"'{self.path}', line {self.lines[row]}: expected {kind} in the column "
                 f"'{column}', got {shown(text)}."
             )
         return value

@@ -119,6 +119,7 @@ class UskinCsv(Closing):
         self._truths = [] if labels is None else _truths(labels.first(rows))
         self.shape: Shape = (SIDE, SIDE * len(pads))
         self.channels = FORCE_AXES
+        self.pads = len(pads)
         self.unit = "count"
         self.full_scale = ENDS[1]
         self._counters = Counters()

@@ -31,10 +31,10 @@ def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
     CnnumError
         Whatever opening brings.
     """
-    from cnnum.drivers.registry import driver_names, open_driver
+    from cnnum.drivers.registry import driver_names, is_driver, open_driver
     from cnnum.scenes.scene_file import read_scene, scene_names
 
-    if source in driver_names():
+    if is_driver(source):
         return open_driver(source, settings)
     if source not in scene_names() and not names_something(Path(source)):
         raise UnknownNameError(

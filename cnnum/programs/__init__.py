@@ -17,7 +17,7 @@ from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph
 from cnnum.programs.fields import Field, as_field
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.parameters import check_parameters
+from cnnum.programs.parameters import checked_parameters
 from cnnum.safety.names import checked_name
 
 Traced = Callable[..., Mapping[str, Field]]
@@ -51,6 +51,10 @@ class Program:
     def bind(self, **parameters: object) -> "Program":
         """Return the program with keyword parameters of its function set.
 
+        A length, rate, load or modulus may be a text with its unit: ``rate="100 Hz"``. A depth
+        counts pitches of the array; as a length it takes the pitch with it:
+        ``depth="1 mm", pitch="1.5 mm"``.
+
         Raises
         ------
         ProgramError
@@ -58,7 +62,7 @@ class Program:
             type.
         """
         if parameters:
-            check_parameters(self.name, self.function, parameters)
+            parameters = checked_parameters(self.name, self.function, parameters)
         merged = {**dict(self.parameters), **parameters}
         return Program(self.function, self.name, tuple(merged.items()))
 

@@ -8,16 +8,17 @@ from numbers import Integral, Real
 from typing import Any, Literal, Union, get_args, get_origin
 
 from cnnum.errors import ProgramError
+from cnnum.programs.quantities import in_own_units, refuse_out_of_range
 from cnnum.safety.names import shown
 
 LARGEST = 2**63 - 1
 """What a whole number may reach."""
 
 
-def check_parameters(
+def checked_parameters(
     name: str, function: Callable[..., object], parameters: Mapping[str, object]
-) -> None:
-    """Refuse parameters that a program does not have, or of another type than it says.
+) -> dict[str, object]:
+    """Return parameters as plain numbers, texts and flags that a program takes.
 
     A parameter without an annotation, or with one of another kind than a number, a text, true or
     false, and a choice, takes anything.
@@ -25,10 +26,12 @@ def check_parameters(
     Raises
     ------
     ProgramError
-        With the parameter's name, and what was expected.
+        With the parameter's name, and what was expected: if the program has no such parameter, it
+        is of another type, or a physical one is out of range.
     """
     known = list(inspect.signature(function).parameters.values())[1:]  # the first is the frame
     kinds = {parameter.name: parameter for parameter in known}
+    parameters = in_own_units(name, parameters, kinds)
     anything = any(parameter.kind is parameter.VAR_KEYWORD for parameter in kinds.values())
     for key, value in parameters.items():
         if key not in kinds:
@@ -43,6 +46,8 @@ def check_parameters(
             raise ProgramError(
                 f"The parameter '{key}' of program '{name}' must be {expected}, got {shown(value)}."
             )
+    refuse_out_of_range(name, {key: parameters[key] for key in parameters.keys() & kinds.keys()})
+    return parameters
 
 
 def refuse_outside(**ranges: tuple[float, float, float]) -> None:

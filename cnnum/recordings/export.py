@@ -59,6 +59,8 @@ def suffix_of(target: Path) -> str:
 def export(contents: Contents, target: Path, *, force: bool = False) -> None:
     """Write the frames of a recording to another file, which appears when it is whole.
 
+    The calibration of an array goes into a file beside a CSV file, which has no place for it.
+
     Parameters
     ----------
     contents : Contents
@@ -76,6 +78,14 @@ def export(contents: Contents, target: Path, *, force: bool = False) -> None:
     CodecError
         If the recording is none.
     """
-    write = WRITERS[suffix_of(target)]
+    suffix = suffix_of(target)
     with placed(target, force=force) as file:
-        write(file, contents)
+        WRITERS[suffix](file, contents)
+    if suffix == ".csv" and contents.layout.calibration:
+        with placed(calibration_of(target), force=force) as file:
+            file.write(contents.layout.calibration.encode())
+
+
+def calibration_of(table: Path) -> Path:
+    """Return the file with the calibration of the array whose frames a CSV file holds."""
+    return table.with_suffix(".calibration.toml")

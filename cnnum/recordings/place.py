@@ -53,9 +53,9 @@ def placed(target: Path, *, force: bool) -> Generator[IO[bytes], None, None]:
         ) from None
 
 
-def taken(target: Path) -> RecordingError:
+def taken(target: Path, way: str = "--force") -> RecordingError:
     """Return the error for a file that is there already."""
-    return RecordingError(f"'{target}' is there already: choose another name, or give --force.")
+    return RecordingError(f"'{target}' is there already: choose another name, or give {way}.")
 
 
 def put(draft: Path, target: Path, *, force: bool) -> None:

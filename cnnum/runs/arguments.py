@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Shape, as_shape, finite, maps, real_numbers
 from cnnum.errors import ArrayError
+from cnnum.runs.raw_pictures import ROLES, refuse_grey_levels, refuse_pixels
 from cnnum.templating.template import Template
 
 MANY_CELLS = 256 * 256
@@ -28,7 +29,8 @@ def maps_by_role(
     Raises
     ------
     ArrayError
-        If something is missing or too much, or shapes do not fit.
+        If something is missing or too much, shapes do not fit, or pixels are given where a
+        picture is meant.
     """
     if template.inputs == 0 and template.initial == "input" and values["state"] is None:
         values = {**values, "state": values["input"], "input": None}
@@ -38,7 +40,12 @@ def maps_by_role(
         raise ArrayError(f"Template '{template.name}' needs an input.")
     if template.initial == "input" and values["input"] is None and values["state"] is None:
         raise ArrayError(f"Template '{template.name}' starts from its input: give input or state.")
+    for role in ROLES:
+        if (value := values[role]) is not None:
+            refuse_pixels(template, role, value)
     given = {role: real_numbers(role, v) for role, v in values.items() if v is not None}
+    for role in given.keys() & set(ROLES):
+        refuse_grey_levels(template, role, given[role])
     shape = _common_shape(list(given.values()))
     counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
     if not has_many_cells(shape):

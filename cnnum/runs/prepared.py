@@ -15,6 +15,7 @@ from cnnum.arrays import all_finite
 from cnnum.engines.backend import OneFrame
 from cnnum.integrators.linear_range import may_stay_linear
 from cnnum.plan import Plan
+from cnnum.runs.raw_pictures import LEAST_SQUARES, ROLES, refuse_grey_levels
 from cnnum.runs.result import Result, result_of
 from cnnum.templating.template import Template
 
@@ -23,6 +24,9 @@ Form = tuple[object, ...]
 
 EXACT_TYPES = "df?"
 """Codes of number types whose values a frame holds as they are, if they are in its range."""
+
+PICTURE_TYPES = "df"
+"""The same of a picture, which is no array of flags."""
 
 
 def form_of(template: Template, arrays: Sequence[object], asked: Hashable) -> Form | None:
@@ -43,10 +47,11 @@ def form_of(template: Template, arrays: Sequence[object], asked: Hashable) -> Fo
         that cannot be compared.
     """
     shapes: list[tuple[int, ...] | None] = []
-    for array in arrays:
+    for place, array in enumerate(arrays):
+        types = PICTURE_TYPES if place < len(ROLES) else EXACT_TYPES
         if array is None:
             shapes.append(None)
-        elif type(array) is np.ndarray and array.ndim == 2 and array.dtype.char in EXACT_TYPES:
+        elif type(array) is np.ndarray and array.ndim == 2 and array.dtype.char in types:
             shapes.append(array.shape)
         else:
             return None
@@ -97,13 +102,16 @@ class PreparedRun:
         """
         with self._turn:
             at = 0
-            for array in arrays:
+            for place, array in enumerate(arrays):
                 if not isinstance(array, np.ndarray):
                     continue
                 numbers = cast(NDArray[np.floating], array).ravel(order="K")
+                squares = float(np.vdot(numbers, numbers))
                 # below: every number is finite, and none is too large for the precision
-                if not float(np.vdot(numbers, numbers)) < self._square:
+                if not squares < self._square:
                     return None
+                if squares > LEAST_SQUARES and place < len(ROLES):
+                    refuse_grey_levels(self.template, ROLES[place], numbers)
                 self._frame[..., at] = array
                 at += 1
             outputs = self._one.run(self._frame, first=True)

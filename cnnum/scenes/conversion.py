@@ -4,13 +4,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 
-from cnnum.arrays import Floats, all_finite, finite
+from cnnum.arrays import Floats, Shape, all_finite, finite
+from cnnum.drivers.driver import Driver
 from cnnum.errors import SceneError
 from cnnum.frame import FORCE_AXES, Frame
+from cnnum.tactile.array_calibration import (
+    ArrayCalibration,
+    CalibratedReader,
+    read_array_calibration,
+)
 from cnnum.tactile.taxel import SIDES, Calibration
 
 Reader = Callable[[Frame], Floats]
@@ -73,6 +79,19 @@ class ByCalibration:
         return StrainReader(self.calibration, tuple(wanted), checks=checks)
 
 
+@dataclass(frozen=True, slots=True)
+class ByArrayCalibration:
+    """Raw values of every taxel become physical ones; each reader tares by itself."""
+
+    calibration: ArrayCalibration
+    shape: Shape
+    channels: tuple[str, ...]
+
+    def reader(self, wanted: Sequence[str], *, checks: bool = True) -> Reader:
+        """Return what computes the wanted channels; it looks for NaN and infinity always."""
+        return CalibratedReader(self.calibration, self.shape, self.channels, wanted)
+
+
 class StrainReader:
     """`Calibration.to_strain` of single frames: all that one frame does not change is done once.
 
@@ -130,8 +149,15 @@ def _checked(frame: Frame) -> Floats:
     return values if all_finite(values) else finite("frame", values)
 
 
+def unit_of(conversion: Conversion, driver: Driver) -> str:
+    """Return the unit of what a program sees: "strain" of bridges, else the driver's."""
+    if isinstance(conversion, ByArrayCalibration):
+        return conversion.calibration.unit or driver.unit
+    return "strain" if isinstance(conversion, ByCalibration) else driver.unit
+
+
 def conversion_for(
-    use: str, channels: tuple[str, ...], known: Calibration | None, base: Path
+    use: str, driver: Driver, base: Path, scale: ArrayCalibration | None = None
 ) -> Conversion:
     """Return the conversion that a scene asks for.
 
@@ -139,20 +165,26 @@ def conversion_for(
     ----------
     use : str
         "driver", "none", or the path of a calibration file.
-    channels : tuple of str
-        The driver's.
-    known : Calibration or None
-        What the driver knows of its array.
+    driver : Driver
     base : Path
         Folder that a relative path starts from.
+    scale : ArrayCalibration, optional
+        Of the raw values, where the scene itself says it.
 
     Raises
     ------
     SceneError
         If the array has bridges and nothing says how to read them.
     CalibrationError
-        If the file cannot be read.
+        If the file cannot be read, or does not fit the array.
     """
+    channels = driver.channels
+    known = cast(Calibration | None, getattr(driver, "calibration", None))
+    if use not in ("driver", "none") and scale is None:
+        scale = read_array_calibration(base / use)
+    if scale is not None:
+        scale.form(driver.shape, len(channels))
+        return ByArrayCalibration(scale, driver.shape, channels)
     bridges = channels == SIDES
     if use not in ("driver", "none"):
         return ByCalibration(Calibration.load(base / use))

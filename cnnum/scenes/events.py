@@ -29,7 +29,9 @@ class Event:
     direction : float or None
         rad, from x (to the right, along columns) towards y (downwards, along rows).
     strength : float or None
-        In the unit of the program's output.
+        In `unit`.
+    unit : str or None
+        Of the strength: "N", "count"…, "share" (0 to 1), or "noise floors".
     sense : int or None
         Of a twist: +1 from x towards y, −1 the other way.
     after_gap : float or None
@@ -50,6 +52,7 @@ class Event:
     sense: int | None = None
     after_gap: float | None = None
     gap_end: float | None = None
+    unit: str | None = None
 
     def record(self) -> dict[str, object]:
         """Return the event as a JSON object; what it does not have is left out."""
@@ -60,6 +63,7 @@ class Event:
             "where": self.where and [round(number, 3) for number in self.where],
             "direction": None if self.direction is None else round(self.direction, 4),
             "strength": self.strength,
+            "unit": self.unit,
             "sense": self.sense,
             "frame": self.frame,
             "after_gap": None if self.after_gap is None else round(self.after_gap, 6),
@@ -75,6 +79,8 @@ class Event:
             parts.append(f"towards {math.degrees(self.direction):.0f}°")
         if self.sense:
             parts.append("from x to y" if self.sense > 0 else "from y to x")
+        if self.strength is not None:
+            parts.append(f"strength {self.strength:.3g} {self.unit or ''}".rstrip())
         if self.after_gap is not None:
             parts.append(f"after a gap of {self.after_gap:.3f} s")
         return ", ".join(parts)
@@ -97,6 +103,8 @@ class EventRule:
         Outputs: row and column, x and y.
     strength, sense : str
         Outputs; none where empty.
+    unit : str
+        Of the strength.
     """
 
     kind: str
@@ -107,6 +115,7 @@ class EventRule:
     direction: tuple[str, str] | None = None
     strength: str = ""
     sense: str = ""
+    unit: str = ""
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -118,6 +127,7 @@ class EventRule:
         """Return the event of a flag that has just changed."""
         began = kind == self.kind
         pair = self.direction if began else None
+        strong = bool(self.strength) and began
         return Event(
             t=t,
             kind=kind,
@@ -125,7 +135,8 @@ class EventRule:
             phase=self.phase or None,
             where=self.where and (_number(outputs, self.where[0]), _number(outputs, self.where[1])),
             direction=pair and math.atan2(_number(outputs, pair[1]), _number(outputs, pair[0])),
-            strength=_number(outputs, self.strength) if self.strength and began else None,
+            strength=_number(outputs, self.strength) if strong else None,
+            unit=(self.unit or None) if strong else None,
             sense=int(np.sign(_number(outputs, self.sense))) if self.sense and began else None,
         )
 

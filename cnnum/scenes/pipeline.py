@@ -1,6 +1,5 @@
 """The way of a frame: driver, conversion, plan, events; one obvious path."""
 
-import inspect
 import math
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -12,22 +11,23 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.registry import open_driver
 from cnnum.engine import Engine
-from cnnum.errors import ArrayError, CnnumError, FrameError, MethodError, SceneError, name_error
+from cnnum.errors import ArrayError, CnnumError, FrameError, MethodError, SceneError
 from cnnum.frame import Frame, Quality
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
-from cnnum.programs import Program
 from cnnum.programs.library import get_program
+from cnnum.scenes.arrangement import bound, refuse_unfit, unknown_want
 from cnnum.scenes.bad_frames import BadFrames
-from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for
+from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for, unit_of
 from cnnum.scenes.dead_cells import DeadCells
 from cnnum.scenes.events import EVENT_RULES, Event, EventDetector, EventRule, rules_that_fit
 from cnnum.scenes.frame_range import ANY, FrameRange, range_for
 from cnnum.scenes.histogram import Histogram
+from cnnum.scenes.push_watch import PushWatch
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene
+from cnnum.scenes.strength_units import with_units
 from cnnum.scenes.summary import Summary
 from cnnum.stream import Stream
-from cnnum.tactile.taxel import Calibration
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -142,6 +142,8 @@ class Scene:
         What a good frame holds.
     dead : DeadCells or None
         Taxels whose values come from their neighbours.
+    push : PushWatch
+        Notices pushes that read as pulls.
     bad : BadFrames
         Those passed over so far.
     """
@@ -154,6 +156,7 @@ class Scene:
     rules: tuple[EventRule, ...]
     range: FrameRange
     dead: DeadCells | None
+    push: PushWatch
     bad: BadFrames = field(default_factory=BadFrames)
     _micros: Histogram = field(default_factory=Histogram)
     _begun: int = 0
@@ -172,12 +175,13 @@ class Scene:
         used = engine or Engine(spec.engine, device=spec.device, precision=spec.precision)
         driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
-            known = cast(Calibration | None, getattr(driver, "calibration", None))
-            conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
-            program = _bound(get_program(spec.program), spec, driver.rate)
+            conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)
+            program = bound(get_program(spec.program), spec, driver)
+            refuse_unfit(program, spec, driver, unit_of(conversion, driver))
             outputs = program.trace(driver.shape, conversion.channels).outputs
             wants = _wants(spec, outputs)
-            rules = _rules(spec, wants, outputs)
+            measured = unit_of(conversion, driver)
+            rules = with_units(_rules(spec, wants, outputs), program, measured)
             fields = tuple(want for want in wants if want not in EVENT_RULES)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
             dead = DeadCells(spec.dead, driver.shape) if spec.dead else None
@@ -187,7 +191,8 @@ class Scene:
             driver.close()
             raise
         within = _range(spec, driver, conversion, used.precision)
-        return cls(spec, used, driver, conversion, plan, rules, within, dead)
+        push = PushWatch(program, plan.schedule.channels_read)
+        return cls(spec, used, driver, conversion, plan, rules, within, dead, push)
 
     def results(self) -> Iterator[FrameResult]:
         """Yield every frame with what came of it, until the source ends or the caller stops."""
@@ -209,6 +214,7 @@ class Scene:
 
     def _count(self, moment: FrameResult, way: FramePath) -> None:
         if moment.values is not None:
+            self.push.look(moment.values)
             self._micros.add(1e6 * moment.seconds)
             self._longest_gap = way.detector.longest_gap
         elif moment.error is not None:
@@ -281,6 +287,9 @@ def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: s
 def _wants(spec: SceneSpec, outputs: Collection[str]) -> tuple[str, ...]:
     """Return what a scene wants, by name where it wants everything."""
     if EVERYTHING not in spec.wants:
+        for want in spec.wants:
+            if want not in EVENT_RULES and want not in outputs:
+                raise unknown_want(spec, want, outputs)
         return spec.wants
     events = (want for want in EVENT_RULES if rules_that_fit([want], outputs))
     return tuple(dict.fromkeys((*events, *outputs)))
@@ -306,18 +315,6 @@ def _rules(
             )
         found += fitting
     return tuple(found)
-
-
-def _bound(program: Program, spec: SceneSpec, rate: float) -> Program:
-    """Return the program with the scene's parameters, and the array's rate if it takes one."""
-    known = inspect.signature(program.function).parameters
-    for name in spec.parameters:
-        if name not in known:
-            choices = [key for key in known if key != "frame"]
-            raise SceneError(f"Scene '{spec.name}': {name_error('parameter', name, choices)}")
-    if "rate" in known and "rate" not in spec.parameters and rate > 0:
-        program = program.bind(rate=rate)
-    return program.bind(**spec.parameters)
 
 
 def load_scene(

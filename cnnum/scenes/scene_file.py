@@ -11,6 +11,7 @@ from cnnum.errors import SceneError, name_error
 from cnnum.safety.names import LONGEST, checked_name, shown, tidied
 from cnnum.safety.reading import names_something, read_text
 from cnnum.safety.toml_reading import LARGEST, parse_toml
+from cnnum.tactile.array_calibration import KEYS, ArrayCalibration
 
 _TABLES = ("array", "frames", "calibration", "program", "engine")
 _KEYS = ("name", "wants", *_TABLES)
@@ -38,6 +39,8 @@ class SceneSpec:
         Taxels whose values come from their neighbours.
     calibration : str
         "driver" (what the driver knows about its array), "none", or the path of a file.
+    scale : ArrayCalibration or None
+        Gain, offset and tare of the raw values, where the scene says them.
     program : str
         Name of a tactile program.
     parameters : mapping
@@ -59,6 +62,7 @@ class SceneSpec:
     frame_range: float | None = None
     dead: tuple[tuple[int, int], ...] = ()
     calibration: str = "driver"
+    scale: ArrayCalibration | None = None
     program: str = "tactile"
     parameters: Mapping[str, object] = field(default_factory=dict[str, object])
     engine: str | None = None
@@ -97,6 +101,8 @@ def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None
     SceneError
         If the file is not there, is not TOML, or a key is unknown, missing or of a wrong type.
     """
+    if not isinstance(cast(object, scene), str | Path):
+        raise SceneError(f"A scene is a TOML file or the name of one, got {type(scene).__name__}.")
     path = Path(scene)
     packaged = resources.files("cnnum.scenes") / f"{scene}.toml"
     if str(scene) in scene_names():
@@ -139,7 +145,7 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
     _known(scene, "", table, _KEYS)
     tables = {name: _table(scene, table, name) for name in _TABLES}
     _known(scene, "frames.", tables["frames"], ("range", "dead"))
-    _known(scene, "calibration.", tables["calibration"], ("file", "use"))
+    _known(scene, "calibration.", tables["calibration"], ("file", "use", *KEYS))
     _known(scene, "program.", tables["program"], ("name", "parameters"))
     _known(scene, "engine.", tables["engine"], ("name", "device", "precision"))
     array = dict(tables["array"])
@@ -152,6 +158,7 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         frame_range=_range(scene, tables["frames"].get("range")),
         dead=_cells(scene, tables["frames"].get("dead", [])),
         calibration=_text(scene, calibration, "file", _text(scene, calibration, "use", "driver")),
+        scale=_scale(scene, calibration),
         program=_text(scene, tables["program"], "name", "tactile"),
         parameters=_table(scene, tables["program"], "parameters"),
         engine=_text(scene, engine, "name", "") or None,
@@ -159,6 +166,18 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         precision=_text(scene, engine, "precision", "") or None,
         base=base,
     )
+
+
+def _scale(scene: str, table: Mapping[str, Any]) -> ArrayCalibration | None:
+    """Return the calibration of raw values, None where the scene says nothing of it."""
+    if not table.keys() & set(KEYS):
+        return None
+    if table.keys() & {"file", "use"}:
+        raise SceneError(
+            f"Scene '{scene}': 'calibration' has a file or a gain, offset and tare of its own, got "
+            f"both: expected one of the two."
+        )
+    return ArrayCalibration.of_table(table, f"Scene '{scene}'")
 
 
 def _known(scene: str, prefix: str, table: Mapping[str, Any], keys: tuple[str, ...]) -> None:

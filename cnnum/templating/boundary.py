@@ -68,8 +68,11 @@ def parse_boundary(value: float | str | Boundary) -> Boundary:
                 f"Unknown boundary {value!r:.60}: expected a number, 'zero-flux' or 'periodic'."
             )
         return _NAMED[value]
-    if not np.isfinite(value):
-        raise TemplateError(f"A fixed boundary needs a finite value, got {value}.")
+    if not isinstance(cast(object, value), Real) or not np.isfinite(value):
+        raise TemplateError(
+            "A boundary is a finite number (a fixed one), 'zero-flux' or 'periodic', got "
+            f"{value!r:.60}."
+        )
     return Boundary(float(value), "constant", float(value))
 
 

@@ -15,7 +15,7 @@ FLOORS: list[dict[str, str]] = [
     {"errors": "every error, one sentence each"},
     {"arrays": "number types, and the check of what comes in as an array"},
     {"safety": "checked names and expressions, memory at hand, files written whole"},
-    {"frame": "one scan of a tactile array"},
+    {"frame": "one scan of a tactile array", "pictures": "pixels and picture files"},
     {"templating": "templates, couplings, boundaries, outputs, template files, the library"},
     {"graph": "operations of a program, and what of them runs", "tactile": "closed forms"},
     {"integrators": "methods as data, bounds, and the choice among them"},

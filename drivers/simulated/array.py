@@ -55,6 +55,7 @@ class SimulatedArray(Closing):
         self.channels = SIDES
         self.unit = "V"
         self.rate = options.rate
+        self.pitch = options.pitch
         self._springs = _springs(options)
         layout = Layout(options.shape, options.pitch)
         self.surface: Grid = layout.surface

@@ -68,8 +68,10 @@ def test_recording_that_is_none(call, tmp_path):
         (tmp_path / name).write_bytes(content)
         said = sentence(call("replay", tmp_path / name))
         assert f"'{tmp_path / name}' is no NumPy archive" in said
-    (tmp_path / "trial.csv").write_text("1,2\n")
-    assert "is no recording" in sentence(call("replay", tmp_path / "trial.csv"))
+    (tmp_path / "trial.csv").write_text("1,2\n3,4\n")
+    assert "There is no layout" in sentence(call("replay", tmp_path / "trial.csv"))
+    (tmp_path / "trial.wav").write_text("1,2\n")
+    assert "is no recording" in sentence(call("replay", tmp_path / "trial.wav"))
 
 
 def test_no_traceback_in_a_real_shell(shell):

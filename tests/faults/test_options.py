@@ -50,6 +50,7 @@ NEEDED = {
     "uskin-csv": {"path": "none"},
     "mcap": {"path": "none.mcap"},
     "npz": {"path": "none.npz"},
+    "file": {"path": "none.csv"},
 }
 
 

@@ -68,7 +68,10 @@ def test_a_row_is_not_stretched_to_an_array_by_its_calibration():
 @pytest.mark.parametrize("name", ENGINES)
 def test_a_run_takes_rows_of_one_length_and_one_array_at_least(name):
     engine, edge = cnnum.Engine(name), cnnum.get_template("EDGE")
-    with pytest.raises(ArrayError, match="'input' must be an array of real numbers, got list"):
+    with pytest.raises(
+        ArrayError,
+        match=r"'input' .* got a list of rows",
+    ):
         engine.run(edge, input=[[1.0, 2.0], [3.0]])
     with pytest.raises(ArrayError, match="at least one array"):
         engine.run(edge, input=np.zeros((0, 8, 8)))
@@ -78,5 +81,8 @@ def test_a_run_takes_rows_of_one_length_and_one_array_at_least(name):
 
 def test_a_frame_takes_rows_of_one_length():
     plan = cnnum.Engine("reference").compile(total, (2, 2), channels=("normal",))
-    with pytest.raises(ArrayError, match="'frame' must be an array of real numbers, got list"):
+    with pytest.raises(
+        ArrayError,
+        match=r"'frame' .* got a list of rows",
+    ):
         plan([[1.0, 2.0], [3.0]])

@@ -7,23 +7,26 @@ import click
 from cnnum.cli.following import follow
 from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
 from cnnum.cli.output import Output
-from cnnum.errors import RecordingError
-from cnnum.safety.reading import names_something
 
-FILES = {".mcap": "mcap", ".npz": "npz"}
-"""Suffix of a recording to its driver."""
+RAW = ("count", "V")
+"""Units of arrays that nothing is known of: no scene fits all of them."""
+
+DEFAULT = "demo"
 
 
 @click.command("replay")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option("--scene", default="demo", show_default=True, help="What to look for, and how.")
+@click.option(
+    "--scene",
+    help="What to look for, and how: a scene's file or name. Counts need one; else 'demo'.",
+)
 @set_option
 @engine_options
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after so many frames.")
 @json_option
 def command(
     file: Path,
-    scene: str,
+    scene: str | None,
     settings: tuple[str, ...],
     engine: str | None,
     device: str | None,
@@ -33,25 +36,33 @@ def command(
 ) -> int:
     """Run a scene's program over the recording FILE, as fast as it goes.
 
-    FILE is what `cnnum record` wrote (.mcap or .npz), or the folder of a uSkin trial. Only the
-    array of the scene is replaced: its program and what it wants stay.
+    FILE is what `cnnum record` wrote, a CSV, NumPy or HDF5 file of your own with its layout, or the
+    folder of a uSkin trial. Only the array of the scene is replaced: its program and what it wants
+    stay.
     """
+    from cnnum.drivers.recording_file import array_of
     from cnnum.scenes.pipeline import load_scene
 
-    changes = {"array": _array(file)} | scene_changes(settings, engine, device, precision)
-    return follow(load_scene(scene, changes=changes), Output(as_json), frames=frames)
+    array = array_of(file)
+    given = scene_changes(settings, engine, device, precision)
+    if scene is None:
+        scene = _usual_scene(file, array, given)
+    loaded = load_scene(scene, changes={"array": array} | given)
+    return follow(loaded, Output(as_json), frames=frames)
 
 
-def _array(file: Path) -> dict[str, object]:
-    """Return the table of a scene that reads this recording."""
-    expected = "expected a .mcap or .npz file, or a folder."
-    if not names_something(file):
-        raise RecordingError(f"There is no recording '{file}': {expected}")
-    # a relative path in a scene starts from the scene's folder, not from the working one
-    path = str(file.absolute())
-    if file.is_dir():
-        return {"driver": "uskin-csv", "path": path}
-    suffix = file.suffix.lower()
-    if suffix not in FILES:
-        raise RecordingError(f"'{file}' is no recording: {expected}")
-    return {"driver": FILES[suffix], "path": path}
+def _usual_scene(file: Path, array: dict[str, object], given: dict[str, object]) -> str:
+    """Return the scene that fits calibrated recordings; counts fit none without being asked."""
+    from cnnum.drivers.registry import open_driver
+
+    options = {key.removeprefix("array."): v for key, v in given.items() if key[:6] == "array."}
+    options = {key: value for key, value in (array | options).items() if key != "driver"}
+    with open_driver(str(array["driver"]), options) as driver:
+        raw = driver.unit in RAW and getattr(driver, "calibration", None) is None
+        unit = driver.unit
+    if raw:
+        raise click.UsageError(
+            f"'{file}' holds values in '{unit}', of which no scene knows the scale: name what to "
+            "look for with --scene, as in '--scene uskin_grasp' or a scene file of your own."
+        )
+    return DEFAULT

@@ -1,7 +1,5 @@
 """What benchmarks run on: templates with all weights in use, and maps of a fixed seed."""
 
-from typing import cast
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,7 +13,6 @@ from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import transient
 from cnnum.scenes.conversion import conversion_for
 from cnnum.scenes.scene_file import read_scene
-from cnnum.tactile.taxel import Calibration
 from cnnum.templating.template import Template
 
 SEED = 7
@@ -99,8 +96,7 @@ def scene_frames(scene: str) -> list[Frame]:
     """
     spec = read_scene(scene)
     with open_driver(spec.driver, spec.driver_options, base=spec.base) as driver:
-        known = cast(Calibration | None, getattr(driver, "calibration", None))
-        conversion = conversion_for(spec.calibration, driver.channels, known, spec.base)
+        conversion = conversion_for(spec.calibration, driver, spec.base)
         read, channels = conversion.reader(conversion.channels), conversion.channels
         return [
             Frame(read(frame), channels, "strain", frame.sequence, frame.time)

@@ -1,0 +1,144 @@
+"""Pictures as a CNN takes them (+1 black, −1 white), from pixels and image files, and back."""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cnnum.arrays import Floats, finite
+from cnnum.errors import ArrayError, MissingExtraError, PictureError
+
+WHITE = 255
+"""Of 8-bit pixels; 0 is black."""
+
+MOST_PIXELS = 1 << 26
+"""Of a picture file: more is beyond any array that an engine runs."""
+
+
+def as_picture(pixels: ArrayLike) -> Floats:
+    """Return pixels as a picture: +1 is black, −1 is white.
+
+    Parameters
+    ----------
+    pixels : (..., rows, cols) bool or uint8
+        True is black. Of 8-bit grey levels, 0 is black and 255 is white.
+
+    Returns
+    -------
+    (..., rows, cols) float
+        From −1 to 1.
+
+    Raises
+    ------
+    ArrayError
+        If the pixels are neither, or there are no rows and columns of them.
+    """
+    array = np.asarray(pixels)
+    if array.ndim < 2 or array.dtype not in (np.dtype(bool), np.dtype(np.uint8)):
+        raise ArrayError(
+            "A picture is made of (..., rows, cols) pixels of type bool or uint8, got the shape "
+            f"{array.shape} of type {array.dtype}; give others as numbers from −1 to 1."
+        )
+    if array.dtype == bool:
+        return np.where(array, 1.0, -1.0)
+    return 1.0 - array * (2.0 / WHITE)
+
+
+def as_pixels(picture: ArrayLike) -> NDArray[np.uint8]:
+    """Return a picture as 8-bit grey levels: +1 becomes 0 (black), −1 becomes 255 (white).
+
+    Parameters
+    ----------
+    picture : (..., rows, cols) float
+        Beyond −1 and 1 it is black and white.
+
+    Raises
+    ------
+    ArrayError
+        If it holds NaN or infinity.
+    """
+    levels = (1.0 - np.clip(finite("picture", picture), -1.0, 1.0)) * (WHITE / 2.0)
+    return np.rint(levels).astype(np.uint8)
+
+
+def load_picture(path: str | Path) -> Floats:
+    """Read an image file as a picture: +1 is black, −1 is white, grey and colours lie between.
+
+    Parameters
+    ----------
+    path : str or Path
+        Of a kind that Pillow reads (PNG, BMP, GIF, JPEG, TIFF…); what is transparent is white.
+
+    Returns
+    -------
+    (rows, cols) float
+
+    Raises
+    ------
+    PictureError
+        If the file cannot be read, or is no image.
+    MissingExtraError
+        If Pillow is not installed.
+    """
+    image = _pillow()
+    try:
+        with image.open(path) as file:
+            if file.width * file.height > MOST_PIXELS:
+                raise PictureError(f"'{path}' has more than {MOST_PIXELS} pixels: give a part.")
+            colours = file.convert("RGBA")
+        ground = image.new("RGBA", colours.size, "white")
+        grey = image.alpha_composite(ground, colours).convert("L")
+    except PictureError:
+        raise
+    except OSError as error:
+        why = error.strerror or "it is no image that Pillow reads"
+        raise PictureError(f"'{path}' cannot be read as a picture: {why}.") from None
+    except (ValueError, SyntaxError, image.DecompressionBombError) as error:
+        raise PictureError(f"'{path}' cannot be read as a picture: {error}.") from None
+    return as_picture(np.array(grey, dtype=np.uint8))
+
+
+def save_picture(picture: ArrayLike, path: str | Path, *, scale: int = 1) -> None:
+    """Write a picture to an image file, of the kind that its suffix says.
+
+    Parameters
+    ----------
+    picture : (rows, cols) float
+        +1 is black, −1 is white.
+    path : str or Path
+        Replaced where it is there.
+    scale : int
+        Pixels of a cell's side.
+
+    Raises
+    ------
+    ArrayError
+        If it is not of two axes, or not finite.
+    PictureError
+        If the file cannot be written, or the suffix is unknown.
+    MissingExtraError
+        If Pillow is not installed.
+    """
+    pixels = as_pixels(picture)
+    if pixels.ndim != 2 or scale < 1:
+        raise ArrayError(
+            f"A picture file holds (rows, cols) and a scale from 1 up, got {pixels.shape} and "
+            f"{scale}."
+        )
+    image = _pillow()
+    try:
+        image.fromarray(pixels.repeat(scale, axis=0).repeat(scale, axis=1)).save(path)
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise PictureError(f"'{path}' cannot be written as a picture: {why}.") from None
+
+
+def _pillow() -> Any:
+    try:
+        return import_module("PIL.Image")
+    except ImportError:
+        raise MissingExtraError(
+            "Picture files need Pillow: pip install 'cnnum[pictures]'."
+        ) from None

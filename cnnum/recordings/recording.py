@@ -1,0 +1,254 @@
+"""A recording in memory: arrays of your own become a file that every command reads."""
+
+import math
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cnnum.arrays import Floats, numbers
+from cnnum.errors import ArrayError
+from cnnum.frame import FORCE_AXES, Frame, Quality, Truth
+from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning
+from cnnum.recordings.export import export, suffix_of
+from cnnum.recordings.index import write_index
+from cnnum.recordings.layout import Layout
+from cnnum.recordings.place import taken
+from cnnum.recordings.reader import look
+from cnnum.safety.names import checked_name, shown
+from cnnum.tactile.array_calibration import ArrayCalibration
+
+AXES = {"x": "shear_x", "y": "shear_y", "z": "normal"}
+"""Short names of the three axes of a taxel: to the right, downwards, and into the skin."""
+
+FASTEST = 1e6
+"""Hz, above the rate of any array."""
+
+_NANO = 1_000_000_000
+
+
+@dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
+class Recording:
+    """Frames of an array in memory, with all that a scene needs to know of them.
+
+    Parameters
+    ----------
+    values : (frames, rows, cols, channels) or (frames, rows, cols) float
+        A frame with NaN or infinity is a bad frame when it is replayed. Without a last axis there
+        is one channel.
+    rate : float, Hz
+    unit : str
+        "count", "V", "N", "Pa", "strain"…
+    axes : sequence of str, optional
+        Names of the channels in their order: "x", "y" and "z" are the shear to the right, the shear
+        downwards and the normal load. Unless given, three channels are these, and one is "z".
+    times : (frames,) float, s, optional
+        Frame n is at n / rate unless given.
+    truth : mapping of str to (frames,) float, optional
+        What is known of every frame, by name.
+    quality : (frames,) int, optional
+        Flags of `cnnum.Quality`.
+
+    Raises
+    ------
+    ArrayError
+        If the parts do not fit together, or the rate is none.
+    """
+
+    values: Floats
+    rate: float
+    unit: str
+    axes: tuple[str, ...]
+    times: Floats
+    truth: Mapping[str, Floats] = field(default_factory=dict[str, Floats])
+    quality: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+
+    def __init__(
+        self,
+        values: ArrayLike,
+        *,
+        rate: float,
+        unit: str = "count",
+        axes: Sequence[str] | None = None,
+        times: ArrayLike | None = None,
+        truth: Mapping[str, ArrayLike] | None = None,
+        quality: ArrayLike | None = None,
+    ) -> None:
+        array = numbers("values", values)
+        array = array[..., np.newaxis] if array.ndim == 3 else array
+        if array.ndim != 4 or 0 in array.shape:
+            raise ArrayError(
+                "The values of a recording are (frames, rows, cols, channels) with one of each at "
+                f"least, got {array.shape}."
+            )
+        if not 0.0 < rate < FASTEST:
+            raise ArrayError(f"The rate of a recording is above 0 Hz, below 1 MHz, got {rate!r}.")
+        frames = len(array)
+        flags = np.zeros(frames) if quality is None else numbers("quality", quality)
+        parts: dict[str, object] = {
+            "values": array,
+            "rate": float(rate),
+            "unit": checked_name("a unit", unit, ArrayError),
+            "axes": channel_names(axes, array.shape[3]),
+            "times": _times(times, frames, rate),
+            "truth": {
+                checked_name("a truth", name, ArrayError): _per_frame(
+                    f"truth '{name}'", row, frames
+                )
+                for name, row in (truth or {}).items()
+            },
+            "quality": _per_frame("quality", flags, frames).astype(np.int64),
+        }
+        for name, value in parts.items():
+            object.__setattr__(self, name, value)
+
+    def __len__(self) -> int:
+        return len(self.values)
+
+    def __repr__(self) -> str:
+        frames, rows, cols, _ = self.values.shape
+        return (
+            f"Recording({frames} frames of {rows}×{cols}, {', '.join(self.axes)} in {self.unit}, "
+            f"{self.rate:g} Hz, {self.times[-1] - self.times[0]:.3f} s)"
+        )
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return self.values.shape[1], self.values.shape[2]
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames in their order."""
+        names = tuple(self.truth)
+        for number, values in enumerate(self.values):
+            known = {name: float(self.truth[name][number]) for name in names}
+            yield Frame(
+                values=values,
+                channels=self.axes,
+                unit=self.unit,
+                sequence=number,
+                time=float(self.times[number]),
+                quality=Quality(int(self.quality[number])),
+                truth=Truth(known) if names else None,
+            )
+
+    def calibrated(
+        self,
+        gain: ArrayLike = 1.0,
+        *,
+        offset: ArrayLike = 0.0,
+        unit: str = "",
+        tare: int = 0,
+    ) -> "Recording":
+        """Return the recording with gain · (raw − offset) as its values.
+
+        Parameters
+        ----------
+        gain, offset, unit, tare
+            As in `cnnum.tactile.array_calibration.ArrayCalibration`.
+
+        Raises
+        ------
+        CalibrationError
+            If they do not fit the array.
+        """
+        known = ArrayCalibration(gain, offset, unit, tare)
+        return Recording(
+            known.apply(self.values),
+            rate=self.rate,
+            unit=unit or self.unit,
+            axes=self.axes,
+            times=self.times,
+            truth=self.truth,
+            quality=self.quality,
+        )
+
+    def save(self, path: str | Path, *, force: bool = False) -> Path:
+        """Write the recording to a file that `cnnum replay` reads, and return its path.
+
+        Parameters
+        ----------
+        path : str or Path
+            Its suffix says the kind: ".mcap", ".npz" or ".csv".
+        force : bool
+            Whether a file that is there is replaced.
+
+        Raises
+        ------
+        UnknownNameError
+            If the suffix is another one.
+        RecordingError
+            If there is such a file already, or it cannot be written.
+        """
+        target = Path(path)
+        suffix_of(target)
+        if target.exists() and not force:
+            raise taken(target, "force=True")
+        with tempfile.TemporaryDirectory(prefix="cnnum-recording-") as folder:
+            draft = Path(folder) / "frames.mcap"
+            self._write(draft)
+            export(look(draft), target, force=force)
+        return target
+
+    def _write(self, path: Path) -> None:
+        """Write all frames in chunks."""
+        with path.open("wb+") as file:
+            file.write(beginning())
+            layout = Layout.of(next(self.frames()), self.rate, None)
+            maker = ChunkMaker(layout)
+            for frame in self.frames():
+                maker.add(frame, max(0, round(frame.time * _NANO)))
+                if maker.size >= CHUNK_BYTES:
+                    file.write(maker.end())
+            if maker.count:
+                file.write(maker.end())
+            write_index(file, layout)
+
+
+def channel_names(axes: Sequence[str] | None, count: int) -> tuple[str, ...]:
+    """Return the channels that axes stand for.
+
+    Raises
+    ------
+    ArrayError
+        If there are more or fewer than `count`, or one is there twice.
+    """
+    usual = {3: FORCE_AXES, 1: FORCE_AXES[2:]}
+    if axes is None and count in usual:
+        return usual[count]
+    names = [] if axes is None else [axes] if isinstance(axes, str) else list(axes)
+    found = tuple(AXES.get(name, name) for name in names)
+    for name in found:
+        checked_name("an axis", name, ArrayError)
+    if len(found) != count or len(set(found)) != count:
+        raise ArrayError(
+            f"'axes' must name each of the {count} channels once, as in ('x', 'y', 'z'), got "
+            f"{shown(axes)}."
+        )
+    return found
+
+
+def _times(times: ArrayLike | None, frames: int, rate: float) -> Floats:
+    if times is None:
+        return np.arange(frames) / rate
+    found = _per_frame("times", times, frames)
+    if not (np.isfinite(found).all() and (np.diff(found) >= 0.0).all()):
+        raise ArrayError("'times' must be finite, each no earlier than the one before (s).")
+    return found
+
+
+def _per_frame(name: str, values: ArrayLike, frames: int) -> Floats:
+    found = numbers(name, values)
+    if found.shape != (frames,):
+        raise ArrayError(f"{name!r} must be one number a frame, ({frames},), got {found.shape}.")
+    return found
+
+
+def rate_of(times: Floats) -> float:
+    """Return the mean rate of frames by their times, Hz; 0 where they tell none."""
+    span = float(times[-1] - times[0]) if len(times) > 1 else 0.0
+    rate = (len(times) - 1) / span if span > 0.0 and math.isfinite(span) else 0.0
+    return rate if rate < FASTEST else 0.0

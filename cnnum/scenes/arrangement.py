@@ -1,0 +1,111 @@
+"""What a scene, its program and its array must agree on: parameters, and what is wanted."""
+
+import inspect
+from collections.abc import Collection
+from difflib import get_close_matches
+
+from cnnum.drivers.driver import Driver
+from cnnum.errors import SceneError, UnknownNameError, name_error
+from cnnum.programs import Program
+from cnnum.programs.quantities import PITCH, takes_pitch
+from cnnum.safety.names import LONGEST, shown
+from cnnum.scenes.events import EVENT_RULES
+from cnnum.scenes.scene_file import EVERYTHING, SceneSpec
+
+COUNT = "count"
+"""Unit of values without a scale."""
+
+PHYSICAL = ("thickness", "youngs_modulus")
+"""Parameters of programs that take strain or stress, and nothing else."""
+
+PADS, NARROWEST = "pads", 3
+"""Of a pad's columns: a neighbourhood of a taxel is as wide."""
+
+
+def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
+    """Return the program with the scene's parameters, and what its array knows of itself.
+
+    The array's rate goes to a program that takes one. Its pitch goes to one that counts in pitches
+    and is given a length.
+
+    Raises
+    ------
+    SceneError
+        If the program has no such parameter.
+    ProgramError
+        If one is of another type, or out of range.
+    """
+    known = inspect.signature(program.function).parameters
+    extra = [PITCH] if PITCH not in known and takes_pitch(known) else []
+    choices = [*(key for key in known if key != "frame"), *extra]
+    for name in spec.parameters:
+        if name not in choices:
+            raise SceneError(f"Scene '{spec.name}': {name_error('parameter', name, choices)}")
+    given = dict(spec.parameters)
+    if "rate" in known and "rate" not in given and driver.rate > 0:
+        given["rate"] = driver.rate
+    pitch = getattr(driver, "pitch", None)
+    if extra and PITCH not in given and isinstance(pitch, float):
+        given[PITCH] = pitch
+    pads = getattr(driver, "pads", None)
+    if PADS in known and PADS not in given and isinstance(pads, int):
+        given[PADS] = pads
+    return program.bind(**given)
+
+
+def refuse_unfit(program: Program, spec: SceneSpec, driver: Driver, unit: str) -> None:
+    """Refuse a program whose parameters the array's values cannot mean.
+
+    Parameters
+    ----------
+    program : Program
+        With its parameters.
+    spec : SceneSpec
+    driver : Driver
+    unit : str
+        Of the values that the program sees.
+
+    Raises
+    ------
+    SceneError
+        If counts meet lengths, loads or moduli, or the pads are not those of the array.
+    """
+    known = inspect.signature(program.function).parameters
+    physical = [name for name in PHYSICAL if name in known]
+    asked = [name for name in ("unit", PITCH) if name in spec.parameters and name not in physical]
+    asked += [n for n in ("depth",) if isinstance(spec.parameters.get(n), str)]
+    if unit == COUNT and (physical or asked):
+        raise SceneError(
+            f"Scene '{spec.name}': the array gives counts, and '{[*asked, *physical][0]}' of the "
+            f"program '{spec.program}' is in physical units, which counts have no scale for: "
+            "calibrate the array with 'calibration.gain' and 'calibration.unit', or leave it out."
+        )
+    _refuse_pads(program, spec, driver)
+
+
+def _refuse_pads(program: Program, spec: SceneSpec, driver: Driver) -> None:
+    """Raise if a program takes the columns of an array for other pads than they are."""
+    pads = dict(program.parameters).get(PADS)
+    if not isinstance(pads, int) or pads < 2:
+        return
+    rows, cols = driver.shape
+    there = getattr(driver, PADS, None)
+    if there == pads or (there is None and cols // pads >= NARROWEST):
+        return
+    seen = f"{there} pad(s)" if isinstance(there, int) else f"pads of {cols // pads} column(s)"
+    raise SceneError(
+        f"Scene '{spec.name}': 'pads' = {pads} on an array of {rows}×{cols} taxels, which is "
+        f"{seen}: set 'program.parameters.pads' to the pads that lie side by side."
+    )
+
+
+def unknown_want(spec: SceneSpec, want: str, outputs: Collection[str]) -> UnknownNameError:
+    """Return the error for a want that is no event and no output of the program."""
+    near = get_close_matches(want[:LONGEST], list(dict.fromkeys([*EVENT_RULES, *outputs])), n=3)
+    events = ", ".join(f"'{event}'" for event in EVENT_RULES)
+    guess = ", ".join(f"'{name}'" for name in near)
+    hint = f" (did you mean {guess}?)" if near else ""
+    return UnknownNameError(
+        f"Scene '{spec.name}' wants {shown(want)}, which the program '{spec.program}' does not "
+        f"give{hint}: its events are {events} or '{EVERYTHING}', its fields {', '.join(outputs)}."
+    )

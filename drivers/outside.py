@@ -1,0 +1,85 @@
+"""Drivers of other packages and of files beside a scene, by "module:Options" or an entry point."""
+
+import sys
+from collections.abc import Mapping
+from dataclasses import is_dataclass
+from importlib import import_module
+from importlib.metadata import EntryPoint, entry_points
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
+from pathlib import Path
+from types import ModuleType
+
+from cnnum.errors import SceneError
+from cnnum.safety.names import shown
+
+GROUP = "cnnum.drivers"
+"""Entry points of other packages: name of a driver to the record of its options."""
+
+
+def offered() -> Mapping[str, EntryPoint]:
+    """Return the drivers that installed packages offer, by name."""
+    return {point.name: point for point in entry_points(group=GROUP)}
+
+
+def outside_record(name: str, base: Path) -> type | None:
+    """Return the record of options that a name stands for; None where it stands for none.
+
+    Parameters
+    ----------
+    name : str
+        Name of an entry point, or "module:Options". A module that cannot be imported by its name is
+        looked for in `base`.
+    base : Path
+        Folder of the scene file.
+
+    Raises
+    ------
+    SceneError
+        If the module or the record is not there, or the record is no dataclass with `open`.
+    """
+    point = offered().get(name)
+    place = point.value if point is not None else name
+    module, colon, record = place.partition(":")
+    if not colon:
+        return None
+    found = getattr(_module(module, base), record, None)
+    if not (isinstance(found, type) and is_dataclass(found) and hasattr(found, "open")):
+        raise SceneError(
+            f"The driver {shown(name)}: expected a dataclass '{record}' of options with a method "
+            f"'open' in the module '{module}', as the page 'Use an array' shows."
+        )
+    return found
+
+
+def _module(name: str, base: Path) -> ModuleType:
+    """Return a module by its name, or of a file beside the scene."""
+    parts = name.split(".")
+    if not all(part.isidentifier() for part in parts):
+        raise SceneError(f"The driver module {shown(name)} is no name of a module.")
+    try:
+        known = name in sys.modules or find_spec(name) is not None
+    except ModuleNotFoundError:
+        known = False
+    beside = base.joinpath(*parts).with_suffix(".py")
+    if known or not beside.is_file():
+        return _imported(name, beside)
+    spec = spec_from_file_location(name, beside)
+    assert spec is not None
+    assert spec.loader is not None
+    module = sys.modules[name] = module_from_spec(spec)  # dataclasses look their module up there
+    try:
+        spec.loader.exec_module(module)
+    except BaseException:
+        del sys.modules[name]
+        raise
+    return module
+
+
+def _imported(name: str, beside: Path) -> ModuleType:
+    try:
+        return import_module(name)
+    except ModuleNotFoundError as error:
+        raise SceneError(
+            f"The driver module '{name}' cannot be imported ({error}): install it, or put it at "
+            f"'{beside}'."
+        ) from None

@@ -1,0 +1,146 @@
+"""A data file as an array: a CSV, NumPy or HDF5 file of your own, or a CSV file of cnnum."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from cnnum.arrays import Shape
+from cnnum.drivers.driver import Closing, Counters
+from cnnum.drivers.own_data.layout import EXAMPLE, SECONDS, DataLayout, read_layout
+from cnnum.drivers.own_data.own_csv import is_own, read_own
+from cnnum.drivers.own_data.sources import READERS, VALUES, shaped
+from cnnum.drivers.text_table import read_table
+from cnnum.errors import ArrayError, CodecError, RecordingError, SceneError, name_error
+from cnnum.frame import Frame
+from cnnum.recordings.export import calibration_of
+from cnnum.recordings.recording import Recording, rate_of
+from cnnum.safety.reading import names_something
+from cnnum.tactile.taxel import Calibration
+
+
+@dataclass(frozen=True, slots=True)
+class DataFileOptions:
+    """Options of the driver "file".
+
+    Attributes
+    ----------
+    path : Path
+        A .csv, .npy, .npz, .h5 or .hdf5 file.
+    layout : Path, optional
+        The TOML file that names its columns and what they are (`DataLayout`); that of the same name
+        with the suffix .toml unless given. A CSV file that `cnnum record` wrote needs none.
+    """
+
+    path: Path
+    layout: Path | None = None
+
+    def open(self) -> "DataFile":
+        """Read the file.
+
+        Raises
+        ------
+        RecordingError
+            If it cannot be read.
+        CodecError
+            If it is not what the layout says; the sentence names the file and what is wrong.
+        SceneError
+            If the layout is missing or wrong.
+        UnknownNameError
+            If the suffix is none that is known.
+        MissingExtraError
+            If h5py is not installed, for an HDF5 file.
+        """
+        path, suffix = self.path, self.path.suffix.lower()
+        if suffix not in READERS:
+            raise name_error("kind of data file", suffix or path.name, READERS)
+        if not names_something(path):
+            raise RecordingError(f"There is no file '{path}'.")
+        try:
+            if suffix == ".csv" and self.layout is None and is_own(table := read_table(path)):
+                return DataFile(read_own(table), calibration=_beside(path))
+            layout = read_layout(self._layout())
+            return DataFile(_recording(path, layout), layout)
+        except ArrayError as error:
+            raise CodecError(f"'{path}': {error}") from None
+
+    def _layout(self) -> Path:
+        path = self.path.with_suffix(".toml") if self.layout is None else self.layout
+        if not names_something(path):
+            raise SceneError(
+                f"There is no layout '{path}', which says what '{self.path.name}' holds: write one "
+                f"with {EXAMPLE}."
+            )
+        return path
+
+
+def _beside(table: Path) -> Calibration | None:
+    """Return the calibration that was recorded with a CSV file."""
+    file = calibration_of(table)
+    return Calibration.load(file) if names_something(file) else None
+
+
+def _recording(path: Path, layout: DataLayout) -> Recording:
+    held = READERS[path.suffix.lower()](path, layout)
+    times = held[layout.time].astype(float) * SECONDS[layout.time_unit] if layout.time else None
+    rate = layout.rate or (rate_of(times) if times is not None and times.ndim == 1 else 0.0)
+    if not rate:
+        raise CodecError(f"'{path}': the times '{layout.time}' tell no rate: give 'rate'.")
+    return Recording(
+        shaped(path, layout, held[VALUES]),
+        rate=rate,
+        unit=layout.unit,
+        axes=layout.axes,
+        times=None if times is None else times - times[0],
+        truth={name: np.asarray(held[name], dtype=float) for name in layout.truth},
+    )
+
+
+class DataFile(Closing):
+    """A data file as an array: its frames in their order.
+
+    Attributes
+    ----------
+    calibration : Calibration or None
+        That of the array when it was recorded.
+    total_frames : int
+    pads : int or None
+        Pads side by side, where the layout says so.
+    pitch : float or None
+        Distance of the taxels, m, where the layout says so.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        layout: DataLayout | None = None,
+        calibration: Calibration | None = None,
+    ) -> None:
+        self.recording = recording
+        self.shape: Shape = recording.shape
+        self.channels = recording.axes
+        self.unit = recording.unit
+        self.rate = recording.rate
+        self.calibration = calibration
+        self.pads = None if layout is None else layout.pads
+        self.pitch = None if layout is None else layout.pitch
+        self.total_frames = len(recording)
+        self._counters = Counters()
+
+    @property
+    def counters(self) -> Counters:
+        """What has been seen so far."""
+        return self._counters
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames as fast as they are fetched; a second call starts again."""
+        self._counters = Counters()
+        for frame in self.recording.frames():
+            seen = self._counters
+            self._counters = replace(
+                seen,
+                frames=seen.frames + (not frame.repeated),
+                repeated=seen.repeated + frame.repeated,
+            )
+            yield frame

@@ -1,0 +1,146 @@
+"""What a small TOML says of a data file: where its numbers are, and what they are."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from cnnum.drivers.options import read_options, require
+from cnnum.errors import ArrayError, SceneError
+from cnnum.recordings.recording import FASTEST, channel_names
+from cnnum.safety.reading import read_text
+from cnnum.safety.toml_reading import LARGEST, parse_toml
+
+EXAMPLE = 'shape = [4, 4], axes = ["x", "y", "z"], rate = 60.0, unit = "count"'
+"""The least that a layout says, for the sentence of an error."""
+
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+
+MOST_CELLS = 1 << 20
+"""Taxels of an array."""
+
+_PLACE = re.compile(r"\{(row|col|n|axis)\}")
+
+
+@dataclass(frozen=True, slots=True)
+class DataLayout:
+    """The layout of a data file.
+
+    Attributes
+    ----------
+    shape : (rows, cols)
+    axes : tuple of str
+        Names of a taxel's numbers in their order, as the file writes them; "x", "y" and "z" are the
+        shear to the right, the shear downwards and the normal load.
+    values : str or tuple of str
+        Of a CSV file a pattern of its columns, as in "t{n}_{axis}" or "r{row}c{col}{axis}", or all
+        columns row by row; of other files the name of the array.
+    order : "axis-last" or "axis-first"
+        Of an array: (frames, rows, cols, axes), or (frames, axes, rows, cols).
+    first : int
+        The first number that {row}, {col} and {n} stand for.
+    unit : str
+    rate : float, optional
+        Hz; by the times unless given.
+    time : str
+        Column or array of the times; empty where there is none.
+    time_unit : "s", "ms", "us" or "ns"
+    truth : tuple of str
+        Columns or arrays of what is known of every frame.
+    pads : int
+        Pads that lie side by side in the columns.
+    pitch : float, optional
+        Distance of the taxels, m.
+    """
+
+    shape: tuple[int, int]
+    axes: tuple[str, ...] = ("x", "y", "z")
+    values: str | tuple[str, ...] = ""
+    order: Literal["axis-last", "axis-first"] = "axis-last"
+    first: int = 0
+    unit: str = "count"
+    rate: float | None = None
+    time: str = ""
+    time_unit: Literal["s", "ms", "us", "ns"] = "s"
+    truth: tuple[str, ...] = ()
+    pads: int = 1
+    pitch: float | None = None
+
+    def __post_init__(self) -> None:
+        rows, cols = self.shape
+        holds = min(rows, cols) >= 1 and rows * cols <= MOST_CELLS
+        require("shape", holds, "rows and columns from 1 up", list(self.shape))
+        holds = self.rate is None or 0 < self.rate < FASTEST
+        require("rate", holds, f"Hz above 0, below {FASTEST:g}", self.rate)
+        require("rate", self.rate is not None or bool(self.time), "given, or 'time'", self.rate)
+        require("pads", 1 <= self.pads <= cols, f"1 to the {cols} columns", self.pads)
+        holds = self.pitch is None or 1e-7 <= self.pitch <= 1.0
+        require("pitch", holds, "1e-7 to 1 m", self.pitch)
+        try:
+            channel_names(self.axes, len(self.axes))
+        except ArrayError as error:
+            raise SceneError(str(error)) from None
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of a frame's channels."""
+        return channel_names(self.axes, len(self.axes))
+
+    @property
+    def numbers(self) -> int:
+        """Numbers of a frame."""
+        return self.shape[0] * self.shape[1] * len(self.axes)
+
+    def columns(self) -> tuple[str, ...]:
+        """Return the columns of a CSV file, row by row, the axes of a taxel together.
+
+        Raises
+        ------
+        SceneError
+            If there are more or fewer than the numbers of a frame.
+        """
+        if isinstance(self.values, tuple):
+            found = self.values
+        else:
+            pattern = self.values or "r{row}_c{col}_{axis}"
+            found = tuple(_named(pattern, place) for place in self._places())
+        if len(set(found)) != self.numbers:
+            rows, cols = self.shape
+            raise SceneError(
+                f"'values' must name {rows}×{cols}×{len(self.axes)} = {self.numbers} different "
+                f"columns, got {len(set(found))}: a pattern has {{row}} and {{col}}, or {{n}}, and "
+                "{axis}, as in 't{n}_{axis}'."
+            )
+        return found
+
+    def _places(self) -> Iterator[dict[str, str]]:
+        rows, cols = self.shape
+        for row in range(rows):
+            for col in range(cols):
+                numbers = {"row": row, "col": col, "n": row * cols + col}
+                place = {key: str(number + self.first) for key, number in numbers.items()}
+                yield from ({**place, "axis": axis} for axis in self.axes)
+
+
+def _named(pattern: str, place: dict[str, str]) -> str:
+    return _PLACE.sub(lambda match: place[match[1]], pattern)
+
+
+def read_layout(path: Path) -> DataLayout:
+    """Read a layout.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, is no TOML, or a key is unknown, missing or wrong.
+    """
+    try:
+        table = parse_toml(read_text(path, most=LARGEST))
+        return read_options(DataLayout, table, path.parent)
+    except OSError as error:
+        raise SceneError(f"The layout '{path}' cannot be read: {error.strerror}.") from None
+    except SceneError as error:
+        raise SceneError(f"The layout '{path}': {error}") from None
+    except ValueError as error:
+        raise SceneError(f"The layout '{path}' is not TOML: {error}.") from None

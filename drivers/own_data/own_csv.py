@@ -1,0 +1,66 @@
+"""CSV files that `cnnum record` wrote: their header says all but the rate."""
+
+import re
+from collections.abc import Mapping
+
+import numpy as np
+
+from cnnum.drivers.text_table import TextTable
+from cnnum.errors import CodecError
+from cnnum.recordings.recording import Recording, rate_of
+
+HEAD = ("sequence", "time (s)", "quality")
+"""The first columns."""
+
+TRUTH = "truth "
+_CELL = re.compile(r"r(\d{1,5})_c(\d{1,5})_(.{1,80}) \((.{1,80})\)")
+
+
+def is_own(table: TextTable) -> bool:
+    """Return whether a table is one that `cnnum record` or `cnnum recover` wrote."""
+    return table.header[: len(HEAD)] == HEAD
+
+
+def read_own(table: TextTable) -> Recording:
+    """Return the recording; its rate is that of its times, 1 Hz of a single frame.
+
+    Raises
+    ------
+    CodecError
+        If columns are missing, or a field is no number.
+    """
+    cells = [_CELL.fullmatch(name) for name in table.header]
+    known = [match for match in cells if match]
+    if not known:
+        raise CodecError(f"'{table.path}', line 1: expected columns as 'r0_c0_normal (count)'.")
+    rows, cols = (max(int(match[part]) for match in known) + 1 for part in (1, 2))
+    channels = tuple(dict.fromkeys(match[3] for match in known))
+    unit = known[0][4]
+    wanted = [
+        f"r{row}_c{col}_{channel} ({unit})"
+        for row in range(rows if rows * cols * len(channels) == len(known) else 0)
+        for col in range(cols)
+        for channel in channels
+    ]
+    if [match[0] for match in known] != wanted:
+        raise CodecError(
+            f"'{table.path}', line 1: expected the columns of every cell row by row, from "
+            f"'{known[0][0]}' to '{known[-1][0]}'."
+        )
+    values = table.numbers(wanted, finite=False).reshape(-1, rows, cols, len(channels))
+    times = table.numbers([HEAD[1]])[:, 0]
+    return Recording(
+        values,
+        rate=rate_of(times) or 1.0,
+        unit=unit,
+        axes=channels,
+        times=times,
+        truth=_truth(table),
+        quality=table.numbers([HEAD[2]])[:, 0],
+    )
+
+
+def _truth(table: TextTable) -> Mapping[str, np.ndarray]:
+    names = [name for name in table.header if name.startswith(TRUTH)]
+    columns = table.numbers(names, finite=False)
+    return {name.removeprefix(TRUTH): columns[:, place] for place, name in enumerate(names)}

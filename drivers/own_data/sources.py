@@ -1,0 +1,137 @@
+"""Columns and arrays of CSV, NumPy and HDF5 files by name, read whole."""
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.drivers.npz_archive import read_arrays
+from cnnum.drivers.own_data.layout import DataLayout
+from cnnum.drivers.text_table import read_table
+from cnnum.errors import CodecError, MissingExtraError, RecordingError
+from cnnum.safety.memory import host_bytes
+from cnnum.safety.names import shown
+from cnnum.safety.reading import open_regular
+
+Arrays = Mapping[str, NDArray[Any]]
+NUMBERS = "fiub"
+"""Kinds of numbers that a file may hold."""
+
+VALUES = "values"
+"""Name of the array of values where a layout names none."""
+
+
+def csv_columns(path: Path, layout: DataLayout) -> Arrays:
+    """Return the columns of a CSV file; the values are (frames, numbers of a frame)."""
+    table = read_table(path)
+    singles = {name: table.numbers([name])[:, 0] for name in _singles(layout)}
+    return {VALUES: table.numbers(layout.columns(), finite=False), **singles}
+
+
+def npy_array(path: Path, layout: DataLayout) -> Arrays:
+    """Return the one array of a NumPy file."""
+    for name in _singles(layout):
+        raise CodecError(f"'{path}' holds one array and no '{name}': give 'rate', and no 'time'.")
+    try:
+        with open_regular(path) as file:
+            held = np.load(file, allow_pickle=False)
+    except OSError as error:
+        raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
+    except (ValueError, EOFError, SyntaxError, MemoryError) as error:
+        raise CodecError(f"'{path}' is no NumPy array: {str(error).rstrip('.')}.") from None
+    return {VALUES: held}
+
+
+def npz_arrays(path: Path, layout: DataLayout) -> Arrays:
+    """Return arrays of a NumPy archive."""
+    held = read_arrays(path, {_array_name(layout), *_singles(layout)})
+    return _picked(path, layout, held.__getitem__, held)
+
+
+def hdf5_arrays(path: Path, layout: DataLayout) -> Arrays:
+    """Return arrays of an HDF5 file; a name may have folders, as in "trial1/taxels"."""
+    try:
+        h5py: Any = import_module("h5py")
+    except ImportError:
+        raise MissingExtraError(
+            f"'{path.name}' is an HDF5 file, which needs h5py: pip install 'cnnum[hdf5]'."
+        ) from None
+    try:
+        with h5py.File(path, "r") as file:
+            names: list[str] = []
+
+            def note(name: str, item: Any) -> None:
+                if isinstance(item, h5py.Dataset):
+                    names.append(name)
+
+            file.visititems(note)
+            return _picked(path, layout, lambda name: _dataset(path, file[name]), names)
+    except OSError as error:
+        raise RecordingError(f"'{path}' cannot be read: {error}.") from None
+
+
+READERS: Mapping[str, Callable[[Path, DataLayout], Arrays]] = {
+    ".csv": csv_columns,
+    ".npy": npy_array,
+    ".npz": npz_arrays,
+    ".h5": hdf5_arrays,
+    ".hdf5": hdf5_arrays,
+}
+"""By the suffix of the file."""
+
+
+def _dataset(path: Path, item: Any) -> NDArray[Any]:
+    """Return a dataset of an HDF5 file that fits into memory."""
+    room = host_bytes()
+    if room is not None and item.size * 8 > room:
+        raise RecordingError(f"'{path}' needs more memory than this machine has: give a part.")
+    return np.asarray(item[...])
+
+
+def _array_name(layout: DataLayout) -> str:
+    return layout.values if isinstance(layout.values, str) and layout.values else VALUES
+
+
+def _singles(layout: DataLayout) -> tuple[str, ...]:
+    return (*((layout.time,) if layout.time else ()), *layout.truth)
+
+
+def _picked(
+    path: Path, layout: DataLayout, read: Callable[[str], NDArray[Any]], names: Iterable[str]
+) -> Arrays:
+    """Return the arrays that a layout names, those of values under `VALUES`."""
+    known, main = list(names), _array_name(layout)
+    for name in (main, *_singles(layout)):
+        if name not in known:
+            held = f"; it has {', '.join(known[:12])}" if known else ""
+            raise CodecError(f"'{path}' has no array {shown(name)}{held}.")
+    return {VALUES: read(main), **{name: read(name) for name in _singles(layout)}}
+
+
+def shaped(path: Path, layout: DataLayout, held: NDArray[Any]) -> Floats:
+    """Return values as (frames, rows, cols, channels).
+
+    Raises
+    ------
+    CodecError
+        If they are no numbers, or of another shape than the layout says.
+    """
+    if held.dtype.kind not in NUMBERS:
+        raise CodecError(f"'{path}' must hold numbers, got the type '{held.dtype}'.")
+    (rows, cols), count = layout.shape, len(layout.axes)
+    whole = (count, rows, cols) if layout.order == "axis-first" else (rows, cols, count)
+    fits = held.shape[1:] in {whole, (math.prod(whole),)}
+    if count == 1:
+        fits |= held.shape[1:] == (rows, cols)
+    if not fits or not len(held):
+        raise CodecError(
+            f"'{path}' must hold (frames, {', '.join(map(str, whole))}) or (frames, "
+            f"{math.prod(whole)}) values by its layout, got {held.shape}."
+        )
+    values = held.reshape(len(held), *whole).astype(np.float64)
+    return np.moveaxis(values, 1, -1) if layout.order == "axis-first" else values

@@ -1,0 +1,94 @@
+"""Recordings by their file: which driver reads one, and all of its frames in memory."""
+
+from pathlib import Path
+
+import numpy as np
+
+from cnnum.drivers.own_data.sources import READERS
+from cnnum.drivers.registry import open_driver
+from cnnum.errors import RecordingError
+from cnnum.recordings.recording import Recording, rate_of
+from cnnum.safety.names import shown
+from cnnum.safety.reading import names_something
+
+KIND = "kind.npy"
+"""Member of a NumPy archive that `cnnum record` wrote."""
+
+
+def array_of(file: Path) -> dict[str, object]:
+    """Return the table of a scene that reads this recording.
+
+    Raises
+    ------
+    RecordingError
+        If there is no such file, or it is none of the known kinds.
+    """
+    known = ", ".join((".mcap", *READERS))
+    expected = f"expected a file of the kind {known}, or the folder of a trial."
+    if not names_something(file):
+        raise RecordingError(f"There is no recording {shown(str(file))}: {expected}")
+    # a relative path in a scene starts from the scene's folder, not from the working one
+    path, suffix = str(file.absolute()), file.suffix.lower()
+    if file.is_dir():
+        return {"driver": "uskin-csv", "path": path}
+    if suffix == ".mcap":
+        return {"driver": "mcap", "path": path}
+    if suffix == ".npz" and (_is_own_archive(file) or not _has_layout(file)):
+        return {"driver": "npz", "path": path}
+    if suffix in READERS:
+        return {"driver": "file", "path": path}
+    raise RecordingError(f"'{file}' is no recording: {expected}")
+
+
+def _has_layout(file: Path) -> bool:
+    return names_something(file.with_suffix(".toml"))
+
+
+def _is_own_archive(file: Path) -> bool:
+    import zipfile
+
+    try:
+        with zipfile.ZipFile(file) as archive:
+            return KIND in archive.namelist()
+    except (OSError, ValueError, zipfile.BadZipFile):
+        return False
+
+
+def load_recording(path: str | Path) -> Recording:
+    """Read a recording into memory.
+
+    Parameters
+    ----------
+    path : str or Path
+        What `cnnum record` or `Recording.save` wrote (.mcap, .npz, .csv), a data file of your own
+        with its layout, or the folder of a uSkin trial.
+
+    Returns
+    -------
+    Recording
+        Flags, times and truth included.
+
+    Raises
+    ------
+    RecordingError, CodecError
+        If it cannot be read, or is no recording.
+    SceneError
+        If its layout is missing or wrong.
+    """
+    table = array_of(Path(path))
+    with open_driver(str(table.pop("driver")), table) as driver:
+        frames = list(driver.frames())
+        channels, unit, rate = driver.channels, driver.unit, driver.rate
+    if not frames:
+        raise RecordingError(f"'{path}' holds no frame.")
+    times = np.array([frame.time for frame in frames])
+    names = dict.fromkeys(name for f in frames if f.truth for name in f.truth.values)
+    return Recording(
+        np.stack([frame.values for frame in frames]),
+        rate=rate or rate_of(times) or 1.0,
+        unit=unit,
+        axes=channels,
+        times=times,
+        truth={n: [f.truth.get(n, np.nan) if f.truth else np.nan for f in frames] for n in names},
+        quality=[int(frame.quality) for frame in frames],
+    )

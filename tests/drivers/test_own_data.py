@@ -1,0 +1,150 @@
+"""Data of one's own: arrays in memory, and files whose columns a small TOML names."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum.drivers.registry import open_driver
+from cnnum.errors import CnnumError
+
+AXES = ("x", "y", "z")
+LAYOUT = 'shape = [2, 3]\naxes = ["x", "y", "z"]\n'
+
+
+@pytest.fixture
+def values():
+    return np.random.default_rng(1).normal(1e4, 5.0, (7, 2, 3, 3))
+
+
+def table(header, rows):
+    lines = [",".join(header), *(",".join(map(repr, row)) for row in rows)]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("suffix", ["mcap", "npz", "csv"])
+def test_a_recording_comes_back_bit_for_bit(values, suffix, tmp_path):
+    values[3, 0, 0, 0] = np.nan
+    times = np.array([0.0, 0.01, 0.02, 0.05, 0.06, 0.07, 0.08])
+    whole = cnnum.Recording(
+        values, rate=75.0, unit="N", axes=AXES, times=times, truth={"slip": times > 0.03},
+        quality=[0, 0, 0, 1, 0, 0, 0],
+    )  # fmt: skip
+    back = cnnum.load_recording(whole.save(tmp_path / f"own.{suffix}"))
+    assert np.array_equal(back.values, values, equal_nan=True)
+    assert np.array_equal(back.times, times)
+    assert np.array_equal(back.truth["slip"], times > 0.03)
+    assert back.quality.tolist() == [0, 0, 0, 1, 0, 0, 0]
+    assert (back.unit, back.axes) == ("N", ("shear_x", "shear_y", "normal"))
+    assert back.rate == pytest.approx(75.0)  # of a CSV file, by its times
+    with pytest.raises(CnnumError, match="is there already: choose another name, or give force"):
+        whole.save(tmp_path / f"own.{suffix}")
+
+
+def saved(kind, values, folder):
+    """Write values as others would; return the file."""
+    flat, times = values.reshape(len(values), -1), 20.0 * np.arange(len(values)) + 1000.0
+    path = folder / f"theirs.{kind}"
+    if kind == "npy":
+        np.save(path, values)
+        layout = "rate = 50.0\n"
+    elif kind == "npz":
+        np.savez(path, taxels=values.transpose(0, 3, 1, 2), ms=times, held=times > 1050)
+        layout = 'values = "taxels"\norder = "axis-first"\ntime = "ms"\ntime_unit = "ms"\n'
+        layout += 'truth = ["held"]\n'
+    elif kind == "h5":
+        h5py = pytest.importorskip("h5py")
+        with h5py.File(path, "w") as file:
+            file["trial/taxels"], file["trial/s"] = flat, times / 1000.0
+        layout = 'values = "trial/taxels"\ntime = "trial/s"\n'
+    else:
+        header = ["s", *(f"t{n}_{axis}" for n in range(1, 7) for axis in AXES)]
+        rows = [[time, *row] for time, row in zip(times / 1e3, flat, strict=True)]
+        path.write_text(table(header, [[float(v) for v in row] for row in rows]))
+        layout = 'values = "t{n}_{axis}"\nfirst = 1\ntime = "s"\n'
+    path.with_suffix(".toml").write_text(LAYOUT + layout)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["csv", "npy", "npz", "h5"])
+def test_files_of_others_are_read_by_their_layout(kind, values, tmp_path):
+    recording = cnnum.load_recording(saved(kind, values, tmp_path))
+    assert np.array_equal(recording.values, values)
+    assert recording.rate == pytest.approx(50.0)
+    assert recording.times == pytest.approx(np.arange(7) / 50.0)
+    if kind == "npz":
+        assert recording.truth["held"].tolist() == [0, 0, 0, 1, 1, 1, 1]
+
+
+def test_columns_by_a_list_and_one_axis(tmp_path):
+    (tmp_path / "p.csv").write_text(table(["b", "a", "note"], [[1.0, 2.0, 9.0], [3.0, 4.0, 9.0]]))
+    layout = 'shape = [1, 2]\naxes = ["z"]\nvalues = ["a", "b"]\nrate = 10\n'
+    (tmp_path / "q.toml").write_text(layout)
+    driver = open_driver("file", {"path": "p.csv", "layout": "q.toml"}, base=tmp_path)
+    frames = list(driver.frames())
+    assert [frame.values.ravel().tolist() for frame in frames] == [[2.0, 1.0], [4.0, 3.0]]
+    assert frames[0].channels == ("normal",)
+    assert driver.counters.frames == 2
+
+
+WRONG = {
+    "no rate": ("", "'rate' must be given, or 'time'"),
+    "unknown key": ("rat = 3\n", "Unknown option 'rat'"),
+    "wrong pattern": ('rate = 1\nvalues = "t{axis}"\n', "name 2×3×3 = 18 different columns, got 3"),
+    "missing column": ('rate = 1\nvalues = "q{n}_{axis}"\n', "expected a column 'q0_x'"),
+    "no such time": ('values = "t{n}_{axis}"\nfirst = 1\ntime = "when"\n', "a column 'when'"),
+    "axis twice": ('rate = 1\naxes = ["x", "x", "z"]\n', "name each of the 3 channels once"),
+    "no TOML": ("rate = \n", "is not TOML"),
+    "pads": ("rate = 1\npads = 9\n", "'pads' must be 1 to the 3 columns"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_layout_is_one_sentence(name, values, tmp_path):
+    more, said = WRONG[name]
+    path = saved("csv", values, tmp_path)
+    layout = LAYOUT.replace('axes = ["x", "y", "z"]\n', "") if "axes" in more else LAYOUT
+    path.with_suffix(".toml").write_text(layout + more)
+    with pytest.raises(CnnumError) as caught:
+        cnnum.load_recording(path)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("kind", ["csv", "npy", "h5"])
+def test_a_file_of_another_shape_or_kind_is_said(kind, values, tmp_path):
+    path = saved(kind, values, tmp_path)
+    text = path.with_suffix(".toml").read_text()
+    path.with_suffix(".toml").write_text(text.replace("[2, 3]", "[3, 3]"))
+    with pytest.raises(CnnumError, match=r"t7_x|\(frames, 3, 3, 3\) or \(frames, 27\)"):
+        cnnum.load_recording(path)
+    path.with_suffix(".toml").write_text(text)
+    path.write_bytes(b"not at all")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(CnnumError, match="theirs"):
+            cnnum.load_recording(path)
+
+
+def test_a_missing_layout_says_how_to_write_one(tmp_path, values):
+    np.save(tmp_path / "own.npy", values)
+    with pytest.raises(CnnumError, match=r"no layout '.*own.toml'.* write one with shape = "):
+        cnnum.load_recording(tmp_path / "own.npy")
+
+
+BAD = {
+    "two axes": ({"values": np.zeros((3, 3)), "rate": 1}, "frames, rows, cols, channels"),
+    "no frame": ({"values": np.zeros((0, 2, 2, 3)), "rate": 1}, "one of each at least"),
+    "rate 0": ({"values": np.zeros((3, 2, 2, 3)), "rate": 0}, "above 0 Hz"),
+    "no axes": ({"values": np.zeros((3, 2, 2, 4)), "rate": 1}, "each of the 4 channels once"),
+    "times": ({"values": np.zeros((2, 2, 2)), "rate": 1, "times": [1, 0]}, "no earlier than"),
+    "truth": ({"values": np.zeros((2, 2, 2)), "rate": 1, "truth": {"a": [1]}}, "one number a"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_wrong_recording_is_one_sentence(name):
+    parts, said = BAD[name]
+    with pytest.raises(CnnumError, match=said):
+        cnnum.Recording(**parts)
