@@ -38,6 +38,19 @@ def _south(picture: Floats, boundary: Boundary) -> Floats:
     return (at(1, 0) - at(-1, 0)) / 2.0
 
 
+def _fall_east(picture: Floats, boundary: Boundary) -> Floats:
+    """Return how far each cell lies above its neighbour to the east."""
+    return picture - neighbours(picture, boundary)(0, 1)
+
+
+def _between(picture: Floats, boundary: Boundary) -> Floats:
+    """Return half the sum of the four sides less a quarter of that of the four corners."""
+    at = neighbours(picture, boundary)
+    sides = at(0, 1) + at(0, -1) + at(1, 0) + at(-1, 0)
+    corners = at(1, 1) + at(1, -1) + at(-1, 1) + at(-1, -1)
+    return sides / 2.0 - corners / 4.0
+
+
 def _laplacian(picture: Floats, boundary: Boundary) -> Floats:
     at = neighbours(picture, boundary)
     return at(0, 1) + at(0, -1) + at(1, 0) + at(-1, 0) - 4.0 * picture
@@ -63,6 +76,8 @@ SCALAR: Mapping[str, Operator] = {
     "identity": _same,
     "gradient-x": _east,
     "gradient-y": _south,
+    "fall-x": _fall_east,
+    "between": _between,
     "laplacian": _laplacian,
     "binomial": _binomial,
 }
