@@ -79,7 +79,7 @@ def edges_picture() -> Any:
         ("round", Disc(2.4, (0.2, -0.3))),
         ("ring", Ring(1.0, 2.8, (0.1, 0.2))),
         ("bar, 34°", Rectangle(1.7, 5.0, 0.6)),
-        ("triangle", triangle(4.6, 0.3, (0.1, 0.2))),
+        ("triangle", triangle(5.0, 0.5, (0.1, 0.2))),
         ("two", Joined((Disc(1.4, (1.5, 1.1)), Disc(1.3, (-1.5, -1.2))))),
     ]
     smooth = Disc(3.0, (0.2, 0.1), "hertz")

@@ -52,7 +52,7 @@ SHARP = 0.75
 VOTE, FIRM = 8.0, 0.006
 """Diffusion time of the votes, cells², and their excess that turns a cell, in peak loads."""
 
-TOLD = 7.0
+WIDE = 7.0
 """Least number of cells inside. What is narrower than three looks the same with and without an
 edge."""
 
@@ -121,7 +121,7 @@ def edges_of(
     least = maximum(LEAST * peak, LIFT * noise_gain(depth, reads) * noise)
     inside = (load - INHIBITS * surround > FAINT * peak) & (load > least) & loads.contact
     links = _links(load, inside, FALLS * peak, sharp)
-    edged = _decided(loads, links, peak) & (inside.count() > TOLD - 0.5)
+    edged = _decided(loads, links, peak) & (inside.count() > WIDE - 0.5)
     links = [link._replace(crosses=link.crosses & edged) for link in links]
     found = _nearest(links)
     number = found.count()
@@ -146,7 +146,7 @@ class _Link(NamedTuple):
 
 
 def _whole(loads: Loads) -> Field:
-    """Return the readings, of broken taxels what their neighbours say."""
+    """Return the readings, of broken taxels what lies between their neighbours."""
     known, around = loads.sound & loads.alive, get_template("between_neighbours")
     normal = where(known, loads.normal, 0.0)
     share = apply(around, input=where(known, 1.0, 0.0))
@@ -177,7 +177,7 @@ def _decided(loads: Loads, links: list[_Link], peak: Field) -> Field:
     """Return where the links around say that there is an edge; what is on the verge stays so."""
     memory = loads.frame.memory(logic=True)
     excess = sum((link.excess for link in links[1:]), start=links[0].excess)
-    # at the rim of the array nothing tells what lies beyond
+    # at the rim of the array nothing shows what lies beyond
     inner = np.pad(np.ones([side - 2 for side in loads.frame.shape]), 1)
     excess = excess * loads.frame.constant(inner)
     votes = apply(get_template("tactile_diffusion"), input=excess, duration=VOTE)

@@ -149,7 +149,7 @@ STRESSES = tuple(
 
 SCENES = {
     "contact": Scene(pulled, (*PLACE, *LOADS), {}),
-    # outlines on 4×4 taxels lie at the rim of the array, where nothing tells an edge
+    # outlines on 4×4 taxels lie at the rim of the array, where no edge is seen
     "edges": Scene(
         disc, (Same("edge_load", 0.15), Same("surround_inhibition", 0.02)), {}, middle=True
     ),

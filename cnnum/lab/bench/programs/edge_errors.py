@@ -49,8 +49,8 @@ class Skin:
     reads : "strain" or "stress"
     noise : float
         Of one reading, as a share of a frame's largest.
-    told : float
-        Depth that the program is given, over the true one.
+    given : float
+        Depth that the program works with, over the true one.
     gains : float
         Largest relative error of a taxel's gain, unknown to the program.
     dead : int
@@ -61,7 +61,7 @@ class Skin:
     depth: float = 0.5
     reads: Reads = "strain"
     noise: float = NOISE
-    told: float = 1.0
+    given: float = 1.0
     gains: float = 0.0
     dead: int = 0
 
@@ -87,7 +87,7 @@ def found_places(right: Floats, below: Floats) -> Floats:
 
 def run_edges(engine: Engine, loads: Floats, skin: Skin) -> dict[str, Floats]:
     """Return the outputs of `edges` after rest and three frames of each body, side by side."""
-    program = get_program("edges").bind(depth=skin.depth * skin.told, reads=skin.reads)
+    program = get_program("edges").bind(depth=skin.depth * skin.given, reads=skin.reads)
     stream = engine.compile(program, loads.shape[1:]).stream((len(loads),))
     outputs = dict[str, Floats]()
     for frame in skin.stream(loads):
@@ -209,9 +209,9 @@ def skins_by_name() -> dict[str, list[Skin]]:
     for reads in READINGS:
         for depth in DEPTHS:
             cases[f"{depth} pitches, {reads}"] = [Skin(depth=depth, reads=reads)]
-    for told in (0.7, 1.3):
-        wrong = [replace(s, told=told, depth=d) for s in both for d in (0.5, 0.75)]
-        cases[f"0.5 and 0.75 pitches, told {told} of it"] = wrong
+    for given in (0.7, 1.3):
+        wrong = [replace(s, given=given, depth=d) for s in both for d in (0.5, 0.75)]
+        cases[f"0.5 and 0.75 pitches, given as {given} of it"] = wrong
     cases["noise of 0.25 %"] = [replace(s, noise=0.0025) for s in both]
     cases["noise of 3 %"] = [replace(s, noise=0.03) for s in both]
     cases["gains ±20 %"] = [replace(s, gains=0.2) for s in both]

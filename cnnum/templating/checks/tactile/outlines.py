@@ -15,7 +15,7 @@ NOISE = 2.5e-3
 REST, HELD = 18, 3
 DEPTH = 0.5
 
-TOLD = (1.4, 1.6)
+RADII = (1.4, 1.6)
 """Cells: radii of the punches on arrays that narrower ones would fit. What covers fewer than seven
 cells is never said to have an edge (docs/programs/edges.md)."""
 
@@ -24,7 +24,7 @@ AROUND = 0.4
 
 FOUND = 0.6
 """Share of the links that outlines cross on which a place must be found, from five taxels a side
-on: on four, outlines lie at the rim of the array, where nothing tells an edge from a sphere."""
+on: on four, outlines lie at the rim of the array, where an edge and a sphere look alike."""
 
 MOST = 0.95
 """Share of the places whose distance counts."""
@@ -85,7 +85,7 @@ def _crossed(disc: Disc, shape: Shape) -> int:
 
 def _punches(rng: np.random.Generator, shape: Shape, reads: Reads) -> ProgramCase:
     size = min(shape)
-    radii = (max(0.22, TOLD[0] / size), max(0.34, TOLD[1] / size))
+    radii = (max(0.22, RADII[0] / size), max(0.34, RADII[1] / size))
     return _discs(rng, shape, "punch", radii, reads)
 
 
