@@ -16,18 +16,17 @@ from matplotlib.figure import Figure
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.lab.bench.programs.contact_errors import held
-from cnnum.lab.bench.programs.edge_errors import NOISE, found_places, run_edges
+from cnnum.lab.bench.programs.edge_errors import Skin, found_places, run_edges
+from cnnum.lab.bench.programs.flat_punches import (
+    Joined,
+    Outline,
+    punch_pressure,
+    read_below,
+    triangle,
+)
 from cnnum.programs.library import get_program
 from cnnum.tactile.bump_loads import bump_readings
-from cnnum.tactile.indenters import (
-    Disc,
-    Indenter,
-    Rectangle,
-    Ring,
-    Several,
-    frame_under,
-    two_bars,
-)
+from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.tactile.texture import texture as whole_recording
 from cnnum.tactile.texture_materials import FOUR, Stroke, rub
 from cnnum.tactile.touches import Touch, readings
@@ -67,29 +66,31 @@ def _streamed(name: str, frames: Floats, **parameters: object) -> dict[str, Floa
 
 
 def _held(load: Floats) -> Floats:
-    frames = NOISE * np.random.default_rng(2).normal(size=(21, *load.shape))
+    frames = 5e-3 * np.random.default_rng(2).normal(size=(21, *load.shape))
     frames[18:] += load
     return frames
 
 
 def edges_picture() -> Any:
-    """Strain under five indenters and under spheres, with the outlines found in it."""
-    other = Disc(1.7, (1.6, 1.5), "hertz")
-    bodies: list[tuple[str, Indenter]] = [
-        ("disc", Disc(2.4, (0.2, -0.3))),
+    """Strain under flat punches and under smooth contacts, with the outlines found in it."""
+    punches: list[tuple[str, Outline]] = [
+        ("square", Rectangle(3.6, 3.6, 0.0, (0.2, -0.3))),
+        ("round", Disc(2.4, (0.2, -0.3))),
         ("ring", Ring(1.0, 2.8, (0.1, 0.2))),
-        ("rectangle, 29°", Rectangle(2.8, 4.0, 0.5)),
-        ("two bars, 34°", two_bars(1.7, 3.8, 1.5, 0.6)),
-        ("flat punch", Disc(2.4, (0.2, -0.3), "punch")),
-        ("sphere (Hertz): no edge", Disc(3.4, (0.2, 0.1), "hertz")),
-        ("two spheres: no edge", Several((Disc(1.8, (-1.5, -1.5), "hertz"), other))),
+        ("bar, 34°", Rectangle(1.7, 5.0, 0.6)),
+        ("triangle", triangle(5.0, 0.5, (0.1, 0.2))),
+        ("two", Joined((Disc(1.4, (1.5, 1.1)), Disc(1.3, (-1.5, -1.2))))),
     ]
-    got = run_edges(Engine(), [body for _, body in bodies], 8, 0.5, "strain")
+    smooth = Disc(3.0, (0.2, 0.1), "hertz")
+    pressures = [punch_pressure(body, 8) for _, body in punches]
+    seen = read_below(pressures, 8, 0.5, "strain")
+    seen = np.concatenate([seen, frame_under(smooth, (8, 8), 0.5, "strain")[None]])
+    bodies = [*punches, ("sphere: no edge", smooth)]
+    got = run_edges(Engine(), seen, Skin())
     figure, axes = _sheet(len(bodies), 2.7, 3.6)
     fine, image = np.linspace(-0.5, 7.5, 161), None
     for number, (axis, (name, body)) in enumerate(zip(axes, bodies, strict=True)):
-        seen = frame_under(body, (8, 8), 0.5, "strain")
-        image = _map(axis, seen / seen.max(), name, 1.0)
+        image = _map(axis, seen[number] / seen[number].max(), name, 1.0)
         x, y = np.meshgrid(fine - 3.5, fine - 3.5)
         axis.contour(fine, fine, body.distance(x, y), [0.0], colors="k", linestyles="--")
         where = found_places(got["edge_to_right"][number], got["edge_to_below"][number])

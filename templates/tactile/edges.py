@@ -1,7 +1,21 @@
-"""Edges of what presses on the skin: where its outline passes, between the taxels."""
+"""Edges of what presses on the skin: where its outline passes, between the taxels.
 
-from collections.abc import Mapping, Sequence
+    deconvolution      unblur (7×7, made for the cover)          the load on the surface
+    surround           tactile_diffusion of that load            what is around a taxel
+    inhibition         load − half of the surround > 0           inside; its rim crosses links
+    edge template      edge_step, turned to four sides           the fall to each neighbour
+    vote               tactile_diffusion of the sharp falls      what the links around say
+    decision           edge_latch, bistable cells                an edge, or a smooth contact
+
+Under a flat body the load ends within a cell; a sphere's pressure fades out over its radius. So the
+question is which share of the fall, from within the rim to outside, a single cell takes. A uniform
+load that ends between two cells takes ¾ of it on average over places, and a rigid flat punch, whose
+load rises towards its rim, more. Feedback is in the diffusion and in the bistable cells.
+"""
+
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,51 +24,45 @@ from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply, shift
 from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.contact_mechanics.edge_crossings import WAYS, Links, links_of
-from cnnum.templates.tactile.contact_mechanics.elliptic_contact_fit import Whole, whole_of
-from cnnum.templates.tactile.contact_mechanics.indenter_classes import (
-    are_spheres,
-    is_edged,
-    is_round,
-    is_smooth,
-    punch_of,
-)
-from cnnum.templates.tactile.contact_mechanics.rim_circle_fit import circle_through, on_circle
 from cnnum.templates.tactile.cover_model.deconvolution import (
     DEPTH,
     READS,
-    filter_template,
     noise_gain,
     surface_load,
 )
-from cnnum.templates.tactile.shared.least_squares import Felt, felt_of
 from cnnum.templates.tactile.shared.loads import LIFT, PUSH, Loads, loads_of
+from cnnum.templating.library import get_template
 
-SHARE = 0.3
-"""Least load along an edge, as a share of the largest."""
+WAYS = ((0, 1), (-1, 0), (0, -1), (1, 0))
+"""Steps outwards, rows and columns: right, up, left, down, each a quarter turn from the last."""
 
-RISE = {0.3: 0.70, 0.5: 0.735, 0.75: 0.785}
-"""Cells in which the load of an edge rises from half to 0.88 of its height, at most, by pitches of
-cover; the thicker it is, the more the filter rounds. A uniform load takes 0.4 to 0.9, with the
-place of the outline between the taxels; on average 0.71 at most under 0.3 pitches, and 0.84 (small
-rectangles) under one. Hertz's pressure takes 0.70 to 0.81 at a radius of 2 cells, 0.79 to 0.89 at
-2.5 and 0.96 at 3."""
+SPREAD, INHIBITS = 1.0, 0.5
+"""Diffusion time of the surround, cells², and the share of it that a load must exceed."""
 
-EDGED_RISE = 0.86
-"""Cells in which the load of one edged body rises at most."""
+FAINT, LEAST, FALLS = 0.04, 0.15, 0.3
+"""Shares of the peak load: by which a load exceeds that, which it has at least, and by which it
+falls where it ends. Strain passes no mean, so that loads sink within a wide contact, too."""
 
-VOTERS = 3
-"""Cells to each side whose links are averaged before an edge is called sharp."""
+SLANT = 0.6
+"""Least slope along a link, in slopes across it: steeper outlines are met by the other links."""
 
-HOLLOW_VOTERS = 3
-"""The same for whether a load is a punch's, along one side of it."""
+SHARP = 0.75
+"""Share of its fall that the load of an edge takes within a cell: that of a uniform load."""
 
-NEARER = 0.501
-"""Cells up to which the outline counts as nearest to the inner taxel of a link. A load that falls
-from all to nothing on one link is half midway, where rounding would choose."""
+VOTE, FIRM = 8.0, 0.006
+"""Diffusion time of the votes, cells², and their excess that turns a cell, in peak loads."""
 
-HOLLOW = (0.2, 0.26)
-"""Mean of what the inside lacks from which the load may be a punch's, and from which it is."""
+WIDE = 7.0
+"""Least number of cells inside. What is narrower than three looks the same with and without an
+edge."""
+
+PLACE = (-0.87, 0.14, 1.07, -0.44)
+"""Cells from the taxel outwards to the outline: a constant, and weights of the load next to it
+within, of its own, and of the one outside, as shares of the larger of the first two. By least
+absolute error on square and round flat punches under 0.3 and 0.5 pitches."""
+
+AWAY = 0.5
+"""Least share of all weights that must be known where a broken taxel is filled in."""
 
 
 @program
@@ -64,14 +72,9 @@ def edges(
     push: float = PUSH,
     depth: float = DEPTH,
     reads: Reads = READS,
-    rise: float | None = None,
+    sharp: float = SHARP,
 ) -> Mapping[str, Field]:
     """Edges, from the surface load that the cover has blurred.
-
-    The cover's blur is taken off by a 7×7 template. The outline passes where the load falls below
-    half of what it is inside. It is an edge where the load rises to its height within a cell; a
-    smooth contact such as a sphere's takes longer. Where one such contact explains the whole frame,
-    there is no edge in it.
 
     Parameters
     ----------
@@ -84,9 +87,9 @@ def edges(
         Cover above the taxels, in pitches; up to 1 for what `docs/programs/edges.md` measures.
     reads : "strain" or "stress"
         What the taxels read.
-    rise : float, optional
-        Cells in which the load of an edge rises from half to 0.88 of its height, on average, at
-        most; by the depth unless given.
+    sharp : float
+        Share of its fall that a load takes within a cell, from which its end is an edge: more
+        finds fewer edges, and takes fewer smooth contacts for them.
 
     Returns
     -------
@@ -96,118 +99,119 @@ def edges(
         the taxel towards its right and lower neighbour the outline passes, 0 to 1 cell; −1 where
         it does not), `edge_load` (map: the load on the surface), `surround_inhibition` (how far
         the normal reading falls below rest beside the contact, as a share of its peak).
+
+    Raises
+    ------
+    PhysicsError
+        If the depth is out of range.
+    UnknownNameError
+        If `reads` is unknown.
     """
-    return edges_of(loads_of(frame, push), depth=depth, reads=reads, rise=rise)
+    return edges_of(loads_of(frame, push), depth=depth, reads=reads, sharp=sharp)
 
 
 def edges_of(
-    loads: Loads, *, depth: float = DEPTH, reads: Reads = READS, rise: float | None = None
+    loads: Loads, *, depth: float = DEPTH, reads: Reads = READS, sharp: float = SHARP
 ) -> Mapping[str, Field]:
     """Return the outputs of `edges` from what other programs share with it."""
-    frame = loads.frame
-    load = surface_load(loads.normal, depth, reads)
-    noise = sqrt(loads.normal_noise)
-    least = maximum(SHARE * load.max(), LIFT * noise_gain(depth, reads) * noise)
-    links = links_of(frame, load, least)
-    votes = _Votes(links)
-    felt = felt_of(loads, float(depth), reads)
-    whole = whole_of(felt, load, loads.contact)
-    most: Field | float = rise_of(depth) if rise is None else rise
-    if rise is None:
-        most = where(is_edged(felt, whole), EDGED_RISE, most)
-    sharp = votes.sharp(most) & loads.contact & ~is_smooth(whole)
-    links = votes.placed(links)
-    ends = [link.crosses & sharp for link in links]
-    links, ends = _on_rounds(felt, load, whole, links, ends)
-    found = _nearest(links, ends)
+    frame, noise = loads.frame, sqrt(loads.normal_noise)
+    load = surface_load(_whole(loads), depth, reads)
+    peak = load.max()
+    surround = apply(get_template("tactile_diffusion"), input=load, duration=SPREAD)
+    least = maximum(LEAST * peak, LIFT * noise_gain(depth, reads) * noise)
+    inside = (load - INHIBITS * surround > FAINT * peak) & (load > least) & loads.contact
+    links = _links(load, inside, FALLS * peak, sharp)
+    edged = _decided(loads, links, peak) & (inside.count() > WIDE - 0.5)
+    links = [link._replace(crosses=link.crosses & edged) for link in links]
+    found = _nearest(links)
     number = found.count()
     return {
         "edges": found,
         "edge_count": number,
         "edge_row": (frame.row * found).sum() / number,
         "edge_column": (frame.column * found).sum() / number,
-        "edge_to_right": _between(links, ends, 0),
-        "edge_to_below": _between(links, ends, 2),
+        "edge_to_right": _between(links[0], links[2], WAYS[2]),
+        "edge_to_below": _between(links[3], links[1], WAYS[1]),
         "edge_load": load,
         "surround_inhibition": _surround(loads, noise),
     }
 
 
-def _on_rounds(
-    felt: Felt, load: Field, whole: Whole, links: tuple[Links, ...], ends: list[Field]
-) -> tuple[tuple[Links, ...], list[Field]]:
-    """Return links and where outlines end, if the whole frame is a flat punch or spheres."""
-    found = (ends[0] | ends[1] | ends[2] | ends[3]).any()
-    ball = is_round(felt, load, whole, found)
-    punched, rim = punch_of(felt, whole, circle_through(felt, links, ends), found & ~ball)
-    smooth = ball | are_spheres(felt, load, whole, found & ~punched & ~ball)
-    rims = [on_circle(felt.frame, link, way, rim) for link, way in zip(links, WAYS, strict=True)]
-    return (
-        tuple(
-            replace(link, place=where(punched, now.place, link.place))
-            for now, link in zip(rims, links, strict=True)
-        ),
-        [where(punched, now.crosses, end & ~smooth) for now, end in zip(rims, ends, strict=True)],
-    )
+class _Link(NamedTuple):
+    """The links of every taxel to its neighbour on one side: three maps."""
+
+    crosses: Field  # logic: the load ends on the way
+    excess: Field  # of its fall within one cell over that of an edge, where it does
+    place: Field  # cells outwards to where it ends; below 0 where that is inside
 
 
-def rise_of(depth: float) -> float:
-    """Return in how many cells an edge rises at most, under so many pitches of cover."""
-    return float(np.interp(depth, list(RISE), list(RISE.values())))
+def _whole(loads: Loads) -> Field:
+    """Return the readings, of broken taxels what lies between their neighbours."""
+    known, around = loads.sound & loads.alive, get_template("between_neighbours")
+    normal = where(known, loads.normal, 0.0)
+    share = apply(around, input=where(known, 1.0, 0.0))
+    return where(known, normal, apply(around, input=normal) / maximum(share, AWAY))
 
 
-class _Votes:
-    """What the links around a taxel say together."""
-
-    def __init__(self, links: tuple[Links, ...]) -> None:
-        self._number = _around(VOTERS, links, [1.0] * len(links))
-        self._rise = _around(VOTERS, links, [link.rise for link in links])
-        self._near = _around(HOLLOW_VOTERS, links, [1.0] * len(links))
-        self._hollow = _around(HOLLOW_VOTERS, links, [link.hollow for link in links])
-
-    def sharp(self, rise: Field | float) -> Field:
-        """Return where the load ends within a cell."""
-        return self._rise < rise * self._number
-
-    def placed(self, links: tuple[Links, ...]) -> tuple[Links, ...]:
-        """Return the links, placed as on a punch where the load is hollow."""
-        low, high = HOLLOW
-        hollow = self._hollow / maximum(self._near, 1.0)
-        share = minimum(maximum((hollow - low) / (high - low), 0.0), 1.0)
-        return tuple(
-            replace(link, place=link.place + share * (link.rim - link.place)) for link in links
-        )
+def _links(load: Field, inside: Field, least: Field, sharp: float) -> list[_Link]:
+    """Return the links to the right, up, left and down."""
+    step = get_template("edge_step")
+    turned = [replace(step, name=f"edge_step {k}", B=np.rot90(step.B[0, 0], k)) for k in range(4)]
+    falls = [apply(each, input=load) for each in turned]
+    slopes = [abs(falls[way] - falls[way + 2]) for way in (0, 1)]
+    links: list[_Link] = []
+    for way, (rows, cols) in enumerate(WAYS):
+        outer, inner = load - falls[way], load - falls[way - 2]
+        top = maximum(load, inner)
+        ends = inside & ~shift(inside, -rows, -cols, boundary="zero-flux")
+        ends = ends & (slopes[way % 2] > SLANT * slopes[1 - way % 2]) & (top - outer > least)
+        excess = maximum(falls[way], inner - load) - sharp * (top - outer)
+        base, within, own, outside = PLACE
+        place = base + (within * inner + own * load + outside * outer) / top
+        place = minimum(maximum(place, -1.0), 1.0)
+        links.append(_Link(ends, where(ends, excess, 0.0), where(ends, place, 0.0)))
+    return links
 
 
-def _around(cells: int, links: tuple[Links, ...], values: Sequence[object]) -> Field:
-    """Return the sum of values of links where an outline crosses, within so many cells."""
-    size = 2 * cells + 1
-    vote = filter_template(f"vote {cells}", np.ones((size, size)), "Sums what is around a cell.")
-    parts = [where(link.crosses, value, 0.0) for link, value in zip(links, values, strict=True)]
-    return apply(vote, input=sum(parts[1:], start=parts[0]))
+def _decided(loads: Loads, links: list[_Link], peak: Field) -> Field:
+    """Return where the links around say that there is an edge; what is on the verge stays so."""
+    memory = loads.frame.memory(logic=True)
+    excess = sum((link.excess for link in links[1:]), start=links[0].excess)
+    # at the rim of the array nothing shows what lies beyond
+    inner = np.pad(np.ones([side - 2 for side in loads.frame.shape]), 1)
+    excess = excess * loads.frame.constant(inner)
+    votes = apply(get_template("tactile_diffusion"), input=excess, duration=VOTE)
+    votes = minimum(maximum(0.5 * votes / (FIRM * peak), -1.0), 1.0)
+    before = memory.value.picture()
+    edged = apply(get_template("edge_latch"), input=votes, state=before).black() & loads.contact
+    memory.store(edged)
+    return edged
 
 
-def _nearest(links: tuple[Links, ...], ends: list[Field]) -> Field:
+def _nearest(links: list[_Link]) -> Field:
     """Return the taxels that the outline passes nearest to."""
     found: Field | None = None
-    for link, end, (rows, cols) in zip(links, ends, WAYS, strict=True):
-        inner = end & (link.place <= NEARER)
-        here = inner | shift(end & (link.place > NEARER), rows, cols)
+    for link, (rows, cols) in zip(links, WAYS, strict=True):
+        within = link.crosses & (link.place < -0.5)
+        own = link.crosses & (link.place >= -0.5) & (link.place <= 0.5)
+        beyond = link.crosses & (link.place > 0.5)
+        here = own | shift(beyond, rows, cols) | shift(within, -rows, -cols)
         found = here if found is None else found | here
     assert found is not None
     return found
 
 
-def _between(links: tuple[Links, ...], ends: list[Field], way: int) -> Field:
+def _between(out: _Link, back: _Link, way: tuple[int, int]) -> Field:
     """Return where outlines pass between a taxel and its neighbour to the right, or below.
 
-    A load that ends towards the left is held by the neighbour. Inside places are cut to the taxel.
+    `out` ends towards that neighbour and `back` away from it. Where a place lies inside of the
+    taxel whose load ends, or where that is the neighbour, the link before holds it.
     """
-    out, back = links[way], links[way + 1]
-    rows, cols = WAYS[way]
-    place = where(ends[way], maximum(out.place, 0.0), -1.0)
-    held = where(ends[way + 1], 1.0 - maximum(back.place, 0.0), -1.0)
-    return maximum(place, shift(held, -rows, -cols, boundary=-1.0))
+    ahead, behind = out.crosses & (out.place >= 0.0), back.crosses & (back.place < 0.0)
+    own = maximum(where(ahead, out.place, -1.0), where(behind, -1.0 * back.place, -1.0))
+    before, beyond = out.crosses & (out.place < 0.0), back.crosses & (back.place >= 0.0)
+    held = maximum(where(before, 1.0 + out.place, -1.0), where(beyond, 1.0 - back.place, -1.0))
+    return maximum(own, shift(held, *way, boundary=-1.0))
 
 
 def _surround(loads: Loads, noise: Field) -> Field:

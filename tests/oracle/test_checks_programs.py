@@ -13,8 +13,8 @@ FORMS = [form for name in checked_programs() for form in program_forms(name)]
 WRONG = {
     "outline-strain": {"depth": 1.9},
     "outline-stress": {"push": 1.0},
-    # a sphere under another cover is none, whatever rises in two cells being an edge
-    "no-edge": {"rise": 2.0, "depth": 1.0},
+    # whatever ends within two cells is taken for an edge
+    "no-edge": {"sharp": 0.5},
     "centroid": {"push": 1.0},
     "bump-loads": {"share": 0.9},
     "all-bits": {"push": 1.0},

@@ -1,349 +1,187 @@
-"""Edges: where outlines are found under a cover, against Love's and Hankel's solutions."""
+"""Edges: where outlines are found under a cover, against punches, Love's and Hankel's solutions."""
 
-from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
-from cnnum.lab.bench.programs.edge_errors import told_apart
-from cnnum.lab.bench.programs.smooth_edges import (
-    Several,
-    drawn_pairs,
-    drawn_pulls,
-    drawn_small,
-    drawn_threes,
+from cnnum.errors import PhysicsError
+from cnnum.frame import FORCE_AXES
+from cnnum.graph.nodes import Transient
+from cnnum.graph.passes import schedule
+from cnnum.lab.bench.programs.edge_errors import (
+    Skin,
+    by_program,
+    by_sobel,
+    by_template,
+    found_places,
+    met,
+    off_outline,
+    tally,
 )
+from cnnum.lab.bench.programs.edge_scenes import SHARP, SMOOTH
+from cnnum.lab.bench.programs.flat_punches import Polygon, punch_pressure, read_below, triangle
 from cnnum.lab.bench.programs.surround import GAPS, beside, hat
-from cnnum.programs import program
-from cnnum.tactile.halfspace import SurfaceToDepth
-from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under, two_bars
-from cnnum.tactile.touches import readings
-from cnnum.templates.tactile.contact_mechanics.edge_crossings import links_of
+from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.templates.tactile.edges import edges
 
 NOISE = 5e-3
 """Of one reading, as a share of the peak: 2.5 mV (Table 3.II) of 500 mV."""
 
-SKINS = [
-    ("strain", 8, 0.3),
-    ("strain", 8, 0.6),
-    ("strain", 16, 0.6),
-    ("strain", 32, 1.0),
-    ("stress", 8, 0.3),
-    ("stress", 8, 1.0),
-    ("stress", 16, 0.6),
-    ("stress", 32, 0.3),
-]
-"""What taxels read, how many stand on a side, and how deep they lie, pitches."""
-
-FINER = {8: 1.0, 16: 1.6, 32: 2.6}
-"""How much larger indenters are on finer arrays."""
+ALL_READ = [Skin(depth=0.3), Skin(depth=0.75), Skin(depth=0.5, reads="stress")]
 
 
-def pressed(loads, seed=0):
+def pressed(loads, held=2, seed=0):
     """Frames of rest and then of loads side by side, with the sign of strain and stress."""
     loads = np.asarray(loads) / np.max(loads, axis=(-2, -1), keepdims=True)
-    frames = NOISE * np.random.default_rng(seed).normal(size=(20, *loads.shape, 3))
+    frames = NOISE * np.random.default_rng(seed).normal(size=(18 + held, *loads.shape, 3))
     frames[18:, ..., 2] -= loads
     return frames
 
 
-def places(right, below):
-    """Row and column of every place where the outline crosses a link."""
-    row, col = np.argwhere(right >= 0).T
-    across = np.stack([row, col + right[row, col]], axis=-1)
-    row, col = np.argwhere(below >= 0).T
-    return np.concatenate([across, np.stack([row + below[row, col], col], axis=-1)])
+@pytest.mark.parametrize("name", ["ring", "triangle", "two punches", "square punch, turned"])
+def test_outlines_of_flat_punches_are_found(numba, name):
+    """Kinds that no constant was chosen on, by drawn bodies of another seed than the docs."""
+    bodies = SHARP[name](np.random.default_rng(101), 8, 12)
+    found = tally(partial(by_program, numba), bodies, ALL_READ)
+    # 88 % of all bodies at least, by the tables of docs/programs/edges.md
+    assert found.edged >= 0.8 * found.of
+    assert found.met > 0.75
+    assert np.median(found.off) < 0.22
+    assert np.quantile(found.off, 0.95) < 0.7
+    # the nearest taxel of an outline anywhere is a quarter of a pitch off in the median
+    sobel = tally(by_sobel, bodies, ALL_READ)
+    assert np.median(sobel.off) > 2.0 * np.median(found.off)
 
 
-def errors(indenter, found, cells):
-    """Distance of every place from the true outline, cells."""
-    x, y = found[:, 1] - (cells - 1) / 2, found[:, 0] - (cells - 1) / 2
-    return np.abs(indenter.distance(x, y))
+@pytest.mark.parametrize(
+    ("name", "most"),
+    # shares of the tables of docs/programs/edges.md, and two more by chance
+    [("sphere, 2 to 3.6", 2), ("sphere, contact radius 0.6 to 1.4", 2), ("pulled", 2)],
+)
+def test_smooth_contacts_have_no_edge(numba, name, most):
+    family = next(family for title, family in SMOOTH.items() if title.startswith(name))
+    bodies = family(np.random.default_rng(102), 8, 20)
+    assert tally(partial(by_program, numba), bodies, ALL_READ).edged <= most
+    # a threshold on the raw frame finds one in each
+    assert tally(by_sobel, bodies, ALL_READ).edged == 60
+    assert tally(partial(by_template, numba), bodies, ALL_READ).edged == 60
 
 
-def missed(indenter, found, cells):
-    """Share of the outline that is more than a cell from every place."""
-    axis = np.linspace(-cells / 2, cells / 2, 20 * cells + 1)
-    x, y = np.meshgrid(axis, axis)
-    on = np.abs(indenter.distance(x, y)) < 0.03
-    outline = np.stack([y[on], x[on]], axis=-1) + (cells - 1) / 2
-    return float((np.linalg.norm(outline[:, None] - found, axis=-1).min(axis=1) > 1.0).mean())
+def test_a_wide_contact_has_no_hole(numba):
+    """Strain passes no mean: within a wide punch the load sinks, but slowly."""
+    bodies = [Disc(4.5, (0.2, 0.1), "punch"), Disc(4.0, (-0.3, 0.2), "punch")]
+    skin = Skin(cells=16, depth=0.5)
+    loads = np.stack([frame_under(body, (16, 16), skin.depth, skin.reads) for body in bodies])
+    for body, places in zip(bodies, by_program(numba, loads, skin), strict=True):
+        assert met(body, places, 16) > 0.9
+        assert off_outline(body, places, 16).max() < 1.0
 
 
-def indenters(cells, seed):
-    """One of each kind, at angles and places of its own."""
-    rng, s = np.random.default_rng(seed), FINER[cells]
-    angle, at = rng.uniform(0, np.pi), tuple(rng.uniform(-0.5, 0.5, 2) * s)
-    return [
-        Disc(s * rng.uniform(1.8, 2.8), at),
-        Ring(s * rng.uniform(0.9, 1.1), s * rng.uniform(2.5, 2.9), at),
-        Rectangle(s * rng.uniform(2.3, 3.0), s * rng.uniform(3.0, 4.0), angle, at),
-        two_bars(s * rng.uniform(1.5, 2.0), s * rng.uniform(3.5, 4.0), 1.6 * s, angle, at),
-        Disc(s * rng.uniform(1.8, 2.8), at, "punch"),
-    ]
+def test_a_hole_is_an_edge(numba):
+    """Both outlines of a ring, as wide as that."""
+    body, skin = Ring(2.0, 5.0, (0.1, -0.2)), Skin(cells=16, reads="stress")
+    load = read_below([punch_pressure(body, 16)], 16, skin.depth, skin.reads)
+    places = by_program(numba, load, skin)[0] - 7.5
+    away = np.hypot(places[:, 0] + 0.2, places[:, 1] - 0.1)
+    assert np.abs(away - 2.0).min() < 0.2
+    assert np.abs(away - 5.0).min() < 0.2
+    assert (away < 3.0).sum() >= 8
 
 
-def found_by(run, engine, bodies, cells, depth, reads):
-    program = edges.bind(depth=depth, reads=reads)
-    loads = [frame_under(body, (cells, cells), depth, reads) for body in bodies]
-    names = ["edge_to_right", "edge_to_below", "edges", "edge_count"]
-    got = run(engine, program, pressed(loads), names)
-    return got, [places(got[names[0]][-1, k], got[names[1]][-1, k]) for k in range(len(bodies))]
+def test_dead_taxels_make_no_edge(numba):
+    """A taxel that reads nothing is filled in: neither a sphere nor a punch gets a hole."""
+    sphere = Disc(3.0, (0.1, 0.2), "hertz")
+    frames = pressed([frame_under(sphere, (8, 8), 0.5, "strain")])
+    frames[:, :, 3, 4] = 0.0
+    stream = numba.compile(edges, (8, 8), ["edge_count"]).stream((1,))
+    assert max(stream.push(frame)["edge_count"][0] for frame in frames) == 0
+    punch = Disc(2.4, (0.1, 0.2), "punch")
+    frames = pressed([frame_under(punch, (8, 8), 0.5, "strain")])
+    frames[:, :, 3, 4] = 0.0
+    stream = numba.compile(edges, (8, 8)).stream((1,))
+    for frame in frames:
+        got = stream.push(frame)
+    places = found_places(got["edge_to_right"][0], got["edge_to_below"][0])
+    assert met(punch, places, 8) > 0.8
+    assert off_outline(punch, places, 8).max() < 0.7
 
 
-@pytest.mark.parametrize(("reads", "cells", "depth"), SKINS)
-def test_outlines_are_found_to_half_a_cell(numba, run, cells, reads, depth):
-    bodies = [body for seed in range(3 if cells == 32 else 6) for body in indenters(cells, seed)]
-    got, found = found_by(run, numba, bodies, cells, depth, reads)
-    assert got["edge_count"][:18].max() == 0
-    for number, (body, where) in enumerate(zip(bodies, found, strict=True)):
-        assert len(where) >= 8
-        off = errors(body, where, cells)
-        if number % 5 == 4:
-            # a fit of all taxels meets a punch's rim to the noise
-            assert off.max() < 0.05
-        else:
-            # the tail of 1 link in 500 that noise and a rectangle's corners move
-            assert np.quantile(off, 0.95) < 0.5
-            assert off.max() < 0.6
-        # corners of rectangles are rounded by the cover, thin bars end in a cell
-        assert missed(body, where, cells) < 0.35
-
-
-@pytest.mark.parametrize(("reads", "cells", "depth"), SKINS)
-def test_a_smooth_contact_has_no_edge(numba, run, cells, reads, depth):
-    """Hertz's pressure from 3 cells in radius on; what fits on the array, at any place."""
-    rng = np.random.default_rng(4)
-    radii = rng.uniform(3.0, max(3.6, 0.4 * cells), 24)
-    bodies = [Disc(a, tuple(rng.uniform(-0.5, 0.5, 2)), "hertz") for a in radii]
-    got, _ = found_by(run, numba, bodies, cells, depth, reads)
-    assert got["edge_count"].max() == 0
-
-
-@pytest.mark.parametrize("depth", [0.3, 0.5, 1.0])
-@pytest.mark.parametrize("reads", ["strain", "stress"])
-def test_a_small_smooth_contact_has_none(numba, run, reads, depth):
-    """Drawn as docs/programs/edges.md draws them, with other seeds than its bounds were set on."""
-    rng = np.random.default_rng(21)
-    radii = np.repeat([2.0, 2.5], 15)
-    bodies = [Disc(a, tuple(rng.uniform(-0.5, 0.5, 2)), "hertz") for a in radii]
-    for radius in (0.7, 1.0, 1.3, 1.6, 1.8):
-        bodies += drawn_small(rng, "sphere", radius, 12)
-    got, _ = found_by(run, numba, bodies, 8, depth, reads)
-    # by the rise alone it was half of those of 2 cells, and all of less than one
-    assert (got["edge_count"][-1] > 0).sum() == 0
-
-
-@pytest.mark.parametrize("depth", [0.3, 1.0])
-@pytest.mark.parametrize("reads", ["strain", "stress"])
-def test_punches_have_their_rim(numba, run, reads, depth):
-    """Their whole outline, other punches than docs/programs/edges.md draws."""
-    rng = np.random.default_rng(25)
-    bodies = [Disc(a, tuple(rng.uniform(-0.5, 0.5, 2)), "punch") for a in rng.uniform(1.8, 2.8, 60)]
-    _, found = found_by(run, numba, bodies, 8, depth, reads)
-    off = np.concatenate([errors(b, where, 8) for b, where in zip(bodies, found, strict=True)])
-    # centre and radius are known to 0.01 cells under this noise
-    assert off.max() < 0.05
-    assert max(missed(b, where, 8) for b, where in zip(bodies, found, strict=True)) == 0.0
-
-
-@pytest.mark.parametrize(("reads", "depth"), [("strain", 0.3), ("strain", 0.75), ("stress", 1.0)])
-def test_two_smooth_contacts_have_no_edge(numba, run, reads, depth):
-    """By the rise of their load alone three in four would; of uniform ones all do.
-
-    Under a whole pitch noise hides how flat one of them is, but not how flat both are.
-    """
-    rng = np.random.default_rng(41)
+def test_what_is_on_the_verge_stays_as_it_was(run, numba):
+    """Between both levels of its bistable cells the answer is the one before."""
+    punch, sphere = (
+        frame_under(Disc(2.4, (0.1, 0.2), kind), (8, 8), 0.5, "stress")
+        for kind in ("punch", "hertz")
+    )
+    shares = np.linspace(0.0, 1.0, 41)[:, None, None]
+    mixed = shares * punch + (1.0 - shares) * sphere
     edged = {}
-    for pressure in ("hertz", "uniform"):
-        pairs = drawn_pairs(rng, 8, (1.5, 1.9), 24, pressure)
-        seen = [pair.frame(8, depth, reads) for pair in pairs]
-        program = edges.bind(depth=depth, reads=reads)
-        edged[pressure] = run(numba, program, pressed(seen), ["edge_count"])["edge_count"][-1] > 0
-    # seen: 1 of 240 in stress under a whole pitch, none of 240 else
-    assert edged["hertz"].sum() <= (1 if depth == 1.0 else 0)
-    assert edged["uniform"].all()
-
-
-@pytest.mark.parametrize(("reads", "depth"), [("strain", 0.3), ("stress", 0.75)])
-def test_three_smooth_contacts_have_no_edge(numba, run, reads, depth):
-    """Each alone is as narrow as what has an edge; three uniform loads have one."""
-    rng, edged = np.random.default_rng(46), {}
-    for pressure in ("hertz", "uniform"):
-        threes = drawn_threes(rng, 16, (1.6, 2.4), 16, pressure)
-        seen = [three.frame(16, depth, reads) for three in threes]
-        program = edges.bind(depth=depth, reads=reads)
-        edged[pressure] = run(numba, program, pressed(seen), ["edge_count"])["edge_count"][-1] > 0
-    assert not edged["hertz"].any()
-    assert edged["uniform"].all()
-
-
-@pytest.mark.parametrize("reads", ["strain", "stress"])
-def test_a_sphere_beside_a_disc_keeps_the_disc_s_edge(numba, run, reads):
-    """One smooth contact does not make the other so."""
-    pairs = drawn_pairs(np.random.default_rng(45), 8, (1.7, 2.0), 24)
-    discs = [(one, replace(two, pressure="uniform")) for one, two in (p.discs for p in pairs)]
-    seen = [
-        Several(both, pair.shares).frame(8, 0.75, reads)
-        for both, pair in zip(discs, pairs, strict=True)
-    ]
-    got = run(numba, edges.bind(depth=0.75, reads=reads), pressed(seen), ["edge_count"])
-    # one in 240 where the disc lies half beyond the array
-    assert (got["edge_count"][-1] > 0).sum() >= 23
-
-
-@pytest.mark.parametrize(("reads", "depth"), [("strain", 0.3), ("strain", 1.0), ("stress", 0.75)])
-def test_a_hole_three_cells_inside_is_no_punch_s(numba, run, reads, depth):
-    """What lies beyond a body as wide as that took its outline inwards, by 0.7 cells."""
-    rng = np.random.default_rng(47)
-    bodies = [
-        *(Ring(a, a + 3.0, tuple(rng.uniform(-0.5, 0.5, 2))) for a in rng.uniform(1.5, 1.8, 12)),
-        *(
-            Rectangle(a, 5.5, rng.uniform(-0.05, 0.05), tuple(rng.uniform(-0.5, 0.5, 2)))
-            for a in rng.uniform(3.6, 4.0, 12)
-        ),
-    ]
-    _, found = found_by(run, numba, bodies, 16, depth, reads)
-    off = [errors(body, where, 16) for body, where in zip(bodies, found, strict=True)]
-    assert np.concatenate(off).max() < 0.5
-
-
-@pytest.mark.parametrize("share", [0.3, 0.6, 0.999])
-@pytest.mark.parametrize("reads", ["strain", "stress"])
-def test_a_pulled_sphere_has_no_edge(numba, run, reads, share):
-    """From partial to gross slip, by Cattaneo and Mindlin; it was up to 13 of 40."""
-    rng = np.random.default_rng(43)
-    touches = [*drawn_pulls(rng, (1.2, 2.0), share, 24), *drawn_pulls(rng, (2.0, 3.3), share, 24)]
-    seen = [-readings(touch, 8, 1.0, reads)[..., 2] for touch in touches]
-    got = run(numba, edges.bind(depth=1.0, reads=reads), pressed(seen), ["edge_count"])
-    assert got["edge_count"].max() == 0
-
-
-@pytest.mark.parametrize("depth", [0.5, 1.0])
-@pytest.mark.parametrize("reads", ["strain", "stress"])
-def test_what_has_an_edge_is_not_taken_for_a_sphere(numba, run, reads, depth):
-    """Small squares and discs are most like one."""
-    rng, spread = np.random.default_rng(22), (-0.5, 0.5)
-    sides = rng.uniform(2.3, 3.0, (20, 2))
-    squares = [
-        Rectangle(min(s), max(s), rng.uniform(0, np.pi), tuple(rng.uniform(*spread, 2)))
-        for s in sides
-    ]
-    discs = [Disc(a, tuple(rng.uniform(*spread, 2))) for a in rng.uniform(1.5, 2.3, 30)]
-    punches = [Disc(a, tuple(rng.uniform(*spread, 2)), "punch") for a in rng.uniform(1.7, 2.3, 20)]
-    _, found = found_by(run, numba, [*squares, *discs, *punches], 8, depth, reads)
-    # a square of two cells crosses four links at least
-    assert all(len(where) >= 4 for where in found)
-
-
-@pytest.mark.parametrize("reads", ["strain", "stress"])
-def test_a_pull_makes_no_edge_smooth(numba, run, reads):
-    """A disc of 2 cells under a pull of 0.3 of its load, spread as its pressure is."""
-    side, finer, depth = 8, 5, 0.75
-    cover = SurfaceToDepth(
-        (side * finer,) * 2,
-        1.0 / finer,
-        depth,
-        youngs_modulus=1.5 if reads == "strain" else None,
-    )
-    axis = (np.arange(side * finer) + 0.5) / finer - side / 2
-    rng, seen = np.random.default_rng(23), []
-    for angle in rng.uniform(0, 2 * np.pi, 12):
-        body = Disc(rng.uniform(1.9, 2.4), tuple(rng.uniform(-0.5, 0.5, 2)))
-        inside = np.clip(0.5 - finer * body.distance(*np.meshgrid(axis, axis)), 0.0, 1.0)
-        pull = np.array([0.3 * np.cos(angle), 0.3 * np.sin(angle), 1.0])
-        seen.append(-cover(inside[..., None] * pull)[finer // 2 :: finer, finer // 2 :: finer, 2])
-    got = run(numba, edges.bind(depth=depth, reads=reads), pressed(seen), ["edge_count"])
-    assert (got["edge_count"][-1] >= 6).all()
-
-
-@pytest.mark.parametrize("reads", ["strain", "stress"])
-def test_noise_does_not_hide_a_sphere_of_two_cells(reads):
-    """Not even under a whole pitch, from the disc most like it."""
-    apart, likeness = told_apart(2.0, 1.0, reads)
-    assert apart > 9.5
-    assert 0.8 < likeness < 0.95
-    # of a smaller one it nearly does, and of none all
-    assert told_apart(1.0, 1.0, reads)[0] < apart / 3
-    # as many standard deviations as the difference of two frames has, drawn
-    sphere, disc = (
-        frame_under(Disc(a, (0.2, 0.1), kind), (8, 8), 1.0, reads)
-        for a, kind in ((2.0, "hertz"), (2.0 * likeness, "uniform"))
-    )
-    disc = disc * (sphere * disc).sum() / (disc * disc).sum()
-    by_hand = np.sqrt((((sphere - disc) / (NOISE * sphere.max())) ** 2).sum())
-    assert apart == pytest.approx(by_hand, rel=1e-6)
+    for name, start in (("punch", punch), ("sphere", sphere)):
+        before = pressed(np.broadcast_to(start, mixed.shape), held=3)
+        frames = np.concatenate([before, pressed(mixed, held=2)[18:]])
+        got = run(numba, edges.bind(reads="stress"), frames, ["edge_count"])["edge_count"]
+        assert (got[20] > 0).all() == (name == "punch")
+        edged[name] = got[-1] > 0
+    assert not edged["punch"][0]
+    assert edged["sphere"][-1]
+    assert (edged["punch"] & ~edged["sphere"]).sum() >= 2
+    assert not (edged["sphere"] & ~edged["punch"]).any()
 
 
 @pytest.mark.parametrize(
     ("engine", "shape"),
     [
-        # test_sizes.py has 4×4 on OpenCL, whose kernels take some seconds each to build
         ("fast", (8, 8)),
         ("fast", (16, 16)),
-        ("numba", (4, 4)),
-        ("numba", (16, 16)),
-        # it solves every filter anew: two shapes are enough
-        ("reference", (4, 4)),
+        ("numba", (5, 5)),
+        # it solves every filter anew: one shape is enough
         ("reference", (8, 8)),
     ],
     indirect=["engine"],
 )
 def test_engines_and_shapes_agree(engine, run, shape):
-    body = Disc(0.3 * shape[0], (0.2, -0.1))
+    body = Disc(0.3 * shape[0], (0.2, -0.1), "punch")
     got = run(engine, edges, pressed(frame_under(body, shape, 0.5, "strain")))
-    found = places(got["edge_to_right"][-1], got["edge_to_below"][-1])
-    assert len(found) >= 4
-    assert errors(body, found, shape[0]).max() < 0.5
+    found = found_places(got["edge_to_right"][-1], got["edge_to_below"][-1])
+    assert len(found) >= 6
+    assert off_outline(body, found, shape[0]).max() < 0.7
     near = np.argwhere(got["edges"][-1] > 0)
     # the taxel nearest along a link is at most half a cell further than the place itself
-    assert errors(body, near, shape[0]).max() < 1.0
+    assert off_outline(body, near, shape[0]).max() < 1.2
     assert got["edge_count"][-1] == len(near)
     assert got["edge_row"][-1] == pytest.approx(near[:, 0].mean(), abs=1e-4)
     assert got["edge_column"][-1] == pytest.approx(near[:, 1].mean(), abs=1e-4)
 
 
-@pytest.mark.parametrize("engine", ["fast", "reference"], indirect=True)
-def test_engines_agree_on_two_contacts(engine, numba, run):
-    """Smooth and uniform ones: fits of both are run."""
-    rng, program = np.random.default_rng(51), edges.bind(depth=0.3)
-    kinds = ("hertz", "uniform")
-    pairs = [pair for kind in kinds for pair in drawn_pairs(rng, 8, (1.5, 1.9), 3, kind)]
-    frames = pressed([pair.frame(8, 0.3, "strain") for pair in pairs])
-    names = ["edge_count", "edges", "edge_to_right", "edge_to_below"]
-    got, same = (run(each, program, frames, names) for each in (engine, numba))
-    assert (got["edge_count"][-1] > 0).tolist() == [False] * 3 + [True] * 3
-    assert np.array_equal(got["edges"][-1], same["edges"][-1])
-    for name in names[2:]:
-        # single precision, over a load that is known to 0.3 of its largest
-        np.testing.assert_allclose(got[name][-1], same[name][-1], atol=1e-5)
+def test_the_program_is_made_of_templates():
+    """Feedback in both diffusions and in the latch; the edge template in all four ways."""
+    plan = schedule(edges.trace((8, 8)), FORCE_AXES, None)
+    runs = (node.operation for node in plan.nodes)
+    names = [run.template.name for run in runs if isinstance(run, Transient)]
+    assert names.count("tactile_diffusion") == 2
+    assert names.count("edge_latch") == 1
+    assert sum(name.startswith("edge_step") for name in names) == 4
 
 
-@program
-def hollows(frame):
-    """What the loads lack that end towards the right."""
-    least = frame.constant(0.1)
-    return {"hollow": links_of(frame, frame.normal, least)[0].hollow}
+def test_punches_sink_evenly():
+    """Boussinesq's punch, whose pressure has a closed form: readings to 4 % of the peak."""
+    body = Disc(2.3, (0.2, -0.1), "punch")
+    for reads in ("strain", "stress"):
+        true = frame_under(body, (8, 8), 0.5, reads)
+        got = read_below([punch_pressure(body, 8)], 8, 0.5, reads)[0]
+        assert np.abs(got - true).max() < 0.05 * true.max()
+    with pytest.raises(PhysicsError, match="none of its cells"):
+        punch_pressure(Disc(1.0, (40.0, 0.0)), 8)
 
 
-@pytest.mark.parametrize(
-    ("inwards", "lacks"),
-    [
-        ((1.0, 0.75, 0.62, 0.58), 0.42),
-        # the hole of a ring, a narrow body's far side, and one whose near side is cut as well
-        ((1.0, 1.0, 1.0, 0.1), 0.0),
-        ((1.0, 1.0, 1.0, 0.5), 0.0),
-        ((0.80, 0.90, 1.0, 0.79), 0.0),
-    ],
-)
-def test_only_what_falls_inwards_and_stays_is_hollow(numba, run, inwards, lacks):
-    load = np.zeros((4, 4))
-    load[:] = inwards[::-1]
-    frames = np.zeros((1, 4, 4, 3))
-    frames[..., 2] = load
-    got = run(numba, hollows, frames, ["hollow"])["hollow"]
-    assert got[0, 0, 3] == pytest.approx(lacks, abs=1e-6)
+def test_polygons_have_a_distance():
+    square = Polygon(((-1.0, -2.0), (1.0, -2.0), (1.0, 2.0), (-1.0, 2.0)))
+    x, y = np.meshgrid(np.linspace(-3, 3, 25), np.linspace(-3, 3, 25))
+    np.testing.assert_allclose(square.distance(x, y), Rectangle(2.0, 4.0).distance(x, y), atol=1e-9)
+    three = triangle(2.0, 0.3, (0.5, -0.2))
+    # the inscribed circle's radius is side/(2√3)
+    middle = three.distance(np.array([0.5]), np.array([-0.2]))
+    assert middle[0] == pytest.approx(-2.0 / (2.0 * np.sqrt(3.0)))
 
 
 def test_edge_load_is_the_pressure(fast, run):

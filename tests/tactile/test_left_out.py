@@ -50,7 +50,7 @@ def said(plan, kind):
         (("contact",), ("normal",), ["smooth"]),
         (("contact_row", "contact_column"), FORCE_AXES, sorted([*PRESSED, "smooth"])),
         (("load_x",), FORCE_AXES, sorted([*PRESSED, "around 1", "left strain 0.5", "smooth"])),
-        (("edge_load",), ("normal",), ["smooth", "unblur strain 0.5"]),
+        (("edge_load",), ("normal",), [*2 * ["between_neighbours"], "smooth", "unblur strain 0.5"]),
         (("bump_count",), FORCE_AXES, ["smooth", "unmix"]),
         (("bump_load_x",), FORCE_AXES, ["smooth", "unmix"]),
         (("gross_slip",), FORCE_AXES, SLIP),

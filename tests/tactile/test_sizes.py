@@ -143,7 +143,10 @@ STRESSES = tuple(
 
 SCENES = {
     "contact": Scene(pulled, (*PLACE, *LOADS), {}),
-    "edges": Scene(disc, (Same("edge_row", 0.5), Same("edge_count", 4.0)), {}),
+    # outlines on 4×4 taxels lie at the rim of the array, where no edge is seen
+    "edges": Scene(
+        disc, (Same("edge_load", 0.15), Same("surround_inhibition", 0.02)), {}, middle=True
+    ),
     "grasp_code": Scene(
         held,
         (Same("code_known", 0.0), Same("grasp_slip", 0.0), Same("grasp_y", 0.02)),

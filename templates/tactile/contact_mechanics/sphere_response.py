@@ -91,53 +91,6 @@ def pushed_by(away: Field, radius: Field, depth: float, reads: Reads = "strain")
     )
 
 
-def punched_by(away: Field, radius: Field, depth: float, reads: Reads = "strain") -> Pushed:
-    """Return what a rigid flat punch makes, by the load on a circle as wide as its radius is.
-
-    Its pressure goes as 1/√(a² − ρ²). Parameters are those of `pushed_by`.
-    """
-    w = _root(away, radius, depth)
-    square = w.size * w.size
-    cube = square * w.size
-    real = w.u * (w.u * w.u - 3.0 * w.v * w.v) / cube
-    imaginary = w.v * (3.0 * w.u * w.u - w.v * w.v) / cube
-    # 1/w² takes the third power to the fifth
-    turn, slant = w.square / square, 2.0 * w.u * w.v / square
-    fifth, fifth_slant = real * turn - imaginary * slant, real * slant + imaginary * turn
-    once, aside = depth * fifth + radius * fifth_slant, depth * fifth_slant - radius * fifth
-    signal = depth * (depth * imaginary - radius * real)
-    by_radius = depth * (3.0 * (depth * once + radius * aside) - real)
-    by_away = -1.5 * depth * aside
-    if reads == "stress":
-        signal = signal + w.v / w.size
-        by_radius = by_radius + depth * real + radius * imaginary
-        by_away = by_away - 0.5 * imaginary
-    return Pushed(signal, by_radius, by_away)
-
-
-def pulled_by(away: Field, radius: Field, depth: float, reads: Reads = "strain") -> Field:
-    """Return what a sphere that slips adds to the normal signal, a map.
-
-    Parameters are those of `pushed_by`.
-
-    Returns
-    -------
-    Field
-        Over friction times the largest pressure, and over the distance from the centre along the
-        traction: −z ∂/∂x of e^(−kz) of the pressure for stress, −∂/∂x of (z − 1/k) e^(−kz) for
-        strain.
-    """
-    w = _root(away, radius, depth)
-    up, out = w.u + depth, w.v + radius
-    whole = up * up + out * out
-    falls = (radius * (w.u * up - w.v * out) / w.size - out) / (radius * whole)
-    if reads == "stress":
-        return -depth * falls
-    sine = root(2.0) * radius / sqrt(away + radius * radius + depth * depth + w.size)
-    part = (depth * w.v + radius * (w.u + 2.0 * depth)) / whole - arcsine(sine)
-    return 0.5 * part / radius - depth * falls
-
-
 def turned_by(away: Field, radius: Field, depth: float) -> Field:
     """Return the moment of the shear strain under a sphere that sticks, for a turn of 1 rad, a map.
 

@@ -1,58 +1,79 @@
-"""How far found edges lie from the true outlines: `python -m cnnum.lab.bench.programs.edge_errors`.
+"""How far found edges lie from true outlines: `python -m cnnum.lab.bench.programs.edge_errors`.
 
-Frames are closed forms with the noise of Table 3.II; the program knows nothing of them.
+It prints a table by families of bodies, with two baselines on the raw frame, and one by what is
+wrong with the array. The frames are those of `edge_scenes`; the program knows nothing of them.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
+from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
+from cnnum.lab.bench.programs.edge_scenes import CHOSEN_ON, SHARP, SMOOTH, Bodies
+from cnnum.lab.bench.programs.flat_punches import Outline
 from cnnum.programs.library import get_program
-from cnnum.tactile.indenters import (
-    Disc,
-    Indenter,
-    Reads,
-    Rectangle,
-    Ring,
-    frame_under,
-    two_bars,
-)
+from cnnum.tactile.indenters import Reads
+from cnnum.templating.library import get_template
 
-NOISE = 5e-3
-"""2.5 mV of 500 mV."""
+NOISE = 0.01
+"""Of one reading, as a share of a frame's largest."""
 
 DEPTHS = (0.3, 0.5, 0.75, 1.0)
-LARGER = {8: 1.0, 16: 1.6, 32: 2.6}
-HALF = 0.5
-"""Cells. A place must be nearer to the true outline."""
-
 READINGS: tuple[Reads, ...] = ("strain", "stress")
-KINDS = ("disc", "ring", "rectangle", "two bars", "punch")
+REST, HELD = 18, 3
+STRONG = 0.5
+"""Share of the largest Sobel gradient from which the baseline takes a cell for an edge."""
+
+NEAR = 1.0
+"""Pitches within which an outline counts as found."""
+
+Finder = Callable[[Floats, "Skin"], list[Floats]]
+"""Frames (bodies, rows, cols) to the places found in each, (places, 2): row and column."""
 
 
-def indenter(kind: str, size: float, rng: np.random.Generator) -> Indenter:
-    """Draw an indenter of that kind, its angle and place."""
-    angle = float(rng.uniform(0, np.pi))
-    at = (float(rng.uniform(-0.5, 0.5)) * size, float(rng.uniform(-0.5, 0.5)) * size)
-    a, b, c = (float(value) for value in rng.uniform(0.0, 1.0, 3))
-    match kind:
-        case "disc":
-            return Disc(size * (1.8 + a), at)
-        case "ring":
-            return Ring(size * (0.9 + 0.2 * a), size * (2.5 + 0.4 * b), at)
-        case "rectangle":
-            return Rectangle(size * (2.3 + 0.7 * a), size * (3.0 + b), angle, at)
-        case "two bars":
-            gap = size * (1.4 + 0.2 * c)
-            return two_bars(size * (1.5 + 0.5 * a), size * (3.5 + 0.5 * b), gap, angle, at)
-        case "punch":
-            return Disc(size * (1.8 + a), at, "punch")
-        case _:
-            return Disc(size * float(kind), at, "hertz")
+@dataclass(frozen=True, slots=True)
+class Skin:
+    """An array under a cover, and what is wrong with it.
+
+    Attributes
+    ----------
+    cells : int
+        Of a side.
+    depth : float
+        Pitches.
+    reads : "strain" or "stress"
+    noise : float
+        Of one reading, as a share of a frame's largest.
+    given : float
+        Depth that the program works with, over the true one.
+    gains : float
+        Largest relative error of a taxel's gain, unknown to the program.
+    dead : int
+        Taxels that read nothing.
+    """
+
+    cells: int = 8
+    depth: float = 0.5
+    reads: Reads = "strain"
+    noise: float = NOISE
+    given: float = 1.0
+    gains: float = 0.0
+    dead: int = 0
+
+    def stream(self, loads: Floats, seed: int = 1) -> Floats:
+        """Return readings of rest and then of loads, (frames, bodies, rows, cols)."""
+        rng, shape = np.random.default_rng(seed), loads.shape
+        loads = loads / loads.max(axis=(1, 2), keepdims=True)
+        loads = loads * (1.0 + self.gains * rng.uniform(-1.0, 1.0, shape))
+        frames = self.noise * rng.normal(size=(REST + HELD, *shape))
+        frames[REST:] += loads
+        order = rng.permuted(np.tile(np.arange(self.cells**2), (len(loads), 1)), axis=1)
+        return np.asarray(frames * (order >= self.dead).reshape(shape))
 
 
 def found_places(right: Floats, below: Floats) -> Floats:
@@ -64,212 +85,167 @@ def found_places(right: Floats, below: Floats) -> Floats:
     return np.asarray(np.concatenate([across, down]), dtype=np.float64)
 
 
-def run_edges(
-    engine: Engine,
-    bodies: Sequence[Indenter],
-    cells: int,
-    depth: float,
-    reads: Reads,
-    noise: float = NOISE,
-) -> dict[str, Floats]:
+def run_edges(engine: Engine, loads: Floats, skin: Skin) -> dict[str, Floats]:
     """Return the outputs of `edges` after rest and three frames of each body, side by side."""
-    loads = np.stack([frame_under(body, (cells, cells), depth, reads) for body in bodies])
-    return run_loads(engine, loads, depth, reads, noise)
-
-
-def run_loads(
-    engine: Engine, loads: Floats, depth: float, reads: Reads, noise: float = NOISE
-) -> dict[str, Floats]:
-    """Return the outputs of `edges` after rest and three of each frame, side by side.
-
-    Parameters
-    ----------
-    engine : Engine
-    loads : (frames, rows, cols) float
-        Normal readings in any unit, positive under a push.
-    depth : float
-    reads : "strain" or "stress"
-    noise : float
-        Of one reading, as a share of a frame's largest.
-    """
-    loads = loads / loads.max(axis=(1, 2), keepdims=True)
-    rng = np.random.default_rng(1)
-    program = get_program("edges").bind(depth=depth, reads=reads)
-    plan = engine.compile(program, (loads.shape[1], loads.shape[2]))
-    stream, outputs = plan.stream((len(loads),)), dict[str, Floats]()
-    for number in range(21):
-        frame = noise * rng.normal(size=(*loads.shape, 3))
-        frame[..., 2] -= loads if number >= 18 else 0.0
-        outputs = stream.push(frame)
+    program = get_program("edges").bind(depth=skin.depth * skin.given, reads=skin.reads)
+    stream = engine.compile(program, loads.shape[1:]).stream((len(loads),))
+    outputs = dict[str, Floats]()
+    for frame in skin.stream(loads):
+        outputs = stream.push(np.stack([0.0 * frame, 0.0 * frame, -frame], axis=-1))
     return outputs
 
 
-def off_outline(body: Indenter, places: Floats, cells: int) -> Floats:
-    """Return the distance of places from an outline, cells."""
+def by_program(engine: Engine, loads: Floats, skin: Skin) -> list[Floats]:
+    """Return the places that `edges` finds."""
+    got = run_edges(engine, loads, skin)
+    pairs = zip(got["edge_to_right"], got["edge_to_below"], strict=True)
+    return [found_places(right, below) for right, below in pairs]
+
+
+def by_sobel(loads: Floats, skin: Skin) -> list[Floats]:
+    """Return the cells whose Sobel gradient of the raw frame is large."""
+    found = []
+    for frame in skin.stream(loads)[-1]:
+        steep = np.hypot(ndimage.sobel(frame, 0), ndimage.sobel(frame, 1))
+        found.append(np.argwhere(steep >= STRONG * steep.max()).astype(np.float64))
+    return found
+
+
+def by_template(engine: Engine, loads: Floats, skin: Skin) -> list[Floats]:
+    """Return the cells that EDGE leaves of the raw frame above half of its peak."""
+    frames = skin.stream(loads)[-1]
+    black = frames > 0.5 * frames.max(axis=(1, 2), keepdims=True)
+    edges = engine.run(get_template("EDGE"), input=np.where(black, 1.0, -1.0)).output > 0.0
+    return [np.argwhere(each).astype(np.float64) for each in edges]
+
+
+def off_outline(body: Outline, places: Floats, cells: int) -> Floats:
+    """Return the distance of places from an outline, pitches."""
     middle = (cells - 1) / 2
     return np.abs(body.distance(places[:, 1] - middle, places[:, 0] - middle))
 
 
-def bare(body: Indenter, places: Floats, cells: int) -> float:
-    """Return the share of an outline that has no place within a cell."""
-    axis = np.linspace(-cells / 2, cells / 2, 10 * cells + 1)
+def met(body: Outline, places: Floats, cells: int) -> float:
+    """Return the share of the outline on the array that has a place within a pitch."""
+    if not len(places):
+        return 0.0
+    axis = np.linspace(-(cells - 1) / 2, (cells - 1) / 2, 10 * cells + 1)
     x, y = np.meshgrid(axis, axis)
     on = np.abs(body.distance(x, y)) < 0.06
     outline = np.stack([y[on], x[on]], axis=-1) + (cells - 1) / 2
-    return float(np.mean(cKDTree(places).query(outline)[0] > 1.0))
-
-
-def errors_of(
-    engine: Engine,
-    kind: str,
-    cells: int,
-    depth: float,
-    reads: Reads,
-    count: int,
-    noise: float = NOISE,
-) -> tuple[Floats, int, float]:
-    """Return the errors of all places of many indenters, and how much has no edge.
-
-    That is the number of indenters without any place, and of all others the mean share of the
-    outline that has none within a cell.
-    """
-    rng = np.random.default_rng(7)
-    bodies = [indenter(kind, LARGER[cells], rng) for _ in range(count)]
-    got = run_edges(engine, bodies, cells, depth, reads, noise)
-    found = [
-        found_places(right, below)
-        for right, below in zip(got["edge_to_right"], got["edge_to_below"], strict=True)
-    ]
-    off = [off_outline(body, where, cells) for body, where in zip(bodies, found, strict=True)]
-    pairs = [(body, where) for body, where in zip(bodies, found, strict=True) if len(where)]
-    gaps = [bare(body, where, cells) for body, where in pairs]
-    return np.concatenate(off), len(bodies) - len(pairs), float(np.mean(gaps)) if gaps else 1.0
-
-
-def told_apart(radius: float, depth: float, reads: Reads, cells: int = 8) -> tuple[float, float]:
-    """Return how far a sphere's frame is from that of the disc most like it.
-
-    Parameters
-    ----------
-    radius : float
-        Of the sphere's contact, cells.
-    depth : float
-        Of the cover, cells.
-    reads : "strain" or "stress"
-    cells : int
-        Of the array, along each axis.
-
-    Returns
-    -------
-    apart : float
-        Norm of the difference in standard deviations of the noise: with it, the best test that
-        knows both frames is wrong once in a thousand at 6.2, and once in a million at 9.5.
-    likeness : float
-        Radius of that disc over the sphere's.
-    """
-    centre = (0.2, 0.1)
-    sphere = frame_under(Disc(radius, centre, "hertz"), (cells, cells), depth, reads)
-    found: list[tuple[float, float]] = []
-    for share in np.arange(0.6, 1.01, 0.02):
-        disc = frame_under(Disc(float(share) * radius, centre), (cells, cells), depth, reads)
-        off = sphere - disc * float((disc * sphere).sum() / (disc * disc).sum())
-        found.append((float(np.linalg.norm(off)) / (NOISE * float(sphere.max())), float(share)))
-    return min(found)
+    return float(np.mean(cKDTree(places).query(outline)[0] <= NEAR))
 
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """The places found under indenters of one kind.
+    """What a finder made of bodies.
 
     Attributes
     ----------
-    depth : float
-        Of the cover, cells.
-    errors : (places,) float
-        Distance to the true outline, cells.
-    missed : int
-        Indenters without an edge.
-    bare : float
-        Share of the outline of all others that has no place within a cell.
+    edged : int
+        Bodies with an edge.
+    of : int
+    off : (places,) float
+        Distances from the outlines, pitches; none of smooth bodies.
+    met : float
+        Mean share of the outlines that was found.
     """
 
-    depth: float
-    errors: Floats
-    missed: int
-    bare: float
+    edged: int
+    of: int
+    off: Floats
+    met: float
 
     @property
     def row(self) -> str:
-        """Return median and 95 % of the errors, how many are too large, and what has no edge."""
-        low, high = np.quantile(self.errors, [0.5, 0.95])
-        far = int(np.sum(self.errors >= HALF))
-        places = f"{low:.2f} | {high:.2f} | {far} of {len(self.errors)}"
-        return f"{places} | {self.missed} | {self.bare:.1%}"
+        """Return bodies with an edge, the share of their outlines found, and errors of places."""
+        if not self.off.size:
+            return f"{100 * self.edged / self.of:.0f} % | {100 * self.met:.0f} % | |"
+        low, high = np.quantile(self.off, [0.5, 0.95])
+        share = f"{100 * self.edged / self.of:.0f} % | {100 * self.met:.0f} %"
+        return f"{share} | {low:.2f} | {high:.2f}"
 
 
-def of_kind(engine: Engine, kind: str, cells: int, count: int) -> Iterator[Tally]:
-    """Print and yield the errors under every cover, in strain and in stress."""
+def tally(finder: Finder, bodies: Bodies, skins: Sequence[Skin]) -> Tally:
+    """Return what a finder makes of bodies on all of these skins."""
+    edged, of, off, shares = 0, 0, [np.zeros(0)], list[float]()
+    for skin in skins:
+        found = finder(bodies.frames(skin.cells, skin.depth, skin.reads), skin)
+        edged, of = edged + sum(len(places) > 0 for places in found), of + len(found)
+        if bodies.outlines:
+            pairs = list(zip(bodies.outlines, found, strict=True))
+            off += [off_outline(body, places, skin.cells) for body, places in pairs]
+            shares += [met(body, places, skin.cells) for body, places in pairs]
+    return Tally(edged, of, np.concatenate(off), float(np.mean(shares or [0.0])))
+
+
+def finders(engine: Engine) -> dict[str, Finder]:
+    """Return the program and the baselines."""
+    return {
+        "edges": partial(by_program, engine),
+        "Sobel": by_sobel,
+        "EDGE": partial(by_template, engine),
+    }
+
+
+def by_family(engine: Engine, count: int, seed: int = 7) -> Iterator[str]:
+    """Yield the rows of the first table: 8×8, all covers, in strain and in stress."""
+    skins = [Skin(depth=depth, reads=reads) for reads in READINGS for depth in DEPTHS]
+    for name, family in SHARP.items():
+        bodies = family(np.random.default_rng(seed), 8, count)
+        rows = [tally(finder, bodies, skins).row for finder in finders(engine).values()]
+        yield f"| {name}{' *' if name in CHOSEN_ON else ''} | {' | '.join(rows)} |"
+    for name, family in SMOOTH.items():
+        bodies = family(np.random.default_rng(seed), 8, count)
+        found = [tally(finder, bodies, skins) for finder in finders(engine).values()]
+        rows = [f"{each.edged} of {each.of}" for each in found]
+        yield f"| {name}{' *' if name in CHOSEN_ON else ''} | {' | '.join(rows)} |"
+
+
+def skins_by_name() -> dict[str, list[Skin]]:
+    """Return what the second table goes through."""
+    both = [Skin(reads=reads) for reads in READINGS]
+    cases = {f"{side}×{side}": [replace(s, cells=side) for s in both] for side in (4, 8, 16)}
     for reads in READINGS:
         for depth in DEPTHS:
-            tally = Tally(depth, *errors_of(engine, kind, cells, depth, reads, count))
-            print(f"| {cells} | {reads} | {depth} | {kind} | {tally.row} |", flush=True)
-            yield tally
+            cases[f"{depth} pitches, {reads}"] = [Skin(depth=depth, reads=reads)]
+    for given in (0.7, 1.3):
+        wrong = [replace(s, given=given, depth=d) for s in both for d in (0.5, 0.75)]
+        cases[f"0.5 and 0.75 pitches, given as {given} of it"] = wrong
+    cases["noise of 0.25 %"] = [replace(s, noise=0.0025) for s in both]
+    cases["noise of 3 %"] = [replace(s, noise=0.03) for s in both]
+    cases["gains ±20 %"] = [replace(s, gains=0.2) for s in both]
+    cases["2 of 64 taxels dead"] = [replace(s, dead=2) for s in both]
+    return cases
 
 
-def together(cells: int, kind: str, tallies: Sequence[Tally]) -> str:
-    """Return the worst of all covers and readings, and the sums over them."""
-    low, high = np.array([np.quantile(t.errors, [0.5, 0.95]) for t in tallies]).max(axis=0)
-    least = min(float(np.mean(t.errors < HALF)) for t in tallies)
-    places = np.concatenate([t.errors for t in tallies])
-    missed = {depth: sum(t.missed for t in tallies if t.depth == depth) for depth in DEPTHS}
-    return (
-        f"{cells}×{cells}, {kind}, the worst: median {low:.2f}, 95 % {high:.2f}, {least:.1%} below "
-        f"half a cell; all: {np.sum(places >= HALF)} of {len(places)} places half a cell off or "
-        f"more, at most {places.max():.2f}; no edge, by depth: {missed}; "
-        f"bare of places: {max(t.bare for t in tallies):.1%} of the outline"
-    )
-
-
-def outlines(engine: Engine, count: int) -> None:
-    """Print the errors of indenters with an edge."""
-    print(
-        "| cells | reads | z/pitch | kind | median | 95 % | half a cell or more | no edge | bare |"
-    )
-    lines = [
-        together(cells, kind, list(of_kind(engine, kind, cells, count)))
-        for cells in LARGER
-        for kind in KINDS
-    ]
-    print("\n".join(lines))
-    for noise in (NOISE, NOISE / 100):
-        off, *_ = errors_of(engine, "punch", 8, DEPTHS[0], "strain", count, noise)
-        print(
-            f"punch, 8×8, strain, {DEPTHS[0]}, noise {noise:.3%}: 95 % within "
-            f"{np.quantile(off, 0.95):.2f}, {np.mean(off < HALF):.1%} below half a cell"
+def by_skin(engine: Engine, count: int, seed: int = 8) -> Iterator[str]:
+    """Yield the rows of the second table: punches and spheres that no constant was chosen on."""
+    finder: Finder = partial(by_program, engine)
+    punches = [name for name in SHARP if name not in CHOSEN_ON and "uniform" not in name]
+    spheres = [name for name in SMOOTH if name not in CHOSEN_ON and "0.6" not in name]
+    for title, skins in skins_by_name().items():
+        cells, rng = skins[0].cells, np.random.default_rng(seed)
+        kinds = [name for name in punches if cells > 4 or name != "ring"]
+        found = [tally(finder, SHARP[name](rng, cells, count), skins) for name in kinds]
+        whole = Tally(
+            sum(each.edged for each in found),
+            sum(each.of for each in found),
+            np.concatenate([each.off for each in found]),
+            float(np.mean([each.met for each in found])),
         )
+        smooth = [tally(finder, SMOOTH[name](rng, cells, count), skins) for name in spheres]
+        false = f"{sum(each.edged for each in smooth)} of {sum(each.of for each in smooth)}"
+        yield f"| {title} | {whole.row} | {false} |"
 
 
-def spheres(engine: Engine, count: int) -> None:
-    """Print how many smooth contacts have an edge, and how well they can be told from discs."""
-    for radius in ("2.0", "2.5", "3.0", "3.3", "3.6"):
-        shares = {
-            depth: sum(
-                count - errors_of(engine, radius, 8, depth, reads, count)[1] for reads in READINGS
-            )
-            for depth in DEPTHS
-        }
-        print(f"Hertz, radius {radius} cells on 8×8: edges by depth, of {2 * count}: {shares}")
-    for size in (1.5, 2.0, 2.5):
-        for reads in READINGS:
-            apart = {depth: round(told_apart(size, depth, reads)[0], 1) for depth in DEPTHS}
-            print(f"a sphere of {size} cells and the disc most like it, {reads}: {apart}")
-
-
-def main(count: int = 60) -> None:
-    """Print the errors of every kind, and the number of smooth contacts with an edge."""
+def main(count: int = 40) -> None:
+    """Print both tables."""
     engine = Engine()
-    outlines(engine, count)
-    spheres(engine, count)
+    for table in (by_family(engine, count), by_skin(engine, count)):
+        for row in table:
+            print(row, flush=True)
+        print()
 
 
 if __name__ == "__main__":

@@ -52,6 +52,19 @@ def _slope_east(picture: Floats, boundary: Boundary) -> Floats:
     return 0.28 * rows[1] + 0.11 * (rows[0] + rows[2])
 
 
+def _fall_east(picture: Floats, boundary: Boundary) -> Floats:
+    """Return how far each cell lies above its neighbour to the east."""
+    return picture - neighbours(picture, boundary)(0, 1)
+
+
+def _between(picture: Floats, boundary: Boundary) -> Floats:
+    """Return half the sum of the four sides less a quarter of that of the four corners."""
+    at = neighbours(picture, boundary)
+    sides = at(0, 1) + at(0, -1) + at(1, 0) + at(-1, 0)
+    corners = at(1, 1) + at(1, -1) + at(-1, 1) + at(-1, -1)
+    return sides / 2.0 - corners / 4.0
+
+
 def _laplacian(picture: Floats, boundary: Boundary) -> Floats:
     at = neighbours(picture, boundary)
     return at(0, 1) + at(0, -1) + at(1, 0) + at(-1, 0) - 4.0 * picture
@@ -78,6 +91,8 @@ SCALAR: Mapping[str, Operator] = {
     "gradient-x": _east,
     "slope-x": _slope_east,
     "gradient-y": _south,
+    "fall-x": _fall_east,
+    "between": _between,
     "laplacian": _laplacian,
     "binomial": _binomial,
 }

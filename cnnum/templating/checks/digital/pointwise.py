@@ -56,6 +56,22 @@ def _threshold(template: Template, case: Case) -> Floats:
     return as_picture(case.pictures > number(template, "threshold"))
 
 
+def _beside_levels(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
+    """Draw gray inputs away from both levels of a latch, and what it was before."""
+    level = number(template, "level")
+    picture = gray(rng, shape)
+    near = np.abs(np.abs(picture) - level) < MARGIN
+    moved = np.copysign(level + np.copysign(MARGIN, np.abs(picture) - level), picture)
+    before = as_picture(rng.random(picture.shape) < 0.5)
+    return Case(input=np.where(near, moved, picture), state=before)
+
+
+def _latch(template: Template, case: Case) -> Floats:
+    level = number(template, "level")
+    turned = np.abs(case.pictures) > level
+    return np.where(turned, as_picture(case.pictures > 0.0), case.states)
+
+
 def _five_levels(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     """Draw gray levels in steps of 0.4, so that no sum of them comes nearer to ±0.5 than 0.1."""
     noise = rng.integers(-2, 3, (4, *shape))
@@ -91,6 +107,13 @@ FORMS = (
         _threshold,
         "cells above the threshold, for gray values at least 0.05 from it",
         "threshold",
+    ),
+    _form(
+        "latch",
+        _beside_levels,
+        _latch,
+        "black above the level, white below its negative, else what it was",
+        "level",
     ),
     _form(
         "gray-edge",
