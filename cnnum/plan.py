@@ -20,6 +20,7 @@ from cnnum.arrays import (
 from cnnum.engines.backend import Backend, Executable, Solvers
 from cnnum.errors import ArrayError, FrameError, MethodError
 from cnnum.graph.nodes import Transient
+from cnnum.graph.parts import Parts, parts_of
 from cnnum.graph.schedule import LeftOut, Schedule
 from cnnum.graph.tracing import TraceStep, everything_kept, trace_steps
 from cnnum.integrators.cost import work
@@ -40,6 +41,9 @@ class Explanation:
         Operations that run, those in bodies of loops and branches counted once.
     ops_most : int
         The same with every loop at its limit; the limits of nested loops multiply.
+    parts : Parts
+        Templates with and without feedback, local operations and reductions of the program, before
+        an engine lowers it.
     launches : int
         Kernel launches a batch.
     channels_read : tuple of str
@@ -66,6 +70,7 @@ class Explanation:
     shape: Shape
     ops: int
     ops_most: int
+    parts: Parts
     launches: int
     channels_read: tuple[str, ...]
     maps_read_back: tuple[str, ...]
@@ -87,6 +92,7 @@ class Explanation:
             f"{self._most()}, {self.bytes_in} B in, {self.bytes_out} B out a frame; "
             f"{self.private_bytes} B of private, {self.local_bytes} B of local and "
             f"{self.scratch_bytes} B of scratch memory",
+            f"  made of {self.parts}",
             f"  reads {', '.join(self.channels_read) or 'no channel'}; "
             f"reads back {', '.join(self.maps_read_back) or 'no map'}",
         ]
@@ -317,6 +323,7 @@ class Plan:
             shape=schedule.shape,
             ops=done.ops,
             ops_most=done.ops_most,
+            parts=parts_of(self.schedule.nodes),
             launches=self.executable.launches,
             channels_read=schedule.channels_read,
             maps_read_back=maps,

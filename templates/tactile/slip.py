@@ -107,7 +107,7 @@ def _read_outs(recent: RecentLoads, pad: Pad) -> list[Field]:
 
 def _trend(recent: RecentLoads, time: float) -> Field:
     """Return the relative growth of the load, 1/s, as remembered over a time."""
-    memory, before = recent.frame.memory(scalar=True), recent.frame.previous(recent.load)
+    memory, before = recent.frame.memory("trend", scalar=True), recent.frame.previous(recent.load)
     growth = recent.rate * (recent.load - before) / recent.load
     now = memory.value + (1.0 - exp(-1.0 / (recent.rate * time))) * (growth - memory.value)
     memory.store(where(recent.resting, 0.0, now))

@@ -77,7 +77,7 @@ def twist(
 
 def _since(recent: RecentLoads, value: Field, changes: Field) -> Field:
     """Return a number less what it was when the load last changed."""
-    memory = recent.frame.memory(scalar=True)
+    memory = recent.frame.memory("curl at last change", scalar=True)
     then = where(recent.resting | changes, value, memory.value)
     memory.store(then)
     return value - then

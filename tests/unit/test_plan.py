@@ -204,3 +204,24 @@ def test_all_transients_of_a_program_run_by_the_method_that_is_asked_for():
     assert max(float(np.abs(got[name] - true[name]).max()) for name in true) < 1e-6
     with pytest.raises(MethodError, match="outside the stability bound"):
         engine.compile(both, (6, 6), method="euler", dt=50.0)
+
+
+def test_parts_are_counted_by_kind_and_bodies_once():
+    """Two templates with feedback, one of them in a loop's body, and one without."""
+    diffusion, slope = (cnnum.get_template(n) for n in ("tactile_diffusion", "gradient_x"))
+
+    def parted(frame):
+        spread = cnnum.apply(diffusion, input=frame.normal)
+        steep = cnnum.apply(slope, input=spread)
+        return cnnum.loop(
+            lambda a: cnnum.apply(diffusion, input=a) + frame.shear_x,
+            steep,
+            limit=3,
+            until=lambda a: a.max() < 0.1,
+        ).value
+
+    plan = explained(parted)
+    assert (plan.parts.feedback, plan.parts.feedforward) == (2, 1)
+    # an addition on maps; the largest; its comparison and the flag's turn
+    assert (plan.parts.local, plan.parts.reductions, plan.parts.scalar) == (1, 1, 2)
+    assert "2 templates with feedback and 1 without" in str(plan)

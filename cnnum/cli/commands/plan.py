@@ -1,5 +1,6 @@
 """`cnnum plan`: what a scene would run, what is left out and why."""
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import click
@@ -49,6 +50,7 @@ def _record(scene: str, wants: tuple[str, ...], plan: "Explanation") -> dict[str
         "shape": plan.shape,
         "ops": plan.ops,
         "ops_most": plan.ops_most,
+        "parts": asdict(plan.parts),
         "launches": plan.launches,
         "channels_read": plan.channels_read,
         "maps_read_back": plan.maps_read_back,
@@ -83,6 +85,7 @@ def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation
                     f"{quantity(plan.flops, 'flop')}, "
                     f"{quantity(plan.bytes_in, 'B')} in, {quantity(plan.bytes_out, 'B')} out",
                 ),
+                ("made of", str(plan.parts)),
                 *_most(plan),
                 ("channels read", ", ".join(plan.channels_read) or "none"),
                 ("maps read back", ", ".join(plan.maps_read_back) or "none"),

@@ -53,8 +53,8 @@ class RecentLoads:
         self.old_z, *self.old_shear = (self._leaky(each, look)[1] for each in self._now)
         self.per_s = rate * (1.0 - exp(-1.0 / (rate * look)))  # of a change by 1 since then
         # read-outs
-        noise = maximum(self._noise(frame.normal), ROUNDING * abs(frame.normal - z).max())
-        self.pads = [self._pad(floor * noise, *sums) for sums in _sums(frame, pads)]
+        self.noise = maximum(self._noise(frame.normal), ROUNDING * abs(frame.normal - z).max())
+        self.pads = [self._pad(floor * self.noise, *sums) for sums in _sums(frame, pads)]
         self.load, before = mean([p.load for p in self.pads]), mean([p.before for p in self.pads])
         self.ratio = mean([pad.ratio for pad in self.pads])
         self.jolt = self.per_s * abs(self.load - before) / self.load  # 1/s
@@ -72,7 +72,7 @@ class RecentLoads:
         return {name: where(self.resting, 0.0, value) for name, value in outputs.items()}
 
     def _above_rest(self, channel: Field) -> Field:
-        memory, step = self.frame.memory(), where(self.resting, 1.0 / (self._age + 1.0), 0.0)
+        memory, step = self.frame.memory("rest"), where(self.resting, 1.0 / (self._age + 1.0), 0.0)
         rest = memory.value + step * (channel - memory.value)
         memory.store(rest)
         return channel - rest
@@ -86,7 +86,8 @@ class RecentLoads:
 
     def _noise(self, channel: Field) -> Field:
         """Return the standard deviation of a reading, from its changes at rest."""
-        memory, change = self.frame.memory(scalar=True), channel - self.frame.previous(channel)
+        memory = self.frame.memory("noise", scalar=True)
+        change = channel - self.frame.previous(channel)
         share = where(self.resting, 0.5 / (self._quiet - 1), 0.0)
         power = memory.value + share * (change * change).mean()
         memory.store(power)

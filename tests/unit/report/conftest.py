@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.driver import Counters
+from cnnum.graph.parts import Parts
 from cnnum.graph.schedule import LeftOut
 from cnnum.plan import Explanation
 from cnnum.report import PlanCost, SceneRecord, WorkPrecision
@@ -70,6 +71,7 @@ def explained(program: str, channels: tuple[str, ...], ops: int, *left: LeftOut)
         shape=SHAPE,
         ops=ops,
         ops_most=10 * ops,
+        parts=Parts(),
         launches=1,
         channels_read=channels,
         maps_read_back=("contact_map",),
