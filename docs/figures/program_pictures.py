@@ -30,6 +30,7 @@ from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.tactile.texture import texture as whole_recording
 from cnnum.tactile.texture_materials import FOUR, Stroke, rub
 from cnnum.tactile.touches import Touch, readings
+from docs.figures.slip_pictures import slip_and_twist_picture
 
 MADE: Any = {"dpi": 100, "bbox_inches": "tight"}
 
@@ -275,6 +276,7 @@ PICTURES = {
     "localize": localize_picture,
     "grasp-code": grasp_code_picture,
     "texture": texture_picture,
+    "slip-and-twist": slip_and_twist_picture,
 }
 
 

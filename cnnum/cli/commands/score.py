@@ -140,6 +140,6 @@ def _parts(tables: "Sequence[Table]") -> list[rich.table.Table | str]:
         made = table(*(h if h in words else f">{h}" for h in heads), title=each.title)
         for row in each.rows:
             cells = ((column, row.get(column.key)) for column in each.columns)
-            made.add_row(*(Text(c.text(v), style=STYLES[c.reached(v)]) for c, v in cells))
+            made.add_row(*(Text(c.text(v), style=STYLES[each.reached(c, row)]) for c, v in cells))
         parts += [made, each.note]
     return parts

@@ -1,7 +1,7 @@
 """Reports in real trials: which begin where a slip does, and which where nothing slips."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -91,7 +91,7 @@ def recorded_levels(trials: Sequence[Trial], answers: Sequence[Answers]) -> Tabl
             for t, a in zip(trials, answers, strict=True)
         ]
         rows.append({**_row("", trials, said), "group": level})
-    columns = (Column("group", "level"), *COLUMNS[1:])
+    columns = (Column("group", "level"), *(replace(column, most=None) for column in COLUMNS[1:]))
     return Table("recorded-levels", "Level against real reports", NOTE, columns, rows)
 
 

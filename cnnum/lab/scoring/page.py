@@ -85,5 +85,5 @@ def _cells(each: Table, row: Row) -> list[Cell]:
     cells = [Cell(first.text(row.get(first.key)), more, strong=True)]
     for column in others:
         value = row.get(column.key)
-        cells.append(Cell(column.text(value), style=STYLES[column.reached(value)]))
+        cells.append(Cell(column.text(value), style=STYLES[each.reached(column, row)]))
     return cells

@@ -27,9 +27,12 @@ from cnnum.lab.scoring.trial import Trial
 POOLED, USKIN_AUC = 0.90, 0.96
 """Aims."""
 
+SHIPPED, CHOSEN = "slip_strength", "constants chosen without the object"
+"""Rows of the program; the others are baselines."""
+
 NOTE = (
     "Area under the ROC curve of the frames in which an object is held and its marker moves "
-    "faster than 6 mm/s (slip) or slower than 1.5 mm/s (none)."
+    "faster than 6 mm/s (slip) or slower than 1.5 mm/s (none). A number is an object."
 )
 Advance = Callable[[str], object]
 Scores = dict[str, list[Floats]]
@@ -90,7 +93,7 @@ def score_table(engine: Engine, recorded: Recorded) -> Table:
     rows = _shipped(recorded)
     rows |= {name: _change(recorded, *how) for name, how in CHANGES.items()}
     if recorded.flat:
-        rows["constants chosen without the object"] = _chosen(engine, recorded.flat), []
+        rows[CHOSEN] = _chosen(engine, recorded.flat), []
         if baselines.can_learn():
             rows["logistic regression without the object"] = _learned(recorded.flat), []
     objects = sorted({trial.family for trial in recorded.flat}, key=_number)
@@ -115,7 +118,7 @@ CHANGES = {
 def _shipped(recorded: Recorded) -> dict[str, tuple[list[Floats], list[Floats]]]:
     answers = (recorded.flat_answers, recorded.uskin_answers)
     flat, uskin = ([each["slip_strength"] for each in some] for some in answers)
-    return {"slip_strength": (flat, uskin)}
+    return {SHIPPED: (flat, uskin)}
 
 
 def _change(recorded: Recorded, window: int, incoherent: bool) -> tuple[list[Floats], list[Floats]]:
@@ -191,7 +194,8 @@ def _row(
     flat: Sequence[Floats],
     uskin: Sequence[Floats],
 ) -> Row:
-    row: Row = {"score": name, "pooled": pooled(recorded.flat, flat)}
+    baseline = name not in (SHIPPED, CHOSEN)
+    row: Row = {"score": name, "baseline": baseline, "pooled": pooled(recorded.flat, flat)}
     for each in objects:
         mine = [n for n, trial in enumerate(recorded.flat) if trial.family == each]
         row[f"object_{each}"] = pooled([recorded.flat[n] for n in mine], [flat[n] for n in mine])

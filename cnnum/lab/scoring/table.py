@@ -68,6 +68,7 @@ class Table:
     columns : sequence of Column
         The first names a row.
     rows : sequence of dict
+        Aims are for rows without a true "baseline".
     """
 
     name: str
@@ -81,15 +82,19 @@ class Table:
         for row in self.rows:
             yield {"table": self.name, **{key: _finite(value) for key, value in row.items()}}
 
+    def reached(self, column: Column, row: Row) -> bool | None:
+        """Return whether a number reaches its aim; None if it has none."""
+        return None if row.get("baseline") else column.reached(row.get(column.key))
+
     @property
     def missed(self) -> int:
         """Number of numbers that miss their aim."""
-        return sum(column.reached(row.get(column.key)) is False for column, row in self._cells())
+        return sum(self.reached(column, row) is False for column, row in self._cells())
 
     @property
     def aimed(self) -> int:
         """Number of numbers that have an aim."""
-        return sum(column.reached(row.get(column.key)) is not None for column, row in self._cells())
+        return sum(self.reached(column, row) is not None for column, row in self._cells())
 
     def _cells(self) -> Iterator[tuple[Column, Row]]:
         for row in self.rows:
