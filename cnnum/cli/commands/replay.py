@@ -7,6 +7,7 @@ import click
 from cnnum.cli.following import follow
 from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
 from cnnum.cli.output import Output
+from cnnum.cli.progress import COMPILING, busy
 from cnnum.cli.saving import FieldSaver, refuse_unwritable, save_option
 
 RAW = ("count", "V")
@@ -43,15 +44,16 @@ def command(
     folder of a uSkin trial. Only the array of the scene is replaced: its program and what it wants
     stay.
     """
-    from cnnum.drivers.recording_file import array_of
-    from cnnum.scenes.pipeline import load_scene
-
     refuse_unwritable(save)
-    array = array_of(file)
-    given = scene_changes(settings, engine, device, precision)
-    if scene is None:
-        scene = _usual_scene(file, array, given)
-    loaded = load_scene(scene, changes={"array": array} | given)
+    with busy(COMPILING, as_json=as_json):
+        from cnnum.drivers.recording_file import array_of
+        from cnnum.scenes.pipeline import load_scene
+
+        array = array_of(file)
+        given = scene_changes(settings, engine, device, precision)
+        if scene is None:
+            scene = _usual_scene(file, array, given)
+        loaded = load_scene(scene, changes={"array": array} | given)
     saver = FieldSaver(save, loaded)
     return follow(loaded, Output(as_json), frames=frames, watch=saver.add, keep=saver.write)
 

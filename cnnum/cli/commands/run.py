@@ -8,6 +8,7 @@ import click
 from cnnum.cli.following import follow
 from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
 from cnnum.cli.output import Output
+from cnnum.cli.progress import COMPILING, busy
 from cnnum.cli.saving import FieldSaver, refuse_unwritable, save_option, watching
 
 if TYPE_CHECKING:
@@ -48,11 +49,13 @@ def command(
 
     Ctrl-C (or SIGTERM, SIGHUP) ends it with the summary of what was seen.
     """
-    from cnnum.scenes.pipeline import load_scene
-
     changes = scene_changes(settings, engine, device, precision)
     refuse_unwritable(save, trace)
-    loaded, output = load_scene(scene, changes=changes), Output(as_json)
+    output = Output(as_json)
+    with busy(COMPILING, as_json=as_json):
+        from cnnum.scenes.pipeline import load_scene
+
+        loaded = load_scene(scene, changes=changes)
     saver = FieldSaver(save, loaded)
     if trace is None:
         return follow(loaded, output, frames=frames, watch=saver.add, keep=saver.write)

@@ -11,6 +11,7 @@ from rich.text import Text
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, number, table
 from cnnum.cli.progress import progress
+from cnnum.cli.stopping import until_stopped
 
 if TYPE_CHECKING:
     from cnnum.lab.scoring import Measure, Report, Request
@@ -77,8 +78,17 @@ def command(
     used = Engine(engine, device=device, precision=precision)
     total = len(request.cases()) + len(request.scenes) + len(request.trials())
     output = Output(as_json)
-    with progress("scenes", total, as_json=as_json) as steps:
-        report = score(request, used, steps.advance)
+    report, done = None, 0
+    with until_stopped() as stop, progress("scenes", total, as_json=as_json) as steps:
+
+        def advance(name: str) -> None:
+            nonlocal done
+            done += 1
+            steps.advance(name)
+
+        report = score(request, used, advance)
+    if report is None:
+        return stop.say(done, total, "scenes, too few for a score", as_json=as_json)
     for record in report.records():
         output.record(record)
     output.show(*_parts(report))

@@ -11,6 +11,7 @@ from rich.table import Table
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
+from cnnum.cli.stopping import until_stopped
 from cnnum.errors import CnnumError, NotSupportedError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -71,13 +72,15 @@ def check(
             raise _nothing(name, left_out)
     output = Output(as_json)
     results: list[CheckResult] = []
-    with progress("checks", len(jobs), as_json=as_json) as steps:
+    with until_stopped() as stop, progress("checks", len(jobs), as_json=as_json) as steps:
         for job in jobs:
             results.append(job.run())
             output.record(asdict(results[-1]))
             steps.advance(job.name)
     failed = sum(not result.passed for result in results)
     output.show(_table(results), f"{len(results) - failed} of {len(results)} passed.")
+    if stop.stopped:
+        return stop.say(len(results), len(jobs), "checks", as_json=as_json)
     for item in left_out:
         click.echo(item.text, err=as_json)
     return CHECKS_FAILED if failed else 0
