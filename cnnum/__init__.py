@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cnnum.programs.transients import apply, shift, transient
     from cnnum.recordings.recording import Recording
     from cnnum.runs.result import Result
+    from cnnum.scenes.event_list import EventList
     from cnnum.scenes.events import Event
     from cnnum.scenes.pipeline import load_scene
     from cnnum.templating.files import load_template, save_template
@@ -42,6 +43,7 @@ _HOME = {
     "Result": "cnnum.runs.result",
     "CnnumError": "cnnum.errors",
     "Event": "cnnum.scenes.events",
+    "EventList": "cnnum.scenes.event_list",
     "Frame": "cnnum.frame",
     "Quality": "cnnum.frame",
     "RunSpec": "cnnum.graph.nodes",
@@ -77,6 +79,7 @@ __all__ = [
     "CnnumError",
     "Engine",
     "Event",
+    "EventList",
     "Field",
     "Frame",
     "Plan",

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from threading import RLock
 from types import MappingProxyType
 from typing import Any, cast
@@ -12,7 +13,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Shape
 from cnnum.engines.backend import open_backend
 from cnnum.engines.support import FUSING
-from cnnum.errors import ProgramError, TemplateError
+from cnnum.errors import MethodError, ProgramError, TemplateError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
@@ -29,6 +30,7 @@ from cnnum.programs.transients import Applied, transient
 from cnnum.runs.arguments import as_frame, channels_and_lead, has_many_cells, maps_by_role
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
 from cnnum.runs.result import Result, result_of
+from cnnum.runs.times import checked_times, run_at
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Duration, Template
@@ -202,6 +204,7 @@ class Engine:
         dt: float | None = None,
         force: bool = False,
         estimate: bool = False,
+        at: ArrayLike | None = None,
     ) -> Result:
         """Run one template's transient.
 
@@ -237,11 +240,15 @@ class Engine:
         estimate : bool
             Follow the error of fixed steps as that of others is: a step takes at least one more
             evaluation of the rates, and there are at most 100,000.
+        at : sequence of float, optional
+            Times in time constants, each after the one before, instead of a duration. Each stretch
+            between them is a run by the same method and tolerances.
 
         Returns
         -------
         Result
-            Leading axes are the batch that the arguments broadcast to.
+            Leading axes are the batch that the arguments broadcast to; with `at`, the times come
+            first: (times, ..., rows, cols).
 
         Raises
         ------
@@ -255,6 +262,11 @@ class Engine:
         """
         if not isinstance(template, Template):
             template = _by_name(template)
+        if at is not None:
+            return self._run_at(
+                template, at, duration, (input, previous, state, bias, mask),
+                method=method, rtol=rtol, atol=atol, dt=dt, force=force, estimate=estimate,
+            )  # fmt: skip
         arrays = (input, previous, state, bias, mask)
         asked = (duration, method, rtol, atol, dt, force, estimate)
         form = form_of(template, arrays, asked)
@@ -285,6 +297,22 @@ class Engine:
             outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in _outputs(template)}
         reason = solver.reason if ran is template else f"{NEVER_SATURATES}; {solver.reason}"
         return result_of(outputs, template.layers, solver.method, reason)
+
+    def _run_at(
+        self,
+        template: Template,
+        at: ArrayLike,
+        duration: Duration | None,
+        arrays: tuple[ArrayLike | None, ...],
+        **options: Any,
+    ) -> Result:
+        """Return the results at several times."""
+        if duration is not None:
+            raise MethodError(
+                "A run has a duration, or times 'at' which it is looked at: not both."
+            )
+        maps: dict[str, ArrayLike | None] = dict(zip(ROLES, arrays, strict=True))
+        return run_at(template, checked_times(at), partial(self.run, template, **options), maps)
 
     def _prepare(
         self,

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.errors import ArrayError
+from cnnum.sharing import html
 
 FORCE_AXES = ("shear_x", "shear_y", "normal")
 """The channels of a three-axial frame, in the order of its last axis."""
@@ -51,7 +52,7 @@ class Truth:
         return self.values.get(name, default)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Frame:
     """One scan of an array.
 
@@ -85,6 +86,30 @@ class Frame:
                 f"A frame with the channels {self.channels} must have the shape "
                 f"(rows, cols, {len(self.channels)}), got {self.values.shape}."
             )
+
+    def __repr__(self) -> str:
+        rows, cols = self.shape
+        flags = f", {self.quality.name}" if self.quality else ""
+        return (
+            f"Frame({self.sequence} at {self.time:.4f} s, {rows}×{cols}, "
+            f"{', '.join(self.channels)} in {self.unit}{flags})"
+        )
+
+    def _repr_html_(self) -> str:
+        top = float(np.nanmax(np.abs(self.values), initial=0.0))
+        shown = [html.picture(name, values, top) for name, values in self.maps().items()]
+        pairs = [("time", f"{self.time:.4f} s"), ("unit", self.unit)]
+        return html.facts(f"Frame {self.sequence}", pairs, shown)
+
+    def maps(self) -> dict[str, NDArray[np.float64]]:
+        """Return the (rows, cols) values of each channel by its name."""
+        return {name: self.values[..., n] for n, name in enumerate(self.channels)}
+
+    def plot(self, ax: object = None) -> object:
+        """Draw a map a channel with Matplotlib, and return the axes."""
+        from cnnum.sharing import plots
+
+        return plots.maps(self.maps(), ax, self.unit)
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -23,8 +23,12 @@ from cnnum.graph.nodes import Transient
 from cnnum.graph.parts import Parts, parts_of
 from cnnum.graph.schedule import LeftOut, Schedule
 from cnnum.graph.tracing import TraceStep, everything_kept, trace_steps
-from cnnum.integrators.cost import work
+from cnnum.integrators.cost import operation_flops, work
+from cnnum.sharing import html
 from cnnum.stream import Stream
+
+COSTLIEST = 12
+"""Operations of a plot."""
 
 HELD_BY_ALL = min(HELD.values())
 
@@ -107,7 +111,7 @@ class Explanation:
         return f" (with loops at their limits {self.ops_most} operations, {self.flops_most} flops)"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Plan:
     """A compiled program; call it with a frame or a batch of frames.
 
@@ -134,6 +138,30 @@ class Plan:
     solvers: Solvers
     executable: Executable
     backend: Backend
+
+    def __repr__(self) -> str:
+        rows, cols = self.schedule.shape
+        return (
+            f"Plan({self.program} on {rows}×{cols} cells, {self.engine} {self.precision}: "
+            f"{', '.join(self.schedule.outputs)})"
+        )
+
+    def _repr_html_(self) -> str:
+        head, *rest = str(self.explain()).splitlines()
+        pairs = [(name, about) for name, _, about in (line.strip().partition(" ") for line in rest)]
+        return html.facts(head, pairs)
+
+    def plot(self, ax: object = None) -> object:
+        """Draw the arithmetic of the costliest operations, and return the axes."""
+        from cnnum.sharing import plots
+
+        costs = [
+            (operation_flops(n, self.solvers.get(n.index), self.schedule.shape), n)
+            for n in self.built.nodes
+        ]
+        costs.sort(key=lambda cost: -cost[0])
+        named = {f"{n.operation} ({n.index})": float(flops) for flops, n in costs[:COSTLIEST]}
+        return plots.bars(named, ax, "flops a frame")
 
     @property
     def source(self) -> str:

@@ -1,7 +1,7 @@
 """Following a scene: its events as they come, and the summary of what was seen."""
 
 import sys
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import closing
 from math import degrees
 from typing import TYPE_CHECKING, cast
@@ -26,6 +26,7 @@ def follow(
     frames: int | None = None,
     watch: Callable[["FrameResult"], object] | None = None,
     finish: Callable[[], Mapping[str, str]] | None = None,
+    keep: Callable[[], Mapping[str, str]] | None = None,
 ) -> int:
     """Run a scene to its end, print events and the summary, and return the exit code.
 
@@ -40,10 +41,15 @@ def follow(
     finish : callable, optional
         Is called when the scene has ended by itself; what it returns, by name, goes into the
         summary.
+    keep : callable, optional
+        The same, but called however the scene has ended.
     """
+    from cnnum.scenes.scene_file import EVERYTHING
+
     known = getattr(scene.driver, "total_frames", None)
     total = min((n for n in (frames, known) if n is not None), default=None)
     code, more = 0, dict[str, str]()
+    shown = scene.fields if output.as_json and EVERYTHING not in scene.spec.wants else ()
     try:
         with (
             stoppable(),
@@ -53,6 +59,8 @@ def follow(
             for moment in moments:
                 for event in moment.events:
                     output.record(event.record(), event_text(event))
+                if shown and moment.outputs:
+                    _show_fields(output, moment, shown)
                 if moment.error is not None:
                     _name_bad(scene, output, moment.number)
                 if watch is not None:
@@ -66,8 +74,17 @@ def follow(
     finally:
         # also after an error: what was seen before it is not lost
         if not isinstance(sys.exc_info()[1], BrokenPipeError):
+            more |= keep() if keep is not None else {}
             summarise(scene, output, more)
     return code
+
+
+def _show_fields(output: Output, moment: "FrameResult", names: Sequence[str]) -> None:
+    """Print a record for each field of a frame that the scene wants by name."""
+    for name in names:
+        value = moment.outputs[name].tolist()
+        record = {"t": round(moment.frame.time, 6), "kind": "field", "frame": moment.number}
+        output.record(record | {"name": name, "value": value})
 
 
 def _name_bad(scene: "Scene", output: Output, number: int) -> None:

@@ -18,6 +18,9 @@ from rich.progress import (
 )
 from rich.text import Text
 
+COMPILING = "compiling…"
+"""What a command says while it opens a scene."""
+
 
 class _Rate(ProgressColumn):
     """Steps a second."""
@@ -71,3 +74,21 @@ def progress(unit: str, total: int | None, *, as_json: bool) -> Generator[Steps,
         redirect_stderr=False,
     ) as shown:
         yield Steps(shown, unit, total)
+
+
+@contextmanager
+def busy(text: str, *, as_json: bool) -> Generator[None, None, None]:
+    """Show on standard error what takes its time while the block runs, if it is a terminal.
+
+    Parameters
+    ----------
+    text : str
+        As in "compiling…".
+    as_json : bool
+        As of `progress`.
+    """
+    if not sys.stderr.isatty() or (as_json and sys.stdout.isatty()):
+        yield
+        return
+    with Console(stderr=True).status(text):
+        yield

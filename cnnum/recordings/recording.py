@@ -5,6 +5,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,7 @@ from cnnum.recordings.layout import Layout
 from cnnum.recordings.place import taken
 from cnnum.recordings.reader import look
 from cnnum.safety.names import checked_name, shown
+from cnnum.sharing import html, tables
 from cnnum.tactile.array_calibration import ArrayCalibration
 
 AXES = {"x": "shear_x", "y": "shear_y", "z": "normal"}
@@ -114,6 +116,40 @@ class Recording:
             f"Recording({frames} frames of {rows}×{cols}, {', '.join(self.axes)} in {self.unit}, "
             f"{self.rate:g} Hz, {self.times[-1] - self.times[0]:.3f} s)"
         )
+
+    def _repr_html_(self) -> str:
+        frames, rows, cols, _ = self.values.shape
+        pairs = [
+            ("frames", f"{frames} of {rows}×{cols} at {self.rate:g} Hz"),
+            ("axes", f"{', '.join(self.axes)} in {self.unit}"),
+            ("truth", ", ".join(self.truth) or "none"),
+        ]
+        last = {name: self.values[-1, ..., n] for n, name in enumerate(self.axes)}
+        shown = [html.picture(f"{name}, last frame", values) for name, values in last.items()]
+        return html.facts("Recording", pairs, shown)
+
+    def plot(self, ax: object = None) -> object:
+        """Draw the largest magnitude of each channel over time, and return the axes."""
+        from cnnum.sharing import plots
+
+        peaks = np.abs(self.values).max(axis=(1, 2))
+        named = {name: peaks[:, n] for n, name in enumerate(self.axes)}
+        return plots.lines(self.times, named, ax, ("time (s)", f"largest magnitude ({self.unit})"))
+
+    def to_xarray(self) -> Any:
+        """Return an `xarray.Dataset` with the axes time, row, col and axis (extra `tables`)."""
+        variables: dict[str, Any] = {"values": (("time", "row", "col", "axis"), self.values)}
+        variables["quality"] = (("time",), self.quality)
+        variables |= {name: (("time",), values) for name, values in self.truth.items()}
+        coordinates = {"time": (("time",), self.times), "axis": (("axis",), list(self.axes))}
+        return tables.dataset(variables, coordinates, {"unit": self.unit, "rate": self.rate})
+
+    def to_dataframe(self) -> Any:
+        """Return a `pandas.DataFrame`: a row a frame, a column a channel (extra `tables`)."""
+        columns: dict[str, Any] = {"time": self.times, "quality": self.quality}
+        for number, name in enumerate(self.axes):
+            columns |= tables.cell_columns(name, self.values[..., number])
+        return tables.data_frame(columns | dict(self.truth))
 
     @property
     def shape(self) -> tuple[int, int]:

@@ -5,7 +5,7 @@ from importlib import resources
 
 from cnnum.report import sections
 from cnnum.report.encoding import ReportData, to_json
-from cnnum.report.pictures.colours import style_rules
+from cnnum.sharing.colours import style_rules
 
 
 def page(data: ReportData) -> str:

@@ -10,8 +10,8 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.errors import ReportError
 from cnnum.graph.tracing import TraceStep
-from cnnum.report.pictures import colours
 from cnnum.safety.files import write_whole
+from cnnum.sharing import colours
 
 _SIDE = 132.0
 """Width of a picture, px."""

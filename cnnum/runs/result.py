@@ -3,14 +3,16 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.integrators.estimate import LOST
+from cnnum.sharing import html, tables
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Result:
     """What a template made of its maps.
 
@@ -43,6 +45,57 @@ class Result:
     error: Floats
     method: str
     reason: str
+
+    def __repr__(self) -> str:
+        facts = ", ".join(f"{name} {value}" for name, value in self._facts())
+        return f"Result({facts})"
+
+    def _facts(self) -> list[tuple[str, str]]:
+        settled = np.atleast_1d(self.settled)
+        return [
+            ("output", str(self.output.shape)),
+            ("time", f"{float(np.max(self.time)):.4g} τ"),
+            ("steps", str(int(np.max(self.steps)))),
+            ("settled", str(bool(settled.all()))),
+            ("error", f"{float(np.max(self.error)):.2g}"),
+            ("method", self.method),
+        ]
+
+    def maps(self) -> dict[str, Floats]:
+        """Return the (rows, cols) output and state of the first array and layer."""
+        parts = {"output": self.output, "state": self.state}
+        return {n: v.reshape(-1, *v.shape[-2:])[0] for n, v in parts.items()}
+
+    def _repr_html_(self) -> str:
+        shown = [html.picture(name, values) for name, values in self.maps().items()]
+        return html.facts("Result", [*self._facts(), ("reason", self.reason)], shown)
+
+    def plot(self, ax: object = None) -> object:
+        """Draw output and state of the first array and layer, and return the axes."""
+        from cnnum.sharing import plots
+
+        return plots.maps(self.maps(), ax)
+
+    def to_xarray(self) -> Any:
+        """Return an `xarray.Dataset` of output, state and figures (extra `tables`)."""
+        lead = [f"batch_{n}" for n in range(np.ndim(self.time))]
+        inner = self.output.ndim - len(lead)
+        axes = [*lead, *(("layer",) if inner == 3 else ()), "row", "col"]
+        figures = ("time", "steps", "settled", "error")
+        variables: dict[str, Any] = {
+            name: (axes, getattr(self, name)) for name in ("output", "state")
+        }
+        variables |= {name: (lead, getattr(self, name)) for name in figures}
+        return tables.dataset(variables, {}, {"method": self.method, "reason": self.reason})
+
+    def to_dataframe(self) -> Any:
+        """Return a `pandas.DataFrame` with a row a cell: its place, output, state."""
+        places = np.indices(self.output.shape).reshape(self.output.ndim, -1)
+        lead = self.output.ndim - 2
+        names = [*(f"axis_{n}" for n in range(lead)), "row", "col"]
+        columns: dict[str, Any] = dict(zip(names, places, strict=True))
+        columns |= {"output": self.output.ravel(), "state": self.state.ravel()}
+        return tables.data_frame(columns)
 
 
 def result_of(outputs: Mapping[str, Floats], layers: int, method: str, reason: str) -> Result:

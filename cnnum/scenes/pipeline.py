@@ -25,6 +25,7 @@ from cnnum.scenes.frame_range import ANY, FrameRange, range_for
 from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.push_watch import PushWatch
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene
+from cnnum.scenes.scene_record import SceneRecord
 from cnnum.scenes.strength_units import with_units
 from cnnum.scenes.summary import Summary
 from cnnum.stream import Stream
@@ -142,6 +143,8 @@ class Scene:
         What a good frame holds.
     dead : DeadCells or None
         Taxels whose values come from their neighbours.
+    offered : tuple of str
+        Outputs that the program gives, wanted or not.
     push : PushWatch
         Notices pushes that read as pulls.
     bad : BadFrames
@@ -156,6 +159,7 @@ class Scene:
     rules: tuple[EventRule, ...]
     range: FrameRange
     dead: DeadCells | None
+    offered: tuple[str, ...]
     push: PushWatch
     bad: BadFrames = field(default_factory=BadFrames)
     _micros: Histogram = field(default_factory=Histogram)
@@ -192,7 +196,7 @@ class Scene:
             raise
         within = _range(spec, driver, conversion, used.precision)
         push = PushWatch(program, plan.schedule.channels_read)
-        return cls(spec, used, driver, conversion, plan, rules, within, dead, push)
+        return cls(spec, used, driver, conversion, plan, rules, within, dead, tuple(outputs), push)
 
     def results(self) -> Iterator[FrameResult]:
         """Yield every frame with what came of it, until the source ends or the caller stops."""
@@ -227,6 +231,24 @@ class Scene:
         """Yield the events of the scene as they come."""
         for moment in self.results():
             yield from moment.events
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """Outputs of the program that the scene wants by name, besides events."""
+        wanted = set(self.spec.wants)
+        known = self.plan.schedule.outputs
+        return tuple(n for n in known if n in wanted and n not in EVENT_RULES) or tuple(
+            known if EVERYTHING in wanted else ()
+        )
+
+    def collect(self, frames: int | None = None) -> SceneRecord:
+        """Run the scene to its end, or for so many frames, and return its fields and events."""
+        record = SceneRecord(self.fields)
+        for moment in self.results():
+            record.add(moment.number, moment.frame.time, moment.outputs, moment.events)
+            if frames is not None and moment.number + 1 >= frames:
+                break
+        return record
 
     def trace(self, number: int) -> tuple[TraceStep, ...]:
         """Return every operation of the program with its result on one frame of the scene.

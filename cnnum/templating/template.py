@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Floats, digest, finite, frozen
 from cnnum.errors import TemplateError
 from cnnum.safety.names import checked_name
+from cnnum.sharing import html
 from cnnum.templating.boundary import Boundary, parse_boundary
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.output_functions import OutputFunction, output_function
@@ -230,11 +231,41 @@ class Template:
         """Whether all couplings are linear, at once, and constant in time."""
         return not self.nonlinear and self.delayed is None and not self.gains
 
+    def _repr_html_(self) -> str:
+        pairs = [
+            ("z", ", ".join(f"{z:g}" for z in self.z.tolist())),
+            ("boundary", f"{self.boundary} (state), {self.input_boundary} (input)"),
+            ("duration", self.duration if self.duration == "settle" else f"{self.duration:g} τ"),
+            ("output", self.output.name),
+            ("source", self.source or "not given"),
+        ]
+        shown = [html.picture(name, kernel) for name, kernel in kernels_of(self).items()]
+        return html.facts(self.name, pairs, shown)
+
+    def plot(self, ax: object = None) -> object:
+        """Draw the kernels of A and B with Matplotlib, and return the axes."""
+        from cnnum.sharing import plots
+
+        return plots.maps(kernels_of(self), ax)
+
     def __repr__(self) -> str:
         return (
             f"Template('{self.name}', layers={self.layers}, inputs={self.inputs}, "
             f"radius={self.radius}, boundary={self.boundary}, duration={self.duration})"
         )
+
+
+def kernels_of(template: Template) -> dict[str, Floats]:
+    """Return each (k, k) kernel of A and B by its name; a single one needs no indices."""
+    found: dict[str, Floats] = {}
+    for part in ("A", "B"):
+        couplings: Floats = getattr(template, part)
+        layers, sources = couplings.shape[:2]
+        for to in range(layers):
+            for source in range(sources):
+                name = part if layers * sources == 1 else f"{part}[{to}, {source}]"
+                found[name] = couplings[to, source]
+    return found
 
 
 def _couplings(template: str, part: str, value: ArrayLike) -> Floats:

@@ -19,7 +19,7 @@ HEAVY = {
     "zstandard": {"cnnum/recordings"},
     "lz4": {"cnnum/recordings"},
     "matplotlib": {"cnnum/report", "cnnum/lab/reproduce", "cnnum/lab/bench"},
-    "PIL": {"cnnum/pictures.py"},
+    "PIL": {"cnnum/pictures.py", "cnnum/report"},
     "numba": {"cnnum/engines/numba", "cnnum/lab/bench/peers"},
 }
 

@@ -7,6 +7,7 @@ import click
 from cnnum.cli.following import follow
 from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
 from cnnum.cli.output import Output
+from cnnum.cli.progress import COMPILING, busy
 
 
 @click.command("demo")
@@ -34,11 +35,13 @@ def command(
     released. The report shows the frames, the events against the ground truth, what the plan
     leaves out, and the error of the templates against their run time.
     """
-    from cnnum.cli.demo_report import DemoReport
-    from cnnum.scenes.pipeline import load_scene
-
     if not out.parent.is_dir():
         raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
-    scene = load_scene("demo", changes=scene_changes(settings, engine, device, precision))
+    changes = scene_changes(settings, engine, device, precision)
+    with busy(COMPILING, as_json=as_json):
+        from cnnum.cli.demo_report import DemoReport
+        from cnnum.scenes.pipeline import load_scene
+
+        scene = load_scene("demo", changes=changes)
     with DemoReport(scene, out, as_json=as_json) as report:
         return follow(scene, Output(as_json), watch=report.add, finish=report.write)

@@ -7,6 +7,8 @@ import click
 from cnnum.cli.following import follow
 from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
 from cnnum.cli.output import Output
+from cnnum.cli.progress import COMPILING, busy
+from cnnum.cli.saving import FieldSaver, refuse_unwritable, save_option
 
 RAW = ("count", "V")
 """Units of arrays that nothing is known of: no scene fits all of them."""
@@ -22,6 +24,7 @@ DEFAULT = "demo"
 )
 @set_option
 @engine_options
+@save_option
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after so many frames.")
 @json_option
 def command(
@@ -31,6 +34,7 @@ def command(
     engine: str | None,
     device: str | None,
     precision: str | None,
+    save: Path | None,
     frames: int | None,
     as_json: bool,
 ) -> int:
@@ -40,15 +44,18 @@ def command(
     folder of a uSkin trial. Only the array of the scene is replaced: its program and what it wants
     stay.
     """
-    from cnnum.drivers.recording_file import array_of
-    from cnnum.scenes.pipeline import load_scene
+    refuse_unwritable(save)
+    with busy(COMPILING, as_json=as_json):
+        from cnnum.drivers.recording_file import array_of
+        from cnnum.scenes.pipeline import load_scene
 
-    array = array_of(file)
-    given = scene_changes(settings, engine, device, precision)
-    if scene is None:
-        scene = _usual_scene(file, array, given)
-    loaded = load_scene(scene, changes={"array": array} | given)
-    return follow(loaded, Output(as_json), frames=frames)
+        array = array_of(file)
+        given = scene_changes(settings, engine, device, precision)
+        if scene is None:
+            scene = _usual_scene(file, array, given)
+        loaded = load_scene(scene, changes={"array": array} | given)
+    saver = FieldSaver(save, loaded)
+    return follow(loaded, Output(as_json), frames=frames, watch=saver.add, keep=saver.write)
 
 
 def _usual_scene(file: Path, array: dict[str, object], given: dict[str, object]) -> str:

@@ -10,6 +10,7 @@ from rich.text import Text
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, number, table, verdict
 from cnnum.cli.progress import progress
+from cnnum.cli.stopping import until_stopped
 
 if TYPE_CHECKING:
     from cnnum.lab.reproduce import Row
@@ -37,12 +38,16 @@ def command(items: tuple[str, ...], out: Path | None, as_json: bool) -> int:
 
     chosen, output = select(items), Output(as_json)
     rows: list[Row] = []
-    with progress("items", len(chosen), as_json=as_json) as steps:
+    if out is not None and not out.parent.is_dir():
+        raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
+    with until_stopped() as stop, progress("items", len(chosen), as_json=as_json) as steps:
         for row in run(chosen):
             rows.append(row)
             output.record(row.record())
             steps.advance(row.item.name)
     output.show(_table(rows), _summary(rows))
+    if stop.stopped:
+        return stop.say(len(rows), len(chosen), "items", as_json=as_json)
     if out is not None:
         _write(out, rows, as_json)
     return CHECKS_FAILED if any(row.passed is False for row in rows) else 0

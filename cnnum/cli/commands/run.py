@@ -8,6 +8,8 @@ import click
 from cnnum.cli.following import follow
 from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
 from cnnum.cli.output import Output
+from cnnum.cli.progress import COMPILING, busy
+from cnnum.cli.saving import FieldSaver, refuse_unwritable, save_option, watching
 
 if TYPE_CHECKING:
     from cnnum.scenes.pipeline import FrameResult, Scene
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
 @click.argument("scene")
 @set_option
 @engine_options
+@save_option
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after so many frames.")
 @click.option(
     "--trace",
@@ -36,6 +39,7 @@ def command(
     engine: str | None,
     device: str | None,
     precision: str | None,
+    save: Path | None,
     frames: int | None,
     trace: Path | None,
     trace_frame: int | None,
@@ -45,19 +49,24 @@ def command(
 
     Ctrl-C (or SIGTERM, SIGHUP) ends it with the summary of what was seen.
     """
-    from cnnum.scenes.pipeline import load_scene
-
     changes = scene_changes(settings, engine, device, precision)
-    loaded, output = load_scene(scene, changes=changes), Output(as_json)
+    refuse_unwritable(save, trace)
+    output = Output(as_json)
+    with busy(COMPILING, as_json=as_json):
+        from cnnum.scenes.pipeline import load_scene
+
+        loaded = load_scene(scene, changes=changes)
+    saver = FieldSaver(save, loaded)
     if trace is None:
-        return follow(loaded, output, frames=frames)
+        return follow(loaded, output, frames=frames, watch=saver.add, keep=saver.write)
     eventful: list[int] = []
 
     def watch(moment: "FrameResult") -> None:
         if moment.events and not eventful:
             eventful.append(moment.number)
 
-    code = follow(loaded, output, frames=frames, watch=watch)
+    watches = watching(watch, saver.add)
+    code = follow(loaded, output, frames=frames, watch=watches, keep=saver.write)
     number = trace_frame if trace_frame is not None else next(iter(eventful), 0)
     # a driver runs once: the scene is opened again for its trace
     _write_trace(trace, load_scene(scene, changes=changes), number)

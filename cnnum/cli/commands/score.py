@@ -12,6 +12,7 @@ from rich.text import Text
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, table
 from cnnum.cli.progress import progress
+from cnnum.cli.stopping import until_stopped
 
 if TYPE_CHECKING:
     from cnnum.lab.scoring import Request, Table
@@ -87,8 +88,20 @@ def command(
     request = _request(suite, count, quick, seed, leave_one_out, objects)
     used = Engine(engine, device=device, precision=precision)
     output = Output(as_json)
-    with progress("families and trials", request.steps, as_json=as_json) as steps:
-        tables = score(request, used, steps.advance)
+    tables, done = None, 0
+    with (
+        until_stopped() as stop,
+        progress("families and trials", request.steps, as_json=as_json) as steps,
+    ):
+
+        def advance(name: str) -> None:
+            nonlocal done
+            done += 1
+            steps.advance(name)
+
+        tables = score(request, used, advance)
+    if tables is None:
+        return stop.say(done, request.steps, "families and trials", as_json=as_json)
     for each in tables:
         for record in each.records():
             output.record(record)

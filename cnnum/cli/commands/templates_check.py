@@ -13,6 +13,7 @@ from cnnum.cli.commands.templates_choice import chosen, is_place
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
+from cnnum.cli.stopping import until_stopped
 from cnnum.errors import CnnumError, NotSupportedError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -75,7 +76,7 @@ def check(
             raise _nothing(name, left_out)
     output, begin = Output(as_json), time.perf_counter()
     results: list[CheckResult] = []
-    with progress("checks", len(jobs), as_json=as_json) as steps:
+    with until_stopped() as stop, progress("checks", len(jobs), as_json=as_json) as steps:
         for job in jobs:
             results.append(job.run())
             output.record(asdict(results[-1]))
@@ -84,6 +85,8 @@ def check(
     total = quantity(time.perf_counter() - begin, "s")
     passed = f"{len(results) - failed} of {len(results)} passed in {total}."
     output.show(_table(results), passed, *_notes(results))
+    if stop.stopped:
+        return stop.say(len(results), len(jobs), "checks", as_json=as_json)
     for item in left_out:
         click.echo(item.text, err=as_json)
     return CHECKS_FAILED if failed else 0

@@ -7,13 +7,15 @@ from cnnum.cli.output import Output, table
 
 
 @click.command("list")
+@click.option("--wide", is_flag=True, help="Show sizes and checks, too.")
 @json_option
-def list_templates(as_json: bool) -> None:
+def list_templates(wide: bool, as_json: bool) -> None:
     """List the templates of the library with what each does."""
     from cnnum.templating.library import get_template, template_names, template_path
 
     output = Output(as_json)
-    listed = table("Template", "group", ">layers", ">inputs", ">radius", "check", "what it does")
+    more = (">layers", ">inputs", ">radius", "check") if wide else ()
+    listed = table("Template", "group", *more, "what it does")
     for name in template_names():
         template = get_template(name)
         group = template_path(name).parent.name
@@ -30,9 +32,9 @@ def list_templates(as_json: bool) -> None:
                 "description": summary,
             }
         )
-        sizes = (str(n) for n in (template.layers, template.inputs, template.radius))
-        listed.add_row(template.name, group, *sizes, check, summary)
-    output.show(listed)
+        sizes = [str(n) for n in (template.layers, template.inputs, template.radius)]
+        listed.add_row(template.name, group, *((*sizes, check) if wide else ()), summary)
+    output.show(listed, spare=() if wide else ("group",))
 
 
 def first_sentence(text: str) -> str:

@@ -1,11 +1,13 @@
 """`cnnum templates show NAME`."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, facts, number
+from cnnum.cli.saving import refuse_unwritable
 
 if TYPE_CHECKING:
     from cnnum.templating.template import Template
@@ -13,9 +15,33 @@ if TYPE_CHECKING:
 
 @click.command("show")
 @click.argument("name")
+@click.option(
+    "--transient",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE.html|png|gif",
+    help="Run it on a picture, and write its state or output at several times.",
+)
+@click.option(
+    "--input",
+    "picture",
+    type=click.Path(path_type=Path),
+    help="Picture file to run it on; a ring, a bar and a dot unless given.",
+)
+@click.option("--times", type=click.IntRange(2, 1000), default=13, show_default=True, help="Times.")
+@click.option("--engine", help="Engine to run on: opencl, numba or reference.")
 @json_option
-def show(name: str, as_json: bool) -> None:
+def show(
+    name: str,
+    transient: Path | None,
+    picture: Path | None,
+    times: int,
+    engine: str | None,
+    as_json: bool,
+) -> None:
     """Show the template NAME of the library, or of a file: its numbers and all that goes along."""
+    if transient is not None:
+        refuse_unwritable(None, transient)
+        _refuse_unknown_kind(transient)
     from cnnum.templating.files import load_template
     from cnnum.templating.library import get_template
 
@@ -26,6 +52,30 @@ def show(name: str, as_json: bool) -> None:
     for part in ("A", "B"):
         for label, kernel in _kernels(part, getattr(template, part)):
             output.show(f"{label} =", _matrix(kernel), "")
+
+    if transient is not None:
+        _write_transient(template, transient, picture, times, engine)
+        output.record({"kind": "transient", "file": str(transient)}, f"Written: {transient}")
+
+
+def _refuse_unknown_kind(path: Path) -> None:
+    from cnnum.errors import name_error
+    from cnnum.report.transient_page import WRITERS
+
+    if path.suffix.lower() not in WRITERS:
+        raise name_error("kind of picture", path.suffix or path.name, WRITERS)
+
+
+def _write_transient(
+    template: "Template", path: Path, picture: Path | None, times: int, engine: str | None
+) -> None:
+    from cnnum.engine import Engine
+    from cnnum.pictures import load_picture
+    from cnnum.report.transient_page import default_picture, transient_of, write_transient
+
+    shown = default_picture() if picture is None else load_picture(picture)
+    at, result = transient_of(Engine(engine), template, shown, times)
+    write_transient(path, template, at, result)
 
 
 def _record(template: "Template") -> dict[str, object]:

@@ -5,10 +5,10 @@ from html import escape
 from math import atan2, degrees, hypot, isfinite
 
 from cnnum.report.key_frames import KeyFrame, key_frames
-from cnnum.report.pictures.colours import STEPS
 from cnnum.report.pictures.frame_picture import CELL, MapScale, arrow, frame_picture
 from cnnum.report.pictures.svg import picture, plain, text
 from cnnum.report.record import SceneRecord
+from cnnum.sharing.colours import STEPS
 
 
 def filmstrip(record: SceneRecord, scale: MapScale) -> str:

@@ -8,9 +8,9 @@ from math import hypot, isfinite
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.report.pictures.colours import step
 from cnnum.report.pictures.svg import at, picture, round_up
 from cnnum.report.record import NORMAL, SHEAR_X, SHEAR_Y, SceneRecord
+from cnnum.sharing.colours import step
 
 CELL = 10.0
 """Side of a taxel's square in the picture's units."""

@@ -1,0 +1,81 @@
+"""The option `--save`: fields of a scene into a file, beside its events."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from cnnum.scenes.pipeline import FrameResult, Scene
+
+save_option = click.option(
+    "--save",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE.npz|csv|nc",
+    help="Write the fields that the scene wants, a row a frame.",
+)
+
+
+class FieldSaver:
+    """Keeps the fields of a scene while it is followed, and writes them at its end.
+
+    Parameters
+    ----------
+    path : Path or None
+        Nothing is kept without one.
+    scene : Scene
+
+    Raises
+    ------
+    SceneError
+        If the scene wants no field.
+    """
+
+    def __init__(self, path: Path | None, scene: "Scene") -> None:
+        from cnnum.scenes.scene_record import SceneRecord, refuse_no_fields
+
+        self._path = path
+        self._record = SceneRecord(scene.fields)
+        if path is not None:
+            refuse_no_fields(scene.fields, scene.offered)
+
+    def add(self, moment: "FrameResult") -> None:
+        """Keep a moment."""
+        if self._path is not None:
+            self._record.add(moment.number, moment.frame.time, moment.outputs)
+
+    def write(self) -> Mapping[str, str]:
+        """Write the file, and return its place for the summary."""
+        if self._path is None:
+            return {}
+        self._record.save(self._path)
+        return {"saved": str(self._path)}
+
+
+def refuse_unwritable(save: Path | None, page: Path | None = None) -> None:
+    """Refuse files of an unknown kind, or in a folder that is not there, before the work.
+
+    Raises
+    ------
+    UnknownNameError, ReportError
+        Of the file of fields.
+    click.UsageError
+        Of the page.
+    """
+    if save is not None:
+        from cnnum.scenes.scene_record import suffix_of
+
+        suffix_of(save)
+    if page is not None and not page.parent.is_dir():
+        raise click.UsageError(f"There is no folder '{page.parent}' to write '{page.name}' to.")
+
+
+def watching(*watchers: Callable[["FrameResult"], object]) -> Callable[["FrameResult"], None]:
+    """Return what gives every moment to all watchers."""
+
+    def watch(moment: "FrameResult") -> None:
+        for each in watchers:
+            each(moment)
+
+    return watch

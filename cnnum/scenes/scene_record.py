@@ -1,0 +1,191 @@
+"""What a scene gave, frame by frame: events and the fields that it wants, to keep and to save."""
+
+from collections.abc import Callable, Iterable, Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.errors import ReportError, SceneError, name_error
+from cnnum.scenes.event_list import EventList
+from cnnum.scenes.events import Event
+from cnnum.sharing import tables
+
+FIELD_AXES = ("row", "col")
+
+
+class SceneRecord:
+    """Fields and events of the frames of a scene; frames that were bad or repeats are left out.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Outputs that are kept, in their order.
+
+    Attributes
+    ----------
+    events : EventList
+    """
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self.names = tuple(names)
+        self.events = EventList()
+        self._times: list[float] = []
+        self._numbers: list[int] = []
+        self._values: dict[str, list[Floats]] = {name: [] for name in self.names}
+
+    def add(
+        self,
+        number: int,
+        time: float,
+        outputs: Mapping[str, Floats],
+        events: Iterable[Event] = (),
+    ) -> None:
+        """Take in what came of a frame; without outputs, its events alone."""
+        self.events.extend(events)
+        if not outputs:
+            return
+        self._times.append(time)
+        self._numbers.append(number)
+        for name, values in self._values.items():
+            values.append(np.array(outputs[name]))
+
+    @property
+    def times(self) -> Floats:
+        """(frames,) time of every frame, s."""
+        return np.array(self._times)
+
+    @property
+    def numbers(self) -> np.ndarray:
+        """(frames,) number of every frame, from 0."""
+        return np.array(self._numbers, dtype=np.int64)
+
+    def __len__(self) -> int:
+        return len(self._times)
+
+    def __repr__(self) -> str:
+        fields = ", ".join(self.names) or "no field"
+        return f"SceneRecord({len(self)} frames with {fields}; {self.events!r})"
+
+    def __getitem__(self, name: str) -> Floats:
+        """Return (frames, rows, cols) or (frames,) values of a field.
+
+        Raises
+        ------
+        UnknownNameError
+            If it was not wanted.
+        """
+        if name not in self._values:
+            raise name_error("field", name, self.names)
+        return np.array(self._values[name])
+
+    def to_xarray(self) -> Any:
+        """Return an `xarray.Dataset` with the axes time, row and col (extra `tables`)."""
+        coordinates = {"time": (("time",), self.times), "frame": (("time",), self.numbers)}
+        return tables.dataset(self.variables(), coordinates, {})
+
+    def to_dataframe(self) -> Any:
+        """Return a `pandas.DataFrame` with a row a frame and a column a cell (extra `tables`)."""
+        columns: dict[str, Any] = {"time": self.times, "frame": self.numbers}
+        for name in self.names:
+            columns |= tables.cell_columns(name, self[name])
+        return tables.data_frame(columns)
+
+    def save(self, path: str | Path) -> None:
+        """Write the fields to a file: .npz, .csv or .nc (NetCDF 3).
+
+        Raises
+        ------
+        UnknownNameError
+            If the suffix is another one.
+        ReportError
+            If the file cannot be written.
+        """
+        target = Path(path)
+        suffix_of(target)
+        try:
+            WRITERS[target.suffix.lower()](target, self)
+        except OSError as error:
+            raise ReportError(f"'{target}' cannot be written: {error.strerror or error}.") from None
+
+    def variables(self) -> dict[str, tuple[tuple[str, ...], Floats]]:
+        """Return the axes and values of every field."""
+        values = {name: self[name] for name in self.names}
+        return {name: (("time", *FIELD_AXES[: v.ndim - 1]), v) for name, v in values.items()}
+
+
+def suffix_of(target: Path) -> None:
+    """Refuse a file of an unknown kind, or in a folder that is not there, before the work.
+
+    Raises
+    ------
+    UnknownNameError
+        If its suffix is none of `WRITERS`.
+    ReportError
+        If its folder is not there.
+    """
+    if target.suffix.lower() not in WRITERS:
+        raise name_error("kind of file", target.suffix or target.name, WRITERS)
+    if not target.parent.is_dir():
+        raise ReportError(f"There is no folder '{target.parent}' to write '{target.name}' to.")
+
+
+def _write_npz(path: Path, record: SceneRecord) -> None:
+    fields = {name: record[name] for name in record.names}
+    np.savez_compressed(path, allow_pickle=False, time=record.times, frame=record.numbers, **fields)
+
+
+def _write_csv(path: Path, record: SceneRecord) -> None:
+    import csv
+
+    columns: dict[str, Any] = {"time": record.times, "frame": record.numbers}
+    for name in record.names:
+        columns |= tables.cell_columns(name, record[name])
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+
+
+def _write_netcdf(path: Path, record: SceneRecord) -> None:
+    netcdf: Any = import_module("scipy.io").netcdf_file
+    named: dict[str, tuple[tuple[str, ...], Any]] = {
+        "time": (("time",), record.times),
+        "frame": (("time",), record.numbers.astype(np.int32)),
+        **record.variables(),
+    }
+    with netcdf(path, "w") as file:
+        for axes, values in named.values():
+            for axis, size in zip(axes, values.shape, strict=True):
+                if axis not in file.dimensions:
+                    file.createDimension(axis, size)
+        for name, (axes, values) in named.items():
+            kind = "i4" if name == "frame" else "f8"
+            file.createVariable(name, kind, axes)[:] = values
+        file.variables["time"].units = "s"
+
+
+WRITERS: Mapping[str, Callable[[Path, SceneRecord], None]] = {
+    ".npz": _write_npz,
+    ".csv": _write_csv,
+    ".nc": _write_netcdf,
+}
+"""By the suffix of the file."""
+
+
+def refuse_no_fields(names: tuple[str, ...], outputs: Iterable[str]) -> None:
+    """Refuse to save a scene that wants events alone.
+
+    Raises
+    ------
+    SceneError
+        With fields that it could want.
+    """
+    if not names:
+        some = ", ".join(list(outputs)[:12])
+        raise SceneError(
+            f"The scene wants events and no field, so there is nothing to save: add a field to its "
+            f"'wants', as in {some}."
+        )

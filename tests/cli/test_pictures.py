@@ -1,0 +1,82 @@
+"""Picture files in and out, and transients that can be seen."""
+
+import numpy as np
+import pytest
+
+import cnnum
+
+image = pytest.importorskip("PIL.Image")
+PICTURE = np.array([[1.0, -1.0, 0.0], [-1.0, 1.0, 0.5]])
+
+
+def test_a_picture_comes_back_within_a_grey_level(tmp_path):
+    for suffix in ("png", "bmp", "tiff"):
+        cnnum.save_picture(PICTURE, tmp_path / f"p.{suffix}")
+        back = cnnum.load_picture(tmp_path / f"p.{suffix}")
+        assert np.abs(back - PICTURE).max() <= 1 / 255  # half a level of 2/255
+    cnnum.save_picture(PICTURE, tmp_path / "large.png", scale=4)
+    assert cnnum.load_picture(tmp_path / "large.png").shape == (8, 12)
+
+
+def test_black_is_plus_one_and_what_is_transparent_is_white(tmp_path):
+    pixels = np.zeros((1, 3, 4), dtype=np.uint8)
+    pixels[0, :, 3] = (255, 0, 255)  # black, transparent, white
+    pixels[0, 2, :3] = 255
+    image.fromarray(pixels).save(tmp_path / "p.png")
+    assert cnnum.load_picture(tmp_path / "p.png").tolist() == [[1.0, -1.0, -1.0]]
+    assert cnnum.as_picture(np.array([[0, 255]], dtype=np.uint8)).tolist() == [[1.0, -1.0]]
+
+
+@pytest.mark.parametrize(
+    ("call_it", "said"),
+    [
+        (lambda at: cnnum.load_picture(at / "none.png"), "cannot be read as a picture"),
+        (lambda at: cnnum.load_picture(at / "text.png"), "no image that Pillow reads"),
+        (lambda at: cnnum.save_picture(PICTURE, at / "p.nothing"), "cannot be written"),
+        (lambda at: cnnum.save_picture(PICTURE, at / "no" / "p.png"), "cannot be written"),
+        (lambda at: cnnum.save_picture(np.zeros(3), at / "p.png"), "holds .rows, cols."),
+        (lambda at: cnnum.as_picture(PICTURE), "type bool or uint8"),
+    ],
+)
+def test_what_is_no_picture_is_one_sentence(tmp_path, call_it, said):
+    (tmp_path / "text.png").write_text("hello")
+    with pytest.raises(cnnum.CnnumError, match=said):
+        call_it(tmp_path)
+
+
+def test_a_transient_as_a_page_a_strip_and_a_moving_picture(call, tmp_path):
+    for suffix in ("html", "png", "gif"):
+        out = tmp_path / f"hole.{suffix}"
+        arguments = ("--transient", out, "--times", 5, "--engine", "numba")
+        done = call("templates", "show", "HOLE", *arguments)
+        assert done.exit_code == 0, done.stderr
+        assert f"Written: {out}" in done.stdout
+    text = (tmp_path / "hole.html").read_text()
+    assert text.count("<svg") == 5
+    assert "τ = 0<" in text
+    assert "http" not in text
+    with image.open(tmp_path / "hole.gif") as moving:
+        assert moving.n_frames > 1
+        first = np.asarray(moving.convert("L"))
+        moving.seek(moving.n_frames - 1)
+        assert (np.asarray(moving.convert("L")) < 128).sum() != (first < 128).sum()
+
+
+def test_a_picture_file_is_the_input(call, tmp_path):
+    dot = -np.ones((9, 9))
+    dot[3:6, 3:6] = 1.0
+    cnnum.save_picture(dot, tmp_path / "dot.png")
+    out = tmp_path / "edge.png"
+    options = ("--transient", out, "--input", tmp_path / "dot.png", "--times", 2)
+    assert call("templates", "show", "EDGE", *options, "--engine", "numba").exit_code == 0
+    last = np.asarray(image.open(out))[:, -126:]  # 9 cells of 14 pixels
+    black = (last[7::14, 7::14] < 128).astype(int)
+    assert black.sum() == 8
+    assert black[4, 4] == 0
+
+
+@pytest.mark.parametrize("name", ["t.wav", "no/t.html"])
+def test_what_cannot_be_written_is_said_before_anything(call, name):
+    done = call("templates", "show", "HOLE", "--transient", name)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert done.stderr.count("\n") == 1

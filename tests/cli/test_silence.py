@@ -1,0 +1,84 @@
+"""No silence: what takes its time says so, and what is stopped says how far it came."""
+
+import os
+import pty
+import select
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+WAIT = 60.0  # s after which a command counts as hung
+
+
+def on_a_terminal(arguments, until):
+    """Run a command on a terminal of 80 columns until it writes a text, or ends."""
+    here, there = pty.openpty()
+    began = time.monotonic()
+    process = subprocess.Popen(
+        [sys.executable, "-m", "cnnum", *map(str, arguments)],
+        stdin=there, stdout=there, stderr=there, env={**os.environ, "COLUMNS": "80"},
+    )  # fmt: skip
+    os.close(there)
+    seen = b""
+    try:
+        while time.monotonic() - began < WAIT and (not until or until.encode() not in seen):
+            if not select.select([here], [], [], 1.0)[0]:
+                continue
+            try:
+                seen += os.read(here, 1 << 16)
+            except OSError:  # the other end is closed
+                break
+        return seen.decode(errors="replace"), time.monotonic() - began
+    finally:
+        process.kill()
+        process.wait()
+        os.close(here)
+
+
+def test_compiling_is_said_at_once():
+    """Within half a second on a machine at rest; three here, as others work beside it."""
+    text, seconds = on_a_terminal(["run", "demo", "--engine", "numba"], "compiling…")
+    assert "compiling…" in text
+    assert seconds < 3.0
+
+
+def test_the_list_of_templates_fits_eighty_columns_and_says_what_they_do():
+    text, _ = on_a_terminal(["templates", "list"], "")
+    lines = text.splitlines()
+    assert max(len(line.replace("\x1b[1m", "").replace("\x1b[0m", "")) for line in lines) <= 80
+    assert "what it does" in text
+    assert "Outlines of black objects" in text
+    assert "No room" not in text
+
+
+def test_wide_has_the_sizes(call):
+    assert "radius" in call("templates", "list", "--wide").stdout
+    assert "radius" not in call("templates", "list").stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "what"),
+    [(["templates", "check", "--engine", "numba"], "checks"), (["reproduce"], "items")],
+)
+def test_a_stopped_command_prints_what_was_done(arguments, what):
+    command = [sys.executable, "-m", "cnnum", *arguments, "--json"]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as running:
+        assert running.stdout.readline().startswith("{")
+        running.send_signal(signal.SIGINT)
+        _, said = running.communicate(timeout=WAIT)
+        assert running.returncode == 130
+    assert "Stopped after " in said
+    assert said.rstrip().endswith(f" {what}.")
+
+
+@pytest.mark.parametrize("command", ["reproduce", "demo"])
+def test_a_folder_that_is_not_there_is_said_before_the_work(call, command):
+    began = time.monotonic()
+    done = call(command, "--out", "no/such/page.html")
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert "There is no folder 'no/such'" in done.stderr
+    assert time.monotonic() - began < 5.0  # all of either takes many times as long
