@@ -4,12 +4,14 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 from rich.table import Table
 
 from cnnum.cli.commands.templates_choice import chosen, is_place
+from cnnum.cli.commands.templates_design import report
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
@@ -86,6 +88,8 @@ def check(
     output.show(_table(results), passed, *_notes(results))
     for item in left_out:
         click.echo(item.text, err=as_json)
+    if len(names) == 1 and is_place(names[0]) and Path(names[0]).is_file() and not as_json:
+        report(_entries(names[0])[0].template, used[-1 if len(used) < 3 else 1], output)
     return CHECKS_FAILED if failed else 0
 
 
