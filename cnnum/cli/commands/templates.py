@@ -6,6 +6,7 @@ from cnnum.cli.commands.templates_audit import audit
 from cnnum.cli.commands.templates_check import check
 from cnnum.cli.commands.templates_convert import export, import_files
 from cnnum.cli.commands.templates_design import design
+from cnnum.cli.commands.templates_gallery import gallery
 from cnnum.cli.commands.templates_list import list_templates
 from cnnum.cli.commands.templates_measure import measure
 from cnnum.cli.commands.templates_show import show
@@ -23,7 +24,10 @@ def command(ctx: click.Context) -> None:
         click.echo(ctx.get_help())
 
 
-_MEMBERS = (list_templates, show, check, measure, audit, design, import_files, export)
+_MEMBERS = (
+    *(list_templates, show, check, design, measure, audit, gallery),
+    *(import_files, export),
+)
 
 for _member in _MEMBERS:
     command.add_command(_member)

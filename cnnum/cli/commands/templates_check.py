@@ -147,6 +147,8 @@ def _planned(
     programs = [name for name in names or checked_programs() if name in checked_programs()]
     listed = [n for n in names or template_names() if n not in programs]
     jobs = list[_Job]()
+    # the engine that figures are measured on compares all of them
+    usual = next((each for each in used if each.name == "numba"), None)
     for entry in (entry for name in listed for entry in _entries(name)):
         template = entry.template
         if names or template.check is not None:
@@ -159,7 +161,10 @@ def _planned(
                 repeats=repeats,
                 measured=entry.measured,
             )
-            jobs += [_Job(template.name, each.name, partial(run, engine=each)) for each in used]
+            jobs += [
+                _Job(template.name, each.name, partial(run, engine=each, thorough=each is usual))
+                for each in used
+            ]
     left_out = list[_LeftOut]()
     for form in (form for name in programs for form in program_forms(name)):
         run = partial(run_program_check, form, get_program(form.program), seed=seed, shape=shape)
