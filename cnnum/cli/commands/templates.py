@@ -2,14 +2,14 @@
 
 import click
 
-from cnnum.cli.commands.templates_audit import audit
-from cnnum.cli.commands.templates_check import check
-from cnnum.cli.commands.templates_convert import export, import_files
-from cnnum.cli.commands.templates_design import design
-from cnnum.cli.commands.templates_gallery import gallery
-from cnnum.cli.commands.templates_list import list_templates
-from cnnum.cli.commands.templates_measure import measure
-from cnnum.cli.commands.templates_show import show
+from cnnum.cli.library.templates_audit import audit
+from cnnum.cli.library.templates_check import check
+from cnnum.cli.library.templates_convert import export, import_files
+from cnnum.cli.library.templates_design import design
+from cnnum.cli.library.templates_gallery import gallery
+from cnnum.cli.library.templates_list import list_templates
+from cnnum.cli.library.templates_measure import measure
+from cnnum.cli.library.templates_show import show
 
 
 @click.group(

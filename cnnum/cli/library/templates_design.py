@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cnnum.cli.commands.templates_choice import is_place
+from cnnum.cli.library.templates_choice import is_place
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, facts, number, table
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import click
 from rich.table import Table
 
-from cnnum.cli.commands.templates_choice import chosen, is_place
-from cnnum.cli.commands.templates_design import report
+from cnnum.cli.library.templates_choice import chosen, is_place
+from cnnum.cli.library.templates_design import report
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
