@@ -2,11 +2,14 @@
 
 import click
 
-from cnnum.cli.commands.templates_check import check
-from cnnum.cli.commands.templates_convert import export, import_files
-from cnnum.cli.commands.templates_list import list_templates
-from cnnum.cli.commands.templates_measure import measure
-from cnnum.cli.commands.templates_show import show
+from cnnum.cli.library.templates_audit import audit
+from cnnum.cli.library.templates_check import check
+from cnnum.cli.library.templates_convert import export, import_files
+from cnnum.cli.library.templates_design import design
+from cnnum.cli.library.templates_gallery import gallery
+from cnnum.cli.library.templates_list import list_templates
+from cnnum.cli.library.templates_measure import measure
+from cnnum.cli.library.templates_show import show
 
 
 @click.group(
@@ -21,5 +24,10 @@ def command(ctx: click.Context) -> None:
         click.echo(ctx.get_help())
 
 
-for _member in (list_templates, show, check, measure, import_files, export):
+_MEMBERS = (
+    *(list_templates, show, check, design, measure, audit, gallery),
+    *(import_files, export),
+)
+
+for _member in _MEMBERS:
     command.add_command(_member)

@@ -146,7 +146,8 @@ def drift(template: Template, result: Result, measured: Measured) -> str:
     if template.digest != measured.digest:
         return "its numbers are not those that were measured"
     mean, rms = summary(result.state)
-    allowed = _ALLOWED * max(1.0, measured.rms)
+    # cells that chatter end anywhere within the tolerance of their check
+    allowed = max(_ALLOWED * max(1.0, measured.rms), form_of(template).tolerance)
     if not (abs(mean - measured.mean) <= allowed and abs(rms - measured.rms) <= allowed):
         return f"its states end at a mean of {mean:.4g} and {rms:.4g} rms"
     return ""

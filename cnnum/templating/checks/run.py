@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, as_shape
-from cnnum.templating.checks.measuring import SHAPE, drift
+from cnnum.templating.checks.measuring import SHAPE, drift, shifted
 from cnnum.templating.checks.records import Case, CheckResult
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.running import Engine, Result, run_case
@@ -28,6 +28,7 @@ def run_check(
     method: str = "auto",
     repeats: int = 5,
     measured: Measured | None = None,
+    thorough: bool = False,
 ) -> CheckResult:
     """Run a template on the pictures of its closed form and measure how far the result is from it.
 
@@ -46,6 +47,8 @@ def run_check(
         Timed runs after a first one; their median is reported, or the first's time for 0.
     measured : Measured, optional
         Figures that the run must also agree with; they are known of 8×8 cells and seed 0 alone.
+    thorough : bool
+        Also compare margin and settle time with them, which takes more runs.
 
     Returns
     -------
@@ -68,6 +71,8 @@ def run_check(
     error = _error(getattr(result, form.compares), form.expected(template, case))
     known = measured if seed == 0 and tuple(shape) == SHAPE else None
     note = drift(template, result, known) if known else ""
+    if known and thorough and not note:
+        note = shifted(template, engine, known)
     return CheckResult(
         template=template.name,
         engine=engine.name,

@@ -119,7 +119,7 @@ def _read(content: str, file: str) -> Entry:
             f"'{file}' holds {len(found)} templates ({names}, …), expected one: read it with "
             "`load_templates`."
         )
-    return found[0]
+    return next(iter(found))
 
 
 def _write(entry: Entry) -> str:

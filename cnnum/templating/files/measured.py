@@ -70,7 +70,7 @@ def _settle(file: str, key: str, value: object) -> tuple[tuple[int, float], ...]
     for item in cast("list[object]", value):
         pair = cast("list[object]", item) if isinstance(item, list) else []
         if len(pair) != 2:
-            raise wrong(file, key, "a list of pairs [cells, time constants]", value)
+            raise wrong(file, key, "a list of pairs [cells, time constants]", item)
         pairs.append((int(number(file, key, pair[0])), number(file, key, pair[1])))
     return tuple(pairs)
 

@@ -69,16 +69,22 @@ def _states(template: Template, pictures: Floats, rng: np.random.Generator) -> F
 def _steered(template: Template, rng: np.random.Generator, pictures: Floats, avoid: str) -> Floats:
     """Return pictures without the neighbourhoods in which a template stands on the fence."""
     rule = Rule(template.name, avoid)
+    near = _near(rule, template, pictures)
     for _ in range(_TRIES):
-        seen = Neighbourhood(as_black(pictures), template.input_boundary)
-        hit = rule(seen, as_black(pictures), seen)
-        near = np.asarray(ndimage.binary_dilation(hit, _SQUARE), dtype=np.bool_)
         if not near.any():
             return pictures
         flip = near & (rng.random(pictures.shape) < 0.15)
         pictures = np.where(flip, -pictures, pictures)
+        near = _near(rule, template, pictures)
     unclean = np.any(near, axis=(-2, -1), keepdims=True)
     return np.where(unclean, -1.0, pictures)
+
+
+def _near(rule: Rule, template: Template, pictures: Floats) -> NDArray[np.bool_]:
+    """Return the cells that a neighbourhood of the rule reaches."""
+    black = as_black(pictures)
+    seen = Neighbourhood(black, template.input_boundary)
+    return np.asarray(ndimage.binary_dilation(rule(seen, black, seen), _SQUARE), dtype=np.bool_)
 
 
 def _case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from cnnum.cli.commands.templates_choice import is_place
+from cnnum.cli.library.templates_choice import is_place
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output
 

@@ -4,12 +4,14 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 from rich.table import Table
 
-from cnnum.cli.commands.templates_choice import chosen, is_place
+from cnnum.cli.library.templates_choice import chosen, is_place
+from cnnum.cli.library.templates_design import report
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
@@ -89,6 +91,8 @@ def check(
         return stop.say(len(results), len(jobs), "checks", as_json=as_json)
     for item in left_out:
         click.echo(item.text, err=as_json)
+    if len(names) == 1 and is_place(names[0]) and Path(names[0]).is_file() and not as_json:
+        report(_entries(names[0])[0].template, used[-1 if len(used) < 3 else 1], output)
     return CHECKS_FAILED if failed else 0
 
 
@@ -146,6 +150,8 @@ def _planned(
     programs = [name for name in names or checked_programs() if name in checked_programs()]
     listed = [n for n in names or template_names() if n not in programs]
     jobs = list[_Job]()
+    # the engine that figures are measured on compares all of them
+    usual = next((each for each in used if each.name == "numba"), None)
     for entry in (entry for name in listed for entry in _entries(name)):
         template = entry.template
         if names or template.check is not None:
@@ -158,7 +164,10 @@ def _planned(
                 repeats=repeats,
                 measured=entry.measured,
             )
-            jobs += [_Job(template.name, each.name, partial(run, engine=each)) for each in used]
+            jobs += [
+                _Job(template.name, each.name, partial(run, engine=each, thorough=each is usual))
+                for each in used
+            ]
     left_out = list[_LeftOut]()
     for form in (form for name in programs for form in program_forms(name)):
         run = partial(run_program_check, form, get_program(form.program), seed=seed, shape=shape)

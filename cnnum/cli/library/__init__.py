@@ -1,0 +1,1 @@
+"""The commands of `cnnum templates`, one module each."""

@@ -1,0 +1,111 @@
+"""`cnnum templates design`: stability, steps, settle time, robustness and cost of one template."""
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cnnum.cli.library.templates_choice import is_place
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output, facts, number, table
+
+if TYPE_CHECKING:
+    from cnnum.engine import Engine
+    from cnnum.templating.template import Template
+
+
+@click.command("design")
+@click.argument("name")
+@click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
+@click.option("--weights", is_flag=True, help="Show how far each weight may go.")
+@json_option
+def design(name: str, engine: str, weights: bool, as_json: bool) -> None:
+    """Show what a designer asks of the template NAME, of the library or a file.
+
+    Its class of stability and why, the largest stable Euler step, settle time against array size,
+    margin, how often cells flip under mismatch and with coarse weights, and its cost.
+    """
+    from cnnum.engine import Engine
+    from cnnum.templating.files import load_template
+    from cnnum.templating.library import get_template
+
+    template = load_template(name) if is_place(name) else get_template(name)
+    report(template, Engine(engine), Output(as_json), weights=weights)
+
+
+def report(
+    template: "Template", engine: "Engine", output: Output, *, weights: bool = False
+) -> None:
+    """Print the figures of a template on an engine."""
+    from cnnum.integrators.stability import stability_bound
+    from cnnum.templating.checks.measuring import measure
+    from cnnum.templating.checks.robustness import flips, tolerances
+    from cnnum.templating.checks.stability_class import stability_class
+
+    kind = stability_class(template)
+    found = {
+        "template": template.name,
+        "stability": kind.name,
+        "why": kind.why,
+        "euler_step": stability_bound("euler", template, (8, 8)).step,
+        **_cost(template),
+    }
+    if template.check is None:
+        output.record(found)
+        output.show(facts(_lines(found)), "Name a check in [check] to have it measured.")
+        return
+    measured = measure(template, engine)
+    changes = flips(template, engine)
+    found |= {"settle": measured.settle, "margin": measured.margin}
+    output.record(found | {"flips": [asdict(change) for change in changes]})
+    output.show(facts(_lines(found)))
+    shown = table("change of the weights", ">templates that flip", ">wrong cells")
+    for change in changes:
+        shown.add_row(change.change, f"{100 * change.flipped:.0f} %", f"{100 * change.wrong:.2g} %")
+    output.show(shown)
+    if weights:
+        _weights(output, list(tolerances(template, engine)))
+
+
+def _cost(template: "Template") -> dict[str, Any]:
+    """Return multiplications a cell: of an evaluation of the rates, and of the input, once."""
+    linear = sum(int((part != 0.0).sum()) for part in _feedback(template))
+    dynamic = [c for c in template.nonlinear if not c.static]
+    tables = sum(int((c.weights != 0.0).sum()) for c in dynamic)
+    static = int((template.B != 0.0).sum())
+    return {"products_a_step": linear, "tables_a_step": tables, "products_once": static}
+
+
+def _feedback(template: "Template") -> list[Any]:
+    late = template.delayed
+    return [template.A, *([late.A, late.B] if late else [])]
+
+
+def _lines(found: dict[str, Any]) -> list[tuple[str, str]]:
+    settle = ", ".join(f"{n}×{n}: {number(t)} τ" for n, t in found.get("settle", ()))
+    margin = found.get("margin")
+    return [
+        ("template", found["template"]),
+        ("stability", f"{found['stability']}. {found['why']}"),
+        ("largest Euler step", f"{number(found['euler_step'])} τ"),
+        ("settles within", settle or "not measured"),
+        ("margin of the bias", "none: a gray answer" if margin is None else number(margin)),
+        ("cost of a cell", _spent(found)),
+    ]
+
+
+def _spent(found: dict[str, Any]) -> str:
+    step, tables, once = (
+        found[key] for key in ("products_a_step", "tables_a_step", "products_once")
+    )
+    return f"{step} products and {tables} table look-ups a step, {once} products once"
+
+
+def _weights(output: Output, found: list[Any]) -> None:
+    shown = table("weight", ">value", ">down", ">up")
+    for one in found:
+        output.record(asdict(one))
+        shown.add_row(
+            one.weight, number(one.value, 4), *(f"{100 * x:.0f} %" for x in (one.down, one.up))
+        )
+    output.show(shown, "The largest change that was tried of one weight with no wrong cell.")

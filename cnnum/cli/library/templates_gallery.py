@@ -1,0 +1,41 @@
+"""`cnnum templates gallery`: one page of all templates."""
+
+from functools import partial
+from pathlib import Path
+
+import click
+
+from cnnum.cli.library.templates_choice import chosen
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output
+from cnnum.cli.progress import progress
+
+
+@click.command("gallery")
+@click.argument("names", nargs=-1, metavar="[NAMES]...")
+@click.option("--out", default="gallery.html", show_default=True, help="The page's file.")
+@click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
+@json_option
+def gallery(names: tuple[str, ...], out: str, engine: str, as_json: bool) -> None:
+    """Write one searchable page of templates with their pictures, numbers and checks.
+
+    NAMES are templates, files or folders; the whole library unless given. The page needs no other
+    file and no network.
+    """
+    from cnnum.engine import Engine
+    from cnnum.report.gallery import Card, filmstrip, gallery_page
+    from cnnum.templating.checks import run_check
+    from cnnum.templating.files import load_entry
+    from cnnum.templating.files.writing import write_text
+
+    used, files, found = Engine(engine), chosen(names), list[Card]()
+    check = partial(run_check, engine=used, repeats=1)
+    with progress("templates", len(files), as_json=as_json) as steps:
+        for path in files:
+            entry = load_entry(path)
+            result = check(entry.template, measured=entry.measured)
+            strip = filmstrip(entry.template, used)
+            found.append(Card(entry, path.parent.name, strip, result))
+            steps.advance(entry.template.name)
+    write_text(Path(out), gallery_page(found))
+    Output(as_json).record({"templates": len(found), "file": out}, f"{len(found)} templates: {out}")

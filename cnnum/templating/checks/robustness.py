@@ -1,0 +1,149 @@
+"""How much the weights of a template may be off before a cell of its check is wrong."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.errors import CnnumError
+from cnnum.templating.checks.measuring import SHAPE
+from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.checks.registry import form_of
+from cnnum.templating.checks.running import Engine, run_case
+from cnnum.templating.template import Template
+
+MISMATCHES = (0.01, 0.02, 0.05, 0.10)
+BITS = (8, 7, 6)
+STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
+"""Relative changes of one weight that are tried."""
+
+_DRAWS = 10
+
+
+@dataclass(frozen=True, slots=True)
+class Flips:
+    """How a changed template does on its check.
+
+    Attributes
+    ----------
+    change : str
+        "mismatch 5 %" or "7 bits".
+    flipped : float
+        Share of the drawn templates with a wrong cell.
+    wrong : float
+        Share of wrong cells over all of them.
+    """
+
+    change: str
+    flipped: float
+    wrong: float
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far one weight may go with no wrong cell.
+
+    Attributes
+    ----------
+    weight : str
+        As in "B[0, 2]", "z", rows and columns from the north-west.
+    value : float
+    down, up : float
+        Largest relative changes of those tried, 0 where the smallest flips a cell already.
+    """
+
+    weight: str
+    value: float
+    down: float
+    up: float
+
+
+def flips(template: Template, engine: Engine, *, seed: int = 0) -> tuple[Flips, ...]:
+    """Return how often random mismatch and coarse weights make cells wrong.
+
+    Mismatch multiplies every number of A, B and z by 1 plus a normal number of that width; a
+    number of b bits is a whole multiple of the largest of its matrices over 2^(b−1) − 1.
+    """
+    job = _Job(template, engine)
+    rng = np.random.default_rng(seed)
+    found = list[Flips]()
+    for width in MISMATCHES:
+        shares = [job.wrong(_scaled(template, _mismatch(rng, width))) for _ in range(_DRAWS)]
+        found.append(_flips(f"mismatch {100.0 * width:g} %", shares))
+    for bits in BITS:
+        found.append(_flips(f"{bits} bits", [job.wrong(_coarse(template, bits))]))
+    return tuple(found)
+
+
+def tolerances(template: Template, engine: Engine) -> Iterator[Tolerance]:
+    """Yield for every number of A, B and z how far it may go."""
+    job = _Job(template, engine)
+    for part in ("A", "B", "z"):
+        array: Floats = getattr(template, part)
+        for index in [tuple(place) for place in np.argwhere(array).tolist()]:
+            down, up = (_reach(job, part, index, sign) for sign in (-1.0, 1.0))
+            label = f"{part}{list(index[-2:])}" if part != "z" else "z"
+            if template.layers > 1:
+                label += f" of {list(index[: 2 if part != 'z' else 1])}"
+            yield Tolerance(label, float(array[index]), down, up)
+
+
+class _Job:
+    """The check of a template, on changed ones."""
+
+    def __init__(self, template: Template, engine: Engine) -> None:
+        self.template, self.engine = template, engine
+        self.form: ClosedForm = form_of(template)
+        self.case: Case = self.form.cases(template, np.random.default_rng(0), SHAPE)
+        self.expected = self.form.expected(template, self.case)
+
+    def wrong(self, changed: Template) -> float:
+        """Return the share of cells that are wrong: off by half a colour, or the tolerance."""
+        allowed = 0.5 if self.form.digital else self.form.tolerance
+        try:
+            result = run_case(changed, self.engine, self.case, self.form.rtol)
+        except CnnumError:
+            return 1.0  # it diverges
+        found = np.asarray(getattr(result, self.form.compares), dtype=np.float64)
+        return float(np.mean(~(np.abs(found - self.expected) <= allowed)))
+
+
+def _reach(job: _Job, part: str, index: tuple[int, ...], sign: float) -> float:
+    array: Floats = getattr(job.template, part)
+    reached = 0.0
+    for step in STEPS:
+        moved = array.copy()
+        moved[index] *= 1.0 + sign * step
+        if job.wrong(replace(job.template, **_given(part, moved))) > 0.0:
+            break
+        reached = step
+    return reached
+
+
+def _given(part: str, array: Floats) -> dict[str, Any]:
+    return {part: array.tolist() if part == "z" else array}
+
+
+def _scaled(template: Template, change: Callable[[Floats], Floats]) -> Template:
+    parts: dict[str, Any] = {"A": change(template.A), "z": change(template.z).tolist()}
+    if template.inputs:
+        parts["B"] = change(template.B)
+    return replace(template, **parts)
+
+
+def _mismatch(rng: np.random.Generator, width: float) -> Callable[[Floats], Floats]:
+    return lambda array: array * (1.0 + width * rng.normal(size=array.shape))
+
+
+def _coarse(template: Template, bits: int) -> Template:
+    def rounded(array: Floats) -> Floats:
+        step = max(float(np.abs(array).max(initial=0.0)), 1e-30) / (2 ** (bits - 1) - 1)
+        return np.asarray(step * np.rint(array / step), dtype=np.float64)
+
+    return _scaled(template, rounded)
+
+
+def _flips(change: str, shares: list[float]) -> Flips:
+    return Flips(change, float(np.mean([s > 0.0 for s in shares])), float(np.mean(shares)))

@@ -1,0 +1,85 @@
+"""The page of the template library; `python docs/figures/library_page.py` writes it anew.
+
+It writes `docs/template-library.md` from the template files. A test holds the page to them.
+"""
+
+from collections import defaultdict
+from pathlib import Path
+
+from cnnum.templating.files import Entry
+from cnnum.templating.library import get_entry, template_names, template_path
+
+PAGE = Path(__file__).parents[1] / "template-library.md"
+
+
+HEAD = """# The template library
+
+{count} templates: the classic ones of the CNN Software Library, MatCNN, CNNSim and others, whose
+numbers were read in the named files, and those of this project. Each is one TOML file with its
+numbers, source, boundary, initial state, duration, what its input and state mean, the check that
+it must pass, and its measured figures.
+
+* `cnnum templates gallery` writes one searchable page with pictures of each along its run.
+* `cnnum templates check` runs every check on every engine; `NAMES` may be files and folders.
+* `cnnum templates audit` counts the wrong cells with the boundaries 0, -1 and zero-flux.
+* `cnnum templates measure` writes the figures of the tables below into the files.
+
+*Settles*: time constants until the outputs rest, on squares of 8, 12 and 16 cells. *Margin*: how
+much may be added to the bias, and taken from it, with no wrong cell; a gray answer has none. Both
+are of the pictures of the check.
+
+## Experimental templates
+
+Of {experimental} templates ({share:.1f} %) no check shows that they do their job. Most of them are
+checked against a refined solution of their own equation: an engine runs them right, no more.
+
+| template | why |
+|---|---|
+{reasons}
+"""
+
+
+def page() -> str:
+    """Return the page."""
+    entries = {name: get_entry(name) for name in template_names()}
+    groups = defaultdict[str, list[Entry]](list)
+    for name, entry in entries.items():
+        groups[template_path(name).parent.name].append(entry)
+    doubtful = [entry for entry in entries.values() if entry.about.experimental]
+    head = HEAD.format(
+        count=len(entries),
+        experimental=len(doubtful),
+        share=100.0 * len(doubtful) / len(entries),
+        reasons="\n".join(
+            f"| {e.template.name} | {_line(e.about.experimental)} |" for e in doubtful
+        ),
+    )
+    return head + "".join(_group(folder, groups[folder]) for folder in sorted(groups))
+
+
+def _group(folder: str, entries: list[Entry]) -> str:
+    rows = "\n".join(_row(entry) for entry in entries)
+    return f"""
+## {folder}
+
+| template | what it does | check | settles (τ) | margin |
+|---|---|---|---|---|
+{rows}
+"""
+
+
+def _row(entry: Entry) -> str:
+    template, measured, check = entry.template, entry.measured, entry.template.check
+    first, stop, _ = _line(template.description).partition(". ")
+    times = ", ".join(f"{time:g}" for _, time in measured.settle) if measured else ""
+    margin = "" if measured is None or measured.margin is None else f"{measured.margin:g}"
+    cells = (template.name, first + stop.strip(), check.name if check else "", times, margin)
+    return f"| {' | '.join(cells)} |"
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,17 @@
+"""The page of the template library says what the template files say."""
+
+import importlib.util
+from pathlib import Path
+
+from cnnum import template_names
+
+SCRIPT = Path(__file__).parents[2] / "docs/figures/library_page.py"
+
+
+def test_the_page_is_that_of_the_files():
+    spec = importlib.util.spec_from_file_location("library_page", SCRIPT)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    written = module.PAGE.read_text(encoding="utf-8")
+    assert written == module.page(), "run python docs/figures/library_page.py"
+    assert all(f"| {name} | " in written for name in template_names())

@@ -1,0 +1,135 @@
+"""What designers are told: stability, robustness, measured figures, the audit of boundaries."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cnnum import Engine, Template, get_template
+from cnnum.errors import TemplateError
+from cnnum.templating.checks import run_check
+from cnnum.templating.checks.audit import audit
+from cnnum.templating.checks.measuring import measure, shifted
+from cnnum.templating.checks.robustness import flips, tolerances
+from cnnum.templating.checks.stability_class import stability_class
+from cnnum.templating.files import load_entry, write_measured
+from cnnum.templating.library import get_entry, template_path
+
+
+@pytest.fixture(scope="module")
+def engine():
+    return Engine("numba")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [
+        ("EROSION", "linear and stable"),
+        ("THRES", "bistable cells"),
+        ("EDGE", "monostable cells"),
+        ("HOLE", "symmetric A"),
+        ("SHADOW", "feed-forward"),
+        ("LIFE", "unknown"),
+        ("MEDIAN", "unknown"),
+        ("HERRING", "unknown"),
+        ("CCD_HOR", "unknown"),
+    ],
+)
+def test_classes_of_stability(name, kind):
+    assert stability_class(get_template(name)).name == kind
+
+
+def test_positive_weights_that_are_not_symmetric_link_cells():
+    template = Template("mine", A=[[0, 1, 0], [0.5, 2, 1], [0, 1, 0]])
+    assert stability_class(template).name == "positive cell-linking"
+
+
+@pytest.mark.parametrize("name", ["HOLE", "EDGE", "MATCNN_SKL1"])
+def test_measured_figures_are_measured_again(engine, name):
+    known, found = get_entry(name).measured, measure(get_template(name), engine)
+    assert found.digest == known.digest
+    assert found.mean == pytest.approx(known.mean, abs=1e-3)
+    assert found.margin == pytest.approx(known.margin, rel=0.3)
+    assert [n for n, _ in found.settle] == [8, 12, 16]
+    assert not shifted(get_template(name), engine, known)
+
+
+def test_a_margin_is_where_a_bias_flips_a_cell(engine):
+    template = get_template("EDGE")  # the least drive of a cell is 1
+    margin = measure(template, engine).margin
+    assert 0.75 < margin < 1.0
+    wrong = replace(get_entry("EDGE").measured, margin=4.0)
+    assert "flips a cell" in shifted(template, engine, wrong)
+    assert "flips no cell" in shifted(template, engine, replace(wrong, margin=0.3))
+    assert "settles after" in shifted(
+        template, engine, replace(wrong, margin=None, settle=((8, 90.0),))
+    )
+
+
+def test_every_weight_that_is_off_by_a_fifth_is_seen(engine):
+    """The check of a robust decision alone lets most of them pass; the digest lets none."""
+    entry, passed = get_entry("HOLE"), 0
+    for n in range(entry.template.A.size):
+        changed = entry.template.A.copy()
+        changed.flat[n] *= 1.2
+        if changed.flat[n]:
+            template = replace(entry.template, A=changed)
+            assert not run_check(template, engine, repeats=0, measured=entry.measured).passed
+            passed += run_check(template, engine, repeats=0).passed
+    assert passed > 2
+
+
+def test_an_end_state_that_moved_is_seen(engine):
+    entry = get_entry("HOLE")
+    changed = replace(entry.template, A=1.2 * entry.template.A)
+    known = replace(entry.measured, digest=changed.digest)
+    found = run_check(changed, engine, repeats=0, measured=known)
+    assert not found.passed
+    assert "its states end at" in found.note
+
+
+def test_robustness_falls_with_mismatch(engine):
+    found = {one.change: one.flipped for one in flips(get_template("HOLE"), engine)}
+    assert found["mismatch 1 %"] == 0.0
+    assert found["8 bits"] == 0.0
+    fragile = {one.change: one.flipped for one in flips(get_template("MULLER"), engine)}
+    assert fragile["mismatch 10 %"] > 0.5
+
+
+def test_each_weight_has_a_reach(engine):
+    found = {one.weight: one for one in tolerances(get_template("THRES"), engine)}
+    assert set(found) == {"A[1, 1]", "z"}
+    assert found["z"].value == pytest.approx(-0.4)
+    assert 0.0 < found["z"].up < 0.5  # gray values come within 0.05 of the threshold
+
+
+def test_the_audit_finds_the_wrong_boundaries(engine):
+    hole = audit(get_template("HOLE"), engine)
+    assert hole.wrong[0] > 0
+    assert hole.wrong[1] == 0
+    assert hole.wrong[2] > 0
+    assert audit(get_template("DIFFUS"), engine) is None
+
+
+def test_figures_replace_those_of_before_and_nothing_else(tmp_path):
+    path = tmp_path / "hole.toml"
+    text = template_path("HOLE").read_text(encoding="utf-8").replace("z = ", "# mine\nz = ")
+    path.write_text(text, encoding="utf-8")
+    entry = load_entry(path)
+    write_measured(path, replace(entry.measured, margin=0.25))
+    again = path.read_text(encoding="utf-8")
+    assert load_entry(path).measured.margin == 0.25
+    assert again.count("[measured]") == 1
+    assert "# mine" in again
+    assert again.partition("[measured]")[0] == text.partition("[measured]")[0]
+
+
+def test_a_wrong_table_of_figures_is_named(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('name = "mine"\nA = [[1.0]]\n[measured]\ndigest = "a"\nspeed = 1.0\n')
+    with pytest.raises(TemplateError, match="'measured' has the keys digest, mean"):
+        load_entry(path)
+
+
+def test_states_that_are_not_numbers_are_no_figures(engine):
+    assert np.isfinite(measure(get_template("LOGNOT"), engine).rms)
