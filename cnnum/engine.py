@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Shape
 from cnnum.engines.backend import open_backend
@@ -24,12 +24,11 @@ from cnnum.integrators.linear_range import as_linear, stays_linear
 from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.programs import Program
-from cnnum.programs.fields import Field
-from cnnum.programs.machine import FrameFields
-from cnnum.programs.transients import Applied, transient
 from cnnum.runs.arguments import as_frame, channels_and_lead, has_many_cells, maps_by_role
+from cnnum.runs.graph import graph_of, output_names
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
 from cnnum.runs.result import Result, result_of
+from cnnum.runs.settling import at_rest
 from cnnum.runs.times import checked_times, run_at
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.library import get_template
@@ -271,20 +270,60 @@ class Engine:
         asked = (duration, method, rtol, atol, dt, force, estimate)
         form = form_of(template, arrays, asked)
         prepared = None if form is None else self._prepared.get(form)
+        settles = (template.duration if duration is None else duration) == "settle"
         result = None if prepared is None else prepared.run(arrays)
-        if result is not None:
+        if result is not None and not settles:
             return result
         given, shape = maps_by_role(template, dict(zip(ROLES, arrays, strict=True)))
-        names, lead = channels_and_lead(given)
         spec = RunSpec(duration, method, rtol, atol, dt, force=force, estimate=estimate)
+        if result is None:
+            result = self._run(template, given, shape, spec, form if prepared is None else None)
+        return self._at_rest(result, template, given, shape, spec) if settles else result
+
+    def _at_rest(
+        self,
+        result: Result,
+        template: Template,
+        given: dict[str, NDArray[np.floating]],
+        shape: Shape,
+        spec: RunSpec,
+    ) -> Result:
+        """Return the result of a run to equilibrium, which runs on where there is none yet."""
+        if result.method == "propagator" and self.name != "reference":
+            return result  # exact; the reference engine steps there all the same
+
+        def again(given: dict[str, NDArray[np.floating]], duration: float) -> Result:
+            return self._run(template, given, shape, replace(spec, duration=duration), None)
+
+        return at_rest(
+            result,
+            template,
+            given,
+            again,
+            limit=spec.settle_limit,
+            rtol=spec.rtol,
+            atol=spec.atol,
+            precision=self.precision,
+        )
+
+    def _run(
+        self,
+        template: Template,
+        given: dict[str, NDArray[np.floating]],
+        shape: Shape,
+        spec: RunSpec,
+        form: Form | None,
+    ) -> Result:
+        """Run maps by role; a run of a form that is given is kept ready, if there is anything."""
+        names, lead = channels_and_lead(given)
         check_spec(spec)
-        exact = dt is None and method in ("auto", "propagator")
+        exact = spec.dt is None and spec.method in ("auto", "propagator")
         ran = as_linear(template) if exact and stays_linear(template, given) else template
         plan = self._plan_for((ran.digest, shape, names, spec), ran, shape, names, spec)
         outputs = plan.run_large(list(given.values()), lead) if has_many_cells(shape) else None
         if outputs is None:
             outputs = plan.run_finite(as_frame(given, lead, np.dtype(self.precision)))
-        if form is not None and prepared is None:
+        if form is not None:
             self._prepare(form, template, plan, given, exact=exact)
         (solver,) = plan.solvers.values()
         if solver.forced:
@@ -294,7 +333,7 @@ class Engine:
             }
         if ran is not template:
             # rounding may lie beyond 1
-            outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in _outputs(template)}
+            outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in output_names(template)}
         reason = solver.reason if ran is template else f"{NEVER_SATURATES}; {solver.reason}"
         return result_of(outputs, template.layers, solver.method, reason)
 
@@ -345,20 +384,10 @@ class Engine:
             with self._turn:
                 plan = self._plans.get(key)
                 if plan is None:
-                    plan = self._plans[key] = self._transient_plan(template, shape, names, spec)
+                    plan = self._plans[key] = self._build(
+                        template.name, graph_of(template, shape, names, spec), names, None
+                    )
         return plan
-
-    def _transient_plan(
-        self, template: Template, shape: Shape, names: tuple[str, ...], spec: RunSpec
-    ) -> Plan:
-        graph = Graph(shape)
-        applied = _applied(FrameFields(graph, names), template, spec)
-        for layer in range(template.layers):
-            graph.outputs[f"output {layer}"] = applied.outputs[layer].node
-            graph.outputs[f"state {layer}"] = applied.states[layer].node
-        for figure in ("time", "steps", "settled", "error"):
-            graph.outputs[figure] = getattr(applied, figure).node
-        return self._build(template.name, graph, names, None)
 
 
 def _by_name(template: object) -> Template:
@@ -369,23 +398,3 @@ def _by_name(template: object) -> Template:
             "program runs by engine.compile."
         )
     return get_template(template)
-
-
-def _outputs(template: Template) -> list[str]:
-    return [f"output {layer}" for layer in range(template.layers)]
-
-
-def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
-    def role(name: str) -> list[Field] | None:
-        return [frame.channel(c) for c in frame.channels if c.startswith(name)] or None
-
-    mask = role("mask")
-    return transient(
-        template,
-        input=role("input"),
-        previous=role("previous"),
-        state=role("state"),
-        bias=role("bias"),
-        mask=mask[0] > 0.5 if mask else None,
-        spec=spec,
-    )

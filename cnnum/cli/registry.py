@@ -18,6 +18,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "Measure error against run time, speed, latency and the peers.",
     ),
     "devices": (f"{ROOM}.devices", "Show the OpenCL devices and what they reach."),
+    "stability": (
+        f"{ROOM}.stability",
+        "Run stiff, marginal and extreme cases on every engine.",
+    ),
     "reproduce": (
         f"{ROOM}.reproduce",
         "Compare the dissertation's numbers and figures with ours.",

@@ -16,6 +16,10 @@ DENSE_LIMIT = 1024
 """Cells of all layers above which the dense product is not offered: its matrices take n² numbers,
 and time stepping with few taps is cheaper."""
 
+EXPONENTIAL = 32.0 * float(np.finfo(np.float64).eps)
+"""What an exponential of a matrix may be off by, as a part of ‖M‖t: squaring adds to one rounding;
+23 were seen, over 10 to 10,000 turns."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decay:
@@ -39,11 +43,14 @@ class Propagator:
     state, drive : (n, n) float
     constant : (n,) float
         What a fixed boundary adds.
+    rounding : float
+        By how much the matrices themselves may be off, as a part of the largest number in a state.
     """
 
     state: Floats
     drive: Floats
     constant: Floats
+    rounding: float = 0.0
 
 
 def decay(template: Template, duration: float) -> Decay:
@@ -72,4 +79,5 @@ def propagator(network: Network, duration: float) -> Propagator | None:
     block[:n, n:] = np.diag(system.rates)
     exponential = np.asarray(expm(block * duration))
     drive = exponential[:n, n:]
-    return Propagator(exponential[:n, :n], drive, drive @ system.rim)
+    turned = float(np.abs(system.matrix).sum(axis=1).max()) * duration
+    return Propagator(exponential[:n, :n], drive, drive @ system.rim, EXPONENTIAL * turned)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
+from cnnum.integrators.propagator import EXPONENTIAL
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import Network
@@ -35,6 +36,8 @@ class Spectral:
         Factors of each mode, as [to, from].
     constant : (layers, rows, cols) float
         What a fixed boundary adds.
+    rounding : float
+        By how much the factors themselves may be off, as a part of the largest number in a state.
     """
 
     rows: Floats
@@ -42,6 +45,7 @@ class Spectral:
     state: Floats
     drive: Floats
     constant: Floats
+    rounding: float = 0.0
 
 
 def wave_numbers(boundary: Boundary, n: int) -> Floats:
@@ -138,6 +142,7 @@ def spectral(network: Network, duration: float) -> Spectral | None:
         return None
     rates = mode_rates(template, shape)
     inverse_tau = np.broadcast_to(np.diag(1.0 / template.tau), rates.shape)
+    turned = 0.0
     if math.isinf(duration):
         if np.linalg.eigvals(rates).real.max() >= -1e-9:
             return None
@@ -145,10 +150,12 @@ def spectral(network: Network, duration: float) -> Spectral | None:
         drive = np.asarray(-np.linalg.solve(rates, inverse_tau), dtype=np.float64)
     else:
         state, drive = _after(rates, inverse_tau, duration)
+        # one layer's exponentials are numbers, which are exact
+        turned = float(np.abs(rates).sum(axis=-1).max()) * duration if template.layers > 1 else 0.0
     rows, cols = (axis_modes(template.boundary, n) for n in shape)
     state, drive = (np.moveaxis(factor, (2, 3), (0, 1)).copy() for factor in (state, drive))
     constant = _through(rows, cols, drive, network.rim())
-    return Spectral(rows, cols, state, drive, constant)
+    return Spectral(rows, cols, state, drive, constant, EXPONENTIAL * turned)
 
 
 def _after(rates: Floats, inverse_tau: Floats, duration: float) -> tuple[Floats, Floats]:

@@ -35,7 +35,7 @@ def test_relaxation_ends_at_the_direct_solution(poisson):
     load = np.random.default_rng(1).normal(size=(6, 5, 3))
     wanted = on_plane(block_displacement(load, 6, 0.75, poisson), PLANE)
     engine = Engine(precision="float64")
-    got = relaxed(engine, load, slabs=6, thickness=1.5, poisson=poisson, tolerance=1e-9)
+    got = relaxed(engine, load, slabs=6, thickness=1.5, poisson=poisson, tolerance=1e-5)
     # 1e-9 a time constant, times the 1e4 of the slowest mode at ν = 0.49, with room
     assert np.abs(got - wanted).max() <= 1e-4 * np.abs(wanted).max()
 
@@ -73,7 +73,7 @@ def off_4_9(cells, axis, poisson, match):
     # OpenCL, which takes seconds to build each of these, relaxes as Numba: see above
     got = relaxed(
         Engine("numba", precision="float64"), load, slabs=6 * cells, thickness=depth, cells=cells,
-        poisson=poisson, tolerance=1e-8, match=match,
+        poisson=poisson, tolerance=1e-5, match=match,
     )  # fmt: skip
     return np.abs(got - exact).max() / np.abs(exact).max()
 

@@ -88,7 +88,7 @@ def command(
     request = _request(suite, count, quick, seed, leave_one_out, objects)
     used = Engine(engine, device=device, precision=precision)
     output = Output(as_json)
-    tables, done = None, 0
+    tables, done = list["Table"](), 0
     with (
         until_stopped() as stop,
         progress("families and trials", request.steps, as_json=as_json) as steps,
@@ -100,7 +100,7 @@ def command(
             steps.advance(name)
 
         tables = score(request, used, advance)
-    if tables is None:
+    if stop.stopped:
         return stop.say(done, request.steps, "families and trials", as_json=as_json)
     for each in tables:
         for record in each.records():

@@ -37,6 +37,7 @@ class ExactEnd:
     def of(cls, template: Template, shape: Shape, scheme: Exact, dtype: Real) -> "ExactEnd":
         """Return the end of a scheme."""
         rounding = float(np.finfo(dtype).eps) * _roundings(template, shape, scheme)
+        rounding += scheme.rounding if isinstance(scheme, Propagator | Spectral) else 0.0
         if isinstance(scheme, Separate):  # evaluated in float64
             return cls(scheme, rounding)
         # of a dense product column after column

@@ -9,9 +9,10 @@ is taken as it is.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from scipy.integrate import DOP853, DenseOutput, OdeSolution
+from scipy.integrate import DOP853, DenseOutput, OdeSolution, Radau
 
 from cnnum.arrays import Floats
 from cnnum.engines.reference.adaptive import march_adaptive
@@ -21,7 +22,8 @@ from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
 from cnnum.integrators.propagator import Decay
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
-from cnnum.integrators.solver import Solver, Stepping
+from cnnum.integrators.solver import Exact, Solver, Stepping
+from cnnum.templating.network import Network
 from cnnum.templating.template import Template
 
 PRECISION = 1e-10
@@ -36,6 +38,15 @@ FINEST = 1e-13
 
 AGREED = 1e-6
 """Of the largest state or 1: solutions that differ by more have missed a kink."""
+
+MOST_EXPLICIT = 1e5
+"""Fastest rate times a stretch above which an array is stiff: explicit steps take minutes."""
+
+MOST_IMPLICIT = 1000
+"""States up to which a Jacobian is a matrix."""
+
+LATEST = 1e6
+"""Time constants to which an array is followed whose equilibrium other engines know exactly."""
 
 FINER = 4
 """Where rates jump and no step was asked for, steps are so much shorter than other engines'."""
@@ -83,7 +94,7 @@ def instead(template: Template, solver: Solver) -> str:
         return ""
     if _jumps(template) and isinstance(solver.scheme, FixedSteps):
         return f"in steps 1/{FINER} as long"
-    return f"solved to {PRECISION:g} by adaptive steps of Dormand-Prince 8(5,3)"
+    return f"solved to {PRECISION:g} by adaptive steps of Dormand-Prince 8(5,3), or Radau IIA"
 
 
 def _stepped(template: Template, solver: Solver) -> bool:
@@ -126,6 +137,13 @@ def change(equation: StateEquation, answer: Answer, solver: Solver) -> float:
     return float((np.abs(float(equation.template.tau.max()) * rate) / scale).max())
 
 
+def _method(equation: StateEquation, length: float) -> Any:
+    """Return implicit steps where explicit ones would be too many, else explicit ones."""
+    network = Network(equation.template, equation.shape)
+    many = network.fastest_rate() * length > MOST_EXPLICIT
+    return Radau if many and network.states <= MOST_IMPLICIT else DOP853
+
+
 def _stretch(
     equation: StateEquation,
     drive: Floats,
@@ -142,7 +160,8 @@ def _stretch(
         return equation.rate(drive, flat.reshape(x.shape), seen, t).ravel()
 
     # solve_ivp would keep the state of every step, which fills the memory where cells are many
-    solver = DOP853(right, time, x.ravel(), time + length, rtol=precision, atol=precision)
+    steps = _method(equation, length)
+    solver = steps(right, time, x.ravel(), time + length, rtol=precision, atol=precision)
     times = [time]
     pieces: list[DenseOutput[np.float64]] = []
     while solver.status == "running":
@@ -175,8 +194,9 @@ def _to_the_end(equation: StateEquation, solver: Solver, precision: float) -> An
     # settled well below the tolerance that is asked for, so that what is left does not count
     strict = replace(solver, rtol=1e-3 * solver.rtol, atol=1e-3 * solver.atol)
     stretch = 4.0 if solver.settle else solver.duration
-    while answer.time < solver.duration:
-        stretch = min(stretch, solver.duration - answer.time)
+    end = LATEST if solver.settle and isinstance(solver.scheme, Exact) else solver.duration
+    while answer.time < end:
+        stretch = min(stretch, end - answer.time)
         x, steps, _ = _stretch(equation, drive, answer.state, answer.time, stretch, None, precision)
         answer = Answer(x, answer.time + stretch, answer.steps + steps, math.inf)
         if solver.settle and change(equation, answer, strict) <= 1.0:

@@ -65,7 +65,7 @@ def read_measured(file: str, key: str, value: object) -> Measured:
 
 def _settle(file: str, key: str, value: object) -> tuple[tuple[int, float], ...]:
     if not isinstance(value, list):
-        raise wrong(file, key, "a list of pairs [cells, time constants]", value)
+        raise wrong(file, key, "a list of pairs [cells, time constants]", cast(object, value))
     pairs = list[tuple[int, float]]()
     for item in cast("list[object]", value):
         pair = cast("list[object]", item) if isinstance(item, list) else []

@@ -48,8 +48,10 @@ def exact(text: TransientBuilder, scheme: Decay | Propagator | Spectral) -> Figu
         terms, gain = _propagate(text, scheme)
     else:
         terms, gain = _spectral(text, scheme)
+    own = 0.0 if isinstance(scheme, Decay) else scheme.rounding
+    own /= float(np.finfo(text.tables.dtype).eps)
     # a sum of n rounded products is off by at most n roundings of its largest value
-    return exact_figures(text, (terms + 2) * gain)
+    return exact_figures(text, (terms + 2) * gain + own)
 
 
 def begin_exact(text: TransientBuilder, why: str) -> None:

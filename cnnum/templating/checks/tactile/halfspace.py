@@ -122,7 +122,7 @@ FORMS = (
     ProgramForm(
         "elastic-block", "halfspace_equilibrium",
         ("displacement_x", "displacement_y", "displacement_z"), _block_case, _share, 1e-2,
-        "settled to 1e-5 a time constant, times the thousands that the slowest wave takes",
+        "twice the 5e-3 of the displacements that the program leaves to come",
         "displacement of a block, by a direct solve of its energy",
         engines=("opencl", "numba"),
         left_out="takes minutes to settle such a block",

@@ -1,0 +1,206 @@
+"""Programs of the cover and of streams, at the ends of their ranges."""
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.engine import Engine
+from cnnum.lab.stability.record import Case, Family, Solved
+from cnnum.programs import program
+from cnnum.programs.fields import Field
+from cnnum.programs.library import get_program
+from cnnum.programs.machine import FrameFields
+from cnnum.templating.checks.tactile.lattice_cover import block_displacement, cover_stress, on_plane
+
+SHAPE = (8, 8)
+AXES = ("xz", "yz", "zz")
+
+
+def cases() -> Iterator[Case]:
+    """Return the cases of programs."""
+    for depth in (1e-6, 1e-3, 0.1, 1e3):
+        yield _cover(depth)
+    for layers in (12, 64, 256):
+        yield _stack(layers)
+    for poisson in (0.0, 0.3, 0.49, 0.499, 0.4999, 0.5):
+        yield _equilibrium(poisson)
+    for frames in (1_000, 50_000):
+        yield _leaky_stream(frames)
+    yield _counter()
+    for name, load in (("no-load", 0.0), ("one-taxel", 1.0), ("one-taxel-tiny", 1e-30)):
+        yield _sparse_contact(name, load)
+
+
+def _load() -> Floats:
+    return np.random.default_rng(7).normal(size=(*SHAPE, 3))
+
+
+def _fields(
+    engine: Engine, name: str, wanted: Sequence[str], options: Mapping[str, object]
+) -> Floats:
+    bound = get_program(name).bind(**options)
+    out = engine.compile(bound, SHAPE, wanted)(_load())
+    return np.stack([np.asarray(out[each], dtype=np.float64) for each in wanted], axis=-1)
+
+
+def _case(
+    name: str,
+    family: Family,
+    title: str,
+    run: tuple[str, Sequence[str], Mapping[str, object]],
+    truth: Floats,
+    share: tuple[float, float],
+    reason: str,
+    refusal: str = "",
+    slow: str = "",
+) -> Case:
+    size = float(np.abs(truth).max(initial=1e-300))
+
+    def solve(engine: Engine) -> Solved:
+        return Solved(_fields(engine, *run) / size)
+
+    return Case(name, family, title, solve, lambda: truth / size, *share, reason, refusal, slow)
+
+
+def _cover(depth: float) -> Case:
+    """Stress at a depth from nothing to far more than the array, in pitches of 1 mm."""
+    wanted = [f"stress_{axis}" for axis in AXES]
+    options = {"thickness": depth * 1e-3, "pitch": 1e-3}
+    return _case(
+        f"cover-depth-{depth:g}",
+        "extreme",
+        f"stress under a cover that is {depth:g} pitches thick",
+        ("halfspace_stress", wanted, options),
+        cover_stress(_load(), depth),
+        (1e-4, 1e-4),
+        "what the waves are read out with, as a share of the largest stress",
+        r"thickness|depth",
+    )
+
+
+def _stack(layers: int) -> Case:
+    wanted = [f"stress_{axis}" for axis in AXES]
+    return _case(
+        f"depth-stack-{layers}",
+        "stiff",
+        f"a cover as {layers} layers of depth at rest",
+        ("halfspace_layers", wanted, {"thickness": 1e-3, "pitch": 1.5e-3, "layers": layers}),
+        cover_stress(_load(), 1.0 / 1.5),
+        (2e-4, 2e-5),
+        "slabs as thin as this leave 1e-5; single precision adds roundings of the stack",
+        slow="its layers relax there without the modes that others use, which takes minutes",
+    )
+
+
+def _equilibrium(poisson: float) -> Case:
+    """An elastic block relaxes; the volume's stiffness grows without bound as ν nears 1/2."""
+    wanted = [f"displacement_{axis}" for axis in "xyz"]
+    options = {
+        "thickness": 2.0,
+        "pitch": 1.0,
+        "slabs": 6,
+        "match": False,
+        "poisson": poisson,
+        "youngs_modulus": 2.0 * (1.0 + poisson),
+    }
+    solvable = min(poisson, 0.4999)
+    return _case(
+        f"elastic-block-{poisson:g}",
+        "stiff",
+        f"a block with Poisson's ratio {poisson:g} relaxes to equilibrium",
+        ("halfspace_equilibrium", wanted, options),
+        on_plane(block_displacement(_load(), 6, 1.0, solvable), 2),
+        (1e-2, 1e-2),
+        "twice the 5e-3 that the program leaves to come",
+        r"Poisson|poisson|did not reach",
+        "explicit steps of such a block take minutes there",
+    )
+
+
+@program
+def _remembering(frame: FrameFields) -> Mapping[str, Field]:
+    """A leaky mean over some hundred frames."""
+    memory = frame.memory()
+    now = memory.value + 0.01 * (frame.normal - memory.value)
+    memory.store(now)
+    return {"mean": now}
+
+
+@program
+def _counting(frame: FrameFields) -> Mapping[str, Field]:
+    """Frames since the start."""
+    memory = frame.memory(scalar=True)
+    memory.store(memory.value + 1.0)
+    return {"count": memory.value + 1.0}
+
+
+def _leaky_stream(frames: int) -> Case:
+    """A leaky mean forgets its roundings: it does not drift however long the stream."""
+
+    def solve(engine: Engine) -> Solved:
+        plan = engine.compile(_remembering, SHAPE)
+        stream, out = plan.stream(), {}
+        frame = np.full((*SHAPE, 3), 0.7)
+        for _ in range(frames):
+            out = stream.push(frame)
+        return Solved(np.asarray(out["mean"], dtype=np.float64))
+
+    left = 0.99**frames
+    return Case(
+        f"stream-of-{frames}",
+        "precision",
+        f"a leaky mean over {frames} frames",
+        solve,
+        lambda: np.full(SHAPE, 0.7 * (1.0 - left)),
+        2.0**-24 / 0.01,
+        2.0**-52 / 0.01,
+        "one rounding a frame, over the leak of 0.01",
+    )
+
+
+def _counter() -> Case:
+    """A count in single precision is exact up to 2²⁴ frames."""
+
+    def solve(engine: Engine) -> Solved:
+        stream, count = engine.compile(_counting, SHAPE).stream(), 0.0
+        frame = np.zeros((*SHAPE, 3))
+        for _ in range(20_000):
+            count = float(stream.push(frame)["count"])
+        return Solved(np.array(count))
+
+    return Case(
+        "frame-counter",
+        "precision",
+        "a memory that counts 20,000 frames",
+        solve,
+        lambda: np.array(20_000.0),
+        0.0,
+        0.0,
+        "whole numbers are exact up to 2²⁴",
+    )
+
+
+def _sparse_contact(name: str, load: float) -> Case:
+    """The number of contacts where at most one taxel feels a load."""
+
+    def solve(engine: Engine) -> Solved:
+        plan = engine.compile(get_program("contact"), SHAPE, ["contact", "contact_area"])
+        stream, out = plan.stream(), {}
+        frame = np.zeros((*SHAPE, 3))
+        for number in range(20):
+            frame[3, 4, 2] = -load if number >= 10 else 0.0
+            out = stream.push(frame)
+        numbers = [np.asarray(out["contact"]).ravel(), np.asarray(out["contact_area"]).ravel()]
+        return Solved(np.isfinite(np.concatenate(numbers).astype(np.float64)).astype(np.float64))
+
+    return Case(
+        name,
+        "extreme",
+        "contact and its area where at most one taxel feels a load",
+        solve,
+        lambda: np.ones(2),
+        0.0,
+        0.0,
+        "every number is finite",
+    )

@@ -1,0 +1,147 @@
+"""Run cases in a process of their own, which is ended where a case does not end."""
+
+import time
+from collections.abc import Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from math import inf, isfinite, nan
+from multiprocessing import get_context
+
+import numpy as np
+
+from cnnum.engine import Engine
+from cnnum.errors import CnnumError
+from cnnum.lab.stability.record import Case, Outcome, Row, Solved
+from cnnum.lab.stability.registry import by_name
+
+PATIENCE = 60.0
+"""Seconds after which a case is said to hang; the slowest takes a tenth of it on two cores."""
+
+ENGINES = (
+    ("opencl", "float32"),
+    ("opencl", "float64"),
+    ("numba", "float32"),
+    ("numba", "float64"),
+    ("reference", "float64"),
+)
+
+
+def run(
+    cases: Iterable[Case], engine: str, precision: str, device: str | None = None
+) -> Iterator[Row]:
+    """Run cases on one engine.
+
+    Parameters
+    ----------
+    cases : iterable of Case
+    engine, precision : str
+    device : str, optional
+
+    Yields
+    ------
+    Row
+        One a case; a case that hangs, or ends its process, fails and stops no other.
+    """
+    pool: ProcessPoolExecutor | None = None
+    for case in cases:
+        pool = pool or ProcessPoolExecutor(1, get_context("spawn"))
+        begun = time.perf_counter()
+        try:
+            yield pool.submit(run_named, case.name, engine, precision, device).result(PATIENCE)
+            continue
+        except TimeoutError:
+            why = f"It did not end within {PATIENCE:g} s."
+        except BrokenProcessPool:
+            why = "It ended its process."
+        _end(pool)
+        pool = None
+        yield _row(case, engine, precision, "failed", time.perf_counter() - begun, why)
+    if pool is not None:
+        pool.shutdown()
+
+
+def _end(pool: ProcessPoolExecutor) -> None:
+    """End the process of a pool, in whatever it is."""
+    for process in list(pool._processes.values()):  # there is no other way to it
+        process.kill()
+    pool.shutdown(wait=False, cancel_futures=True)
+
+
+_engines: dict[tuple[str, str, str | None], Engine] = {}
+
+
+def run_named(name: str, engine: str, precision: str, device: str | None) -> Row:
+    """Run the case of that name in this process."""
+    key = (engine, precision, device)
+    if key not in _engines:
+        _engines[key] = Engine(engine, precision=precision, device=device)
+    return run_case(by_name(name), _engines[key])
+
+
+def run_case(case: Case, engine: Engine) -> Row:
+    """Run a case on an engine, and compare."""
+    begun = time.perf_counter()
+    try:
+        solved = case.solve(engine)
+    except CnnumError as error:
+        spent, sentence = time.perf_counter() - begun, str(error)
+        passed = case.may_refuse(sentence)
+        return _row(case, engine.name, engine.precision, "refused", spent, sentence, passed=passed)
+    except Exception as error:  # a raw error is what the suite looks for
+        spent, sentence = time.perf_counter() - begun, f"{type(error).__name__}: {error}"
+        return _row(case, engine.name, engine.precision, "failed", spent, sentence)
+    return _compared(case, engine, solved, time.perf_counter() - begun)
+
+
+def _compared(case: Case, engine: Engine, solved: Solved, spent: float) -> Row:
+    truth, allowed = case.truth(), case.allowed(engine.precision)
+    error = inf
+    if solved.values.shape == truth.shape and np.isfinite(solved.values).all():
+        error = float(np.abs(solved.values - truth).max(initial=0.0))
+    # an estimate says nothing of roundings of the truth's own size
+    covered = error <= solved.estimate + 4.0 * np.finfo(engine.precision).eps * _size(truth)
+    why = case.reason if covered else "The result states a smaller error than it has."
+    return _row(
+        case,
+        engine.name,
+        engine.precision,
+        "solved",
+        spent,
+        why,
+        error=error,
+        estimate=solved.estimate,
+        passed=bool(error <= allowed and covered),
+    )
+
+
+def _size(values: np.ndarray) -> float:
+    return max(1.0, float(np.abs(values).max(initial=0.0)))
+
+
+def _row(
+    case: Case,
+    engine: str,
+    precision: str,
+    outcome: Outcome,
+    seconds: float,
+    why: str,
+    *,
+    error: float = nan,
+    estimate: float = nan,
+    passed: bool = False,
+) -> Row:
+    stated = estimate if isfinite(estimate) else nan
+    return Row(
+        case.name,
+        case.family,
+        case.title,
+        engine,
+        precision,
+        outcome,
+        error,
+        stated,
+        case.allowed(precision),
+        seconds,
+        passed,
+        why,
+    )

@@ -1,0 +1,124 @@
+"""Runs to equilibrium, continued until there is one, or time is up."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.runs.equilibrium import has_certificate, verdict
+from cnnum.runs.result import Result
+from cnnum.templating.template import Template
+
+STRETCH = 32.0
+"""Time constants by which a run goes on between two looks at whether it rests."""
+
+Maps = NDArray[np.floating]
+Given = Mapping[str, Maps]
+Rerun = Callable[[dict[str, Maps], float], Result]
+"""Runs frames from a state for a time."""
+
+
+def at_rest(
+    result: Result,
+    template: Template,
+    given: Given,
+    again: Rerun,
+    *,
+    limit: float,
+    rtol: float,
+    atol: float,
+    precision: str,
+) -> Result:
+    """Return a result whose frames rest where they say so.
+
+    Parameters
+    ----------
+    result : Result
+        Of a run to equilibrium.
+    template : Template
+    given : mapping of str to (..., maps, rows, cols) float
+        What the run was given, by role.
+    again : callable
+        Runs some frames for a time; it is given the state, too.
+    limit : float
+        Time constants after which a frame is said not to rest.
+    rtol, atol : float
+    precision : str
+        Of the engine.
+
+    Returns
+    -------
+    Result
+        Errors are those to the equilibrium. Frames that ran on have a later time, more steps and an
+        unknown error.
+    """
+    if not has_certificate(template) or not result.settled.any():
+        return result
+    found = _Frames(result, template, given)
+    waiting = np.flatnonzero(found.settled)
+    while len(waiting):
+        some = found.given_of(waiting)
+        state = found.state[waiting]
+        seen = verdict(template, some, state, rtol=rtol, atol=atol, precision=precision)
+        found.state[waiting], found.settled[waiting] = seen.state, seen.rests
+        found.error[waiting] += np.where(seen.rests, seen.off, 0.0)
+        waiting = waiting[~seen.rests & (found.time[waiting] < limit)]
+        if len(waiting):
+            found.run_on(waiting, again)
+    return found.result()
+
+
+class _Frames:
+    """The frames of a batch in one row."""
+
+    def __init__(self, result: Result, template: Template, given: Given) -> None:
+        self._result, self._template = result, template
+        self._lead = result.settled.shape
+        self._batch = int(np.prod(self._lead, dtype=np.int64))
+        rows_cols = result.state.shape[-2:]
+        self._shape = (self._batch, template.layers, *rows_cols)
+        self.state = np.array(result.state, dtype=np.float64).reshape(self._shape)
+        self.time = np.array(result.time, dtype=np.float64).reshape(self._batch)
+        self.steps = np.array(result.steps).reshape(self._batch)
+        self.error = np.array(result.error, dtype=np.float64).reshape(self._batch)
+        self.settled = np.array(result.settled).reshape(self._batch)
+        self._given = {role: self._flat(maps) for role, maps in given.items() if role != "state"}
+
+    def _flat(self, maps: Maps) -> Floats:
+        """Return maps as (batch or 1, maps, rows, cols)."""
+        if maps.ndim == 3 or all(n == 1 for n in maps.shape[:-3]):
+            return np.asarray(maps, dtype=np.float64).reshape(1, *maps.shape[-3:])
+        whole = np.broadcast_to(maps, (*self._lead, *maps.shape[-3:]))
+        return np.asarray(whole, dtype=np.float64).reshape(self._batch, *maps.shape[-3:])
+
+    def given_of(self, frames: np.ndarray) -> dict[str, Floats]:
+        """Return what some frames are given, without their state."""
+        return {
+            role: maps if len(maps) == 1 else maps[frames] for role, maps in self._given.items()
+        }
+
+    def run_on(self, frames: np.ndarray, again: Rerun) -> None:
+        """Run some frames on from their states."""
+        more = again({**self.given_of(frames), "state": self.state[frames]}, STRETCH)
+        count = len(frames)
+        self.state[frames] = more.state.reshape(count, *self._shape[1:])
+        self.time[frames] += more.time.reshape(count)
+        self.steps[frames] += more.steps.reshape(count)
+        self.error[frames] = np.inf
+
+    def result(self) -> Result:
+        """Return the result of all frames."""
+        old, lead = self._result, self._lead
+        state = self.state.reshape(old.state.shape)
+        return replace(
+            old,
+            state=state,
+            output=state.copy() if self._template.output.linear else np.clip(state, -1.0, 1.0),
+            time=self.time.reshape(lead),
+            steps=self.steps.reshape(lead),
+            settled=self.settled.reshape(lead),
+            error=self.error.reshape(lead),
+        )
