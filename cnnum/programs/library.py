@@ -6,7 +6,7 @@ from importlib import import_module, resources
 from cnnum.errors import name_error
 from cnnum.programs import Program
 
-_ROOMS = ("tactile", "pictures")
+_ROOMS = ("tactile", "tactile.contact_mechanics", "pictures")
 
 
 def _modules(room: str) -> tuple[str, ...]:

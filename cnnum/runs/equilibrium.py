@@ -229,9 +229,7 @@ def _all(flags: NDArray[np.bool_]) -> Flags:
     return np.asarray(flags.all(axis=(1, 2, 3)), dtype=np.bool_)
 
 
-def _stable_solve(
-    matrix: Any, tau: Floats, *, even: bool
-) -> Callable[[Floats], Floats] | None:
+def _stable_solve(matrix: Any, tau: Floats, *, even: bool) -> Callable[[Floats], Floats] | None:
     """Return what solves M x = b if the array with dx/dt = −M x / τ goes to rest, else None."""
     from scipy.sparse import linalg  # imported late, as few runs need it
 

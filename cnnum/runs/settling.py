@@ -4,7 +4,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats

@@ -83,8 +83,9 @@ def test_a_program_next_to_zero_is_held_to_the_reference_engines():
     row = denormals.measure_program(Engine(), budget=0.01)
     # float32 through some hundred operations; strengths of slip are ratios of small differences
     assert 0.0 < row.ordinary_error < 5e-3
-    # squares of such numbers are 0 in float32 and not in float64: the one sees no contact
-    assert row.error <= 1.0
+    # squares of such numbers are 0 in float32 and not in float64: the one sees no contact, and
+    # places of edges, which are -1 where there is none and 1 at most, differ by up to 2
+    assert 1.0 <= row.error <= 2.0
 
 
 def test_a_scene_that_answers_otherwise_is_seen(opencl):

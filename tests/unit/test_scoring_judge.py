@@ -161,6 +161,7 @@ def test_reports_of_a_group_add_up():
     said = [answers((310, 320)), answers((100, 110)), answers()]
     row = report_table({"5": ([invented(), still, still], said)}).rows[0]
     assert (row["trials"], row["quiet"], row["quiet_reported"]) == (3, 2, 1)
+    assert row["quiet_share"] == 0.5
     assert (row["slips"], row["found"], row["rows"]) == (1, 1, 30)
     assert row["false"] == pytest.approx(600 / (3 * 5.55))
 

@@ -8,7 +8,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.lab.scoring.judge import judge
 from cnnum.lab.scoring.levels import LEVELS
-from cnnum.lab.scoring.measures import median, per_ten_minutes
+from cnnum.lab.scoring.measures import median, per_ten_minutes, share
 from cnnum.lab.scoring.subject import Answers, default, reports
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.lab.scoring.trial import Flags, Trial, runs
@@ -19,14 +19,16 @@ SHORTEST = 2
 AROUND = 0.3
 """s around a slip in which a report is of it."""
 
-ROWS = 10.0
-"""Aim: rows between the onset of a slip and its report."""
+ROWS, QUIET = 10.0, 0.25
+"""Aims: rows between the onset of a slip and its report; share of trials without slip that have
+a report."""
 
 COLUMNS = (
     Column("group", "object"),
     Column("trials", "trials"),
     Column("quiet", "without slip"),
     Column("quiet_reported", "of them reported"),
+    Column("quiet_share", "share", 2, most=QUIET),
     Column("slips", "slips"),
     Column("found", "found"),
     Column("delay_s", "delay, s"),
@@ -98,13 +100,15 @@ def recorded_levels(trials: Sequence[Trial], answers: Sequence[Answers]) -> Tabl
 def _row(name: str, trials: Sequence[Trial], answers: Sequence[Mapping[str, Floats]]) -> Row:
     said = [(a["gross_slip"] > 0) & t.scored for t, a in zip(trials, answers, strict=True)]
     quiet = [flags for trial, flags in zip(trials, said, strict=True) if not trial.slides]
+    reported = sum(bool(flags.any()) for flags in quiet)
     all_onsets = [onsets(trial, flags) for trial, flags in zip(trials, said, strict=True)]
     verdicts = [judge(t, a, f) for t, a, f in zip(trials, answers, said, strict=True)]
     return {
         "group": name,
         "trials": len(trials),
         "quiet": len(quiet),
-        "quiet_reported": sum(bool(flags.any()) for flags in quiet),
+        "quiet_reported": reported,
+        "quiet_share": share(reported, len(quiet)),
         "slips": sum(one.slips for one in all_onsets),
         "found": sum(one.found for one in all_onsets),
         "delay_s": median([delay for one in all_onsets for delay in one.delays]),

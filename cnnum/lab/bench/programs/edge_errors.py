@@ -104,7 +104,7 @@ def by_program(engine: Engine, loads: Floats, skin: Skin) -> list[Floats]:
 
 def by_sobel(loads: Floats, skin: Skin) -> list[Floats]:
     """Return the cells whose Sobel gradient of the raw frame is large."""
-    found = []
+    found: list[Floats] = []
     for frame in skin.stream(loads)[-1]:
         steep = np.hypot(ndimage.sobel(frame, 0), ndimage.sobel(frame, 1))
         found.append(np.argwhere(steep >= STRONG * steep.max()).astype(np.float64))

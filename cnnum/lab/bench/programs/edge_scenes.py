@@ -123,7 +123,7 @@ def _spheres(
 
 def _pairs(rng: np.random.Generator, cells: int, count: int) -> Bodies:
     """Return two spheres side by side, the second's pressure 0.5 to 1 of the first's."""
-    drawn = []
+    drawn: list[tuple[tuple[Disc, Disc], float]] = []
     for _ in range(count):
         radii, gap = rng.uniform(1.5, 1.9, 2) * cells / 8, float(rng.uniform(0.5, 1.0))
         angle = float(rng.uniform(0.0, 2.0 * np.pi))
@@ -162,7 +162,7 @@ def _lying(rng: np.random.Generator, cells: int, count: int) -> Bodies:
     side = cells + 2 * BEYOND
     axis = (np.arange(side * FINER) + 0.5) / FINER - side / 2
     x, y = np.meshgrid(axis, axis)
-    pressures = []
+    pressures: list[Floats] = []
     for angle, off, half in zip(
         rng.uniform(0.0, np.pi, count),
         rng.uniform(-0.5, 0.5, count),

@@ -10,6 +10,7 @@ from functools import cache
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft
 from scipy.sparse.linalg import LinearOperator, cg
 
@@ -136,14 +137,16 @@ def read_below(
 def _cover(cells: int, depth: float, reads: Reads, finer: int) -> SurfaceToDepth:
     # at E = 1.5 strain is in units of 2E/3: as large as the stress that it comes from
     modulus = 1.5 if reads == "strain" else None
-    return SurfaceToDepth((cells * finer,) * 2, 1.0 / finer, depth, youngs_modulus=modulus)
+    return SurfaceToDepth(
+        (cells * finer, cells * finer), 1.0 / finer, depth, youngs_modulus=modulus
+    )
 
 
 @cache
-def _sinking(side: int, finer: int) -> Floats:
+def _sinking(side: int, finer: int) -> NDArray[np.complex128]:
     """Return the waves of how far a load on one cell sinks the others, on twice the side."""
     away = np.minimum(np.arange(2 * side), 2 * side - np.arange(2 * side)) / finer
     x, y = np.meshgrid(away, away)
     size = (1.0 / finer, 1.0 / finer)
     sunk = rectangle_displacement(x, y, 0.0, [0.0, 0.0, 1.0], size=size, youngs_modulus=1.0)
-    return np.asarray(fft.rfft2(sunk[..., 2]))
+    return np.asarray(fft.rfft2(sunk[..., 2]), dtype=np.complex128)

@@ -99,7 +99,7 @@ def loops(strain: Floats, width: float) -> Floats:
 
 
 def mixed(read: Floats, share: float) -> Floats:
-    """Return signals of which a share comes from the four neighbours; rims repeat."""
+    """Return signals with a share from the four neighbours each; rims repeat."""
     wide = np.pad(read, ((0, 0), (1, 1), (1, 1), (0, 0)), mode="edge")
     around = wide[:, 2:, 1:-1] + wide[:, :-2, 1:-1] + wide[:, 1:-1, 2:] + wide[:, 1:-1, :-2]
     return np.asarray((1.0 - share) * read + share * around / 4.0)
