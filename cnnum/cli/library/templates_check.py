@@ -84,7 +84,7 @@ def check(
             steps.advance(job.name)
     failed = sum(not result.passed for result in results)
     total = quantity(time.perf_counter() - begin, "s")
-    passed = f"{len(results) - failed} of {len(results)} passed in {total}."
+    passed = f"{len(results) - failed} of {len(results)} passed. The checks took {total}."
     output.show(_table(results), passed, *_notes(results))
     for item in left_out:
         click.echo(item.text, err=as_json)

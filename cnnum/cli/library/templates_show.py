@@ -1,31 +1,79 @@
 """`cnnum templates show NAME`."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from cnnum.cli.library.templates_choice import is_place
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, facts, number
 
 if TYPE_CHECKING:
+    from cnnum.templating.files import Entry
     from cnnum.templating.template import Template
 
 
 @click.command("show")
 @click.argument("name")
+@click.option("--picture", help="Write a PNG of its transient, on a picture of its check.")
 @json_option
-def show(name: str, as_json: bool) -> None:
+def show(name: str, picture: str | None, as_json: bool) -> None:
     """Show the template NAME of the library, or of a file: its numbers and all that goes along."""
-    from cnnum.templating.files import load_template
-    from cnnum.templating.library import get_template
+    from cnnum.templating.files import load_entry
+    from cnnum.templating.library import get_entry
 
-    template = load_template(name) if name.endswith(".toml") else get_template(name)
-    output = Output(as_json)
-    output.record(_record(template))
-    output.show(facts(_facts(template)), "")
+    entry = load_entry(name) if is_place(name) else get_entry(name)
+    template, output = entry.template, Output(as_json)
+    output.record({**_record(template), **_words(entry)})
+    output.show(facts([*_facts(template), *_known(entry)]), "")
+    if picture is not None:
+        _draw(template, picture)
     for part in ("A", "B"):
         for label, kernel in _kernels(part, getattr(template, part)):
             output.show(f"{label} =", _matrix(kernel), "")
+
+
+def _words(entry: "Entry") -> dict[str, object]:
+    """Return what the file says about a template, and what was measured of it."""
+    measured = entry.measured
+    return {
+        "input": entry.about.input,
+        "state": entry.about.state,
+        "tags": list(entry.about.tags),
+        "experimental": entry.about.experimental,
+        "published_boundary": entry.about.published_boundary,
+        "settle": measured.settle if measured else (),
+        "margin": measured.margin if measured else None,
+    }
+
+
+def _known(entry: "Entry") -> list[tuple[str, str]]:
+    about, measured = entry.about, entry.measured
+    times = measured.settle if measured else ()
+    margin = measured.margin if measured else None
+    lines = [
+        ("input", about.input),
+        ("state", about.state),
+        ("tags", ", ".join(about.tags)),
+        ("experimental", " ".join(about.experimental.split())),
+        ("published boundary", about.published_boundary),
+        ("settles within", ", ".join(f"{n}×{n}: {number(t)} τ" for n, t in times)),
+        ("margin of the bias", "" if margin is None else number(margin)),
+    ]
+    return [(label, text) for label, text in lines if text]
+
+
+def _draw(template: "Template", path: str) -> None:
+    """Write start, course and end side by side."""
+    import numpy as np
+
+    from cnnum.engine import Engine
+    from cnnum.report.gallery import filmstrip, png
+
+    scale, planes = 12, [plane for _, plane in filmstrip(template, Engine())]
+    wide = [np.pad(np.kron(plane, np.ones((scale, scale))), scale) for plane in planes]
+    Path(path).write_bytes(png(np.concatenate(wide, axis=1).astype(np.float64)))
 
 
 def _record(template: "Template") -> dict[str, object]:
