@@ -26,7 +26,7 @@ from cnnum.templating.template import Template
 
 Outcome = TypeVar("Outcome")
 
-CHECKED = ("logic", "morphology", "tactile")
+CHECKED = ("edges", "tactile")
 """Groups of the library that are checked."""
 
 LADDERS = ("tactile_diffusion", "contact_outline")

@@ -243,7 +243,8 @@ def _stable_solve(matrix: Any, tau: Floats, *, even: bool) -> Callable[[Floats],
             least = float(factors.U.diagonal().min())
         else:
             factors = factorise(matrix)
-            least = float(np.linalg.eigvals(matrix.toarray() / tau[:, np.newaxis]).real.min())
+            rates: Floats = np.real(np.linalg.eigvals(matrix.toarray() / tau[:, np.newaxis]))
+            least = float(rates.min())
     except RuntimeError:  # a factor is singular: the array is on the edge of growth
         return None
     return factors.solve if least > 0.0 else None

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from cnnum import Check, Template, get_template, template_names
+from cnnum.templating.files import Entry
 
 ENGINES = ("opencl", "reference")
 
@@ -73,7 +74,7 @@ def test_a_failed_check_exits_with_1(call, records, monkeypatch):
     weights = {"B": right.B, "z": right.z.tolist(), "boundary": right.boundary, "duration": 5.0}
     # the feedback of the wrong sign: no cell can hold its colour
     wrong = Template("EDGE", A=-right.A, check=Check("edge"), **weights)
-    monkeypatch.setattr("cnnum.templating.library.get_template", lambda name: wrong)
+    monkeypatch.setattr("cnnum.templating.library.get_entry", lambda name: Entry(wrong))
     arguments = ("templates", "check", "EDGE", "--engine", "reference", "--repeats", 1)
     result = call(*arguments, "--json")
     assert result.exit_code == 1, result.stderr

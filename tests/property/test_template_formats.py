@@ -1,12 +1,14 @@
 """Files of other programs: what is written comes back."""
 
 import tempfile
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cnnum.errors import CnnumError
 from cnnum.templating.couplings import NonlinearCoupling
 from cnnum.templating.files import load_template, save_template
 from cnnum.templating.function_tables import Table
@@ -76,3 +78,24 @@ def test_cnnsim_and_matcnn_keep_every_weight(template):
         for part in ("A", "B", "z"):
             np.testing.assert_array_equal(getattr(back, part), getattr(template, part))
     assert through(template, ".cnnsim").boundary == template.boundary
+
+
+PIECES = [
+    *("FEEDBACK", "CONTROL FROM 1", "NONLIN_D", "x-u#", "NONLIN_CONTROL", "NRLAYERS 2"),
+    *("LAYER 1", "NEIGHBORHOOD 0", "DELAY 3", "DELAYED_CONTROL", "CURRENT", "a 0 1 -1 0"),
+    *("a- a0 d", "NEW", "0 0 0 0 1 0 0 0 0", "1", "-.5", "nan", "1e400", ")", "MINE_A = [1];"),
+    *("%Setting: IniState:P", "MINE_Dd = [1 1 1]", "MINE_Bb = [1]", "MINE_d = [0 1 0 0 12];"),
+    *("MINE_b = [nan nan];", "[1 2", "C ZeroFlux", "A", "Z 1", "\x1a", "\n"),
+]
+
+
+@given(st.lists(st.one_of(st.sampled_from(PIECES), st.text(max_size=6)), max_size=12))
+@settings(max_examples=50, deadline=None)
+def test_any_text_is_a_template_or_an_error_of_ours(pieces):
+    for suffix in (".tem", ".m", ".cnnsim"):
+        for between in (" ", "\n"):
+            with tempfile.TemporaryDirectory() as folder:
+                path = Path(folder) / f"mine{suffix}"
+                path.write_text(between.join(pieces), encoding="utf-8")
+                with suppress(CnnumError):
+                    assert load_template(path).layers >= 1

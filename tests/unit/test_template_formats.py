@@ -148,6 +148,7 @@ def test_a_program_in_time_is_several_templates(tmp_path):
         ("% nothing\n", "line 1: expected FEEDBACK, CONTROL or CURRENT, got no template"),
         ("CURRENT 1\na 2 1 0 0", "line 2: expected the interpolation of function 'a'"),
         ("NONLIN_D\nz#\n", "line 2: expected an argument such as 'x-u#'"),
+        ("NEIGHBORHOOD 0\nNONLIN_D x-u#\n)", "line 3: expected a weight or a letter of NONLIN_D"),
         ("NRLAYERS 2\nFEEDBACK FROM 5 1", "line 2: expected a layer from 1 to 2, got 5"),
     ],
 )
@@ -206,6 +207,7 @@ def test_matcnn_tables_read_neighbour_less_centre(tmp_path):
     [
         ("A = 1;", "line 1: expected a matrix such as"),
         ("\nX_A = [1 2; 3];", "line 2: expected rows of equal length"),
+        ("X_Bb = [1];\nX_b = [nan 1];", "line 2: expected finite numbers"),
         ("X_A = [1 b];", "line 1: expected numbers, got 'b'"),
         ("X_Dd = [1];\nX_d = [0 1 0 0 99];", "code of a D table must be like 12"),
     ],

@@ -85,7 +85,7 @@ def check(
             steps.advance(job.name)
     failed = sum(not result.passed for result in results)
     total = quantity(time.perf_counter() - begin, "s")
-    passed = f"{len(results) - failed} of {len(results)} passed in {total}."
+    passed = f"{len(results) - failed} of {len(results)} passed. The checks took {total}."
     output.show(_table(results), passed, *_notes(results))
     if stop.stopped:
         return stop.say(len(results), len(jobs), "checks", as_json=as_json)

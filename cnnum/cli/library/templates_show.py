@@ -5,11 +5,13 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from cnnum.cli.library.templates_choice import is_place
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, facts, number
 from cnnum.cli.saving import refuse_unwritable
 
 if TYPE_CHECKING:
+    from cnnum.templating.files import Entry
     from cnnum.templating.template import Template
 
 
@@ -42,13 +44,13 @@ def show(
     if transient is not None:
         refuse_unwritable(None, transient)
         _refuse_unknown_kind(transient)
-    from cnnum.templating.files import load_template
-    from cnnum.templating.library import get_template
+    from cnnum.templating.files import load_entry
+    from cnnum.templating.library import get_entry
 
-    template = load_template(name) if name.endswith(".toml") else get_template(name)
-    output = Output(as_json)
-    output.record(_record(template))
-    output.show(facts(_facts(template)), "")
+    entry = load_entry(name) if is_place(name) else get_entry(name)
+    template, output = entry.template, Output(as_json)
+    output.record({**_record(template), **_words(entry)})
+    output.show(facts([*_facts(template), *_known(entry)]), "")
     for part in ("A", "B"):
         for label, kernel in _kernels(part, getattr(template, part)):
             output.show(f"{label} =", _matrix(kernel), "")
@@ -76,6 +78,36 @@ def _write_transient(
     shown = default_picture() if picture is None else load_picture(picture)
     at, result = transient_of(Engine(engine), template, shown, times)
     write_transient(path, template, at, result)
+
+
+def _words(entry: "Entry") -> dict[str, object]:
+    """Return what the file says about a template, and what was measured of it."""
+    measured = entry.measured
+    return {
+        "input": entry.about.input,
+        "state": entry.about.state,
+        "tags": list(entry.about.tags),
+        "experimental": entry.about.experimental,
+        "published_boundary": entry.about.published_boundary,
+        "settle": measured.settle if measured else (),
+        "margin": measured.margin if measured else None,
+    }
+
+
+def _known(entry: "Entry") -> list[tuple[str, str]]:
+    about, measured = entry.about, entry.measured
+    times = measured.settle if measured else ()
+    margin = measured.margin if measured else None
+    lines = [
+        ("input", about.input),
+        ("state", about.state),
+        ("tags", ", ".join(about.tags)),
+        ("experimental", " ".join(about.experimental.split())),
+        ("published boundary", about.published_boundary),
+        ("settles within", ", ".join(f"{n}×{n}: {number(t)} τ" for n, t in times)),
+        ("margin of the bias", "" if margin is None else number(margin)),
+    ]
+    return [(label, text) for label, text in lines if text]
 
 
 def _record(template: "Template") -> dict[str, object]:

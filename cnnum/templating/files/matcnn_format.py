@@ -22,6 +22,7 @@ _ASSIGNED = re.compile(r"([A-Za-z]\w*)_(A|B|I|Aa|Bb|Dd|a|b|d)\s*=\s*(\[[^\]]*\]|
 _COMMENT = re.compile(r"%[^\n]*")
 _DIGITS: dict[str, Quantity] = {"1": "u", "2": "x", "3": "y"}
 _PAIRS = {"A": ("y", "y"), "B": ("u", "u")}
+_LARGEST = 1e30
 _ORDER = ("A", "B", "I", "Aa", "a", "Bb", "b", "Dd", "d")
 
 Fields = dict[str, Floats]
@@ -56,6 +57,8 @@ def _matrix(text: str, file: str, line: int) -> Floats:
         raise TemplateError(
             f"'{file}', line {line}: expected numbers, got {str(error).split(': ')[-1]}."
         ) from None
+    if not all(abs(value) < _LARGEST for row in values for value in row):
+        raise TemplateError(f"'{file}', line {line}: expected finite numbers, got {text:.40}.")
     if len({len(row) for row in values}) != 1:
         raise TemplateError(
             f"'{file}', line {line}: expected rows of equal length, got {[len(r) for r in values]}."

@@ -4,10 +4,9 @@
 """
 
 from dataclasses import dataclass
-from typing import cast
 
 from cnnum.errors import TemplateError
-from cnnum.templating.files.toml_values import number, table, text, wrong
+from cnnum.templating.files.toml_values import number, points, table, text
 
 KEYS = ("digest", "mean", "rms", "settle", "margin")
 
@@ -64,15 +63,7 @@ def read_measured(file: str, key: str, value: object) -> Measured:
 
 
 def _settle(file: str, key: str, value: object) -> tuple[tuple[int, float], ...]:
-    if not isinstance(value, list):
-        raise wrong(file, key, "a list of pairs [cells, time constants]", cast(object, value))
-    pairs = list[tuple[int, float]]()
-    for item in cast("list[object]", value):
-        pair = cast("list[object]", item) if isinstance(item, list) else []
-        if len(pair) != 2:
-            raise wrong(file, key, "a list of pairs [cells, time constants]", item)
-        pairs.append((int(number(file, key, pair[0])), number(file, key, pair[1])))
-    return tuple(pairs)
+    return tuple((int(cells), time) for cells, time in points(file, key, value))
 
 
 def measured_toml(measured: Measured) -> str:

@@ -16,9 +16,10 @@ from cnnum.templating.files.tem_writing import entry_to_tem
 from cnnum.templating.function_tables import Table
 from cnnum.templating.template import Initial, Template
 
-_FIXED = re.compile(r"Fixed\s*\(\s*([-+.\d]+)\s*\)", re.IGNORECASE)
-_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)")
-_GIVEN = re.compile(r"Arbitrary\s*\(\s*([-+.\d]+)\s*\)", re.IGNORECASE)
+_SIZE = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d{1,2})?"
+_NUMBER = re.compile(_SIZE, re.IGNORECASE)
+_FIXED = re.compile(rf"Fixed\s*\(\s*({_SIZE})\s*\)", re.IGNORECASE)
+_GIVEN = re.compile(rf"Arbitrary\s*\(\s*({_SIZE})\s*\)", re.IGNORECASE)
 
 
 def _read(content: str, file: str) -> Entry:

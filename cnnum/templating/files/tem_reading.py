@@ -154,8 +154,15 @@ def _d_block(text: Words, radius: int) -> Block:
     if not _D_ARGUMENT.fullmatch(argument):
         raise text.wrong(token.line, "an argument such as 'x-u#' or 'x-x#x-x'", f"'{token.text}'")
     count = (2 * radius + 1) ** 2
-    cells = [text.take(f"{count} weights or letters of NONLIN_D") for _ in range(count)]
+    cells = [_d_cell(text, count) for _ in range(count)]
     return Block("D", 0, _square(text, cells, "NONLIN_D"), argument)
+
+
+def _d_cell(text: Words, count: int) -> Token:
+    token = text.take(f"{count} weights or letters of NONLIN_D")
+    if not (_LETTER.fullmatch(token.text) or _is_cell(token)):
+        raise text.wrong(token.line, "a weight or a letter of NONLIN_D", f"'{token.text:.40}'")
+    return token
 
 
 def _square(text: Words, cells: Tokens, word: str) -> list[Tokens]:

@@ -1,0 +1,113 @@
+"""`cnnum templates` beyond list, show and check of names: files, folders, figures, pages."""
+
+import shutil
+import struct
+
+import pytest
+
+from cnnum.templating.files import load_entry, load_template
+from cnnum.templating.library import template_path
+
+MINE = """name = "lone"
+description = "Lonely cells."
+A = [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.0]]
+B = [[-1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, -1.0]]
+z = -8.0
+boundary = -1.0
+duration = 8.0
+check = { name = "rule", rule = "c and ring == 0" }
+"""
+
+
+@pytest.fixture
+def folder(tmp_path):
+    (tmp_path / "lone.toml").write_text(MINE)
+    shutil.copy(template_path("EDGE"), tmp_path)
+    return tmp_path
+
+
+def test_check_of_a_folder(call, records, folder):
+    found = records(call("templates", "check", folder, "--engine", "numba", "--json").stdout)
+    assert {record["template"] for record in found} == {"EDGE", "lone"}
+    edge = next(record for record in found if record["template"] == "EDGE")
+    assert edge["margin"] > 0.5
+    assert edge["settle"] > 0
+    assert edge["note"] == ""
+
+
+def test_a_weight_off_by_a_fifth_fails_the_check_of_a_measured_file(call, folder):
+    path = folder / "edge.toml"
+    text = path.read_text()
+    assert text.count("8.0") == 1
+    path.write_text(text.replace("8.0", "9.6"))
+    result = call("templates", "check", path, "--engine", "numba")
+    assert result.exit_code == 1
+    assert "its numbers are not those that were measured" in result.stdout
+
+
+def test_check_of_a_file_shows_what_designers_ask(call, folder):
+    result = call("templates", "check", folder / "lone.toml", "--engine", "numba")
+    assert result.exit_code == 0, result.stderr
+    for part in ("monostable cells", "largest Euler step", "settles within", "mismatch 10 %"):
+        assert part in result.stdout
+
+
+def test_design_shows_how_far_each_weight_may_go(call, records):
+    found = records(call("templates", "design", "THRES", "--weights", "--json").stdout)
+    assert found[0]["stability"] == "bistable cells"
+    assert found[0]["euler_step"] > 0
+    assert {record["weight"] for record in found[1:]} == {"A[1, 1]", "z"}
+
+
+def test_measure_writes_into_the_file(call, folder):
+    path = folder / "lone.toml"
+    result = call("templates", "measure", path)
+    assert result.exit_code == 0, result.stderr
+    entry = load_entry(path)
+    assert entry.measured.digest == entry.template.digest
+    assert entry.measured.margin > 0.5
+    assert path.read_text().startswith(MINE)
+    assert "EDGE" not in call("templates", "measure", folder, "--missing").stdout
+
+
+def test_audit_counts_wrong_cells(call, records):
+    (found,) = records(call("templates", "audit", "FIGREC", "--json").stdout)
+    assert found["published"] == "0"
+    assert found["wrong"][0] > 0
+    assert found["wrong"][1] == 0
+
+
+def test_import_and_export(call, tmp_path):
+    out = tmp_path / "hole.tem"
+    assert call("templates", "export", "HOLE", out).exit_code == 0
+    result = call("templates", "import", out, "--to", tmp_path)
+    assert result.exit_code == 0, result.stderr
+    assert load_template(tmp_path / "hole.toml").A.tolist() == load_template(out).A.tolist()
+    broken = tmp_path / "broken.tem"
+    broken.write_text("FEEDBACK\n1 2\n")
+    result = call("templates", "import", broken)
+    assert result.exit_code == 2
+    assert "line 2: expected a square matrix" in result.stderr
+
+
+def test_gallery_is_one_page(call, tmp_path, folder):
+    out = tmp_path / "page.html"
+    result = call("templates", "gallery", "HOLE", folder / "lone.toml", "--out", out)
+    assert result.exit_code == 0, result.stderr
+    page = out.read_text()
+    assert page.count("<article") == 2
+    assert page.count("data:image/png;base64,") == 8
+    assert not [word for word in ("http:", "https:", "<link", "<script src") if word in page]
+    assert "Settles within 8×8" in page
+
+
+def test_show_says_what_is_known_and_draws(call, records, tmp_path):
+    out = tmp_path / "hole.png"
+    found, *_ = records(call("templates", "show", "HOLE", "--transient", out, "--json").stdout)
+    assert found["state"] == "all black at the start"
+    assert found["margin"] > 0.5
+    data = out.read_bytes()
+    width, height = struct.unpack(">2I", data[16:24])
+    assert data.startswith(b"\x89PNG")
+    assert width == 4 * height
+    assert "settles within" in call("templates", "show", "HOLE").stdout
