@@ -9,6 +9,7 @@ import pytest
 
 import cnnum
 
+WRONG_WAY = "program.parameters.push=-1"
 WAIT = 120  # s after which a command counts as hung; none takes a tenth of it
 
 
@@ -69,7 +70,9 @@ def test_a_tactile_researcher(shell, tmp_path):
     (contact,) = of_kind(shell("run", "scene.toml", *fast, "--json"), "contact")
     assert contact["unit"] == "count"
     assert contact["where"] == pytest.approx([1.5, 1.5], abs=0.1)
-    assert "did you mean 'contact'" in shell("plan", "scene.toml", "--set", "wants=['contct']", code=2)
+    assert "did you mean 'contact'" in shell(
+        "plan", "scene.toml", "--set", "wants=['contct']", code=2
+    )
 
     with (tmp_path / "scene.toml").open("a") as file:
         file.write('[calibration]\ngain = 0.02\nunit = "N"\ntare = 20\n')
@@ -80,8 +83,7 @@ def test_a_tactile_researcher(shell, tmp_path):
         assert fields["contact_map"][-1].sum() == 4
 
     assert "wrong way round" in subprocess.run(
-        [sys.executable, "-m", "cnnum", "run", "scene.toml", *fast]
-        + ["--set", "program.parameters.push=-1"],
+        [sys.executable, "-m", "cnnum", "run", "scene.toml", *fast, "--set", WRONG_WAY],
         cwd=tmp_path, capture_output=True, text=True, timeout=WAIT,
     ).stderr  # fmt: skip
 
@@ -112,7 +114,7 @@ def test_an_embedded_engineer(shell, tmp_path):
     """With a driver of their own: what it costs, before any hardware is chosen."""
     (tmp_path / "pad.py").write_text(DRIVER)
     (tmp_path / "scene.toml").write_text(
-        'wants = ["gross_slip"]\n[array]\ndriver = "pad:Options"\n[program]\nname = "grasp_slip"\n'
+        'wants = ["contact"]\n[array]\ndriver = "pad:Options"\n[program]\nname = "contact"\n'
     )
     fast = ("--engine", "numba")
     (plan,) = map(json.loads, shell("plan", "scene.toml", *fast, "--json").splitlines())
@@ -131,7 +133,7 @@ def test_an_embedded_engineer(shell, tmp_path):
     assert of_kind(again, "summary")[0]["handed_on"] == summary["handed_on"]
 
 
-DRIVER = '''
+DRIVER = """
 from dataclasses import dataclass
 
 import numpy as np
@@ -159,4 +161,4 @@ class Pad(Closing):
         for number in range(40):
             values = noise.normal(16000.0, 3.0, (4, 4, 3))
             yield Frame(values, self.channels, self.unit, number, number / self.rate)
-'''
+"""

@@ -78,7 +78,7 @@ def command(
     used = Engine(engine, device=device, precision=precision)
     total = len(request.cases()) + len(request.scenes) + len(request.trials())
     output = Output(as_json)
-    report, done = None, 0
+    done = 0
     with until_stopped() as stop, progress("scenes", total, as_json=as_json) as steps:
 
         def advance(name: str) -> None:
@@ -87,7 +87,7 @@ def command(
             steps.advance(name)
 
         report = score(request, used, advance)
-    if report is None:
+    if stop.stopped:
         return stop.say(done, total, "scenes, too few for a score", as_json=as_json)
     for record in report.records():
         output.record(record)
