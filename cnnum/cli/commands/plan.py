@@ -49,7 +49,7 @@ def command(
 
 def _show_ops(output: Output, plan: "Plan") -> None:
     """Print the operations by function, as records by line of the program."""
-    from cnnum.integrators.op_groups import by_function, op_groups
+    from cnnum.runs.op_groups import by_function, op_groups
 
     groups = op_groups(plan.built, dict(plan.solvers))
     for group in groups:
