@@ -7,6 +7,7 @@ from typing import TypeVar
 
 from cnnum.arrays import Floats, Shape, digest, frozen
 from cnnum.graph.elementwise import ElementOp, ReduceOp
+from cnnum.graph.origins import origin_here
 from cnnum.templating.template import Duration, Template
 
 Argument = TypeVar("Argument")
@@ -269,6 +270,8 @@ class Node:
         Values are 0 or 1.
     maps : int
         More than one: a stack of maps.
+    origin : str
+        The line of the program that asked for it first.
     """
 
     index: int
@@ -277,6 +280,7 @@ class Node:
     scalar: bool
     logic: bool
     maps: int = 1
+    origin: str = ""
 
     def __repr__(self) -> str:
         # arguments by number: written out in full, a shared graph fills the memory
@@ -337,7 +341,7 @@ class Graph:
         if known is not None:
             self.shared += isinstance(operation, Apply | Reduce | Transient)
             return known
-        node = Node(next(self._numbers), operation, arguments, scalar, logic, maps)
+        node = Node(next(self._numbers), operation, arguments, scalar, logic, maps, origin_here())
         self.nodes.append(node)
         self._interned[key] = node
         return node

@@ -198,7 +198,8 @@ def _product(node: Node, value: Affine, chains: _Chains, nodes: Mapping[int, Nod
     operation: Operation = Product(tuple(parts.values()), value.constant)
     if not parts:  # what is read cancels
         operation = ConstantMap.of(value.constant.reshape(chains.schedule.shape))
-    return Node(node.index, operation, tuple(nodes[n] for n in parts), scalar=False, logic=False)
+    read = tuple(nodes[n] for n in parts)
+    return Node(node.index, operation, read, scalar=False, logic=False, origin=node.origin)
 
 
 def _rewritten(schedule: Schedule, products: Mapping[int, Node]) -> Schedule:

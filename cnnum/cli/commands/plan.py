@@ -10,13 +10,14 @@ from cnnum.cli.options import engine_options, json_option, scene_changes, set_op
 from cnnum.cli.output import Output, facts, quantity, table
 
 if TYPE_CHECKING:
-    from cnnum.plan import Explanation
+    from cnnum.plan import Explanation, Plan
 
 
 @click.command("plan")
 @click.argument("scene")
 @set_option
 @engine_options
+@click.option("--ops", is_flag=True, help="List what runs by function; --json has every line.")
 @click.option("--source", is_flag=True, help="Print the text of the kernels instead.")
 @json_option
 def command(
@@ -25,6 +26,7 @@ def command(
     engine: str | None,
     device: str | None,
     precision: str | None,
+    ops: bool,
     source: bool,
     as_json: bool,
 ) -> None:
@@ -35,11 +37,28 @@ def command(
     opened = load_scene(scene, changes=scene_changes(settings, engine, device, precision))
     with opened.driver:
         explanation, text = opened.plan.explain(), opened.plan.source if source else ""
+    if ops:
+        _show_ops(output, opened.plan)
+        return
     if source:
         output.record({"scene": opened.spec.name, "source": text}, text)
         return
     output.record(_record(opened.spec.name, opened.spec.wants, explanation))
     _show(output, opened.spec.name, opened.spec.wants, explanation)
+
+
+def _show_ops(output: Output, plan: "Plan") -> None:
+    """Print the operations by function, as records by line of the program."""
+    from cnnum.runs.op_groups import by_function, op_groups
+
+    groups = op_groups(plan.built, dict(plan.solvers))
+    for group in groups:
+        output.record(asdict(group))
+    made = table("Function", ">ops", ">flops", ">results", ">live at most")
+    for group in by_function(groups):
+        sizes = (quantity(group.bytes, "B"), quantity(group.live_bytes, "B"))
+        made.add_row(group.program, str(group.count), quantity(group.flops, "flop"), *sizes)
+    output.show(made)
 
 
 def _record(scene: str, wants: tuple[str, ...], plan: "Explanation") -> dict[str, object]:

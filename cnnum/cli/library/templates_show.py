@@ -44,6 +44,7 @@ def show(
     if transient is not None:
         refuse_unwritable(None, transient)
         _refuse_unknown_kind(transient)
+    shown = _picture(picture) if transient is not None else None
     from cnnum.templating.files import load_entry
     from cnnum.templating.library import get_entry
 
@@ -56,7 +57,7 @@ def show(
             output.show(f"{label} =", _matrix(kernel), "")
 
     if transient is not None:
-        _write_transient(template, transient, picture, times, engine)
+        _write_transient(template, transient, shown, times, engine)
         output.record({"kind": "transient", "file": str(transient)}, f"Written: {transient}")
 
 
@@ -68,14 +69,20 @@ def _refuse_unknown_kind(path: Path) -> None:
         raise name_error("kind of picture", path.suffix or path.name, WRITERS)
 
 
+def _picture(path: Path | None) -> Any:
+    """Return the picture of a file, or one that shows most templates at work."""
+    from cnnum.pictures import load_picture
+    from cnnum.report.transient_page import default_picture
+
+    return default_picture() if path is None else load_picture(path)
+
+
 def _write_transient(
-    template: "Template", path: Path, picture: Path | None, times: int, engine: str | None
+    template: "Template", path: Path, shown: Any, times: int, engine: str | None
 ) -> None:
     from cnnum.engine import Engine
-    from cnnum.pictures import load_picture
-    from cnnum.report.transient_page import default_picture, transient_of, write_transient
+    from cnnum.report.transient_page import transient_of, write_transient
 
-    shown = default_picture() if picture is None else load_picture(picture)
     at, result = transient_of(Engine(engine), template, shown, times)
     write_transient(path, template, at, result)
 

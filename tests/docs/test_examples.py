@@ -1,0 +1,54 @@
+"""The examples run as they stand, and the pages of keys name every key."""
+
+import runpy
+from dataclasses import fields
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+
+from cnnum.drivers.own_data.layout import DataLayout
+from cnnum.drivers.registry import DRIVERS
+from cnnum.scenes import scene_file
+from cnnum.scenes.events import EVENT_RULES
+from cnnum.templating.files.toml_format import _READERS
+
+DOCS = Path(__file__).parents[2] / "docs"
+EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs(path, capsys):
+    runpy.run_path(str(path), run_name="__main__")
+    assert capsys.readouterr().out
+
+
+def test_every_example_is_on_the_page():
+    page = (DOCS / "examples" / "README.md").read_text()
+    assert len(EXAMPLES) >= 3
+    assert all(path.name in page for path in EXAMPLES)
+
+
+def test_every_key_of_a_scene_and_of_a_driver_is_on_its_page():
+    page = (DOCS / "reference" / "scene-keys.md").read_text()
+    assert all(f"`{table}." in page for table in scene_file._TABLES)
+    for key in scene_file.KEYS:
+        assert f"`calibration.{key}`" in page
+    for name, place in DRIVERS.items():
+        module, record = place.split(":")
+        known = fields(getattr(import_module(module), record))
+        row = next(line for line in page.splitlines() if line.startswith(f"| `{name}` |"))
+        assert all(f"`{field.name}`" in row for field in known)
+
+
+def test_every_key_of_a_template_and_of_a_layout_is_on_its_page():
+    page = (DOCS / "reference" / "template-keys.md").read_text()
+    assert all(f"`{key}`" in page for key in _READERS)
+    layout = (DOCS / "how-to" / "data.md").read_text()
+    assert all(f"`{field.name}`" in layout for field in fields(DataLayout))
+
+
+def test_every_event_is_on_its_page():
+    page = (DOCS / "events.md").read_text()
+    for rules in EVENT_RULES.values():
+        assert all(f"`{rule.kind}`" in page for rule in rules)
