@@ -89,7 +89,8 @@ def mindlin_slip(
     fitted = frame.memory("frames that fit", scalar=True)
     fits = where(loads.contact & _hertz(loads, pressed), fitted.value + 1.0, 0.0)
     fitted.store(fits)
-    holds = (fits > STEADY * rate) & ~_contradicted(frame, used, gross)
+    steady = fits > STEADY * rate
+    holds = steady & ~_contradicted(frame, used, gross, steady)
     sticks = where(holds, maximum(1.0 - used, 0.0) ** (1 / 3), 1.0)
     return {
         "mindlin_holds": holds,
@@ -114,16 +115,17 @@ def _hertz(loads: Loads, pressed: Pressed) -> Field:
     return wide & fits & (peak > PEAK[0]) & (peak < PEAK[1])
 
 
-def _contradicted(frame: FrameFields, used: Field, gross: Field) -> Field:
+def _contradicted(frame: FrameFields, used: Field, gross: Field, steady: Field) -> Field:
     """Return a flag: the last pull that told was not the one that friction holds.
 
-    More than friction holds is one such, and so is a slide at less.
+    More than friction holds is one such, and so is a slide at less. A touch that begins does not
+    tell: its load is next to nothing.
     """
     memory = frame.memory("contradicted", scalar=True, logic=True)
     peak = frame.memory("largest pull of the slide", scalar=True)
     highest = where(gross, maximum(peak.value, used), 0.0)
     over = frame.previous(gross) & ~gross
-    known = where(over, abs(peak.value - 1.0), where(used > 1.0 + OFF, used, 0.0))
+    known = where(over, abs(peak.value - 1.0), where(steady & (used > 1.0 + OFF), used, 0.0))
     now = (memory.value & ~(over & (known < OFF))) | (known > OFF)
     peak.store(highest)
     memory.store(now)
