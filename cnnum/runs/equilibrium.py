@@ -173,13 +173,13 @@ class _Array:
         linear = self._within(1.0)[frame]
         at = np.flatnonzero(linear)
         if len(at) > MOST_LINEAR:
-            return self.x[frame]  # too large to look at: small rates must do
+            return self._state(frame)  # too large to look at: small rates must do
         step = np.zeros(linear.size)
         if len(at):
             matrix = sparse.identity(len(at), format="csc") - self._weights()[at][:, at].tocsc()
             even = bool(abs(matrix - matrix.T).max() <= 1e-12 * abs(matrix).max())
             if not even and len(at) > MOST_DENSE:
-                return self.x[frame]
+                return self._state(frame)
             tau = np.repeat(self.template.tau, linear[0].size)[at]
             solve = _stable_solve(matrix, tau, even=even)
             if solve is None:
@@ -194,6 +194,9 @@ class _Array:
         if bool((moved <= tolerance).all()):
             return self.x[frame] if same or self._same_range(frame, linear, x, 0.0) else None
         return x if same else None
+
+    def _state(self, frame: int) -> Floats:
+        return np.asarray(self.x[frame], dtype=np.float64)
 
     def _same_range(self, frame: int, linear: Flags, x: Floats, spare: float) -> bool:
         """Return whether the same cells are saturated, and stay so this far around."""
@@ -243,8 +246,9 @@ def _stable_solve(matrix: Any, tau: Floats, *, even: bool) -> Callable[[Floats],
             least = float(factors.U.diagonal().min())
         else:
             factors = factorise(matrix)
-            rates: Floats = np.real(np.linalg.eigvals(matrix.toarray() / tau[:, np.newaxis]))
-            least = float(rates.min())
+            dense: Floats = matrix.toarray()
+            rates = np.linalg.eigvals(dense / tau[:, np.newaxis])
+            least = float(np.real(rates).min())
     except RuntimeError:  # a factor is singular: the array is on the edge of growth
         return None
     return factors.solve if least > 0.0 else None

@@ -2,6 +2,6 @@
 
 from cnnum.lab.stability.record import Case, Row, Solved
 from cnnum.lab.stability.registry import all_cases, select
-from cnnum.lab.stability.run import ENGINES, run, run_case
+from cnnum.lab.stability.runner import ENGINES, run, run_case
 
 __all__ = ("ENGINES", "Case", "Row", "Solved", "all_cases", "run", "run_case", "select")

@@ -3,8 +3,10 @@
 import io
 import json
 import math
+import re
 from collections.abc import Sequence
 from html import escape
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -122,17 +124,16 @@ def _picture(rows: Sequence[Row]) -> str:
 
 
 def _themed(figure: Any) -> str:
-    import matplotlib as mpl
-
-    settings: Any = mpl.rc_context
+    mpl: Any = import_module("matplotlib")
     made = io.StringIO()
-    with settings({"svg.fonttype": "none", "svg.hashsalt": "stability"}):
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "stability"}):
         figure.patch.set_alpha(0.0)
         for axes in figure.axes:
             axes.patch.set_alpha(0.0)
         figure.savefig(made, format="svg", metadata={"Date": None})
     text = made.getvalue()
     text = text[text.index("<svg") :]
+    text = re.sub("<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
     return text.replace("#000000", "currentColor").replace("<text", '<text fill="currentColor"')
 
 

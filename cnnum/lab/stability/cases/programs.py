@@ -97,12 +97,12 @@ def _equilibrium(poisson: float) -> Case:
     """An elastic block relaxes; the volume's stiffness grows without bound as ν nears 1/2."""
     wanted = [f"displacement_{axis}" for axis in "xyz"]
     options = {
-        "thickness": 2.0,
-        "pitch": 1.0,
+        "thickness": 2.0e-3,
+        "pitch": 1.0e-3,
         "slabs": 6,
         "match": False,
         "poisson": poisson,
-        "youngs_modulus": 2.0 * (1.0 + poisson),
+        "youngs_modulus": 2.0e-3 * (1.0 + poisson),
     }
     solvable = min(poisson, 0.4999)
     return _case(

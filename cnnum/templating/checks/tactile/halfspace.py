@@ -51,12 +51,12 @@ def _block_case(rng: np.random.Generator, shape: Shape) -> ProgramCase:
     found = on_plane(block_displacement(load, SLABS, 1.0, POISSON), 2)
     names = ("displacement_x", "displacement_y", "displacement_z")
     options = {
-        "thickness": 2.0,
-        "pitch": 1.0,
+        "thickness": 2.0e-3,
+        "pitch": 1.0e-3,
         "slabs": SLABS,
         "match": False,
         "poisson": POISSON,
-        "youngs_modulus": 2 * (1 + POISSON),
+        "youngs_modulus": 2e-3 * (1 + POISSON),
     }
     return ProgramCase(load[None], {n: found[..., k] for k, n in enumerate(names)}, options)
 

@@ -1,0 +1,82 @@
+"""Runs to equilibrium end where the network rests, however slowly it passes by other places."""
+
+import numpy as np
+import pytest
+
+import cnnum
+from cnnum import Template
+from cnnum.runs.equilibrium import verdict
+
+TOLERANCES = {"rtol": 1e-4, "atol": 1e-5, "precision": "float64"}
+SADDLE = Template(
+    "saddle", [[0.0, 0.1, 0.0], [0.1, 2.0, 0.1], [0.0, 0.1, 0.0]], z=1e-7, boundary="zero-flux"
+)
+BOTTLENECK = Template(
+    "bottleneck", [[0.0, 0.0, 0.0], [1e-3, 2.0, 1e-3], [0.0, 0.0, 0.0]], z=-1.00101
+)
+
+
+@pytest.fixture(scope="module")
+def engine():
+    return cnnum.Engine("numba", precision="float32")
+
+
+def test_a_saddle_is_left_however_slowly(engine):
+    """Rates of 1e-7 are below every tolerance; cells that saturate rest at 2 + 4·0.1 + 1e-7."""
+    found = engine.run(SADDLE, state=np.zeros((8, 8)), duration="settle")
+    assert found.settled
+    # at rest within the tolerance of 1e-4 of the state
+    np.testing.assert_allclose(found.state, 2.4, atol=3e-4)
+
+
+def test_a_bottleneck_is_passed(engine):
+    """All at 2 they come by 1.001 at a rate of 1e-5; the rim, which lacks a neighbour, goes on."""
+    found = engine.run(BOTTLENECK, state=np.full((8, 8), 2.0), duration="settle")
+    expected = np.where(np.isin(np.arange(8), (0, 7)), -3.00201, -3.00301)
+    np.testing.assert_allclose(found.state, np.broadcast_to(expected, (8, 8)), atol=4e-4)
+    assert found.settled
+    assert np.isinf(found.error)  # it ran on, and nothing is known of the error along the way
+
+
+def test_frames_that_rest_are_left_alone_by_those_that_do_not(engine):
+    """Of a batch only the frame on the saddle runs on."""
+    states = np.stack([np.zeros((8, 8)), np.full((8, 8), 1.5)])
+    found = engine.run(SADDLE, state=states, duration="settle")
+    alone = engine.run(SADDLE, state=states[1], duration="settle")
+    np.testing.assert_array_equal(found.state[1], alone.state)
+    assert found.time[0] > found.time[1] == alone.time
+    assert found.settled.all()
+
+
+def test_a_slow_linear_end_is_gone_to():
+    """Rates of 1e-5 at a decay of 1e-3 are still 0.01 off; one linear solve is not."""
+    weights = [[0.0, 0.0, 0.0], [0.0, 0.999, 0.0], [0.0, 0.0, 0.0]]
+    template = Template("slow", weights, z=5e-4, output="linear")
+    state = np.full((1, 1, 4, 4), 0.49)
+    seen = verdict(template, {}, state, **TOLERANCES)
+    assert seen.rests.all()
+    np.testing.assert_allclose(seen.state, 0.5, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("template", "value"),
+    [(SADDLE, 0.0), (SADDLE, 1e-6), (BOTTLENECK, 1.00099)],
+    ids=["saddle", "near", "neck"],
+)
+def test_small_rates_are_no_proof(template, value):
+    assert not verdict(template, {}, np.full((1, 1, 8, 8), value), **TOLERANCES).rests.any()
+
+
+def test_exact_balance_is_at_rest():
+    """Where every term of the rates is 0 nothing moves, stable or not."""
+    balanced = Template("balanced", SADDLE.A[0, 0], boundary="zero-flux")
+    assert verdict(balanced, {}, np.zeros((1, 1, 8, 8)), **TOLERANCES).rests.all()
+
+
+def test_turning_layers_do_not_rest():
+    """Eigenvalues with a positive real part are found where A is not symmetric."""
+    A = np.zeros((2, 2, 1, 1))
+    A[0, 0] = A[1, 1] = 1.1
+    A[0, 1], A[1, 0] = -1.0, 1.0
+    state = np.full((1, 2, 3, 3), 1e-7)
+    assert not verdict(Template("turn", A), {}, state, **TOLERANCES).rests.any()
