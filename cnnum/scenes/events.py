@@ -31,7 +31,7 @@ class Event:
     strength : float or None
         In `unit`.
     unit : str or None
-        Of the strength: "N", "count"…, "share" (0 to 1), or "noise floors".
+        Of the strength: "N", "count"…, "score" (a pure number), or "share" (0 to 1).
     sense : int or None
         Of a twist: +1 from x towards y, −1 the other way.
     after_gap : float or None

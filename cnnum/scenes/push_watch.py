@@ -25,8 +25,8 @@ OUTWEIGHS = 2.0
 """Peak of the pulls over that of the pushes. Beside a push under a cover, strain is a pull of 0.2
 times its peak; beside a pull along the skin, of as much as the push."""
 
-HELD = ("grasp_slip", "grasp_code", "moving_contact")
-"""Programs that begin with a held object: its release reads as a pull rightly."""
+HELD = ("slip", "twist", "mindlin_slip", "grasp_code")
+"""Programs that may begin with a held object: its release reads as a pull rightly."""
 
 
 class PushWatch:

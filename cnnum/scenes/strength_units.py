@@ -6,14 +6,14 @@ from dataclasses import replace
 from cnnum.programs import Program
 from cnnum.scenes.events import EventRule
 
-SHARE = "share"
-"""Of slip and twist: 0 where all of the contact sticks, 1 where all of it slides."""
+SCORE = "score"
+"""Of slip and twist: a pure number, see `docs/events.md`."""
 
 LOAD = "load_normal"
 """Output whose unit is that of the array's values, or of the program's parameter `unit`."""
 
-SCORES: Mapping[str, str] = {"grasp_slip": "noise floors", "moving_contact": "score"}
-"""Programs whose strengths are no share, and the unit of theirs."""
+SHARES: Mapping[str, str] = {"mindlin_slip": "share"}
+"""Programs whose strength is the share of the contact that slides: 0 to 1."""
 
 
 def with_units(
@@ -30,7 +30,7 @@ def with_units(
         Unit of the values that the program sees.
     """
     load = "N" if "unit" in dict(program.parameters) else measured
-    score = SCORES.get(program.name, SHARE)
+    score = SHARES.get(program.name, SCORE)
     return tuple(
         replace(rule, unit=load if rule.strength == LOAD else score if rule.strength else "")
         for rule in rules

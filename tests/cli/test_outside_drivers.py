@@ -20,7 +20,7 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "my_pad.py").write_text(code)
     (tmp_path / "scene.toml").write_text(
         'wants = ["gross_slip"]\n[array]\ndriver = "my_pad:PadOptions"\nport = "none"\n'
-        '[program]\nname = "grasp_slip"\n'
+        '[program]\nname = "slip"\n'
     )
     yield tmp_path
     sys.modules.pop("my_pad", None)

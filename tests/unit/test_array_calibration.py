@@ -134,9 +134,9 @@ def test_a_calibration_file_of_a_whole_array(folder):
 @pytest.mark.parametrize(
     ("program", "parameters", "units"),
     [
-        ("tactile", {}, ("strain", "share")),
-        ("tactile", {"unit": 1.3}, ("N", "share")),
-        ("grasp_slip", {}, ("strain", "noise floors")),
+        ("tactile", {}, ("strain", "score")),
+        ("tactile", {"unit": 1.3}, ("N", "score")),
+        ("mindlin_slip", {}, ("strain", "share")),
     ],
 )
 def test_every_strength_has_a_unit(program, parameters, units):
@@ -170,7 +170,7 @@ def test_pushes_that_read_as_pulls_are_said_once(push, caplog):
 def test_pushes_the_right_way_round_are_not(caplog):
     assert not watched(1.0, 1.0)
     assert not watched(-1.0, -1.0)
-    assert not watched(1.0, -1.0, program="moving_contact")  # the release of what was held
+    assert not watched(1.0, -1.0, program="slip")  # the release of what was held
     assert not caplog.records
 
 
