@@ -15,16 +15,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import scipy.sparse
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import taps
 from cnnum.templating.template import Template
-
-sparse: Any = scipy.sparse
-"""Its types tell apart what is one kind of matrix here."""
 
 Flags = NDArray[np.bool_]
 
@@ -176,7 +172,7 @@ class _Array:
             return self._state(frame)  # too large to look at: small rates must do
         step = np.zeros(linear.size)
         if len(at):
-            matrix = sparse.identity(len(at), format="csc") - self._weights()[at][:, at].tocsc()
+            matrix = _sparse().identity(len(at), format="csc") - self._weights()[at][:, at].tocsc()
             even = bool(abs(matrix - matrix.T).max() <= 1e-12 * abs(matrix).max())
             if not even and len(at) > MOST_DENSE:
                 return self._state(frame)
@@ -209,6 +205,7 @@ class _Array:
 
     def _weights(self) -> Any:
         """Return A cell by cell, as a sparse matrix."""
+        sparse = _sparse()
         layers, rows, cols = self.x.shape[1:]
         cells, radius = rows * cols, self.template.A.shape[-1] // 2
         numbers = np.arange(cells, dtype=np.float64).reshape(1, 1, rows, cols)
@@ -228,13 +225,20 @@ class _Array:
         return sparse.csr_matrix((weights, (to, of)), shape=(size, size))
 
 
+def _sparse() -> Any:
+    """Return SciPy's sparse matrices; imported late, as few runs need them."""
+    from scipy import sparse
+
+    return sparse
+
+
 def _all(flags: NDArray[np.bool_]) -> Flags:
     return np.asarray(flags.all(axis=(1, 2, 3)), dtype=np.bool_)
 
 
 def _stable_solve(matrix: Any, tau: Floats, *, even: bool) -> Callable[[Floats], Floats] | None:
     """Return what solves M x = b if the array with dx/dt = −M x / τ goes to rest, else None."""
-    from scipy.sparse import linalg  # imported late, as few runs need it
+    from scipy.sparse import linalg  # imported late, too
 
     factorise: Any = linalg.splu
     try:

@@ -18,7 +18,7 @@ HEAVY = {
     "mcap": {"cnnum/recordings"},
     "zstandard": {"cnnum/recordings"},
     "lz4": {"cnnum/recordings"},
-    "matplotlib": {"cnnum/report", "cnnum/lab/reproduce", "cnnum/lab/bench"},
+    "matplotlib": {"cnnum/report", "cnnum/lab"},
     "PIL": {"cnnum/pictures.py", "cnnum/report"},
     "numba": {"cnnum/engines/numba", "cnnum/lab/bench/peers"},
 }

@@ -102,5 +102,7 @@ def test_the_lattice_nears_the_continuum_as_the_square_of_the_cell(numba):
     "options", [{"thickness": 0.0}, {"thickness": -1.0}, {"tolerance": 0.5}, {"cells": 0.5}]
 )
 def test_what_cannot_be_is_refused(options):
-    with pytest.raises(ProgramError, match=r"thickness above 0|'cells'.* must be a whole number"):
+    with pytest.raises(
+        ProgramError, match=r"thickness.* (above|must be)|'cells'.* must be a whole"
+    ):
         halfspace_stress.bind(**options).trace((8, 8))

@@ -16,6 +16,7 @@ from cnnum.scenes.conversion import ByCalibration
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.scenes.frame_range import unit_range
 from cnnum.scenes.pipeline import FrameResult, Scene
+from cnnum.scenes.push_watch import PushWatch
 from cnnum.scenes.scene_file import SceneSpec
 
 OPTIONS = {
@@ -53,7 +54,9 @@ def opened() -> Scene:
     engine = Engine("reference")
     plan = engine.compile(touch, driver.shape, channels=conversion.channels)
     within = unit_range(driver.unit, engine.precision)
-    return Scene(spec, engine, driver, conversion, plan, EVENT_RULES["contact"], within, None)
+    watch, rules = PushWatch(touch, conversion.channels), EVENT_RULES["contact"]
+    offered = tuple(plan.schedule.outputs)
+    return Scene(spec, engine, driver, conversion, plan, rules, within, None, offered, watch)
 
 
 @pytest.fixture(scope="module")
