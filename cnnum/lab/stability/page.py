@@ -49,7 +49,8 @@ def page(rows: Sequence[Row]) -> str:
     return (
         '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
-        f"<title>Stiff and extreme cases</title>\n<style>{STYLE}</style>\n<main>"
+        "<title>Stiff and extreme cases</title>\n"
+        f"<style>{STYLE}.panels svg{{max-width:none}}</style>\n<main>"
         "<h1>Stiff and extreme cases</h1>"
         '<p class="lead">Each case is solved within its tolerance, or refused with the right '
         "reason. The truth is a closed form, or a solver that shares nothing with the engines.</p>"

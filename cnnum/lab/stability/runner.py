@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from functools import cache
 from math import inf, isfinite, nan
 from multiprocessing import get_context
 
@@ -43,21 +44,23 @@ def run(
         One a case; a case that hangs, or ends its process, fails and stops no other.
     """
     pool: ProcessPoolExecutor | None = None
-    for case in cases:
-        pool = pool or ProcessPoolExecutor(1, get_context("spawn"))
-        begun = time.perf_counter()
-        try:
-            yield pool.submit(run_named, case.name, engine, precision, device).result(PATIENCE)
-            continue
-        except TimeoutError:
-            why = f"It did not end within {PATIENCE:g} s."
-        except BrokenProcessPool:
-            why = "It ended its process."
-        _end(pool)
-        pool = None
-        yield _row(case, engine, precision, "failed", time.perf_counter() - begun, why)
-    if pool is not None:
-        pool.shutdown()
+    try:
+        for case in cases:
+            pool = pool or ProcessPoolExecutor(1, get_context("spawn"))
+            begun = time.perf_counter()
+            try:
+                yield pool.submit(run_named, case.name, engine, precision, device).result(PATIENCE)
+                continue
+            except TimeoutError:
+                why = f"It did not end within {PATIENCE:g} s."
+            except BrokenProcessPool:
+                why = "It ended its process."
+            _end(pool)
+            pool = None
+            yield _row(case, engine, precision, "failed", time.perf_counter() - begun, why)
+    finally:
+        if pool is not None:
+            pool.shutdown()
 
 
 def _end(pool: ProcessPoolExecutor) -> None:
@@ -67,15 +70,15 @@ def _end(pool: ProcessPoolExecutor) -> None:
     pool.shutdown(wait=False, cancel_futures=True)
 
 
-_engines: dict[tuple[str, str, str | None], Engine] = {}
+@cache
+def _engine(engine: str, precision: str, device: str | None) -> Engine:
+    """Return the engine of this process."""
+    return Engine(engine, precision=precision, device=device)
 
 
 def run_named(name: str, engine: str, precision: str, device: str | None) -> Row:
     """Run the case of that name in this process."""
-    key = (engine, precision, device)
-    if key not in _engines:
-        _engines[key] = Engine(engine, precision=precision, device=device)
-    return run_case(by_name(name), _engines[key])
+    return run_case(by_name(name), _engine(engine, precision, device))
 
 
 def run_case(case: Case, engine: Engine) -> Row:
