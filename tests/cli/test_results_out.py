@@ -98,7 +98,7 @@ def test_what_was_seen_is_saved_when_a_run_is_stopped(scene, tmp_path):
     with subprocess.Popen([*command, "--save", out], stdout=subprocess.PIPE) as running:
         for _ in range(20):
             running.stdout.readline()
-        os.kill(running.pid, signal.SIGINT)
+        os.kill(running.pid, signal.SIGTERM)
         running.stdout.read()
         assert running.wait(60) == 130
     assert len(fields_of(out)[0]) >= 9

@@ -69,7 +69,7 @@ def test_a_stopped_command_prints_what_was_done(arguments, what):
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, **pipes) as running:
         assert running.stdout.readline().startswith("{")
-        running.send_signal(signal.SIGINT)
+        running.send_signal(signal.SIGTERM)
         _, said = running.communicate(timeout=WAIT)
         assert running.returncode == 130
     assert "Stopped after " in said
