@@ -69,9 +69,10 @@ def test_a_long_run_keeps_nothing_a_frame(faults, caplog):
     frames = 300_000 if faults.full else 20_000
     for _ in faults.trials(short=1, full=1):
         scene = load_scene("contact", changes={"array.script": SCRIPT})
-        # a list of numbers would hold 8 bytes a frame and more: 144,000 in all
+        # a list of numbers would hold 8 bytes a frame and more: 144,000 in all. A quarter of it:
+        # the histogram of times holds a float of 24 bytes in each bin that a slow machine adds
         more = grown(scene, frames)
-        if more >= 8_000 or scene.summary().handed_on != frames * 98 // 100:
+        if more >= 36_000 or scene.summary().handed_on != frames * 98 // 100:
             faults.lose(f"{more} bytes more, {scene.summary()}")
 
 
