@@ -28,7 +28,7 @@ from cnnum.runs.arguments import as_frame, channels_and_lead, has_many_cells, ma
 from cnnum.runs.graph import graph_of, output_names
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
 from cnnum.runs.result import Result, result_of
-from cnnum.runs.settling import at_rest
+from cnnum.runs.settling import at_rest, saturated
 from cnnum.runs.times import checked_times, run_at
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.library import get_template
@@ -272,8 +272,8 @@ class Engine:
         prepared = None if form is None else self._prepared.get(form)
         settles = (template.duration if duration is None else duration) == "settle"
         result = None if prepared is None else prepared.run(arrays)
-        if result is not None and not settles:
-            return result
+        if (ready := saturated(result, template, rtol, atol) if settles else result) is not None:
+            return ready
         given, shape = maps_by_role(template, dict(zip(ROLES, arrays, strict=True)))
         spec = RunSpec(duration, method, rtol, atol, dt, force=force, estimate=estimate)
         if result is None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.runs.equilibrium import has_certificate, verdict
+from cnnum.runs.equilibrium import NEAR, has_certificate, verdict
 from cnnum.runs.result import Result
 from cnnum.templating.template import Template
 
@@ -68,6 +68,27 @@ def at_rest(
         if len(waiting):
             found.run_on(waiting, again)
     return found.result()
+
+
+def saturated(result: Result | None, template: Template, rtol: float, atol: float) -> Result | None:
+    """Return the result of a run to equilibrium if all its cells are saturated, else None.
+
+    Such an array rests, whatever drives it, as `verdict` has it; most runs of a single frame end
+    here, and a closer look would take as long as they do.
+
+    Parameters
+    ----------
+    result : Result or None
+    template : Template
+    rtol, atol : float
+    """
+    if result is None or not result.settled.all() or template.output.name != "standard":
+        return None
+    sizes = np.abs(result.state)
+    off = atol + rtol * float(sizes.max())
+    if not template.plain or float(sizes.min()) < 1.0 + max(off, NEAR):
+        return None
+    return replace(result, error=np.asarray(result.error + off))
 
 
 class _Frames:

@@ -80,3 +80,24 @@ def test_turning_layers_do_not_rest():
     A[0, 1], A[1, 0] = -1.0, 1.0
     state = np.full((1, 2, 3, 3), 1e-7)
     assert not verdict(Template("turn", A), {}, state, **TOLERANCES).rests.any()
+
+
+@pytest.mark.parametrize("name", ["HOLE", "SHADOW"])
+def test_a_run_that_is_kept_ready_says_the_same_as_a_batch(engine, name):
+    """Single frames whose cells are all saturated are not looked at closely: nothing differs."""
+    picture = np.where(np.random.default_rng(3).random((8, 8)) < 0.4, 1.0, -1.0)
+    template = cnnum.get_template(name)
+    batch = engine.run(template, input=picture[np.newaxis], duration="settle")
+    for _ in range(3):  # the first of them prepares the run
+        alone = engine.run(template, input=picture, duration="settle")
+        assert alone.settled == batch.settled[0]
+        np.testing.assert_allclose(alone.state, batch.state[0], atol=1e-4)
+        # the tolerance of the largest state is all that both add
+        assert alone.error == pytest.approx(batch.error[0], rel=0.05)
+
+
+def test_a_saddle_is_left_by_a_run_that_is_kept_ready(engine):
+    """The second run is prepared, and its rates are as small as those of the first."""
+    for _ in range(3):
+        found = engine.run(SADDLE, state=np.zeros((8, 8)), duration="settle")
+        np.testing.assert_allclose(found.state, 2.4, atol=3e-4)
