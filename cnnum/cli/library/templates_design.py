@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.option("--weights", is_flag=True, help="Show how far each weight may go.")
 @json_option
 def design(name: str, engine: str, weights: bool, as_json: bool) -> None:
-    """Show what a designer asks of the template NAME, of the library or a file.
+    """Show the design figures of the template NAME, of the library or a file.
 
     Its class of stability and why, the largest stable Euler step, settle time against array size,
     margin, how often cells flip under mismatch and with coarse weights, and its cost.
