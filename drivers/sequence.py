@@ -10,7 +10,7 @@ from cnnum.frame import Frame, Quality
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Where a packet stands after the one before: what was lost, or that it came again."""
+    """The place of a packet after the one before: the number lost, or a repeat."""
 
     ahead: int
     restarted: bool
@@ -20,7 +20,7 @@ def step(before: int, after: int) -> Step:
     """Compare two sequence numbers modulo 2³².
 
     A number less than half the range ahead has left scans out; one behind means that the device
-    has started again, and nobody knows what that has cost.
+    has started again, and the loss is unknown.
     """
     ahead = (after - before) % SEQUENCE_WRAP
     return Step(0, True) if ahead >= SEQUENCE_WRAP // 2 else Step(ahead, False)
@@ -49,7 +49,7 @@ class FrameClock:
         self._broken: float | None = None
 
     def broken(self, seconds: float) -> None:
-        """Tell that the connection was lost, and for how long by the host's clock (s)."""
+        """Note that the connection was lost, and for how long by the host's clock (s)."""
         if self._last is not None:
             self._broken = (self._broken or 0.0) + seconds
 

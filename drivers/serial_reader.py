@@ -14,7 +14,7 @@ from cnnum.errors import OtherArrayError, PortError
 
 
 class Link(Protocol):
-    """How a port is read and how long it is waited for; `SerialOptions` says what each means."""
+    """How a port is read and how long it is waited for; `SerialOptions` explains each."""
 
     @property
     def port(self) -> str: ...  # noqa: D102
@@ -54,7 +54,7 @@ class SerialReader:
 
     @property
     def counters(self) -> Counters:
-        """What the decoder and the clock have counted."""
+        """The counts of the decoder and the clock."""
         return Counters(
             frames=self._decoder.good,
             bad=self._decoder.bad,
@@ -88,7 +88,7 @@ class SerialReader:
         self._mail.end()
 
     def _run(self) -> None:
-        """Read until told to stop, or until the array is gone for good."""
+        """Read until the call to stop, or until the array is gone for good."""
         try:
             while not self._stop.is_set():
                 self._read_until_lost()
@@ -188,6 +188,6 @@ class SerialReader:
 
 
 def _in_words(geometry: Geometry) -> str:
-    """Return what an array sends."""
+    """Return the layout of an array's packets."""
     names, unit = ", ".join(geometry.names), UNITS[geometry.unit]
     return f"{geometry.rows}×{geometry.cols} taxels of {names} in {unit} ({geometry.dtype})"
