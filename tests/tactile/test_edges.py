@@ -21,7 +21,7 @@ from cnnum.lab.bench.programs.edge_errors import (
 )
 from cnnum.lab.bench.programs.edge_scenes import SHARP, SMOOTH
 from cnnum.lab.bench.programs.flat_punches import Polygon, punch_pressure, read_below, triangle
-from cnnum.lab.bench.programs.surround import GAPS, lowering, hat
+from cnnum.lab.bench.programs.surround import GAPS, hat, lowering
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.templates.tactile.edges import edges
 
