@@ -249,12 +249,3 @@ class SerialReader:
             f"that the array is on, sends at {self._baud} baud, and speaks {self._wire.name}. "
             f"{seen} of its packets."
         )
-<<<<<<< HEAD
-
-
-def _in_words(geometry: Geometry) -> str:
-    """Return the layout of an array's packets."""
-    names, unit = ", ".join(geometry.names), UNITS[geometry.unit]
-    return f"{geometry.rows}×{geometry.cols} taxels of {names} in {unit} ({geometry.dtype})"
-=======
->>>>>>> arrays-view
