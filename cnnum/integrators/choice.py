@@ -323,7 +323,7 @@ class _Choice:
 
 
 def _against(best: Effort, efforts: list[Effort]) -> str:
-    """Return what sets the steps, and the evaluations of this and the other methods."""
+    """Return the limit of the steps, and the evaluations of this and the other methods."""
     limit = "stability" if best.stable else "the error estimate"
     text = f"{limit} sets most steps: about {_rounded(best)} evaluations of the rates"
     others = sorted(efforts, key=lambda one: one.evaluations)
