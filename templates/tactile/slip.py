@@ -16,6 +16,7 @@ from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import apply
+from cnnum.templates.tactile.shared.false_reports import SLIP, level_of
 from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads, length, mean, most
 from cnnum.templating.library import get_template
 
@@ -39,7 +40,7 @@ def slip(
     still: float = 0.25,
     pull: float = 0.75,
     swing: float = 0.3,
-    level: float = 0.28,
+    false_reports: float = 4.0,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
     """Slip of an object that is touched or held.
@@ -62,8 +63,8 @@ def slip(
     still, pull, swing : float, 1/s, none, none
         Slowest movement that counts, in contact sizes a second; weights of a shear that still
         grows, and of a load that swings.
-    level, hold_time : float, none, s
-        Strength from which slip is reported, until it is below half of that for that time.
+    false_reports, hold_time : float, 1/10 min, s
+        Accepted rate, which sets the level of a report; it ends once below half of that for a time.
 
     Returns
     -------
@@ -83,7 +84,7 @@ def slip(
     strength = strength * maximum(1.0 + along, 0.0) / ALONG if axes else strength
     _, x, y = most([(pad.ratio * pad.load, pad.x, pad.y) for pad in recent.pads])
     return {
-        "gross_slip": recent.latch(strength, level, hold_time),
+        "gross_slip": recent.latch(strength, level_of(false_reports, SLIP), hold_time),
         **recent.shown(slip_x=x, slip_y=y, slip_strength=strength),
     }
 

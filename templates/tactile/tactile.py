@@ -26,8 +26,8 @@ def tactile(
     unit: float = 1.0,
     rate: float = 200.0,
     rest: float = 0.4,
-    level: float = 0.28,
-    turn: float = 0.1,
+    slip_false_reports: float = 4.0,
+    twist_false_reports: float = 0.3,
 ) -> Mapping[str, Field]:
     """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.
 
@@ -46,8 +46,8 @@ def tactile(
         See `contact`: the unit of its loads.
     rate, rest : float, Hz, s
         Frames a second, and the time at the start without contact, for `slip` and `twist`.
-    level, turn : float
-        Strengths from which `slip` and `twist` report.
+    slip_false_reports, twist_false_reports : float, 1/10 min
+        Accepted rates, as `false_reports` of `slip` and `twist`.
 
     Returns
     -------
@@ -59,8 +59,8 @@ def tactile(
     skin = {"push": push, "rate": rate, "rest": rest}
     return {
         **contact_of(loads, depth=depth, reads=reads, unit=unit),
-        **slip.bind(**skin, level=level)(frame),
-        **twist.bind(**skin, turn=turn)(frame),
+        **slip.bind(**skin, false_reports=slip_false_reports)(frame),
+        **twist.bind(**skin, false_reports=twist_false_reports)(frame),
         **edges_of(loads, depth=depth, reads=reads),
         **localize_of(loads),
     }

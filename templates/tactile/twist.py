@@ -10,6 +10,7 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply
+from cnnum.templates.tactile.shared.false_reports import TWIST, level_of
 from cnnum.templates.tactile.shared.recent_loads import RecentLoads, most
 from cnnum.templating.library import get_template
 
@@ -26,7 +27,7 @@ def twist(
     look: float = 0.08,
     floor: float = 240.0,
     still: float = 0.25,
-    turn: float = 0.1,
+    false_reports: float = 0.3,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
     """Twist of an object that is touched or held.
@@ -46,8 +47,8 @@ def twist(
         Least load of a pad, in noise of its sum.
     still : float, 1/s
         Change of the load, as a share of it, above which a curl is the load's.
-    turn, hold_time : float, none, s
-        Strength from which a twist is reported, until it is below half of that for that time.
+    false_reports, hold_time : float, 1/10 min, s
+        Accepted rate, which sets the level of a report; it ends once below half of that for a time.
 
     Returns
     -------
@@ -67,7 +68,8 @@ def twist(
     row, column = ((weight * place).sum() / weight.sum() for place in (frame.row, frame.column))
     # decision
     strength, turned = most([(abs(each), each) for each in turns])
-    flag = recent.latch(where(strength > recent.ratio, strength, 0.0), turn, hold_time)
+    level = level_of(false_reports, TWIST)
+    flag = recent.latch(where(strength > recent.ratio, strength, 0.0), level, hold_time)
     return {
         "twist": flag,
         "twist_sense": where(flag, where(turned > 0.0, 1.0, -1.0), 0.0),

@@ -9,7 +9,7 @@ from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import FOUND, Scenes
 from cnnum.lab.scoring.judge import NEAR, judge
 from cnnum.lab.scoring.measures import median, per_ten_minutes, share
-from cnnum.lab.scoring.subject import default, reports
+from cnnum.lab.scoring.subject import reports, shipped_level
 from cnnum.lab.scoring.table import Column, Row, Table
 
 LEVELS = (0.15, 0.20, 0.25, 0.28, 0.32, 0.36, 0.40, 0.45, 0.50, 0.60)
@@ -67,7 +67,7 @@ def outcome(scenes: Scenes, family: str, level: float) -> Outcome:
 
 def level_table(scenes: Scenes) -> Table:
     """Return one row a level."""
-    levels = sorted({*LEVELS, default("level")})
+    levels = sorted({*LEVELS, shipped_level()})
     rows = [_row(scenes, level) for level in levels]
     return Table("levels", "Level against false reports", NOTE, COLUMNS, rows)
 

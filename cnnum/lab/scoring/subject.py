@@ -16,6 +16,8 @@ from cnnum.lab.scoring.measures import latched
 from cnnum.lab.scoring.trial import Flags, Trial
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
+from cnnum.templates.tactile.shared.false_reports import SLIP as SLIP_LEVELS
+from cnnum.templates.tactile.shared.false_reports import level_of
 from cnnum.templates.tactile.shared.recent_loads import HOLD
 
 SLIP, TWIST = "slip", "twist"
@@ -35,6 +37,11 @@ Answers = dict[str, Floats]
 def default(name: str) -> float:
     """Return the value of a parameter of the slip program, as shipped."""
     return float(inspect.signature(get_program(SLIP).function).parameters[name].default)
+
+
+def shipped_level() -> float:
+    """Return the level of `slip_strength` from which the shipped program reports slip."""
+    return level_of(default("false_reports"), SLIP_LEVELS)
 
 
 def reports(strength: Floats, level: float, rate: float) -> Flags:

@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import j0, j1
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
@@ -55,6 +53,8 @@ class Model:
 
     def curves(self, thickness: float) -> tuple[Curve, Curve]:
         """Return the normal and the shear signal of a unit force over the distance, m."""
+        from scipy.special import j0, j1
+
         k, weight = _points(thickness)
         blur = math.prod((_disc(k * radius) for radius in self.spread), start=np.ones_like(k))
         normal, shear = self.waves(k, thickness)
@@ -247,10 +247,14 @@ def _points(thickness: float) -> tuple[Array, Array]:
 
 def _disc(reach: Array) -> Array:
     """Return the transform of the mean over a disc, 2 J1(ka)/(ka)."""
+    from scipy.special import j1
+
     return np.asarray(2 * j1(reach) / reach)
 
 
 def _first_zero(normal: Curve, x: Array, signal: Array) -> float:
+    from scipy.optimize import brentq
+
     after = int(np.flatnonzero(signal <= 0)[0])
     return float(brentq(lambda at: float(normal(np.asarray(at))), x[after - 1], x[after]))
 

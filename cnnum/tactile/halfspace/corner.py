@@ -11,7 +11,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import xlogy
 
 from cnnum.tactile.checks import Array
 
@@ -80,6 +79,8 @@ def ratio(a: Array, b: Array) -> Array:
 
 
 def _xlogy(a: Array, b: Array) -> Array:
+    from scipy.special import xlogy
+
     return np.asarray(xlogy(a, b), dtype=np.float64)
 
 

@@ -5,7 +5,6 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import optimize
 
 from cnnum.arrays import Floats
 from cnnum.errors import CalibrationError
@@ -147,6 +146,8 @@ def _best_depth(scan: Scan) -> float:
             "The scan does not determine the thickness of the cover: expected one between "
             f"{_DEPTHS[1]:.3g} m and {_DEPTHS[-2]:.3g} m; pass 'depth', or scan more places."
         )
+    from scipy import optimize
+
     bounds = (grid[best - 1], grid[best + 1])
     result = cast(
         Any,

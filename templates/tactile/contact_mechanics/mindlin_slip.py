@@ -49,7 +49,7 @@ def mindlin_slip(
     reads: Reads = READS,
     rate: float = 200.0,
     rest: float = 0.4,
-    level: float = 0.28,
+    false_reports: float = 4.0,
 ) -> Mapping[str, Field]:
     """Incipient and gross slip of a sphere, and how much of its contact sticks.
 
@@ -63,7 +63,7 @@ def mindlin_slip(
         Coefficient of friction μ.
     push, depth, reads
         As in `contact`.
-    rate, rest, level
+    rate, rest, false_reports
         As in `slip`, which gives the gross phase.
 
     Returns
@@ -82,7 +82,7 @@ def mindlin_slip(
     refuse_outside(friction=(friction, 1e-6, 1e6))
     loads = loads_of(frame, push)
     pressed = pressed_of(loads, SHARE, depth, reads, 1.0)
-    slides = slip.bind(push=push, rate=rate, rest=rest, level=level)(frame)
+    slides = slip.bind(push=push, rate=rate, rest=rest, false_reports=false_reports)(frame)
     gross = slides["gross_slip"]
     pull = sqrt(square(pressed.x) + square(pressed.y))
     used = where(loads.contact, pull / (friction * maximum(pressed.normal, 1e-30)), 0.0)
