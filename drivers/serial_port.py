@@ -1,12 +1,11 @@
 """A serial port with time-outs and errors that name the remedy: the one user of pyserial."""
 
 import errno
-from types import TracebackType
-from typing import Self
 
 import serial
 from serial.tools import list_ports
 
+from cnnum.drivers.driver import Closing
 from cnnum.errors import PortError
 
 POLL = 0.05
@@ -43,7 +42,7 @@ def open_error(path: str, error: OSError, ports: list[str]) -> PortError:
     return PortError(f"The port '{path}' does not open as a serial port: {error}.")
 
 
-class SerialPort:
+class SerialPort(Closing):
     """An open port; reading returns the waiting bytes, and never waits for long.
 
     Raises
@@ -93,16 +92,3 @@ class SerialPort:
     def close(self) -> None:
         """Let go of the port."""
         self._port.close()
-
-    def __enter__(self) -> Self:
-        """Return the port itself."""
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close the port."""
-        self.close()

@@ -6,10 +6,10 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from types import TracebackType
-from typing import Self, TypeVar
+from typing import TypeVar
 
 from cnnum.cli.progress import Steps, progress
+from cnnum.drivers.driver import Closing
 from cnnum.engine import Engine
 from cnnum.recordings.journal import Journal
 from cnnum.report import (
@@ -36,7 +36,7 @@ one whose cells saturate. Both run for a fixed time: to settle takes the referen
 LADDER_BATCH, REPEATS = 64, 3
 
 
-class DemoReport:
+class DemoReport(Closing):
     """Takes in the moments of a scene, then measures and writes.
 
     Parameters
@@ -56,15 +56,8 @@ class DemoReport:
         driver = scene.driver
         self._journal = Journal(self._frames, driver.rate, getattr(driver, "calibration", None))
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Drop the frames that were kept for measurements."""
         self._journal.close(index=False)
         self._folder.cleanup()
 

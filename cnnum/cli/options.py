@@ -2,6 +2,7 @@
 
 import tomllib
 from collections.abc import Callable, Iterable
+from pathlib import Path
 from typing import Any, TypeVar
 
 import click
@@ -20,6 +21,22 @@ set_option = click.option(
     multiple=True,
     metavar="KEY=VALUE",
     help="Set a key of the scene, as in 'array.seed=3' (again for more).",
+)
+
+
+def in_a_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path | None:
+    """Return the file to write, refusing one whose folder is not there."""
+    if out is not None and not out.parent.is_dir():
+        raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
+    return out
+
+
+page_option = click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE.html",
+    callback=in_a_folder,
+    help="Write a page with all tables and pictures.",
 )
 
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
+from typing import TypedDict, Unpack
 
 import numpy as np
 
@@ -98,15 +99,19 @@ BATCH = 256
 """Pictures a run: enough that the arithmetic, not the launch, takes the time."""
 
 
+class Climbing(TypedDict, total=False):
+    """Options of `climb_ladder` and of `rungs`, which explains their defaults."""
+
+    ladder: Sequence[Rung]
+    shape: Shape
+    seed: int
+    batch: int
+    repeats: int
+    budget: float
+
+
 def measure_work_precision(
-    template: Template,
-    engines: Sequence[Engine],
-    *,
-    ladder: Sequence[Rung] = LADDER,
-    shape: Shape = (8, 8),
-    seed: int = 0,
-    batch: int = BATCH,
-    repeats: int = 7,
+    template: Template, engines: Sequence[Engine], **options: Unpack[Climbing]
 ) -> tuple[WorkPrecision, ...]:
     """Run a template up a ladder of methods and tolerances on every engine.
 
@@ -117,22 +122,11 @@ def measure_work_precision(
     TemplateError
         If the template has no check.
     """
-    found = climb_ladder(
-        template, engines, ladder=ladder, shape=shape, seed=seed, batch=batch, repeats=repeats
-    )
-    return tuple(point for point in found if point is not None)
+    return tuple(point for point in climb_ladder(template, engines, **options) if point is not None)
 
 
 def climb_ladder(
-    template: Template,
-    engines: Sequence[Engine],
-    *,
-    ladder: Sequence[Rung] = LADDER,
-    shape: Shape = (8, 8),
-    seed: int = 0,
-    batch: int = BATCH,
-    repeats: int = 7,
-    budget: float = math.inf,
+    template: Template, engines: Sequence[Engine], **options: Unpack[Climbing]
 ) -> Iterator[WorkPrecision | None]:
     """Yield a point a rung and engine, as they are measured, or None.
 
@@ -163,17 +157,7 @@ def climb_ladder(
     TemplateError
         If the template has no check.
     """
-    found = rungs(
-        template,
-        engines,
-        ladder=ladder,
-        shape=shape,
-        seed=seed,
-        batch=batch,
-        repeats=repeats,
-        budget=budget,
-    )
-    return (climb() for _, climb in found)
+    return (climb() for _, climb in rungs(template, engines, **options))
 
 
 def rungs(

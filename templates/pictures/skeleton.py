@@ -4,13 +4,8 @@ from collections.abc import Mapping
 
 from cnnum.programs import program
 from cnnum.programs.fields import Field
-from cnnum.programs.loops import loop
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.transients import apply
-from cnnum.templating.library import get_template
-
-SIDES = tuple(get_template(f"SKELBW{number}") for number in range(1, 9))
-"""Peel corners and sides, clockwise from the north-west."""
+from cnnum.templates.pictures.peeling import eight, peeled
 
 
 @program
@@ -20,15 +15,6 @@ def skeleton(frame: FrameFields) -> Mapping[str, Field]:
     Returns
     -------
     picture : logic map of the skeleton.
-    rounds : how often all eight sides were peeled.
+    rounds : how often all corners and sides were peeled, from the north-west on, clockwise.
     """
-
-    def peel(objects: Field) -> Field:
-        for side in SIDES:
-            objects = apply(side, input=objects.picture()).black()
-        return objects
-
-    # each round but the last takes a cell away
-    limit = frame.shape[0] * frame.shape[1] + 1
-    thinned = loop(peel, frame.channel("picture").black(), limit=limit)
-    return {"picture": thinned.value, "rounds": thinned.iterations}
+    return peeled(frame, eight("SKELBW"))

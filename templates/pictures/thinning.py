@@ -5,10 +5,8 @@ from collections.abc import Mapping
 from cnnum.errors import name_error
 from cnnum.programs import program
 from cnnum.programs.fields import Field
-from cnnum.programs.loops import loop
 from cnnum.programs.machine import FrameFields
-from cnnum.programs.transients import apply
-from cnnum.templating.library import get_template
+from cnnum.templates.pictures.peeling import eight, peeled
 
 FAMILIES = ("SKELE", "SKLHV", "SKL")
 
@@ -24,14 +22,4 @@ def thinning(frame: FrameFields, *, family: str = "SKELE") -> Mapping[str, Field
     """
     if family not in FAMILIES:
         raise name_error("family of templates", family, FAMILIES)
-    elements = [get_template(f"MATCNN_{family}{number}") for number in range(1, 9)]
-
-    def thin(objects: Field) -> Field:
-        for element in elements:
-            objects = apply(element, input=objects.picture()).black()
-        return objects
-
-    # each round but the last takes a cell away
-    limit = frame.shape[0] * frame.shape[1] + 1
-    thinned = loop(thin, frame.channel("picture").black(), limit=limit)
-    return {"picture": thinned.value, "rounds": thinned.iterations}
+    return peeled(frame, eight(f"MATCNN_{family}"))

@@ -1,14 +1,12 @@
 """Recordings that are cut, flipped and overwritten anywhere: every whole chunk is given back."""
 
 import random
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+from played_recordings import frames_in
 
-from cnnum.drivers import open_driver
-from cnnum.errors import CodecError, RecordingWarning
 from cnnum.frame import Frame, Quality, Truth
 from cnnum.recordings.chunks import ChunkMaker, beginning
 from cnnum.recordings.index import write_index
@@ -21,17 +19,6 @@ def same(one: Frame, other: Frame) -> bool:
     return all(getattr(one, name) == getattr(other, name) for name in facts) and np.array_equal(
         one.values, other.values
     )
-
-
-def frames_in(path: Path) -> list[Frame]:
-    """Return what `cnnum replay` would play; nothing where no whole chunk is there."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RecordingWarning)
-            with open_driver(path.suffix[1:], {"path": str(path)}) as driver:
-                return list(driver.frames())
-    except CodecError:
-        return []
 
 
 def small() -> tuple[bytes, list[tuple[int, int, list[Frame]]]]:

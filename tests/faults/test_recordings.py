@@ -9,7 +9,6 @@ import struct
 import subprocess
 import sys
 import time
-import warnings
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
@@ -17,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from played_recordings import frames_in
 
 from cnnum.drivers import open_driver
-from cnnum.errors import CodecError, RecordingWarning
 from cnnum.frame import Frame
 
 WORKERS = 6
@@ -105,17 +104,6 @@ def recorders() -> Iterator[list[Recorder]]:
     yield made
     for recorder in made:
         recorder.close()
-
-
-def frames_in(path: Path) -> list[Frame]:
-    """Return what `cnnum replay` would play; nothing where no whole chunk is there."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RecordingWarning)
-            with open_driver(path.suffix[1:], {"path": str(path)}) as driver:
-                return list(driver.frames())
-    except CodecError:
-        return []
 
 
 def in_turn(recorders: list[Recorder], work, cases) -> list:

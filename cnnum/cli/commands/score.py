@@ -3,13 +3,13 @@
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict, Unpack
 
 import click
 import rich.table
 from rich.text import Text
 
-from cnnum.cli.options import json_option
+from cnnum.cli.options import engine_options, json_option, page_option
 from cnnum.cli.output import Output, table
 from cnnum.cli.progress import progress
 from cnnum.cli.stopping import until_stopped
@@ -21,6 +21,17 @@ AIMS_MISSED = 1
 
 SUITES = ("families", "recordings")
 STYLES = {True: "green", False: "bold red", None: ""}
+
+
+class _Wanted(TypedDict):
+    """The options that make a request."""
+
+    suite: str | None
+    count: int | None
+    quick: bool
+    seed: int | None
+    leave_one_out: bool
+    objects: str | None
 
 
 @click.command("score")
@@ -47,30 +58,18 @@ STYLES = {True: "green", False: "bold red", None: ""}
     metavar="NAMES",
     help="Objects of the flat data set, as in 5,7, or all; unless given all but 4, 9, 12 and 16.",
 )
-@click.option("--engine", help="Engine to run on: opencl, numba or reference.")
-@click.option("--device", help="Part of the device's name.")
-@click.option("--precision", help="float32 or float64.")
+@engine_options
 @click.option("--strict", is_flag=True, help="Exit with 1 if an aim is missed.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE.html",
-    help="Write a page with all tables.",
-)
+@page_option
 @json_option
 def command(
-    suite: str | None,
-    count: int | None,
-    quick: bool,
-    seed: int | None,
-    leave_one_out: bool,
-    objects: str | None,
     engine: str | None,
     device: str | None,
     precision: str | None,
     strict: bool,
     out: Path | None,
     as_json: bool,
+    **wanted: Unpack[_Wanted],
 ) -> int:
     """Score slip and twist where the truth is known.
 
@@ -81,11 +80,9 @@ def command(
     from cnnum.engine import Engine
     from cnnum.lab.scoring import score
 
-    if out is not None and not out.parent.is_dir():
-        raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
-    if quick and count is not None:
+    if wanted["quick"] and wanted["count"] is not None:
         raise click.UsageError("Give --quick or --count, not both.")
-    request = _request(suite, count, quick, seed, leave_one_out, objects)
+    request = _request(wanted)
     used = Engine(engine, device=device, precision=precision)
     output = Output(as_json)
     tables, done = list["Table"](), 0
@@ -113,26 +110,19 @@ def command(
     return AIMS_MISSED if strict and missed else 0
 
 
-def _request(
-    suite: str | None,
-    count: int | None,
-    quick: bool,
-    seed: int | None,
-    leave_one_out: bool,
-    objects: str | None,
-) -> "Request":
+def _request(wanted: _Wanted) -> "Request":
     from cnnum.lab.scoring.suites import QUICK, SCORING, USUAL, Request
 
     known = os.environ.get("CNNUM_RECORDINGS", "")
     folder = Path(known) if known and Path(known).is_dir() else None
-    both = SUITES if folder else SUITES[:1]
+    both, named = SUITES if folder else SUITES[:1], wanted["objects"]
     return Request(
-        suites=(suite,) if suite else both,
-        count=QUICK if quick else count or USUAL,
-        seed=SCORING if seed is None else seed,
-        leave_one_out=leave_one_out,
+        suites=(wanted["suite"],) if wanted["suite"] else both,
+        count=QUICK if wanted["quick"] else wanted["count"] or USUAL,
+        seed=SCORING if wanted["seed"] is None else wanted["seed"],
+        leave_one_out=wanted["leave_one_out"],
         recordings=folder,
-        objects=tuple(name.strip() for name in objects.split(",")) if objects else None,
+        objects=tuple(name.strip() for name in named.split(",")) if named else None,
     )
 
 

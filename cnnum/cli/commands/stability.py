@@ -8,7 +8,7 @@ import click
 from rich.table import Table
 from rich.text import Text
 
-from cnnum.cli.options import json_option
+from cnnum.cli.options import engine_options, json_option, page_option
 from cnnum.cli.output import Output, number, table, verdict
 from cnnum.cli.progress import progress
 
@@ -20,15 +20,8 @@ CHECKS_FAILED = 1
 
 @click.command("stability")
 @click.argument("cases", nargs=-1, metavar="[CASES]...")
-@click.option("--engine", help="One engine alone: opencl, numba or reference.")
-@click.option("--device", help="Part of the device's name.")
-@click.option("--precision", help="One precision alone: float32 or float64.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE.html",
-    help="Write a page with pictures and all rows.",
-)
+@engine_options
+@page_option
 @json_option
 def command(
     cases: tuple[str, ...],
@@ -49,8 +42,6 @@ def command(
     from cnnum.errors import name_error
     from cnnum.lab.stability import ENGINES, select
 
-    if out is not None and not out.parent.is_dir():
-        raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
     chosen = select(cases)
     pairs = [p for p in ENGINES if engine in (None, p[0]) and precision in (None, p[1])]
     if not pairs:
