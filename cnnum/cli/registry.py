@@ -32,6 +32,10 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     ),
     "score": (f"{ROOM}.score", "Score slip and twist where the truth is known."),
     "probe": (f"{ROOM}.probe", "Measure an array's rate, losses and dead cells."),
+    "simulate": (
+        f"{ROOM}.simulate",
+        "Offer a simulated array at a pseudo-terminal, with faults on request.",
+    ),
     "record": (f"{ROOM}.record", "Record an array's frames to a file."),
     "recover": (
         f"{ROOM}.recover",
