@@ -267,7 +267,7 @@ class _Choice:
         )
         efforts = [effort(method, known) for method in methods]
         best = min(efforts, key=lambda one: one.evaluations)
-        reason = _beside(best, efforts)
+        reason = _against(best, efforts)
         if best.name == CHEBYSHEV:
             stages, about, _ = self._chebyshev(found)
             return stages, f"{reason}; {about}", False
@@ -322,13 +322,13 @@ class _Choice:
         return AdaptiveSteps(rows, even, self.settle, even), reason, forced
 
 
-def _beside(best: Effort, efforts: list[Effort]) -> str:
-    """Return what sets the steps, and the evaluations of this and the other methods."""
+def _against(best: Effort, efforts: list[Effort]) -> str:
+    """Return the limit of the steps, and the evaluations of this and the other methods."""
     limit = "stability" if best.stable else "the error estimate"
     text = f"{limit} sets most steps: about {_rounded(best)} evaluations of the rates"
     others = sorted(efforts, key=lambda one: one.evaluations)
-    beside = [f"{_rounded(one)} of {one.name}" for one in others if one is not best]
-    return f"{text}, beside {' and '.join(beside)}" if beside else text
+    listed = [f"{_rounded(one)} of {one.name}" for one in others if one is not best]
+    return f"{text}, against {' and '.join(listed)}" if listed else text
 
 
 def _rounded(one: Effort) -> int:

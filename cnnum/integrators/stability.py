@@ -229,7 +229,7 @@ def _at(grows: Grows, step: float) -> bool:
 
 
 def _before(grows: Grows, steps: Floats, rates: int) -> float:
-    """Return the longest step before the first that lets one of so many rates grow."""
+    """Return the longest step before the first that lets one of these rates grow."""
     count = max(1, TOGETHER // max(rates, 1))
     for start in range(0, len(steps), count):
         found = grows(steps[start : start + count])

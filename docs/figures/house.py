@@ -13,12 +13,12 @@ PAGE, PICTURE = ROOT / "docs" / "architecture.md", ROOT / "docs" / "house.svg"
 # A room may import from rooms on its own floor or below, never from above.
 FLOORS: list[dict[str, str]] = [
     {"errors": "every error, one sentence each"},
-    {"arrays": "number types, and the check of what comes in as an array"},
+    {"arrays": "number types, and the check of arrays from outside"},
     {"safety": "checked names and expressions, memory at hand, files written whole"},
     {"sharing": "objects as datasets, tables, HTML and plots"},
     {"frame": "one scan of a tactile array", "pictures": "pixels and picture files"},
     {"templating": "templates, couplings, boundaries, outputs, template files, the library"},
-    {"graph": "operations of a program, and what of them runs", "tactile": "closed forms"},
+    {"graph": "operations of a program, and their schedule", "tactile": "closed forms"},
     {"integrators": "methods as data, bounds, and the choice among them"},
     {"engines": "opencl, numba and reference"},
     {"programs": "the language of analogic programs"},
@@ -113,7 +113,7 @@ def reduced(graph: dict[str, set[str]]) -> dict[str, set[str]]:
 def table() -> str:
     """Return the rooms as a table, the highest floor first."""
     graph = arrows()
-    lines = ["| room | what it holds | imports from |", "|---|---|---|"]
+    lines = ["| room | content | imports from |", "|---|---|---|"]
     for floor in reversed(FLOORS):
         for room, purpose in floor.items():
             others = sorted(graph[room] - {"errors", "arrays"}, key=lambda r: (-FLOOR[r], r))

@@ -21,7 +21,7 @@ class OneFrame:
     ----------
     queue : CommandQueue
     kernel : Kernel
-        Nobody else sets its arguments.
+        No other object sets its arguments.
     input, output, memory : SharedArray
     data, scratch : Buffer
     shape : (rows, cols, channels read)
@@ -94,7 +94,7 @@ class OneFrame:
             cl.enqueue_nd_range_kernel(self._queue, self._kernel, ONE_ITEM, ONE_ITEM)
             self._output.pull(self._queue)
         except BaseException:
-            self._queue.finish()  # after Ctrl-C nobody frees what a kernel still writes to
+            self._queue.finish()  # after Ctrl-C no memory is freed that a kernel still writes to
             raise
         self.packed = packed = self._taken.astype(np.float64)
         if packed[-1] != 0.0:
