@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from numbers import Real
 from typing import NoReturn
 
 from cnnum.errors import MethodError
@@ -32,6 +31,7 @@ from cnnum.integrators.tableau import (
     followed,
     tableau,
 )
+from cnnum.safety.values import is_real
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template
 
@@ -52,6 +52,9 @@ SHORTEST = 1e-30
 DELAY_STEP = 0.05
 """Longest step of a template with a delay, in time constants: Heun's error a step is then about
 (0.05)³/12 of the state's third derivative."""
+
+MOST_COUNTED = 2**31 - 1
+"""Steps of a run: kernels count them in 32 bits."""
 
 JUMP_STEP = 0.01
 """Step of a template whose rates jump. Its state may slide along a jump and then chatters by a
@@ -131,7 +134,7 @@ def check_spec(spec: RunSpec) -> None:
 
 def _none_or_more(value: object) -> bool:
     """Return whether a value is one real, finite number from 0 up."""
-    return isinstance(value, Real) and 0.0 <= float(value) < math.inf
+    return is_real(value) and value >= 0.0
 
 
 def _exact(transient: Transient, network: Network, duration: float) -> tuple[Exact | None, str]:
@@ -180,7 +183,7 @@ class _Choice:
         if template.output.discrete:
             if self.spec.estimate:
                 self._refuse("discrete time, where a rounding may turn a sign,")
-            count = math.ceil(self.duration - 1e-9)
+            count = _count(self.duration, 1.0)
             whole = FixedSteps(EULER, 1.0, count, self.settle, 1.0)
             return whole, "it runs in discrete time", False
         found = spectrum(template, self.shape)
@@ -309,7 +312,7 @@ class _Choice:
             )
         bound = stability_bound(method.name, self.template, self.shape)
         step, forced = self._bounded(method.name, bound.step, bound.reason, self.spec.dt)
-        count = max(1, math.ceil(self.duration / step - 1e-9)) if self.duration > 0 else 0
+        count = max(1, _count(self.duration, step)) if self.duration > 0 else 0
         even = self.duration / count if count else step
         reason = "a fixed step was asked for" if self.spec.dt else "half of the stability bound"
         if not self.spec.estimate or forced:
@@ -331,8 +334,9 @@ def _against(best: Effort, efforts: list[Effort]) -> str:
     return f"{text}, against {' and '.join(listed)}" if listed else text
 
 
-def _rounded(one: Effort) -> int:
-    return int(float(f"{one.evaluations:.2g}"))
+def _rounded(one: Effort) -> float:
+    rounded = float(f"{one.evaluations:.2g}")
+    return int(rounded) if math.isfinite(rounded) else rounded
 
 
 def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, float | None, str]:
@@ -358,9 +362,26 @@ def _fixed(
                 "use 'euler' or 'heun'."
             )
         step = template.delayed.delay / math.ceil(template.delayed.delay / step - 1e-9)
-        count = max(0, math.ceil(duration / step - 1e-9))
+        count = _count(duration, step)
         last = duration - (count - 1) * step
     else:
-        count = max(1, math.ceil(duration / step - 1e-9)) if duration > 0 else 0
+        count = max(1, _count(duration, step)) if duration > 0 else 0
         step = last = duration / count if count else step
     return FixedSteps(method, step, count, settle, last)
+
+
+def _count(duration: float, step: float) -> int:
+    """Return how many steps a duration takes.
+
+    Raises
+    ------
+    MethodError
+        If kernels cannot count them.
+    """
+    steps = duration / step if step else math.inf
+    if not steps < MOST_COUNTED:
+        raise MethodError(
+            f"{duration:g} time constants in steps of {step:g} are more than {MOST_COUNTED:,} "
+            "steps: take a shorter duration, or longer steps."
+        )
+    return max(0, math.ceil(steps - 1e-9))

@@ -3,17 +3,19 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape, as_shape
-from cnnum.errors import name_error
+from cnnum.errors import TemplateError, name_error
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.delays import delayed_rates, delayed_step
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.tableau import TABLEAUX, ButcherTableau
+from cnnum.safety.values import expect
 from cnnum.templating.template import Template
 
 CHEBYSHEV = "runge-kutta-chebyshev"
@@ -78,6 +80,9 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
     lie at ends of steps have any.
     """
     shape = as_shape(shape)
+    expect("template", template, Template, TemplateError)
+    if not isinstance(cast(object, method), str):
+        raise name_error("method", method, METHODS)
     delayed = delayed_rates(template, shape)
     if delayed is not None and method in METHODS:
         tableau = TABLEAUX.get(method)

@@ -1,7 +1,9 @@
 """Output functions y = f(x) of a cell: one record each, shared by every engine."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import count
+from typing import cast
 
 import numpy as np
 
@@ -9,6 +11,8 @@ from cnnum.arrays import Floats
 from cnnum.errors import TemplateError, name_error
 from cnnum.safety.expressions import check_expression
 from cnnum.safety.names import checked_name
+
+_NUMBERS = count()
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +47,8 @@ class OutputFunction:
     linear: bool = False
     limited: bool = False
     discrete: bool = False
+    # tells functions of one name apart whose OpenCL forms are the same
+    _number: int = field(default_factory=_NUMBERS.__next__, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         checked_name("an output function", self.name, TemplateError)
@@ -55,7 +61,7 @@ class OutputFunction:
         if OUTPUT_FUNCTIONS.get(self.name) is self:
             return (self.name,)
         kind = (self.linear, self.limited, self.discrete)
-        return (self.name, self.opencl, id(self.numpy), *kind)
+        return (self.name, self.opencl, self._number, *kind)
 
 
 def _clip(x: Floats) -> Floats:
@@ -100,6 +106,6 @@ def output_function(value: str | OutputFunction) -> OutputFunction:
                 f"There is an output function '{value.name}' already: give yours another name."
             )
         return OUTPUT_FUNCTIONS.get(value.name, value)
-    if value not in OUTPUT_FUNCTIONS:
+    if not isinstance(cast(object, value), str) or value not in OUTPUT_FUNCTIONS:
         raise name_error("output function", value, OUTPUT_FUNCTIONS)
     return OUTPUT_FUNCTIONS[value]
