@@ -75,8 +75,7 @@ def discs(network: Network) -> Discs:
     parts: list[Complexes] = []
     for layer, tau in enumerate(template.tau.tolist()):
         # a cell that saturates sees nothing of itself; a linear one does not saturate
-        seen = float(own[layer])
-        least = seen if template.output.linear else 0.0
+        least, seen = (slope * float(own[layer]) for slope in template.output.slope)
         parts.append(_around(least - 1.0, seen - 1.0, _others(template, layer)) / tau)
     return Discs(np.unique(np.concatenate(parts)), growth, reach)
 
@@ -96,6 +95,7 @@ def _own(template: Template) -> Floats:
 
 def _others(template: Template, layer: int) -> float:
     total = float(np.abs(template.A[layer]).sum()) - abs(float(_own(template)[layer]))
+    total *= template.output.steepest
     for gain in template.gains:
         if gain.to == layer:
             weights = float(np.abs(template.A[gain.to, gain.source]).sum())

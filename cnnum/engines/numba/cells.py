@@ -5,6 +5,7 @@ from typing import Any
 
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.compiling import compiled, inlined
+from cnnum.engines.numba.formulas import interpret
 from cnnum.engines.numba.records import Plan, Reals
 
 
@@ -30,6 +31,15 @@ def respond(response: Any, state: Reals, output: Reals) -> None:
     else:
         for i in range(state.size):
             output[i] = one if state[i] >= 0 else -one
+
+
+@compiled
+def show(plan: Plan, state: Reals, output: Reals) -> None:
+    """Set y = f(x) of the plan's own function."""
+    if plan.settings[0].response == codes.EXPRESSION:
+        interpret(plan.formula, state, output)
+    else:
+        respond(plan.settings[0].response, state, output)
 
 
 @inlined

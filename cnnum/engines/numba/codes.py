@@ -5,7 +5,7 @@ import numpy as np
 KNOWN, FIXED, ADAPTIVE, CHEBYSHEV = range(4)
 """How a transient is brought to its end."""
 
-CLAMP, IDENTITY, TANH, SIGN = range(4)
+CLAMP, IDENTITY, TANH, SIGN, EXPRESSION = range(5)
 """Output functions."""
 
 FEEDBACK, CONTROL, LATE_FEEDBACK, LATE_CONTROL, MOVING, STILL = range(6)

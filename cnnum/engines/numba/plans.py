@@ -1,7 +1,11 @@
 """From a template, its array and its solver to what the compiled functions take."""
 
+import numpy as np
+from numpy.typing import NDArray
+
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.coefficients import chebyshev_rows, tableaux
+from cnnum.engines.numba.formulas import operations
 from cnnum.engines.numba.layout import Layout
 from cnnum.engines.numba.methods import method_settings
 from cnnum.engines.numba.records import SETTINGS, Plan, Real
@@ -16,7 +20,7 @@ RESPONSES = {
     "tanh": codes.TANH,
     "sign": codes.SIGN,
 }
-"""The compiled form of every output function."""
+"""Output functions that have a compiled form; others run by their expressions."""
 
 
 def plan_of(template: Template, layout: Layout, solver: Solver, dtype: Real) -> Plan:
@@ -28,13 +32,13 @@ def plan_of(template: Template, layout: Layout, solver: Solver, dtype: Real) -> 
     cells = {
         "layers": template.layers,
         "size": layout.size,
-        "response": RESPONSES[template.output.name],
+        "response": RESPONSES.get(template.output.name, codes.EXPRESSION),
         "limited": template.output.limited,
         "reads_states": any("x" in (c.neighbour, c.centre) for c in template.nonlinear),
     }
     return Plan(
         settings=packed(SETTINGS, [cells | method_settings(template, solver, dtype)]),
-        tableau=tableaux(template, solver),
+        tableau=tableaux(solver),
         taps=taps,
         first=first,
         tables=tables,
@@ -43,4 +47,11 @@ def plan_of(template: Template, layout: Layout, solver: Solver, dtype: Real) -> 
         rim=layout.rim(template.boundary),
         bands=layout.bands(template.layers),
         chebyshev=chebyshev_rows(solver, dtype),
+        formula=_formula(template, dtype),
     )
+
+
+def _formula(template: Template, dtype: Real) -> NDArray[np.float64]:
+    if template.output.name in RESPONSES:
+        return np.zeros((0, 2))
+    return operations(template.output.opencl, dtype)

@@ -17,11 +17,10 @@ from scipy.integrate import DOP853, DenseOutput, OdeSolution, Radau
 from cnnum.arrays import Floats
 from cnnum.engines.reference.adaptive import march_adaptive
 from cnnum.engines.reference.equation import Given, StateEquation
-from cnnum.engines.reference.exponential import march_exponential
 from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
 from cnnum.integrators.propagator import Decay
-from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
+from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template
@@ -111,9 +110,7 @@ def _marched(equation: StateEquation, solver: Solver) -> Answer:
     scheme = solver.scheme
     if isinstance(scheme, FixedSteps):
         return Answer(*march(equation, solver, scheme), math.inf)
-    if isinstance(scheme, ExponentialSteps):
-        return Answer(*march_exponential(equation, solver, scheme), math.inf)
-    assert isinstance(scheme, AdaptiveSteps | ChebyshevSteps)
+    assert not isinstance(scheme, Exact)
     return Answer(*march_adaptive(equation, solver, scheme))
 
 

@@ -19,8 +19,7 @@ from cnnum.engines.opencl.large_arrays.strip_stages import Stages
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import has_history
-from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.schemes import ExponentialSteps
+from cnnum.integrators.schemes import FixedSteps
 
 BARE = ("standard", "linear", "full-range")
 """Outputs that cost less to make than to keep."""
@@ -37,9 +36,7 @@ def keeps_states(text: TransientBuilder, moments: Moments, layers: tuple[Stages,
     )
 
 
-def state_steps(
-    text: TransientBuilder, scheme: FixedSteps | ExponentialSteps, scales: tuple[float, ...]
-) -> None:
+def state_steps(text: TransientBuilder, scheme: FixedSteps, scales: tuple[float, ...]) -> None:
     """Append the statement that stands for the steps, and keep their kernel with the tables."""
     layout = row_layout(text)
     offsets = declare_arrays(text, layout, ())

@@ -14,8 +14,7 @@ from cnnum.engines.opencl.large_arrays.strip_couplings import NEXT, PART, PAST
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import delays_outputs, has_history
 from cnnum.engines.opencl.transients.nonlinear_couplings import gains
-from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.schemes import ExponentialSteps
+from cnnum.integrators.schemes import FixedSteps
 
 RING = "strip_ring"
 """The outputs with which the last steps began."""
@@ -33,7 +32,7 @@ class Moments:
     Attributes
     ----------
     text : TransientBuilder
-    scheme : FixedSteps or ExponentialSteps
+    scheme : FixedSteps
     stages : int
         Of a step: as many levels.
     before : str
@@ -41,7 +40,7 @@ class Moments:
     """
 
     text: TransientBuilder
-    scheme: FixedSteps | ExponentialSteps
+    scheme: FixedSteps
     stages: int
     before: str = "0"
 
@@ -59,8 +58,7 @@ class Moments:
     @property
     def share(self) -> float:
         """The last step's length, in steps."""
-        scheme = self.scheme
-        return scheme.last / scheme.step if isinstance(scheme, FixedSteps) else 1.0
+        return self.scheme.last / self.scheme.step
 
     @property
     def uneven(self) -> bool:
@@ -92,8 +90,7 @@ class Moments:
 
     def _place(self, stage: int) -> float:
         """Return when a stage is, in steps since its step's begin."""
-        scheme = self.scheme
-        return float(sum(scheme.tableau.a[stage])) if isinstance(scheme, FixedSteps) else 0.0
+        return float(sum(self.scheme.tableau.a[stage]))
 
     def _outputs(self, name: str, late: int) -> str:
         level = f"max(steps + {late} - {self.lag}, 0) * {self.stages}"

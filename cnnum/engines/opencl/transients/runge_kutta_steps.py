@@ -1,6 +1,6 @@
 """Explicit Runge–Kutta methods as sweeps over all cells, fixed and adaptive."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from cnnum.engines.opencl.ir.expressions import (
     ROUND,
@@ -56,7 +56,7 @@ from cnnum.engines.opencl.transients.step_control import (
     rounding,
 )
 from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
-from cnnum.integrators.tableau import Pair, Row
+from cnnum.integrators.tableau import Explicit, Pair, Row
 
 RING, NOW_AT, THEN_AT, NEXT_AT = Name("ring"), Name("now_at"), Name("then_at"), Name("next_at")
 """Outputs of the last steps, and where this one's and those of a delay ago stand among them."""
@@ -74,7 +74,10 @@ def _combination(weights: Row, at: Expression) -> Expression:
 
 
 def _stage(
-    text: TransientBuilder, tableaux: tuple[Pair, ...], stage: int, instant: Instant
+    text: TransientBuilder,
+    tableaux: Sequence[Explicit | Pair],
+    stage: int,
+    instant: Instant,
 ) -> None:
     """Append one stage of step `h`: outputs at its state, then its rates in k."""
 
@@ -153,7 +156,7 @@ def _instant(text: TransientBuilder, step: float, c: float) -> Instant:
 
 def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append steps of a fixed length and return the figures of the run."""
-    stages = scheme.tableau.stages
+    stages = scheme.stages
     if stages > 1:
         for name in (*(rates_of(stage) for stage in range(stages)), XS):
             text.array(name, text.states)
@@ -177,26 +180,31 @@ def _euler_step(text: TransientBuilder, scheme: FixedSteps) -> None:
     outputs(text, text.each(X))
     _remember(text)
 
-    def then(at: Expression, _: int) -> list[Statement]:
+    def then(at: Expression, layer: int) -> list[Statement]:
         change = [watch_change(text, X[at])] if scheme.settle else []
-        return [*change, Assign(X[at], _limited(text, X[at] + H * RATE))]
+        (weight,) = scheme.of(layer).b
+        move = RATE if weight == 1 else Number(float(weight)) * RATE
+        return [*change, Assign(X[at], _limited(text, X[at] + H * move))]
 
     rates(text, X, then, _instant(text, scheme.step, 0.0))
 
 
 def _several_stages(text: TransientBuilder, scheme: FixedSteps) -> None:
-    tableau = scheme.tableau
-    for stage in range(tableau.stages):
-        c = float(sum(tableau.a[stage]))
+    tableaux = [scheme.of(layer) for layer in range(text.layers)]
+    for stage in range(scheme.stages):
+        c = float(sum(tableaux[0].a[stage]))
         with text.aside() as lines:
-            _stage(text, (tableau,) * text.layers, stage, _instant(text, scheme.step, c))
+            _stage(text, tableaux, stage, _instant(text, scheme.step, c))
         text.body.append(Block(tuple(lines)))
     body: list[Statement] = []
-    for layer in range(text.layers):
+    for layer, tableau in enumerate(tableaux):
         at = text.at(layer)
         if scheme.settle:
             body.append(block(fixed(RATE, K0[at]), watch_change(text, X[at])))
-        body.append(Assign(X[at], _limited(text, X[at] + H * _combination(tableau.b, at))))
+        end: Expression = X[at]
+        if tableau.carried:
+            end = end + Number(tableau.carried) * (XS[at] - X[at])
+        body.append(Assign(X[at], _limited(text, end + H * _combination(tableau.b, at))))
     text.over_cells(body)
 
 
@@ -228,14 +236,10 @@ def adaptive(
         rates_once(text, X, lambda at, _: [Assign(K0[at], RATE)], Instant(TIME))
     left = Number(text.solver.duration) - TIME
     control = Control(
-        about=f"{scheme.tableau.name}: steps follow the error estimate",
-        first_step=scheme.first_step,
+        about=f"{scheme.name}: steps follow the error estimate",
+        scheme=scheme,
         length=call("fmin", call("fmin", H, Number(scheme.longest)), left),
         carries=True,
-        order=scheme.tableau.order,
-        safety=0.9,
-        least=0.2,
-        settle=scheme.settle,
     )
     return controlled(text, control, first_rates, attempt, attempt.stages)
 
