@@ -9,10 +9,10 @@ from cnnum.errors import MethodError, name_error
 from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.delays import delayed_rates, delayed_step, keeps_delays
 from cnnum.integrators.evaluations import Effort, chebyshev, effort, motion, pair
-from cnnum.integrators.layer_methods import LAYER_METHODS, LayerMethod
 from cnnum.integrators.propagator import DENSE_LIMIT, decay, propagator
 from cnnum.integrators.schemes import (
     CHEBYSHEV,
+    LAYER_METHODS,
     MAX_STEPS,
     AdaptiveSteps,
     ChebyshevSteps,
@@ -30,9 +30,11 @@ from cnnum.integrators.tableau import (
     HEUN,
     TABLEAUX,
     ButcherTableau,
+    LayerMethod,
     followed,
 )
 from cnnum.templating.network import Network
+from cnnum.templating.reads import jumps
 from cnnum.templating.template import Template
 
 __all__ = (
@@ -205,7 +207,7 @@ class _Choice:
         """Return the same steps with an estimate of their error."""
         if self.template.delayed is not None:
             self._refuse("steps with a delay")
-        if any(coupling.jumps for coupling in self.template.nonlinear):
+        if jumps(self.template):
             self._refuse("rates that jump")
         self._refuse_many(fixed.count)
         steps = followed(method)
@@ -342,7 +344,7 @@ def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, f
         return asked or (HEUN if template.delayed else EULER), spec.dt, "a fixed step was asked for"
     if template.delayed is not None:
         return asked or HEUN, DELAY_STEP, "its delay needs outputs of earlier steps"
-    if any(coupling.jumps for coupling in template.nonlinear):
+    if jumps(template):
         return asked or EULER, JUMP_STEP, "its rates jump, which no error estimate follows"
     return asked, None, "half of the stability bound"
 

@@ -16,6 +16,7 @@ from cnnum.arrays import Floats
 from cnnum.integrators.estimate import error_growth
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.network import Network
+from cnnum.templating.reads import widened
 from cnnum.templating.template import Template
 
 Complexes = NDArray[np.complex128]
@@ -96,11 +97,7 @@ def _own(template: Template) -> Floats:
 def _others(template: Template, layer: int) -> float:
     total = float(np.abs(template.A[layer]).sum()) - abs(float(_own(template)[layer]))
     total *= template.output.steepest
-    for gain in template.gains:
-        if gain.to == layer:
-            weights = float(np.abs(template.A[gain.to, gain.source]).sum())
-            total += max(gain.table.largest - 1.0, 0.0) * weights
-    return total + sum(c.stiffness for c in template.nonlinear if c.to == layer)
+    return total + float(widened(template)[layer])
 
 
 def field_of_values(network: Network) -> Box:

@@ -16,6 +16,7 @@ error, from its stages: `ButcherTableau.truncation`, and `ExponentialMethod.foll
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.templating.reads import widened
 from cnnum.templating.template import Template
 
 SAFETY = 2.0
@@ -41,11 +42,7 @@ def error_growth(template: Template) -> float:
     output has.
     """
     own, others = _own_and_others(template)
-    for gain in template.gains:
-        weights = float(np.abs(template.A[gain.to, gain.source]).sum())
-        others[gain.to] += max(gain.table.largest - 1.0, 0.0) * weights
-    for coupling in template.nonlinear:
-        others[coupling.to] += coupling.stiffness
+    others += widened(template)
     return float(((own + others - 1.0) / template.tau).max())
 
 

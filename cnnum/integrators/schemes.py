@@ -7,13 +7,18 @@ on every engine. Adaptive schemes have a `Control` beside theirs.
 from dataclasses import dataclass
 
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
-from cnnum.integrators.tableau import Explicit, Pair
+from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER
+from cnnum.integrators.tableau import Explicit, LayerMethod, Pair
 
 MAX_STEPS = 100_000
 """Steps after which an adaptive run gives up and says so."""
 
 CHEBYSHEV = "runge-kutta-chebyshev"
 """The method whose stages are as many as a step's length needs."""
+
+
+LAYER_METHODS: dict[str, LayerMethod] = {m.name: m for m in (EXPONENTIAL_EULER, ETD_RK2)}
+"""Integrators with numbers of their own in every layer: another one is a record here."""
 
 
 @dataclass(frozen=True, slots=True)

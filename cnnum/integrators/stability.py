@@ -11,10 +11,9 @@ from cnnum.arrays import Floats, Shape, as_shape
 from cnnum.errors import name_error
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.delays import delayed_rates, delayed_step
-from cnnum.integrators.layer_methods import LAYER_METHODS, LayerMethod
-from cnnum.integrators.schemes import CHEBYSHEV
+from cnnum.integrators.schemes import CHEBYSHEV, LAYER_METHODS
 from cnnum.integrators.spectrum import Spectrum, spectrum
-from cnnum.integrators.tableau import TABLEAUX, ButcherTableau
+from cnnum.integrators.tableau import TABLEAUX, ButcherTableau, LayerMethod
 from cnnum.templating.template import Template
 
 METHODS = (*TABLEAUX, CHEBYSHEV, *LAYER_METHODS)

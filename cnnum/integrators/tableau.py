@@ -86,6 +86,35 @@ class Pair(Protocol):
         ...
 
 
+class LayerMethod(Protocol):
+    """An integrator that says, of a step and a time constant, which sums of rates a step is.
+
+    Engines see its steps alone, so that they run one that they have never heard of.
+    """
+
+    @property
+    def name(self) -> str:
+        """What `method` names it by."""
+        ...
+
+    @property
+    def order(self) -> int:
+        """Order of the error of a run."""
+        ...
+
+    def fixed(self, step: float, tau: float) -> Explicit:
+        """Return a step of a layer."""
+        ...
+
+    def followed(self, step: float, tau: float) -> Pair:
+        """Return the same step with stages that tell its error."""
+        ...
+
+    def growth(self, steps: Floats, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the factors of modes a step, (steps, modes), where 1/τ = 1 and J has `values`."""
+        ...
+
+
 def _row(text: str) -> Row:
     return tuple(Fraction(number) for number in text.split())
 

@@ -5,7 +5,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from cnnum.integrators import choice, layer_methods, stability
+from cnnum.integrators import choice, schemes, stability
 from cnnum.integrators.exponential import FollowedStep
 from cnnum.integrators.tableau import ButcherTableau
 from cnnum.templating.output_functions import OutputFunction
@@ -85,7 +85,7 @@ class ForwardMidpoint:
 def test_an_integrator_is_one_file_and_a_line(engines, label, shape, monkeypatch):
     """It is registered by its name; a tenth of the step leaves a hundredth of the error."""
     method = ForwardMidpoint()
-    monkeypatch.setitem(layer_methods.LAYER_METHODS, method.name, method)
+    monkeypatch.setitem(schemes.LAYER_METHODS, method.name, method)
     u = np.random.default_rng(7).uniform(-1, 1, shape)
     # no cell saturates, so that nothing bends
     own = template(output="linear")

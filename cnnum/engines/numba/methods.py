@@ -15,6 +15,7 @@ from cnnum.integrators.schemes import (
     FixedSteps,
 )
 from cnnum.integrators.solver import Solver
+from cnnum.templating.reads import lag
 from cnnum.templating.template import Template
 
 
@@ -50,7 +51,7 @@ def _fixed(template: Template, scheme: FixedSteps) -> dict[str, Any]:
         "step": scheme.step,
         "last": scheme.last,
         "error": LOST,
-        "lag": round(template.delayed.delay / scheme.step) if template.delayed else 0,
+        "lag": lag(template, scheme.step),
     }
 
 

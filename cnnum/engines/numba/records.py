@@ -104,7 +104,7 @@ class Plan(NamedTuple):
     chebyshev : (rows, 4) float
         In row s · most + j back1, back2, rate and start of stage j of s.
     formula : (operations, 2) float64
-        An output function without a compiled form, as `formulas` has it; else no operation.
+        An output function without a compiled form, as `codes` names them; else none.
     """
 
     settings: Any

@@ -8,6 +8,7 @@ from cnnum.arrays import Floats
 from cnnum.engines.reference.equation import StateEquation
 from cnnum.integrators.choice import FixedSteps, Solver
 from cnnum.integrators.tableau import Row
+from cnnum.templating.reads import lag
 
 
 def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[Floats, float, int]:
@@ -15,7 +16,7 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
     x = equation.start()
     history = [equation.outputs(x)]
     delayed = equation.template.delayed
-    lag = round(delayed.delay / scheme.step) if delayed else 0
+    late = lag(equation.template, scheme.step)
     fixed = equation.drive()
     slowest = float(equation.template.tau.max())
     time = 0.0
@@ -23,12 +24,12 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
     carried = np.array([one.carried for one in layers])[:, np.newaxis, np.newaxis]
     for number in range(scheme.count):
         step = scheme.last if number == scheme.count - 1 else scheme.step
-        drive = fixed + equation.delayed_drive(before=number < lag)
+        drive = fixed + equation.delayed_drive(before=number < late)
         stages: list[Floats] = []
         moved = x
         for rows in zip(*(one.a for one in layers), strict=True):
             c = float(sum(rows[0]))
-            past = _seen(history, number - lag, c * step / scheme.step) if delayed else None
+            past = _seen(history, number - late, c * step / scheme.step) if delayed else None
             moved = limited(equation, x + step * weighted(rows, stages, x))
             stages.append(equation.rate(drive, moved, past, time + c * step))
         change = np.abs(slowest * stages[0]) / (solver.atol + solver.rtol * np.abs(x))

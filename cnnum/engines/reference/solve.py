@@ -23,6 +23,7 @@ from cnnum.integrators.propagator import Decay
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.templating.network import Network
+from cnnum.templating.reads import jumps
 from cnnum.templating.template import Template
 
 PRECISION = 1e-10
@@ -77,7 +78,7 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
         return _decayed(equation, solver)
     if _stepped(template, solver):
         return _marched(equation, solver)
-    if _jumps(template) and isinstance(scheme, FixedSteps):
+    if jumps(template) and isinstance(scheme, FixedSteps):
         finer = replace(
             scheme, step=scheme.step / FINER, count=scheme.count * FINER, last=scheme.last / FINER
         )
@@ -91,7 +92,7 @@ def instead(template: Template, solver: Solver) -> str:
     """Return in words what is done instead of the solver's scheme; nothing where it is taken."""
     if isinstance(solver.scheme, Decay) or _stepped(template, solver):
         return ""
-    if _jumps(template) and isinstance(solver.scheme, FixedSteps):
+    if jumps(template) and isinstance(solver.scheme, FixedSteps):
         return f"in steps 1/{FINER} as long"
     return f"solved to {PRECISION:g} by adaptive steps of Dormand-Prince 8(5,3), or Radau IIA"
 
@@ -99,10 +100,6 @@ def instead(template: Template, solver: Solver) -> str:
 def _stepped(template: Template, solver: Solver) -> bool:
     """Return whether the solver's own steps are taken: they were asked for, or time is discrete."""
     return isinstance(solver.scheme, Stepping) and (solver.asked or template.output.discrete)
-
-
-def _jumps(template: Template) -> bool:
-    return any(coupling.jumps for coupling in template.nonlinear)
 
 
 def _marched(equation: StateEquation, solver: Solver) -> Answer:

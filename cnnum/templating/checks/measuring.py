@@ -12,6 +12,7 @@ from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.running import Engine, Result, run_case
 from cnnum.templating.files.measured import Measured
+from cnnum.templating.reads import autonomous
 from cnnum.templating.template import Template
 
 SHAPE: Shape = (8, 8)
@@ -106,7 +107,7 @@ def _before_first(wrong: list[bool]) -> float:
 
 def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
     """Return when all outputs are within 0.01 of their end, a fortieth of the run too late."""
-    if template.delayed is not None or template.gains or template.output.discrete:
+    if not autonomous(template) or template.output.discrete:
         return None
     form, case = form_of(template), _case(template, shape)
     if case.duration is not None:

@@ -20,7 +20,6 @@ from cnnum.engines.opencl.large_arrays.strip_stage_sums import array_of, sum_cas
 from cnnum.engines.opencl.large_arrays.strip_stages import Stages, stages_of
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import has_history
 from cnnum.engines.opencl.transients.feedforward import LATER, W
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
 from cnnum.engines.opencl.transients.step_control import STEPS, Figures
@@ -71,7 +70,7 @@ def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     seen = watch(text, layout, offsets, size, stages, scales) if scheme.settle else None
     moments = Moments(text, scheme, stages, seen.before if seen else "0")
     outputs = moments.keep_outputs(offsets, size_of(text, layout), seen.steps if seen else 0)
-    if has_history(text):
+    if text.has_history:
         text.over_cells(
             [add(later, w) for later, w in zip(text.each(LATER), text.each(W), strict=True)]
         )

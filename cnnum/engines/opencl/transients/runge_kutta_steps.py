@@ -25,7 +25,6 @@ from cnnum.engines.opencl.ir.statements import (
     fixed,
 )
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import delays_outputs, has_history
 from cnnum.engines.opencl.transients.feedforward import arrive
 from cnnum.engines.opencl.transients.fixed_steps import last_number, repeated
 from cnnum.engines.opencl.transients.initial_state import X
@@ -57,6 +56,7 @@ from cnnum.engines.opencl.transients.step_control import (
 )
 from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
 from cnnum.integrators.tableau import Explicit, Pair, Row
+from cnnum.templating.reads import delays_outputs, lag
 
 RING, NOW_AT, THEN_AT, NEXT_AT = Name("ring"), Name("now_at"), Name("then_at"), Name("next_at")
 """Outputs of the last steps, and where this one's and those of a delay ago stand among them."""
@@ -100,14 +100,9 @@ def _stage(
 # delays: a ring of the outputs of the last steps
 
 
-def _lag(text: TransientBuilder, step: float) -> int:
-    """Return the delay in steps."""
-    return round(text.template.delayed.delay / step) if text.template.delayed else 0
-
-
 def _remember(text: TransientBuilder) -> None:
     """Append what keeps this step's outputs in the ring."""
-    if delays_outputs(text):
+    if delays_outputs(text.template):
         text.over_grid(
             [
                 Assign(RING[after(NOW_AT * text.states, text.at(layer))], Y[text.padded_at(layer)])
@@ -118,7 +113,7 @@ def _remember(text: TransientBuilder) -> None:
 
 def _past(text: TransientBuilder, c: float) -> Callable[[Expression], Expression] | None:
     """Return the outputs a delay ago, at the start or the end of a step."""
-    if not delays_outputs(text):
+    if not delays_outputs(text.template):
         return None
 
     def past(at: Expression) -> Expression:
@@ -132,20 +127,20 @@ def _past(text: TransientBuilder, c: float) -> Callable[[Expression], Expression
 
 def _ring(text: TransientBuilder, scheme: FixedSteps) -> list[Statement]:
     """Return what stands at the head of a step and finds the ring's places."""
-    lag = _lag(text, scheme.step)
+    late = lag(text.template, scheme.step)
     lines: list[Statement] = []
-    if delays_outputs(text):
-        slots = lag + 1
+    if delays_outputs(text.template):
+        slots = late + 1
         lines = [
             fixed(NOW_AT, ROUND % slots, of="int"),
-            fixed(THEN_AT, call("max", ROUND - lag, 0) % slots, of="int"),
-            fixed(NEXT_AT, call("max", ROUND + 1 - lag, 0) % slots, of="int"),
+            fixed(THEN_AT, call("max", ROUND - late, 0) % slots, of="int"),
+            fixed(NEXT_AT, call("max", ROUND + 1 - late, 0) % slots, of="int"),
             fixed(PART, last_number(scheme.count, 1.0, scheme.last / scheme.step)),
         ]
-    if has_history(text):
+    if text.has_history:
         with text.aside() as change:
             arrive(text)
-        lines.append(Branch(ROUND.equals(lag), tuple(change)))
+        lines.append(Branch(ROUND.equals(late), tuple(change)))
     return lines
 
 
@@ -160,8 +155,8 @@ def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     if stages > 1:
         for name in (*(rates_of(stage) for stage in range(stages)), XS):
             text.array(name, text.states)
-    if delays_outputs(text):
-        text.array(RING, (_lag(text, scheme.step) + 1) * text.states)
+    if delays_outputs(text.template):
+        text.array(RING, (lag(text.template, scheme.step) + 1) * text.states)
     head = _ring(text, scheme)
     with text.aside() as body:
         if stages == 1:
