@@ -21,7 +21,7 @@ def tableaux(solver: Solver) -> Floats:
     if isinstance(scheme, AdaptiveSteps):
         found = [_rows(one.a, errors=one.error, parts=one.truncation) for one in scheme.tableaux]
         return np.array(found)
-    # one stage of no step says what the slopes are
+    # one stage of no step gives the slopes
     return np.zeros((1, codes.STAGES + 1, 2))
 
 

@@ -1,4 +1,4 @@
-"""From a template, its array and its solver to what the compiled functions take."""
+"""From a template, its array and its solver to the arguments of the compiled functions."""
 
 import ast
 import re
