@@ -31,6 +31,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "Fit a taxel's calibration to a scan of point loads.",
     ),
     "score": (f"{ROOM}.score", "Score slip and twist where the truth is known."),
+    "export": (f"{ROOM}.export", "Write a program as C99 for a microcontroller."),
     "probe": (f"{ROOM}.probe", "Look at what an array sends: rate, losses, dead cells."),
     "record": (f"{ROOM}.record", "Record an array's frames to a file."),
     "recover": (
