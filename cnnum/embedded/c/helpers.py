@@ -67,7 +67,10 @@ _REALS = {
     return b < 0.0f || b > 0.0f ? a / b : 0.0f;
 }""",
     "real_root": "static float real_root(float a)\n{\n    return a > 0.0f ? sqrtf(a) : 0.0f;\n}",
-    "power": "static float power(float a, float b)\n{\n    return a > 0.0f ? powf(a, b) : 0.0f;\n}",
+    "power": """static float power(float a, float b)
+{
+    return a > 0.0f ? expf(b * logf(a)) : 0.0f;
+}""",
     "exponential": "static float exponential(float a)\n{\n    return expf(a);\n}",
 }
 

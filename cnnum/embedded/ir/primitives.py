@@ -112,13 +112,16 @@ def _quotient_within(given: Intervals, _: Parameters) -> list[Bounds]:
     return [(0, max(-low, high) + max(-least, most))]
 
 
+def _magnitude(a: Any) -> Any:
+    return np.abs(a)
+
+
 def quotient(a: Any, b: Any) -> Any:
     """Return a/b rounded to the nearest whole number, halves away from 0; 0 where b is 0."""
-    size: Any = np.abs(a)
-    divisor: Any = np.abs(b)
-    below: Any = np.where(divisor == 0, 1, divisor)
-    whole: Any = (size + divisor // 2) // below
-    return np.where(divisor == 0, 0, np.where((a < 0) != (b < 0), -whole, whole))
+    size, divisor = _magnitude(a), _magnitude(b)
+    whole: Any = np.floor_divide(size + divisor // 2, np.maximum(divisor, 1))
+    sign: Any = np.sign(a) * np.sign(b)
+    return whole * sign
 
 
 def root(a: Any) -> Any:
@@ -160,16 +163,15 @@ def _power(a: Any, b: Any) -> Any:
 
 
 def _up_by(a: Any, places: int) -> Any:
-    given: Any = np.asarray(a)
-    return given * (1 << places)
+    return np.multiply(a, 1 << places)
 
 
 def _down_by(a: Any, places: int) -> Any:
-    return (np.asarray(a) + _half(places)) >> places
+    return np.right_shift(np.add(a, _half(places)), places)
 
 
 def _picked(holds: Any, a: Any, b: Any) -> Any:
-    return np.where(np.asarray(holds) != 0, a, b)
+    return np.where(np.not_equal(holds, 0), a, b)
 
 
 def _inverted(a: Any) -> Any:
