@@ -14,7 +14,7 @@ FORCE_AXES = ("shear_x", "shear_y", "normal")
 
 
 class Quality(IntFlag):
-    """What a driver knows to be wrong with a frame; 0 is a good one."""
+    """Faults of a frame that its driver knows; 0 is a good one."""
 
     GOOD = 0
     DROPPED_BEFORE = 1
@@ -35,7 +35,7 @@ BAD = Quality.CORRUPT
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What a simulated or labelled source knows about a frame (ground truth).
+    """Ground truth of a frame from a simulated or labelled source.
 
     Attributes
     ----------

@@ -12,7 +12,7 @@ from cnnum.frame import Frame, Quality, Truth
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Where a packet stands after the one before: what was lost, or that it came again."""
+    """The place of a packet after the one before: the number lost, or a repeat."""
 
     ahead: int
     restarted: bool
@@ -22,7 +22,7 @@ def step(before: int, after: int, wrap: int = 1 << 32) -> Step:
     """Compare two sequence numbers modulo `wrap`.
 
     A number less than half the range ahead has left scans out; one behind means that the device
-    has started again, and nobody knows what that has cost.
+    has started again, and the loss is unknown.
     """
     ahead = (after - before) % wrap
     return Step(0, True) if ahead >= wrap // 2 else Step(ahead, False)
@@ -62,7 +62,7 @@ class FrameClock:
         self._epoch = time.time_ns() - time.monotonic_ns()
 
     def broken(self, seconds: float) -> None:
-        """Tell that the connection was lost, and for how long by the host's clock (s)."""
+        """Note that the connection was lost, and for how long by the host's clock (s)."""
         if self._last is not None:
             self._broken = (self._broken or 0.0) + seconds
 

@@ -147,7 +147,7 @@ class SerialArray(Closing):
 
     @property
     def counters(self) -> Counters:
-        """What has been seen so far."""
+        """The counts so far."""
         seen = self._reader.counters
         pushed_out, waiting = self._mail.pushed_out, self._mail.waiting
         latest = self._options.mode == "latest"

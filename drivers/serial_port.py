@@ -1,4 +1,4 @@
-"""A serial port with time-outs and errors that say what to do: the one user of pyserial."""
+"""A serial port with time-outs and errors that name the remedy: the one user of pyserial."""
 
 import errno
 from types import TracebackType
@@ -44,7 +44,7 @@ def open_error(path: str, error: OSError, ports: list[str]) -> PortError:
 
 
 class SerialPort:
-    """An open port; reading returns what is there, and never waits for long.
+    """An open port; reading returns the waiting bytes, and never waits for long.
 
     Raises
     ------

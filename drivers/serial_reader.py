@@ -22,7 +22,7 @@ ASK_AGAIN = 0.25
 
 
 class Link(Protocol):
-    """How a port is read and how long it is waited for; `SerialOptions` says what each means."""
+    """How a port is read and how long it is waited for; `SerialOptions` explains each."""
 
     @property
     def port(self) -> str: ...  # noqa: D102
@@ -64,7 +64,7 @@ class SerialReader:
 
     @property
     def counters(self) -> Counters:
-        """What the decoder and the clock have counted."""
+        """The counts of the decoder and the clock."""
         return Counters(
             frames=self._decoder.good,
             bad=self._decoder.bad,
@@ -103,7 +103,7 @@ class SerialReader:
         self._mail.end()
 
     def _run(self) -> None:
-        """Read until told to stop, or until the array is gone for good."""
+        """Read until the call to stop, or until the array is gone for good."""
         try:
             while not self._stop.is_set():
                 self._read_until_lost()

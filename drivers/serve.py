@@ -36,7 +36,7 @@ def packets(frames: Iterable[Frame], rate: float, cell: str = "<f4") -> Iterator
     ----------
     frames : iterable of Frame
     rate : float
-        Hz, told to the other side as the period.
+        Hz, sent to the other side as the period.
     cell : str
         One of the protocol's cell types; whole ones are rounded to, and clipped at their range.
 

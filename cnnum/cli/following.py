@@ -1,4 +1,4 @@
-"""Following a scene: its events as they come, and the summary of what was seen."""
+"""Following a scene: its events as they come, and the summary at its end."""
 
 import sys
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -40,7 +40,7 @@ def follow(
     watch : callable, optional
         Is given every moment.
     finish : callable, optional
-        Is called when the scene has ended by itself; what it returns, by name, goes into the
+        Is called when the scene has ended by itself; its results, by name, go into the
         summary.
     keep : callable, optional
         The same, but called however the scene has ended.
@@ -73,7 +73,7 @@ def follow(
     except KeyboardInterrupt:
         code = STOPPED
     finally:
-        # also after an error: what was seen before it is not lost
+        # also after an error: the summary before it is not lost
         if not isinstance(sys.exc_info()[1], BrokenPipeError):
             more |= keep() if keep is not None else {}
             summarise(scene, output, more)
@@ -174,14 +174,14 @@ def _arrival_facts(seen: "Summary") -> list[tuple[str, str]]:
 
 
 def _gap_facts(gaps: int, longest: float) -> list[tuple[str, str]]:
-    """Return a row on what was missed, where something was."""
+    """Return a row on missed frames, where there are any."""
     if not gaps and not longest:
         return []
     return [("gaps", f"{gaps} of the connection; the longest without a frame {longest:.3f} s")]
 
 
 def left_out_records(left_out: "tuple[LeftOut, ...]") -> list[dict[str, object]]:
-    """Return what a plan leaves out, as records."""
+    """Return the operations that a plan leaves out, as records."""
     return [
         {"what": x.what, "why": x.why, "saves": x.saves, "bytes": x.bytes, "flops": x.flops}
         for x in left_out

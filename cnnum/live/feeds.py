@@ -194,7 +194,8 @@ class RecordingFeed(_Threaded):
 
     def _at(self, seconds: float) -> int:
         last = max(0, len(self._frames) - 1)
-        return min(last, int(np.searchsorted(self._times, self._times[0] + max(0.0, seconds))))
+        wanted = float(self._times[0]) + max(0.0, seconds)
+        return min(last, int((self._times < wanted).sum()))
 
     def _wait(self, seconds: float | None) -> None:
         """Wait for the time of the next frame, or for a command."""

@@ -1,4 +1,4 @@
-"""What a scene came to: frames by what became of them, and how long they took."""
+"""The summary of a scene: frames by outcome, and their times."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from cnnum.drivers.driver import Counters
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a scene came to: ``sent == handed_on + dropped + skipped + refused``.
+    """The summary of a scene: ``sent == handed_on + dropped + skipped + refused``.
 
     Attributes
     ----------
