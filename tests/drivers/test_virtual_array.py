@@ -17,7 +17,9 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.codecs.wire import Asked, protocol_names, wire
+from cnnum.drivers.guess import guess
 from cnnum.drivers.serial_array import SerialOptions
+from cnnum.drivers.serial_port import PortInfo
 from cnnum.drivers.virtual.array import VirtualArray
 from cnnum.drivers.virtual.faults import LineFaults
 from cnnum.drivers.virtual.line import VirtualLine
@@ -253,3 +255,18 @@ def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
     # less than the rate says on a machine that is busy: what is late is not lost
     assert handed_on > 500 * LINE_SECONDS
     assert process.poll() is None
+
+
+@pytest.mark.parametrize("protocol", ["open", "pts2", "m0404s", "robotiq-tsf85", "3d-vitac"])
+def test_what_sends_at_a_port_is_guessed(tmp_path: Path, protocol: str) -> None:
+    with offered(tmp_path / "tty", protocol):
+        found = guess(PortInfo(str(tmp_path / "tty"), "a test"))
+    assert found.protocol == protocol
+    assert "taxels" in found.said
+
+
+def test_a_silent_port_and_one_that_is_not_there_are_told(tmp_path: Path) -> None:
+    line = VirtualLine(tmp_path / "quiet")
+    assert "silent" in guess(PortInfo(str(tmp_path / "quiet"), ""), seconds=0.05).said
+    line.close()
+    assert "There is no port" in guess(PortInfo(str(tmp_path / "gone"), "")).said
