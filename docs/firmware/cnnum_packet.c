@@ -4,7 +4,7 @@ static uint16_t crc16(const uint8_t *data, size_t size)
 {
     uint16_t rest = 0xFFFF;
     while (size--) {
-        rest ^= (uint16_t)(*data++ << 8);
+        rest = (uint16_t)(rest ^ *data++ << 8);
         for (int bit = 0; bit < 8; bit++)
             rest = (uint16_t)(rest & 0x8000 ? rest << 1 ^ 0x1021 : rest << 1);
     }

@@ -12,7 +12,7 @@ enum { SIDES = 4, MOST = 8 };
 
 static uint16_t read_bridge(int row, int col, int side, uint32_t scan)
 {
-    return (uint16_t)(2048 + 64 * row + 8 * col + side + scan % 16);
+    return (uint16_t)(2048u + 64u * (uint32_t)row + 8u * (uint32_t)col + (uint32_t)side + scan % 16u);
 }
 
 static int send(const uint8_t *data, size_t size)
