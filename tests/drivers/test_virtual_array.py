@@ -25,6 +25,7 @@ from cnnum.drivers.virtual.faults import LineFaults
 from cnnum.drivers.virtual.line import VirtualLine
 from cnnum.errors import PortError
 from cnnum.frame import FORCE_AXES, Frame
+from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.pipeline import load_scene
 
 LINE_SECONDS = float(os.environ.get("CNNUM_LINE_SECONDS", "3"))
@@ -226,7 +227,7 @@ def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
         f'name = "line"\nwants = ["contact", "slip"]\n[array]\ndriver = "serial"\ndepth = 100000\n'
         f'port = "{tmp_path / "taxels"}"\n[program.parameters]\ndepth = 0.667\nunit = 1.305\n'
     )
-    scene, late, kinds = load_scene(scene_file), list[float](), set[str]()
+    scene, late, kinds = load_scene(scene_file), Histogram(), set[str]()
     before, handed_on, begin = 0, 0, float("inf")
     memory = [0, 0]
     for moment in scene.results():
@@ -238,14 +239,14 @@ def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
             memory[0] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         kinds |= {event.kind for event in moment.events}
         if begin < float("inf"):
-            late.append(1e-3 * delay)
+            late.add(1e-3 * delay)
             handed_on += 1
         if time.monotonic() - begin > LINE_SECONDS:
             break
     memory[1] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     lost = scene.driver.counters.dropped - before
     with capsys.disabled():
-        p50, p99 = np.percentile(late, [50, 99])
+        p50, p99 = late.quantile(0.5), late.quantile(0.99)
         print(
             f"\n{handed_on} frames in {LINE_SECONDS:g} s, {lost} lost; from arrival to events "
             f"{p50:.0f} µs, 99 %: {p99:.0f} µs; memory grew by {memory[1] - memory[0]} KiB"
