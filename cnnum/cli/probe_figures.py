@@ -136,7 +136,8 @@ class ProbeFigures:
         spread = float(self._when[1] - self._when[0] ** 2 / count)
         if spread <= 0.0:
             return np.zeros_like(self._first)
-        return 60.0 * (self._drifting - self._when[0] * self._sum / count) / spread
+        together: Floats = self._drifting - self._when[0] * self._sum / count
+        return np.asarray(60.0 * together / spread, dtype=np.float64)
 
     @property
     def drift(self) -> dict[str, float]:
