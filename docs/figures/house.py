@@ -32,7 +32,7 @@ FLOORS: list[dict[str, str]] = [
     {"recordings": "files of frames that survive a fault"},
     {"drivers": "arrays, recordings, and the simulated array"},
     {"scenes": "scene files, and the path of a frame to its events"},
-    {"report": "the page of a scene, and its pictures"},
+    {"report": "the page of a scene, and its pictures", "live": "the live view in a browser"},
     {"lab": "benchmarks, scores, and the dissertation's figures"},
     {"cli": "the commands"},
     {"__init__": "the public names", "__main__": "`python -m cnnum`"},
