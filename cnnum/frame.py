@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import IntFlag
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,6 +90,13 @@ class Frame:
     wall_ns: int | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(cast(object, self.values), np.ndarray) or not isinstance(
+            cast(object, self.channels), tuple
+        ):
+            raise ArrayError(
+                "A frame has an array of values and a tuple of channels' names, got "
+                f"{type(self.values).__name__} and {type(self.channels).__name__}."
+            )
         if self.values.ndim != 3 or self.values.shape[2] != len(self.channels):
             raise ArrayError(
                 f"A frame with the channels {self.channels} must have the shape "

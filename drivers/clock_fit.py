@@ -57,5 +57,6 @@ class ClockFit:
         times: Floats = np.array([piece[0] for piece in self._pieces])
         late: Floats = np.array([piece[1] for piece in self._pieces])
         if len(times) >= 8:
-            self.drift = float(np.polyfit(times - times[0], late, 1)[0])
+            away = times - times.mean()
+            self.drift = float(away @ late / (away @ away))
         self._offset = float((late - self.drift * times).min())

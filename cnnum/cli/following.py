@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cnnum.graph.schedule import LeftOut
     from cnnum.scenes.events import Event
     from cnnum.scenes.pipeline import FrameResult, Scene
+    from cnnum.scenes.summary import Summary
 
 STOPPED = 130
 """Exit code after Ctrl-C, SIGTERM or SIGHUP."""
@@ -130,6 +131,8 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
         "longest_gap_s": round(longest_gap, 6),
         "p50_us": round(seen.p50_us, 3),
         "p99_us": round(seen.p99_us, 3),
+        "arrival_p50_us": seen.arrival_p50_us,
+        "arrival_p99_us": seen.arrival_p99_us,
         "engine": scene.engine.name,
         "device": scene.engine.device,
         "precision": scene.engine.precision,
@@ -153,12 +156,21 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
                 ),
                 *_gap_facts(gaps, longest_gap),
                 ("a frame", f"{seen.p50_us:.0f} µs (99 %: {seen.p99_us:.0f} µs)"),
+                *_arrival_facts(seen),
                 ("device", f"{scene.engine.device}, {scene.engine.name}, {scene.engine.precision}"),
                 ("left out", f"{len(left_out)} of the program's parts ('cnnum plan' lists them)"),
                 *more.items(),
             )
         ),
     )
+
+
+def _arrival_facts(seen: "Summary") -> list[tuple[str, str]]:
+    """Return a row on the way from a port to events, where frames came over one."""
+    if seen.arrival_p99_us is None:
+        return []
+    median, late = seen.arrival_p50_us or 0.0, seen.arrival_p99_us
+    return [("arrival", f"{median:.0f} µs from the port to its events (99 %: {late:.0f} µs)")]
 
 
 def _gap_facts(gaps: int, longest: float) -> list[tuple[str, str]]:

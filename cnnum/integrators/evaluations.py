@@ -197,7 +197,7 @@ def motion(
         )
     length = max(shape)
     busy = min(duration, length / growth) if growth else 0.0
-    smooth = template.output.name == "tanh"
+    smooth = template.output.smooth
     bends = SWITCHES * length * template.layers if growth and not smooth else 0.0
     return Motion(rates, growth, duration, busy, tolerance, bends, template.output.limited)
 

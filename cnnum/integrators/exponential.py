@@ -76,6 +76,21 @@ class ExponentialMethod:
         z = -step / tau
         return np.exp(z), -z * phi(1, z), -z * phi(2, z)
 
+    def fixed(self, step: float, tau: float) -> "ExponentialStep":
+        """Return a step of a layer as sums of rates.
+
+        The coupling is N = x + τk, and what is kept of x is 1 − first, so that
+
+            a = x + first·τk₀,   x⁺ = x + (1 + second)(a − x) + second·τ(k₁ − k₀)
+
+        and a cell whose rate is 0 stays to the bit.
+        """
+        _, first, second = (float(w[0]) for w in self.weights(step, np.array([tau])))
+        slope, later = Fraction(first * tau / step), Fraction(second * tau / step)
+        if self.order == 1:
+            return ExponentialStep(self.name, ((),), (slope,))
+        return ExponentialStep(self.name, ((), (slope,)), (-later, later), 1.0 + second)
+
     def followed(self, step: float, tau: float) -> "FollowedStep":
         """Return a step of a layer with stages that estimate its error.
 
@@ -108,6 +123,29 @@ class ExponentialMethod:
         coupling = values + 1.0
         once = kept + first * coupling
         return once if self.order == 1 else once + second * coupling * (once - 1.0)
+
+
+@dataclass(frozen=True, slots=True)
+class ExponentialStep:
+    """An exponential step of one length, as `Explicit` has it.
+
+    Attributes
+    ----------
+    name : str
+    a : tuple of rows
+    b : row
+    carried : float
+    """
+
+    name: str
+    a: tuple[Row, ...]
+    b: Row
+    carried: float = 0.0
+
+    @property
+    def stages(self) -> int:
+        """Evaluations of the rates."""
+        return len(self.a)
 
 
 @dataclass(frozen=True, slots=True)

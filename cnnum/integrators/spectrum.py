@@ -70,7 +70,7 @@ def spectrum(template: Template, shape: Shape) -> Spectrum:
     around its field of values where they are not known), and Gershgorin's discs bound the rest.
     """
     network = Network(template, shape)
-    if not template.plain:
+    if not (template.plain and template.output.saturates):
         none = np.zeros(0, dtype=np.complex128)
         return Spectrum(none, False, False, "Gershgorin's discs", discs=discs(network))
     linear = _linear(network)

@@ -11,9 +11,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.errors import name_error
 
 Row = tuple[Fraction, ...]
+
+
+class Explicit(Protocol):
+    """Stages of a step of one length: all that an engine knows of an explicit method.
+
+        k_i = F(x_i), x_i = x + h Σ_j a_ij k_j,   x⁺ = x + carried (x_s − x) + h Σ_i b_i k_i
+
+    x_s is the state of the last stage.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the method."""
+        ...
+
+    @property
+    def a(self) -> tuple[Row, ...]:
+        """Rows of the stages' states."""
+        ...
+
+    @property
+    def b(self) -> Row:
+        """Weights of the rates at the end."""
+        ...
+
+    @property
+    def carried(self) -> float:
+        """Part of the last stage's move that the end keeps."""
+        ...
+
+    @property
+    def stages(self) -> int:
+        """Evaluations of dx/dt."""
+        ...
 
 
 class Pair(Protocol):
@@ -50,6 +83,35 @@ class Pair(Protocol):
     @property
     def stages(self) -> int:
         """Evaluations of dx/dt, of which the last is the first of the next step."""
+        ...
+
+
+class LayerMethod(Protocol):
+    """An integrator that says, of a step and a time constant, which sums of rates a step is.
+
+    Engines see its steps alone, so that they run one that they have never heard of.
+    """
+
+    @property
+    def name(self) -> str:
+        """What `method` names it by."""
+        ...
+
+    @property
+    def order(self) -> int:
+        """Order of the error of a run."""
+        ...
+
+    def fixed(self, step: float, tau: float) -> Explicit:
+        """Return a step of a layer."""
+        ...
+
+    def followed(self, step: float, tau: float) -> Pair:
+        """Return the same step with stages that estimate its error."""
+        ...
+
+    def growth(self, steps: Floats, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the factors of modes a step, (steps, modes), where 1/τ = 1 and J has `values`."""
         ...
 
 
@@ -105,6 +167,11 @@ class ButcherTableau:
             raise ValueError(
                 f"The last stage of '{self.name}', whose error is estimated, is not its end."
             )
+
+    @property
+    def carried(self) -> float:
+        """Part of the last stage's move that the end keeps: none, as the rates say all."""
+        return 0.0
 
     @property
     def stages(self) -> int:
@@ -265,17 +332,3 @@ def followed(method: ButcherTableau) -> ButcherTableau:
     if not method.adaptive:
         method = replace(method, a=(*method.a, method.b), b=(*method.b, Fraction(0)))
     return replace(method, error=(Fraction(0),) * method.stages)
-
-
-def tableau(name: str) -> ButcherTableau:
-    """Return the Runge–Kutta method of that name.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is none.
-    """
-    if name not in TABLEAUX:
-        known = ("auto", "propagator", *TABLEAUX, "runge-kutta-chebyshev")
-        raise name_error("method", name, (*known, "exponential-euler", "etd-rk2"))
-    return TABLEAUX[name]

@@ -163,6 +163,7 @@ class Scene:
     push: PushWatch
     bad: BadFrames = field(default_factory=BadFrames)
     _micros: Histogram = field(default_factory=Histogram)
+    _late: Histogram = field(default_factory=Histogram)  # µs from arrival to events
     _begun: int = 0
     _repeated: int = 0
     _longest_gap: float = 0.0
@@ -220,6 +221,8 @@ class Scene:
         if moment.values is not None:
             self.push.look(moment.values)
             self._micros.add(1e6 * moment.seconds)
+            if moment.frame.monotonic_ns is not None:
+                self._late.add(1e-3 * (time.monotonic_ns() - moment.frame.monotonic_ns))
             self._longest_gap = way.detector.longest_gap
         elif moment.error is not None:
             frame = moment.frame
@@ -282,6 +285,8 @@ class Scene:
             longest_gap=self._longest_gap,
             p50_us=self._micros.quantile(0.50),
             p99_us=self._micros.quantile(0.99),
+            arrival_p50_us=self._late.quantile(0.50) if self._late.total else None,
+            arrival_p99_us=self._late.quantile(0.99) if self._late.total else None,
         )
 
 

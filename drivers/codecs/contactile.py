@@ -12,7 +12,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip, to_marker
-from cnnum.drivers.codecs.wire import Asked, Wire
+from cnnum.drivers.codecs.wire import Asked, Form, Wire, shape_or
 from cnnum.errors import CodecError, SceneError
 
 START, END = bytes.fromhex("55667788"), bytes.fromhex("aabbccdd")
@@ -41,8 +41,16 @@ def pts2(asked: Asked) -> Wire:
         raise SceneError(f"'rate' must be one of {RATES} Hz for 'pts2', got {asked.rate:g}.")
     greeting = f"f{asked.rate:.0f}\n".encode() if asked.rate else b""
     settled = b"z\n" if asked.bias else b""
-    form = Papillarray()
-    return Wire("PTS 2", 115_200, lambda: Decoder(form), encode, greeting=greeting, settled=settled)
+    papillarray = Papillarray()
+    return Wire(
+        "PTS 2",
+        115_200,
+        lambda: Decoder(papillarray),
+        encode,
+        greeting=greeting,
+        settled=settled,
+        form=Form(shape_or(asked, (SIDE, SIDE)), CHANNELS, "N", 0.0, 8.0),
+    )
 
 
 class Papillarray:

@@ -13,7 +13,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.checksums import CHECKS
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip, overtaken, to_marker
-from cnnum.drivers.codecs.wire import Asked, Wire, shape_or
+from cnnum.drivers.codecs.wire import Asked, Form, Wire, shape_or
 from cnnum.errors import CodecError
 from cnnum.frame import FORCE_AXES
 
@@ -53,22 +53,29 @@ def push(on: bool) -> bytes:
 def converter(asked: Asked) -> Wire:
     """Return the protocol of the converter: it is asked for each scan."""
     shape = shape_or(asked, (1, 31))
-    form = Converter(shape, asked.address)
-    ask = request(asked.address, shape[0] * shape[1])
-    return Wire("PaXini's converter", BAUD, lambda: Decoder(form), form.encode, request=ask)
+    answers = Converter(shape, asked.address)
+    return Wire(
+        "PaXini's converter",
+        BAUD,
+        lambda: Decoder(answers),
+        answers.encode,
+        request=request(asked.address, shape[0] * shape[1]),
+        form=Form(shape, FORCE_AXES, "N", 0.0, 10.0),
+    )
 
 
 def high_speed_board(asked: Asked) -> Wire:
     """Return the protocol of the high-speed board: it sends by itself once it is asked to."""
-    form = HighSpeedBoard(shape_or(asked, (1, 31)))
+    board = HighSpeedBoard(shape_or(asked, (1, 31)))
     return Wire(
         "PaXini's high-speed board",
         BAUD,
-        lambda: Decoder(form),
-        form.encode,
+        lambda: Decoder(board),
+        board.encode,
         # an unclean exit leaves the board sending, and then it takes no other command
         greeting=push(False) + push(True),
         farewell=push(False),
+        form=Form(board.shape, FORCE_AXES, "N", 0.0, 10.0),
     )
 
 

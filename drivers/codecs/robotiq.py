@@ -11,7 +11,7 @@ import numpy as np
 
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip, to_marker
-from cnnum.drivers.codecs.wire import Asked, Wire
+from cnnum.drivers.codecs.wire import Asked, Form, Wire
 from cnnum.errors import CodecError, SceneError
 
 START, HEAD, MOST = b"\x9a", 4, 60
@@ -46,6 +46,7 @@ def tsf85(asked: Asked) -> Wire:
         lambda scan: encode(scan, finger),
         greeting=command(AUTOSEND, bytes([period])),
         farewell=command(AUTOSEND, b"\0"),
+        form=Form(SHAPE, ("normal",), "count", 0.0, 4000.0),
     )
 
 

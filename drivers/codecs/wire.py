@@ -40,6 +40,16 @@ class Decoding(Protocol):
     def flush(self) -> list[Scan]: ...  # noqa: D102
 
 
+FULL = {
+    "u8": 200.0,
+    "i8": 100.0,
+    "text": 200.0,
+    "f32": 500.0,
+    **dict.fromkeys(("u16", "i16", "u32", "i32"), 4000.0),
+}
+"""A strong load in the numbers of a cell, by its type in a descriptor."""
+
+
 @dataclass(frozen=True, slots=True)
 class Asked:
     """The user's facts of an array that its protocol lacks.
@@ -59,6 +69,26 @@ class Asked:
     rate: float = 0.0
     address: int = 1
     bias: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """What `Wire.encode` takes.
+
+    Attributes
+    ----------
+    shape : (rows, cols)
+    channels : tuple of str
+    unit : str
+    rest, full : float
+        Numbers of a cell at rest and under a strong load, as an array would send them.
+    """
+
+    shape: Shape
+    channels: tuple[str, ...]
+    unit: str
+    rest: float
+    full: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +112,8 @@ class Wire:
         Written for every scan; empty where the array sends by itself.
     farewell : bytes
         Written before the port is closed.
+    form : Form or None
+        What `encode` takes; None where it takes any scan.
     """
 
     name: str
@@ -92,6 +124,7 @@ class Wire:
     settled: bytes = b""
     request: bytes = b""
     farewell: bytes = b""
+    form: Form | None = None
 
 
 def protocol_names() -> tuple[str, ...]:
@@ -146,6 +179,7 @@ def described_wire(path: Path, asked: Asked) -> Wire:
         lambda: Decoder(form),
         form.encode,
         request=bytes.fromhex(known.request),
+        form=Form(known.shape, known.channels, known.unit, 0.0, FULL[known.cell] * known.scale),
     )
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip
-from cnnum.drivers.codecs.wire import Asked, Wire
+from cnnum.drivers.codecs.wire import Asked, Form, Wire
 from cnnum.errors import CodecError
 from cnnum.frame import FORCE_AXES
 
@@ -29,8 +29,9 @@ PADS = {16: (4, 4), 24: (4, 6)}
 
 def xela(asked: Asked) -> Wire:
     """Return the protocol; pads lie side by side, or fill the shape that the user says."""
-    form = Server(asked.shape)
-    return Wire("XELA's server messages", 115_200, lambda: Decoder(form), encode)
+    server = Server(asked.shape)
+    form = Form(asked.shape or (4, 4), FORCE_AXES, "count", 32_768.0, 45_000.0)
+    return Wire("XELA's server messages", 115_200, lambda: Decoder(server), encode, form=form)
 
 
 class Server:

@@ -1,5 +1,6 @@
 """A WebSocket as a port: each message is a line of bytes. The one user of its client."""
 
+from contextlib import ExitStack
 from urllib.parse import urlsplit
 
 from cnnum.errors import MissingExtraError, PortError
@@ -36,9 +37,12 @@ class WebSocketPort:
                 "An array at a WebSocket needs the library 'websockets': pip install 'cnnum[view]'."
             ) from None
         self._address = address
+        self._held = ExitStack()
         self._faults = (OSError, WebSocketException)
         try:
-            self._socket = connect(address, open_timeout=2.0, max_size=LARGEST, proxy=None)
+            self._socket = self._held.enter_context(
+                connect(address, open_timeout=2.0, max_size=LARGEST, proxy=None)
+            )
         except (OSError, WebSocketException, ValueError) as error:
             raise PortError(
                 f"The server '{address}' does not answer ({error}): start it, and check its "
@@ -77,4 +81,4 @@ class WebSocketPort:
 
     def close(self) -> None:
         """Let go of the socket."""
-        self._socket.close()
+        self._held.close()

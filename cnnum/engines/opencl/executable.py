@@ -16,11 +16,11 @@ from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
 from cnnum.engines.opencl.lowering.storage import Tables
+from cnnum.engines.opencl.runtime.device_trouble import build_failure, run_failure
 from cnnum.engines.opencl.runtime.host_exchange import Exchange, exchanges
 from cnnum.engines.opencl.runtime.launch_runner import LaunchArrays, LaunchRunner
 from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.runtime.single_frame import OneFrame
-from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
 from cnnum.safety.memory import refuse_beyond
 
@@ -191,7 +191,10 @@ class OpenCLExecutable:
         assert isinstance(memory, SharedArray)
         refuse_after_fork()
         with self._turn:
-            return self._run(frames, memory, first=first)
+            try:
+                return self._run(frames, memory, first=first)
+            except cl.Error as error:
+                raise run_failure(error, self.queue) from error
 
     def run_large(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
@@ -199,7 +202,10 @@ class OpenCLExecutable:
         """Let kernels read and write the host's arrays where the device can, None elsewhere."""
         refuse_after_fork()
         with self._turn:
-            return self._run_large(maps, lead)
+            try:
+                return self._run_large(maps, lead)
+            except cl.Error as error:
+                raise run_failure(error, self.queue) from error
 
     def _run(
         self, frames: NDArray[np.floating], memory: SharedArray, *, first: bool
@@ -292,7 +298,7 @@ class OpenCLExecutable:
         try:
             program = build_program(queue.context, text.source, [QUIET, FLUSH])
         except cl.RuntimeError as error:
-            raise NotSupportedError(f"The OpenCL compiler refused a plan: {error}") from error
+            raise build_failure(text.source, error, queue.device) from error
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         data = cl.Buffer(queue.context, flags, hostbuf=text.data)
         exchange = Exchange(queue, program, self.dtype)

@@ -1,6 +1,7 @@
 """Proofs and measurements of a designed template, as the table [proof] of its file.
 
-`cnnum templates design` writes it. A change of the weights by hand makes it void by its digest.
+`cnnum templates design` writes it. A change of the weights by hand makes it void, as its digest
+differs.
 """
 
 from dataclasses import dataclass

@@ -12,12 +12,12 @@ import numpy as np
 from cnnum.engines.opencl.ir.expressions import Constant, Expression, Name
 from cnnum.engines.opencl.ir.statements import add
 from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
-from cnnum.engines.opencl.transients.dependencies import delays_outputs
 from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name
 from cnnum.engines.opencl.transients.stencil_sums import shares_products, weighted_terms
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
 from cnnum.templating.function_tables import Table
 from cnnum.templating.network import Tap, taps
+from cnnum.templating.reads import delays_outputs
 
 FROM, PAST, NEXT, PART, STATES = "from", "past", "next", "part", "states"
 """Variables of the kernel: the outputs of the level before; those a delay before it, those of the
@@ -181,7 +181,7 @@ def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
         Through(now, f"(vec)({gain_name(k).text}) * ", chosen(gain.to, gain.source))
         for k, gain in enumerate(gains)
     ]
-    if text.template.delayed is not None and delays_outputs(text):
+    if text.template.delayed is not None and delays_outputs(text.template):
         past = _mixed(rows) if between else _loaded(rows, PAST)
         late = tuple(taps(text.template.delayed.A, layer) for layer in layers)
         found.append(Through(past, "", late))

@@ -19,8 +19,8 @@ from cnnum.engines.opencl.large_arrays.strip_couplings import inputs_of
 from cnnum.engines.opencl.large_arrays.strip_rows import HELD
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented, owned
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import inputs_read
 from cnnum.engines.opencl.transients.feedforward import constant_drive
+from cnnum.templating.reads import moving_inputs
 
 LEVELS = 32
 """Stages of steps a launch, at most: the gap between strips grows with them. Euler's steps
@@ -121,7 +121,7 @@ def declare_arrays(
     names = tuple(dict.fromkeys((*names, *padded_arrays(text), DRIVE, *OUTPUTS)))
     for name in names:
         text.array(Name(name), size)
-    first, given = text.arena.places[names[0]], [inputs_of(n) for n in inputs_read(text)]
+    first, given = text.arena.places[names[0]], [inputs_of(n) for n in moving_inputs(text.template)]
     return {name: text.arena.places[name] - first for name in (*names, *given)}
 
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import pads_states
+from cnnum.templating.reads import reads_states
 
 HELD = "strip_held"
 """The array that is 1 where a mask holds a cell, else 0."""
@@ -97,7 +97,7 @@ class Rows:
         limited = self.text.template.output.limited
         lines = [f"{state} = shown({state}, one);"] if limited else []
         lines.append(f"{place} = {state if limited else f'shown({state}, one)'};")
-        if pads_states(self.text):
+        if reads_states(self.text.template):
             lines.append(f"*(__global vec *)({NEW_STATES} + {self.place(at)}) = {state};")
         return lines
 

@@ -40,8 +40,7 @@ from cnnum.engines.opencl.large_arrays.strip_error import CELLS, mark_cells
 from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS
-from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.schemes import ExponentialSteps
+from cnnum.integrators.schemes import FixedSteps
 
 BEFORE = "strip_before"
 """The array of the states with which a launch began."""
@@ -152,9 +151,8 @@ class Watch:
         """Levels that a frame takes of at most `most` after those that are `done`."""
         return f"min(most, (int)x[{self.rows.offsets[CONTROL]}] - done)"
 
-    def body(self, scheme: FixedSteps | ExponentialSteps, strips: Strips) -> list[Statement]:
+    def body(self, scheme: FixedSteps, strips: Strips) -> list[Statement]:
         """Return the statements that launch the kernel until nothing changes."""
-        method = scheme.tableau if isinstance(scheme, FixedSteps) else scheme.method
         about = f"at most {scheme.count} steps of {scheme.step:g}, until nothing changes any more"
         levels = replace(strips, begins=False, ends=False)
         count = Cast("int", STEPS)
@@ -174,7 +172,7 @@ class Watch:
         )
         begun = ((RUNNING, ONE), (STEPS, ZERO), (SETTLED, ZERO))
         return [
-            Note(f"// {method.name}, by strips: {about}"),
+            Note(f"// {scheme.name}, by strips: {about}"),
             Declare("real", begun),
             Assign(CONTROLS[2], ZERO),
             StripSteps(replace(strips, count=0, ends=False)),

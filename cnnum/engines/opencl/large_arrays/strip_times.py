@@ -12,10 +12,9 @@ from cnnum.engines.opencl.ir.expressions import Constant, Name
 from cnnum.engines.opencl.large_arrays.strip_boundary import LATER, OUTPUTS, by_turns
 from cnnum.engines.opencl.large_arrays.strip_couplings import NEXT, PART, PAST
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import delays_outputs, has_history
 from cnnum.engines.opencl.transients.nonlinear_couplings import gains
-from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.schemes import ExponentialSteps
+from cnnum.integrators.schemes import FixedSteps
+from cnnum.templating.reads import delays_outputs, lag
 
 RING = "strip_ring"
 """The outputs with which the last steps began."""
@@ -33,7 +32,7 @@ class Moments:
     Attributes
     ----------
     text : TransientBuilder
-    scheme : FixedSteps or ExponentialSteps
+    scheme : FixedSteps
     stages : int
         Of a step: as many levels.
     before : str
@@ -41,26 +40,24 @@ class Moments:
     """
 
     text: TransientBuilder
-    scheme: FixedSteps | ExponentialSteps
+    scheme: FixedSteps
     stages: int
     before: str = "0"
 
     @property
     def lag(self) -> int:
         """The delay in steps; 0 where there is none."""
-        delayed = self.text.template.delayed
-        return 0 if delayed is None else round(delayed.delay / self.scheme.step)
+        return lag(self.text.template, self.scheme.step)
 
     @property
     def keeps(self) -> bool:
         """Whether outputs of earlier steps are kept."""
-        return delays_outputs(self.text)
+        return delays_outputs(self.text.template)
 
     @property
     def share(self) -> float:
         """The last step's length, in steps."""
-        scheme = self.scheme
-        return scheme.last / scheme.step if isinstance(scheme, FixedSteps) else 1.0
+        return self.scheme.last / self.scheme.step
 
     @property
     def uneven(self) -> bool:
@@ -92,8 +89,7 @@ class Moments:
 
     def _place(self, stage: int) -> float:
         """Return when a stage is, in steps since its step's begin."""
-        scheme = self.scheme
-        return float(sum(scheme.tableau.a[stage])) if isinstance(scheme, FixedSteps) else 0.0
+        return float(sum(self.scheme.tableau.a[stage]))
 
     def _outputs(self, name: str, late: int) -> str:
         level = f"max(steps + {late} - {self.lag}, 0) * {self.stages}"
@@ -128,13 +124,13 @@ class Moments:
 
     def driven(self, offsets: Mapping[str, int]) -> str:
         """Return the expression of the cells' drive at the level `number`."""
-        if not has_history(self.text):
+        if not self.text.has_history:
             return "w"
         return f"number + {self.ahead} < {self.lag * self.stages} ? w : x + {offsets[LATER]}"
 
     def later(self, offsets: Mapping[str, int], scale: str) -> list[str]:
         """Return the text that sets a row's drive of later, which comes with a scale."""
-        if not has_history(self.text):
+        if not self.text.has_history:
             return []
         later = f"mine + {self.text.arena.places['later']} + cell"
         return [f"to_lanes(x + {offsets[LATER]} + p, {later}, {scale});"]

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.forks import LOST, refuse_after_fork
+from cnnum.engines.opencl.runtime.device_trouble import run_failure
 from cnnum.engines.opencl.runtime.shared_arrays import SharedArray
 
 ONE_ITEM = (1,)
@@ -93,6 +94,8 @@ class OneFrame:
         try:
             cl.enqueue_nd_range_kernel(self._queue, self._kernel, ONE_ITEM, ONE_ITEM)
             self._output.pull(self._queue)
+        except cl.Error as error:
+            raise run_failure(error, self._queue) from error
         except BaseException:
             self._queue.finish()  # after Ctrl-C no memory is freed that a kernel still writes to
             raise
