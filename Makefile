@@ -28,7 +28,7 @@ situations: $(VENV)/dev.stamp
 
 # recordings, frames, caches, files and processes under faults on purpose; a short version is in `test`
 faults: $(VENV)/dev.stamp
-	CNNUM_FAULTS=full $(PYTEST) tests/faults tests/drivers/test_serial_gaps.py tests/unit/test_long_runs.py
+	CNNUM_FAULTS=full $(PYTEST) tests/faults tests/drivers/test_serial_gaps.py tests/scenes/test_long_runs.py
 
 # ten minutes of random input for all parsers and public functions; a short version is in `test`
 fuzz: $(VENV)/dev.stamp
