@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cnnum.errors import NotSupportedError, PortError
 
-WAITING = 1 << 20
+WAITING = 1 << 22
 """Bytes that wait for the reader, as in a device's own buffer; more are not taken."""
 
 
