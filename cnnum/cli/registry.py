@@ -36,6 +36,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         f"{ROOM}.simulate",
         "Offer a simulated array at a pseudo-terminal, with faults on request.",
     ),
+    "export": (f"{ROOM}.export", "Write a program as C99 for a microcontroller."),
     "record": (f"{ROOM}.record", "Record an array's frames to a file."),
     "recover": (
         f"{ROOM}.recover",
