@@ -38,12 +38,12 @@ class Feed(Protocol):
         ...
 
     def command(self, wanted: dict[str, Any]) -> None:
-        """Do what a page wants."""
+        """Follow a page's command."""
         ...
 
 
 class _Threaded:
-    """A feed whose work ends by itself, or by an error that the page is told."""
+    """A feed whose work ends by itself, or by an error that the page shows."""
 
     hub: Hub
 

@@ -1,4 +1,4 @@
-"""Recordings in the layout of LeRobot's datasets (version 2.1): touch beside slower pictures.
+"""Recordings in the layout of LeRobot's datasets (version 2.1): touch with slower pictures.
 
 Each picture's row holds the taxel frames of its time. The parquet file needs pyarrow; the rest is
 JSON. A gap is never filled in silence: a row says how many of its frames are new.

@@ -71,7 +71,7 @@ class VirtualLine:
             ) from None
 
     def unplug(self) -> None:
-        """Close the terminal; who reads it is told that it has gone."""
+        """Close the terminal; its reader sees that it has gone."""
         if self.plugged:
             os.close(self._slave)
             os.close(self._master)
@@ -101,7 +101,7 @@ class VirtualLine:
             del self._waiting[:count]
 
     def asked(self) -> bytes:
-        """Return what the reader has written."""
+        """Return the bytes that the reader has written."""
         self._push()
         try:
             return os.read(self._master, 4096) if self.plugged else b""
