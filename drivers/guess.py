@@ -1,4 +1,4 @@
-"""What is at a port: by its USB numbers, and by listening to what it sends."""
+"""The array at a port: by its USB numbers, and by listening to what it sends."""
 
 import time
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from cnnum.errors import PortError
 KNOWN_USB = {
     "1a86:55d3": "PaXini's converter has this USB bridge: try the protocol 'paxini'",
 }
-"""USB numbers to what they may be."""
+"""USB numbers to a hint."""
 
 LISTEN = 0.4
 """s that is listened at each rate."""
@@ -26,7 +26,7 @@ SHARE = 0.8
 
 @dataclass(frozen=True, slots=True)
 class Guess:
-    """What seems to be at a port.
+    """The array that seems to be at a port.
 
     Attributes
     ----------
@@ -64,7 +64,7 @@ class _Ear:
 
 
 def guess(port: PortInfo, *, seconds: float = LISTEN) -> Guess:
-    """Return what seems to be at a port; nothing is written to it.
+    """Return the array that seems to be at a port; nothing is written to it.
 
     An array that must be asked for its scans, or made to send, stays silent: only its USB numbers
     give a hint of it.

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Literal
 
 from cnnum.arrays import Shape
-from cnnum.drivers.clock_fit import ClockFit
 from cnnum.drivers.codecs.wire import Asked, Wire, described_wire, wire
 from cnnum.drivers.driver import Closing, Counters
 from cnnum.drivers.mailbox import Mailbox
 from cnnum.drivers.options import require
 from cnnum.drivers.serial_reader import SerialReader
+from cnnum.drivers.timing.clock_fit import ClockFit
 from cnnum.errors import PortError
 from cnnum.frame import Frame, Quality
 

@@ -4,13 +4,13 @@ import time
 from threading import Event, Thread
 from typing import Protocol
 
-from cnnum.drivers.clock_fit import ClockFit
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.wire import Wire
 from cnnum.drivers.driver import Counters
 from cnnum.drivers.mailbox import Mailbox
-from cnnum.drivers.sequence import FrameClock
 from cnnum.drivers.serial_port import SerialPort
+from cnnum.drivers.timing.clock_fit import ClockFit
+from cnnum.drivers.timing.sequence import FrameClock
 from cnnum.drivers.transports.websocket import WebSocketPort, is_address
 from cnnum.errors import OtherArrayError, PortError
 

@@ -7,6 +7,7 @@ holds the command as `command`.
 from collections.abc import Mapping
 
 ROOM = "cnnum.cli.commands"
+ARRAYS = "cnnum.cli.arrays"
 
 COMMANDS: Mapping[str, tuple[str, str]] = {
     "demo": (f"{ROOM}.demo", "Run the simulated scene and write a report of it."),
@@ -33,8 +34,8 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
     "score": (f"{ROOM}.score", "Score slip and twist where the truth is known."),
     "probe": (f"{ROOM}.probe", "Measure an array's rate, losses and dead cells."),
     "simulate": (
-        f"{ROOM}.simulate",
-        "Offer a simulated array at a pseudo-terminal, with faults on request.",
+        f"{ARRAYS}.simulate",
+        "Offer a simulated array at a port, with faults.",
     ),
     "export": (f"{ROOM}.export", "Write a program as C99 for a microcontroller."),
     "record": (f"{ROOM}.record", "Record an array's frames to a file."),
@@ -42,8 +43,8 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         f"{ROOM}.recover",
         "Make a whole recording of one that was cut off or damaged.",
     ),
-    "lerobot": (f"{ROOM}.lerobot", "Write a recording in the layout of LeRobot's data sets."),
-    "view": (f"{ROOM}.view", "Show an array, a scene or a recording in a browser."),
+    "lerobot": (f"{ARRAYS}.lerobot", "Write a recording as a data set of LeRobot."),
+    "view": (f"{ARRAYS}.view", "Show an array or a recording in a browser."),
     "replay": (f"{ROOM}.replay", "Run a scene's program over a recording."),
 }
 """Name to module and to the line of help."""

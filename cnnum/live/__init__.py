@@ -1,1 +1,1 @@
-"""The live view: what an array sends and what comes of it, in a browser page."""
+"""The live view: an array's frames and their results, in a browser page."""

@@ -38,7 +38,7 @@ class Feed(Protocol):
         ...
 
     def command(self, wanted: dict[str, Any]) -> None:
-        """Do what a page wants."""
+        """Follow a page's command."""
         ...
 
 

@@ -11,7 +11,7 @@ from cnnum.live.picture import Read, encoded, planes
 from cnnum.scenes.pipeline import FrameResult
 
 KEPT = 2000
-"""Events that a page gets as it connects."""
+"""Events that a page which connects gets."""
 
 SLIPPING = 0.3
 """s after its event during which a slip is shown."""
@@ -25,7 +25,7 @@ class Hub:
     name : str
     shape : (rows, cols)
     channels : tuple of str
-        Of what `read` returns.
+        Of the numbers that `read` returns.
     unit : str
     rate : float, Hz
     read : callable
@@ -54,7 +54,7 @@ class Hub:
         self._events: deque[dict[str, object]] = deque(maxlen=KEPT)
         self._lock = Lock()
         self._slip: tuple[float, str] | None = None
-        self.frames = self.told = 0
+        self.frames = self.count = 0
         self.ended = ""
         self._since = (time.monotonic(), 0)
 
@@ -66,7 +66,7 @@ class Hub:
             with self._lock:
                 for event in moment.events:
                     self._events.append(event.record())
-                    self.told += 1
+                    self.count += 1
                     if event.kind == "slip":
                         self._slip = (event.t, event.phase or "gross")
                     elif event.kind == "release":
@@ -83,7 +83,7 @@ class Hub:
         self.ended = why
 
     def hello(self) -> dict[str, object]:
-        """Return what a page needs to know first."""
+        """Return the first message of a page."""
         with self._lock:
             events = list(self._events)
         return {
@@ -94,16 +94,16 @@ class Hub:
             "rate": self.rate,
             "duration": self.duration,
             "events": events,
-            "told": self.told,
+            "count": self.count,
         }
 
-    def events_since(self, told: int) -> tuple[int, list[dict[str, object]]]:
-        """Return the events after the first `told`, as far as they are kept, and their count."""
-        if told == self.told:
-            return told, []
+    def events_since(self, count: int) -> tuple[int, list[dict[str, object]]]:
+        """Return the events after the first `count`, as far as they are kept, and their number."""
+        if count == self.count:
+            return count, []
         with self._lock:
-            new = min(self.told - told, len(self._events))
-            return self.told, list(self._events)[len(self._events) - new :]
+            new = min(self.count - count, len(self._events))
+            return self.count, list(self._events)[len(self._events) - new :]
 
     def picture(self, shown: FrameResult | None) -> tuple[FrameResult | None, bytes]:
         """Return the newest moment and its picture; no bytes where `shown` is the newest."""

@@ -1,4 +1,4 @@
-"""A picture: one frame with what came of it, as the few bytes that the page draws.
+"""A picture: one frame with its results, as the few bytes that the page draws.
 
 Little-endian: number u32, flags u32, time f64 (s), wait f32 (ms), load f32, then shear x, shear y
 and normal of all taxels (f32), then a mark a taxel (u8): bit 0 contact, bit 1 bump, bit 2 edge.
@@ -28,7 +28,7 @@ Read = Callable[[Frame], Floats]
 
 
 def planes(values: Floats, channels: tuple[str, ...]) -> Floats:
-    """Return shear x, shear y and normal, (3, rows, cols); what an array lacks is 0.
+    """Return shear x, shear y and normal, (3, rows, cols); a missing axis is 0.
 
     An array with no axis of these names shows its first channel as the normal.
     """

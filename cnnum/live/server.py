@@ -89,7 +89,7 @@ def is_loopback(host: str) -> bool:
 
 
 class Gate:
-    """Lets in what comes from the page itself.
+    """Lets in the page itself alone.
 
     A page of another origin is refused by its `Origin`; one that has made its own name lead here
     (DNS rebinding) by its `Host`, unless a token is asked for, which it cannot know.
@@ -133,7 +133,7 @@ def static(path: str) -> tuple[HTTPStatus, str, bytes]:
 
 
 class Pages:
-    """The pages that are open, and what each has seen."""
+    """The pages that are open, and the pictures sent to them."""
 
     def __init__(self, feed: Feed, place: Place) -> None:
         self._feed, self._gate = feed, Gate(place)
@@ -158,7 +158,7 @@ class Pages:
         return connection.respond(HTTPStatus.FORBIDDEN, refusal + "\n") if refusal else None
 
     async def talk(self, connection: "ServerConnection") -> None:
-        """Greet a page, and do what it wants until it leaves."""
+        """Greet a page, and follow its commands until it leaves."""
         from websockets.exceptions import ConnectionClosed
 
         with contextlib.suppress(ConnectionClosed):
@@ -180,7 +180,7 @@ class Pages:
 
     async def show(self) -> None:
         """Send the newest picture 60 times a second, events at once, and a status twice."""
-        hub, shown, told = self._feed.hub, None, self._feed.hub.told
+        hub, shown, told = self._feed.hub, None, self._feed.hub.count
         loop = asyncio.get_running_loop()
         due, count = loop.time(), 0
         while True:

@@ -63,7 +63,7 @@ class Format(Protocol):
 
 
 class Decoder:
-    """Cuts a stream into scans and counts what was lost on the way.
+    """Cuts a stream into scans and counts the losses on the way.
 
     Attributes
     ----------

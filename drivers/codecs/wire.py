@@ -73,7 +73,7 @@ class Asked:
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What `Wire.encode` takes.
+    """The scans that `Wire.encode` takes.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Wire:
     farewell : bytes
         Written before the port is closed.
     form : Form or None
-        What `encode` takes; None where it takes any scan.
+        The scans that `encode` takes; None where it takes any scan.
     """
 
     name: str

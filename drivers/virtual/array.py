@@ -14,7 +14,7 @@ from cnnum.drivers.virtual.line import VirtualLine
 from cnnum.frame import Frame
 
 POLL = 0.002
-"""s between looks at what an array that is asked for scans was asked."""
+"""s between looks for a request, of an array that is asked for scans."""
 
 
 @dataclass(slots=True, eq=False)
@@ -41,7 +41,7 @@ class VirtualArray:
     counts: LineCounts = field(default_factory=LineCounts)
 
     def run(self, stop: Event, seconds: float | None = None) -> LineCounts:
-        """Send scans until the call to stop, or for a time, and return their count."""
+        """Send scans until `stop` is set, or for `seconds`, and return the counts."""
         spoiler, values = Spoiler(self.faults), self._values()
         begin = time.monotonic()
         stall = _Alarm(self.faults.stall_every)
@@ -108,7 +108,7 @@ class VirtualArray:
         self.line.plug()
 
     def _wait_for_request(self, stop: Event) -> bool:
-        """Return whether the reader has asked for a scan; False after the call to stop."""
+        """Return whether the reader has asked for a scan; False if `stop` is set."""
         while not stop.is_set():
             if self.wire.request in self.line.asked():
                 return True

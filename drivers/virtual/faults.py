@@ -8,7 +8,7 @@ from cnnum.drivers.options import require
 
 @dataclass(frozen=True, slots=True)
 class LineFaults:
-    """What goes wrong on a line.
+    """Faults of a line.
 
     Attributes
     ----------
@@ -39,7 +39,7 @@ class LineFaults:
 
 @dataclass(slots=True)
 class LineCounts:
-    """What a virtual array did: ``scans = whole + dropped + flipped + untaken``.
+    """The work of a virtual array: ``scans = whole + dropped + flipped + untaken``.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""From frames of a simulated array to what an array of some protocol would send."""
+"""From frames of a simulated array to the scans of some protocol."""
 
 from collections.abc import Sequence
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cnnum.errors import NotSupportedError, PortError
 
-WAITING = 1 << 20
+WAITING = 1 << 22
 """Bytes that wait for the reader, as in a device's own buffer; more are not taken."""
 
 
@@ -101,7 +101,7 @@ class VirtualLine:
             del self._waiting[:count]
 
     def asked(self) -> bytes:
-        """Return what the reader has written."""
+        """Return the bytes that the reader has written."""
         self._push()
         try:
             return os.read(self._master, 4096) if self.plugged else b""

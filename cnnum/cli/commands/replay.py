@@ -58,7 +58,7 @@ def command(
             scene = _usual_scene(file, array, given)
         loaded = load_scene(scene, changes={"array": array} | given)
         if speed or begin is not None or end is not None:
-            from cnnum.drivers.paced import Paced
+            from cnnum.drivers.timing.paced import Paced
 
             loaded.driver = Paced(loaded.driver, speed, begin, end)
     saver = FieldSaver(save, loaded)

@@ -34,7 +34,7 @@ class Paced(Closing):
 
     @property
     def counters(self) -> Counters:
-        """What the driver has seen."""
+        """Counts of the driver."""
         return self.driver.counters
 
     def frames(self) -> Iterator[Frame]:

@@ -25,7 +25,9 @@ MOST = 60_000
 @click.command("simulate")
 @click.argument("source", default="simulated")
 @click.option("--pty", is_flag=True, required=True, help="Behind a pseudo-terminal.")
-@click.option("--protocol", default="open", help="What the array speaks; 'cnnum devices --arrays'.")
+@click.option(
+    "--protocol", default="open", help="The array's protocol; 'cnnum devices --arrays' lists them."
+)
 @click.option(
     "--descriptor",
     type=click.Path(path_type=Path),
@@ -69,8 +71,8 @@ def command(
     """Offer the array SOURCE (a driver's name, or a scene) at a port, as if it were plugged in.
 
     As in: cnnum simulate --pty --link /tmp/taxels, then cnnum probe serial --set
-    port=/tmp/taxels. Its frames come again and again until Ctrl-C. The last line counts what
-    was sent and spoiled.
+    port=/tmp/taxels. Its frames come again and again until Ctrl-C. The last line counts scans
+    sent and spoiled.
     """
     from cnnum.drivers.codecs.wire import Asked, described_wire, wire
     from cnnum.drivers.virtual.array import VirtualArray

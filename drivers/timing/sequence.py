@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.drivers.clock_fit import ClockFit
 from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.timing.clock_fit import ClockFit
 from cnnum.frame import Frame, Quality, Truth
 
 

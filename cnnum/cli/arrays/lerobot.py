@@ -12,7 +12,7 @@ from cnnum.cli.output import Output
 @click.argument("file", type=click.Path(path_type=Path))
 @click.argument("folder", type=click.Path(path_type=Path))
 @click.option("--fps", type=float, default=30.0, help="Pictures a second (30).")
-@click.option("--task", default="touch", help="What was done, in words.")
+@click.option("--task", default="touch", help="The task, in words.")
 @click.option("--robot", default="unknown", help="Type of the robot.")
 @json_option
 def command(file: Path, folder: Path, fps: float, task: str, robot: str, as_json: bool) -> int:

@@ -20,12 +20,12 @@ SHOWN = (
     ("contact_map", "load_normal"),
     (),
 )
-"""Fields that the page draws; the most that a scene's program gives is added to what it wants."""
+"""Fields that the page draws; as many as a scene's program gives are added to its wants."""
 
 
 @click.command("view")
 @click.argument("source")
-@click.option("--scene", help="What to look for in a recording; 'demo' unless given.")
+@click.option("--scene", help="Scene to run on a recording; 'demo' unless given.")
 @click.option("--host", default="127.0.0.1", help="Address to listen at; this machine's own.")
 @click.option("--port", type=click.IntRange(0, 65_535), default=8765, help="0 for any free one.")
 @click.option("--token", default="", help="Word that the page's address must contain.")
@@ -47,7 +47,7 @@ def command(
     """Show SOURCE (a scene, a driver's name, or a recording) in a browser, until Ctrl-C.
 
     Only this machine reaches the page, unless --host says otherwise; then a token is asked for.
-    A scene shows the array's frames, events and outlines; --set changes its keys, and
+    A scene adds events and outlines to the array's numbers; --set changes its keys, and
     the options of a driver.
     """
     from cnnum.live.server import Place, is_loopback, run
@@ -90,7 +90,7 @@ def _feed(source: str, scene: str | None, changes: dict[str, Any]) -> "Feed":
 
 
 def _scene(name: str, changes: dict[str, Any]) -> "Scene":
-    """Return a scene that also gives what the page draws, as far as its program has it."""
+    """Return a scene that also gives the fields of the page, as far as its program has it."""
     from cnnum.errors import SceneError, UnknownNameError
     from cnnum.scenes.pipeline import load_scene
     from cnnum.scenes.scene_file import read_scene

@@ -1,0 +1,1 @@
+"""The commands of arrays that are offered, shown and packed."""

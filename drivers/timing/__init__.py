@@ -1,0 +1,1 @@
+"""Clocks, counts and paces of frames."""
