@@ -43,7 +43,7 @@ class Truth:
     values : mapping of str to float
         Names are the source's: "contact", "slip", "stick_radius" (m), "contact_radius" (m),
         "twist" (rad), "normal_force" (N), "shear_x" and "shear_y" (N), "torque" (N m)… Names that
-        begin with "device_" are what an array itself reports besides its taxels.
+        begin with "device_" are an array's own reports, apart from its taxels.
     """
 
     values: dict[str, float] = field(default_factory=dict[str, float])

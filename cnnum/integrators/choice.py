@@ -4,35 +4,37 @@ import math
 from dataclasses import dataclass
 from typing import NoReturn
 
-from cnnum.errors import MethodError
+from cnnum.errors import MethodError, name_error
 from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.delays import delayed_rates, delayed_step, keeps_delays
 from cnnum.integrators.evaluations import Effort, chebyshev, effort, motion, pair
-from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
 from cnnum.integrators.propagator import DENSE_LIMIT, decay, propagator
 from cnnum.integrators.schemes import (
+    CHEBYSHEV,
+    LAYER_METHODS,
     MAX_STEPS,
     AdaptiveSteps,
     ChebyshevSteps,
-    ExponentialSteps,
     FixedSteps,
 )
 from cnnum.integrators.separate import separate
 from cnnum.integrators.solver import Exact, Scheme, Solver, Stepping
 from cnnum.integrators.spectral import spectral
 from cnnum.integrators.spectrum import Spectrum, spectrum
-from cnnum.integrators.stability import CHEBYSHEV, stability_bound, tableau_step
+from cnnum.integrators.stability import stability_bound, tableau_step
 from cnnum.integrators.tableau import (
     BOGACKI_SHAMPINE,
     DORMAND_PRINCE,
     EULER,
     HEUN,
+    TABLEAUX,
     ButcherTableau,
+    LayerMethod,
     followed,
-    tableau,
 )
 from cnnum.safety.values import is_real
 from cnnum.templating.network import Network
+from cnnum.templating.reads import jumps
 from cnnum.templating.template import Template
 
 __all__ = (
@@ -95,14 +97,8 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
     asked = spec.method != "auto" or spec.dt is not None
     choice = _Choice(transient.template, shape, spec, duration, settle)
     stepping, reason, forced = choice.stepping()
-    name = _name(stepping)
-    return Solver(name, reason, stepping, duration, settle, spec.rtol, spec.atol, asked, forced)
-
-
-def _name(stepping: Stepping) -> str:
-    if isinstance(stepping, ChebyshevSteps):
-        return CHEBYSHEV
-    return stepping.method.name if isinstance(stepping, ExponentialSteps) else stepping.tableau.name
+    about = (stepping.name, reason, stepping, duration, settle)
+    return Solver(*about, spec.rtol, spec.atol, asked, forced)
 
 
 def check_spec(spec: RunSpec) -> None:
@@ -184,13 +180,13 @@ class _Choice:
             if self.spec.estimate:
                 self._refuse("discrete time, where a rounding may turn a sign,")
             count = _count(self.duration, 1.0)
-            whole = FixedSteps(EULER, 1.0, count, self.settle, 1.0)
+            whole = FixedSteps((EULER,), 1.0, count, self.settle, 1.0)
             return whole, "it runs in discrete time", False
         found = spectrum(template, self.shape)
         if self.spec.method == CHEBYSHEV:
             return self._chebyshev(found)
-        if self.spec.method in EXPONENTIAL_METHODS:
-            return self._exponential(EXPONENTIAL_METHODS[self.spec.method])
+        if self.spec.method in LAYER_METHODS:
+            return self._by_layer(LAYER_METHODS[self.spec.method])
         method, preset, reason = _preset(template, self.spec)
         if method is None:
             return self._cheapest(found)
@@ -206,16 +202,18 @@ class _Choice:
         fixed = _fixed(template, method, step, self.duration, self.settle)
         if forced:
             return fixed, f"{reason}, outside its stability bound", True
-        return (self._followed(fixed) if self.spec.estimate else fixed), reason, False
+        if self.spec.estimate:
+            return self._followed(method, fixed), reason, False
+        return fixed, reason, False
 
-    def _followed(self, fixed: FixedSteps) -> Stepping:
+    def _followed(self, method: ButcherTableau, fixed: FixedSteps) -> Stepping:
         """Return the same steps with an estimate of their error."""
         if self.template.delayed is not None:
             self._refuse("steps with a delay")
-        if any(coupling.jumps for coupling in self.template.nonlinear):
+        if jumps(self.template):
             self._refuse("rates that jump")
         self._refuse_many(fixed.count)
-        steps = followed(fixed.tableau)
+        steps = followed(method)
         if not steps.truncation:
             self._refuse(f"'{steps.name}', whose stages do not show it,")
         return AdaptiveSteps((steps,), fixed.step, self.settle, fixed.step)
@@ -270,7 +268,7 @@ class _Choice:
         )
         efforts = [effort(method, known) for method in methods]
         best = min(efforts, key=lambda one: one.evaluations)
-        reason = _beside(best, efforts)
+        reason = _against(best, efforts)
         if best.name == CHEBYSHEV:
             stages, about, _ = self._chebyshev(found)
             return stages, f"{reason}; {about}", False
@@ -304,7 +302,7 @@ class _Choice:
         )
         return ChebyshevSteps(found.fastest, first, self.settle), reason, False
 
-    def _exponential(self, method: ExponentialMethod) -> tuple[Stepping, str, bool]:
+    def _by_layer(self, method: LayerMethod) -> tuple[Stepping, str, bool]:
         if not self.template.plain:
             raise MethodError(
                 f"'{method.name}' runs linear couplings only: template '{self.template.name}' runs "
@@ -315,23 +313,24 @@ class _Choice:
         count = max(1, _count(self.duration, step)) if self.duration > 0 else 0
         even = self.duration / count if count else step
         reason = "a fixed step was asked for" if self.spec.dt else "half of the stability bound"
+        taus = self.template.tau.tolist()
         if not self.spec.estimate or forced:
-            return ExponentialSteps(method, even, count, self.settle), reason, forced
+            each = tuple(method.fixed(even, tau) for tau in taus)
+            return FixedSteps(each, even, count, self.settle, even), reason, forced
         self._refuse_many(count)
         if method.order > 1 and self.template.output.limited:
             self._refuse(f"'{method.name}' with a limited state")
-        taus = self.template.tau.tolist()
         rows = tuple(method.followed(even, tau) for tau in taus)
         return AdaptiveSteps(rows, even, self.settle, even), reason, forced
 
 
-def _beside(best: Effort, efforts: list[Effort]) -> str:
-    """Return what sets the steps, and the evaluations of this and the other methods."""
+def _against(best: Effort, efforts: list[Effort]) -> str:
+    """Return the limit of the steps, and the evaluations of this and the other methods."""
     limit = "stability" if best.stable else "the error estimate"
     text = f"{limit} sets most steps: about {_rounded(best)} evaluations of the rates"
     others = sorted(efforts, key=lambda one: one.evaluations)
-    beside = [f"{_rounded(one)} of {one.name}" for one in others if one is not best]
-    return f"{text}, beside {' and '.join(beside)}" if beside else text
+    listed = [f"{_rounded(one)} of {one.name}" for one in others if one is not best]
+    return f"{text}, against {' and '.join(listed)}" if listed else text
 
 
 def _rounded(one: Effort) -> float:
@@ -341,12 +340,15 @@ def _rounded(one: Effort) -> float:
 
 def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, float | None, str]:
     """Return the method where it is given, the fixed step where it must be, and the reason."""
-    asked = None if spec.method == "auto" else tableau(spec.method)
+    if spec.method not in ("auto", *TABLEAUX):
+        known = ("auto", "propagator", *TABLEAUX, CHEBYSHEV, *LAYER_METHODS)
+        raise name_error("method", spec.method, known)
+    asked = TABLEAUX.get(spec.method)
     if spec.dt is not None:
         return asked or (HEUN if template.delayed else EULER), spec.dt, "a fixed step was asked for"
     if template.delayed is not None:
         return asked or HEUN, DELAY_STEP, "its delay needs outputs of earlier steps"
-    if any(coupling.jumps for coupling in template.nonlinear):
+    if jumps(template):
         return asked or EULER, JUMP_STEP, "its rates jump, which no error estimate follows"
     return asked, None, "half of the stability bound"
 
@@ -367,7 +369,7 @@ def _fixed(
     else:
         count = max(1, _count(duration, step)) if duration > 0 else 0
         step = last = duration / count if count else step
-    return FixedSteps(method, step, count, settle, last)
+    return FixedSteps((method,), step, count, settle, last)
 
 
 def _count(duration: float, step: float) -> int:

@@ -20,8 +20,17 @@ if TYPE_CHECKING:
 @click.option("--device", help="Part of the device's name: as for Engine(device=…).")
 @click.option("--measure/--no-measure", default=True, help="Time kernels (seconds a device).")
 @click.option("--self-test", "testing", is_flag=True, help="Hold devices to known answers.")
+@click.option("--arrays", is_flag=True, help="Show serial ports, and guess what is there.")
+@click.option("--port", "ports", multiple=True, help="A port more to listen at, with --arrays.")
 @json_option
-def command(device: str | None, measure: bool, testing: bool, as_json: bool) -> None:
+def command(
+    device: str | None,
+    measure: bool,
+    testing: bool,
+    arrays: bool,
+    ports: tuple[str, ...],
+    as_json: bool,
+) -> None:
     """Show OpenCL devices, try and measure each, and say which one would be used.
 
     Each first shows in a process of its own that it works; one that does not is listed as broken,
@@ -33,7 +42,13 @@ def command(device: str | None, measure: bool, testing: bool, as_json: bool) -> 
 
     With --self-test nothing is measured: each device runs templates whose results are known, in
     each of its precisions, and a wrong one ends it with exit code 1.
+
+    With --arrays it lists serial ports instead, listens for a moment at each, and names the
+    protocol that fits what it hears. Nothing is written to a port.
     """
+    if arrays:
+        _arrays(ports, as_json=as_json)
+        return
     from cnnum.engines.backend import open_backend
     from cnnum.errors import NoOpenCLError
 
@@ -75,6 +90,24 @@ def _passes(tried: "_Tried", output: Output) -> bool:
         said = f"all {one.tests} known answers" if not one.failed else "; ".join(one.failed)
         output.show(facts([(one.precision, said)]), "")
     return not any(one.failed for one in tested)
+
+
+def _arrays(ports: tuple[str, ...], *, as_json: bool) -> None:
+    """Show serial ports with a guess, and the protocols that are known."""
+    from cnnum.drivers.codecs.wire import protocol_names
+    from cnnum.drivers.guess import guesses
+    from cnnum.drivers.serial_port import serial_ports
+
+    output = Output(as_json)
+    for found in guesses(ports, serial_ports()):
+        port = found.port
+        said = f"{found.protocol}, {found.baud} baud: {found.said}" if found.baud else found.said
+        record = {"kind": "array", "port": port.path, "about": port.about, "usb": port.usb}
+        output.record(
+            {**record, "protocol": found.protocol, "baud": found.baud, "said": found.said},
+            f"{' '.join(filter(None, (port.path, port.about, port.usb)))}\n    {said}",
+        )
+    output.show(facts([("protocols", ", ".join(protocol_names()))]))
 
 
 @dataclass(frozen=True, slots=True)

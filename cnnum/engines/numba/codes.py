@@ -5,8 +5,16 @@ import numpy as np
 KNOWN, FIXED, ADAPTIVE, CHEBYSHEV = range(4)
 """How a transient is brought to its end."""
 
-CLAMP, IDENTITY, TANH, SIGN = range(4)
+CLAMP, IDENTITY, TANH, SIGN, EXPRESSION = range(5)
 """Output functions."""
+
+TAKE_STATE, TAKE_NUMBER = 0, 1
+NEGATE, EXP, FABS, LOG, SQRT, TANH_OF, REAL = range(2, 9)
+ADD, SUBTRACT, MULTIPLY, DIVIDE, FMAX, FMIN, POW = range(9, 16)
+LESS, NOT_MORE, MORE, NOT_LESS, EQUAL, OTHER = range(16, 22)
+WITHIN, PICK = range(22, 24)
+"""Of an output function without a compiled form: what a stack is given, and what is done with one
+operand, with two, and with three."""
 
 FEEDBACK, CONTROL, LATE_FEEDBACK, LATE_CONTROL, MOVING, STILL = range(6)
 """Kinds of taps: A, B, delayed A and B; nonlinear ones that follow the states, or inputs alone."""

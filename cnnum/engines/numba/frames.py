@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cnnum.engines.numba import codes
-from cnnum.engines.numba.cells import add, bend, copy, couple, respond
+from cnnum.engines.numba.cells import add, bend, copy, couple, show
 from cnnum.engines.numba.compiling import ROOM, compiled, kept
 from cnnum.engines.numba.records import Batch, Frame, Plan, Reals
 from cnnum.engines.numba.stages import evaluate_once, rests
@@ -27,7 +27,7 @@ def _prepare(plan: Plan, batch: Batch, frame: Any, gains: Reals) -> Reals:
     copy(batch.state[frame], work[codes.MOVED])
     copy(batch.drive[frame], work[codes.DRIVE])
     copy(batch.pace[frame % len(batch.pace)], work[codes.PACE])
-    respond(settings.response, work[codes.STATE], work[codes.OUTPUT])
+    show(plan, work[codes.STATE], work[codes.OUTPUT])
     if settings.scheme == codes.KNOWN:
         return work
     copy((batch.previous if len(batch.previous) else batch.inputs)[frame], work[codes.INPUT])
@@ -73,7 +73,7 @@ def run_frames(
             evaluate_once(plan, now, settings.duration, spread)
             figures[2] = 1.0 if rests(plan, now, spread) else 0.0
         copy(work[codes.STATE], batch.state[frame])
-        respond(settings.response, batch.state[frame], batch.output[frame])
+        show(plan, batch.state[frame], batch.output[frame])
 
 
 @kept

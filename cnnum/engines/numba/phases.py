@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from cnnum.engines.numba import codes
-from cnnum.engines.numba.cells import add, bend, copy, couple, respond
+from cnnum.engines.numba.cells import add, bend, copy, couple, respond, show
 from cnnum.engines.numba.compiling import compiled_parallel, inlined, merged
 from cnnum.engines.numba.records import Frame, Plan, Reals
 
@@ -34,7 +34,7 @@ def _move(plan: Plan, work: Reals, layer: Any, stage: Any, step: Any, lo: Any, h
         _combine(plan, layer, codes.STAGES + stage, work, step, lo, moved)
         if plan.settings[0].limited:
             respond(codes.CLAMP, moved, moved)
-    respond(plan.settings[0].response, moved, work[codes.OUTPUT, lo:hi])
+    show(plan, moved, work[codes.OUTPUT, lo:hi])
 
 
 @inlined

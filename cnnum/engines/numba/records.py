@@ -103,6 +103,8 @@ class Plan(NamedTuple):
         Pieces of the layers that are worked on at a time: layer, first place, place after the last.
     chebyshev : (rows, 4) float
         In row s · most + j back1, back2, rate and start of stage j of s.
+    formula : (operations, 2) float64
+        An output function without a compiled form, as `codes` names them; else none.
     """
 
     settings: Any
@@ -115,6 +117,7 @@ class Plan(NamedTuple):
     rim: Ints
     bands: Ints
     chebyshev: Reals
+    formula: NDArray[np.float64]
 
 
 class Batch(NamedTuple):

@@ -65,7 +65,7 @@ class _Arrays:
 class OpenCLExecutable:
     """Runs a schedule as one kernel launch a batch; large arrays as a row of launches.
 
-    Threads take turns: what a launch reads and writes belongs to the plan.
+    Threads take turns: the buffers of a launch belong to the plan.
 
     Attributes
     ----------
@@ -145,12 +145,12 @@ class OpenCLExecutable:
             return self._no_memory[alone]
 
     def queue_for(self, batch: int) -> cl.CommandQueue:
-        """Return where so many frames run."""
+        """Return the place of a number of frames."""
         alone = self.lanes_for(batch) == 1 and batch * self.schedule.cells <= WIDE_CELLS
         return self.own if alone and self.own is not None else self.queue
 
     def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
-        """Return what memories hold, as the host sees it."""
+        """Return the values of memories, as the host sees it."""
         assert isinstance(memory, SharedArray)
         with self._turn:
             memory.pull(self.queue_for(batch))
@@ -187,7 +187,7 @@ class OpenCLExecutable:
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
     ) -> dict[str, Floats]:
-        """Hand frames over, launch once, read what is wanted."""
+        """Hand frames over, launch once, read the wanted outputs."""
         assert isinstance(memory, SharedArray)
         refuse_after_fork()
         with self._turn:
@@ -227,7 +227,7 @@ class OpenCLExecutable:
                 built.parted.run(arrays.scratch, arrays.between, batch)
             arrays.output.pull(queue)
         except BaseException:
-            queue.finish()  # after Ctrl-C nobody frees what a kernel still writes to
+            queue.finish()  # after Ctrl-C no memory is freed that a kernel still writes to
             raise
         return self._unpack(built.text, arrays.output.host.reshape(batch, -1))
 
@@ -287,7 +287,7 @@ class OpenCLExecutable:
         return self._texts[lanes]
 
     def _kernel(self, lanes: int, *, alone: bool) -> _Built:
-        """Return what is built for so many frames side by side, or for few small ones."""
+        """Return the kernels for a number of frames side by side, or for few small ones."""
         key = (lanes, alone and self.own is not None)
         if key not in self._kernels:
             queue = self.own if key[1] and self.own else self.queue

@@ -12,6 +12,7 @@ from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.running import Engine, Result, run_case
 from cnnum.templating.files.measured import Measured
+from cnnum.templating.reads import autonomous
 from cnnum.templating.template import Template
 
 SHAPE: Shape = (8, 8)
@@ -109,7 +110,7 @@ def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
     if template.output.discrete:
         return None
     # a run that knows its past or its clock cannot be cut into parts
-    from_start = template.delayed is not None or bool(template.gains)
+    from_start = not autonomous(template)
     form, case = form_of(template), _case(template, shape)
     if case.duration is not None:
         return None  # the check stops it on its way

@@ -51,12 +51,12 @@ def run_failure(error: cl.Error, queue: cl.CommandQueue) -> CnnumError:
     name = queue.device.name
     if isinstance(error, cl.MemoryError):
         return SizeError(
-            f"Device '{name}' has no memory left for this run ({_first_line(error)}): give fewer "
-            f"frames at a time, {OTHERWISE}."
+            f"Device '{name}' has no memory left for this run ({_first_line(error)}): "
+            f"give fewer frames at a time, {OTHERWISE}."
         )
     return DeviceError(
-        f"Device '{name}' did not end a run ({_first_line(error)}): it may be lost; make a new "
-        f"engine, {OTHERWISE}."
+        f"Device '{name}' did not end a run ({_first_line(error)}): "
+        f"it may be lost; make a new engine, {OTHERWISE}."
     )
 
 

@@ -22,7 +22,7 @@ class OneFrame:
     ----------
     queue : CommandQueue
     kernel : Kernel
-        Nobody else sets its arguments.
+        No other object sets its arguments.
     input, output, memory : SharedArray
     data, scratch : Buffer
     shape : (rows, cols, channels read)
@@ -97,7 +97,7 @@ class OneFrame:
         except cl.Error as error:
             raise run_failure(error, self._queue) from error
         except BaseException:
-            self._queue.finish()  # after Ctrl-C nobody frees what a kernel still writes to
+            self._queue.finish()  # after Ctrl-C no memory is freed that a kernel still writes to
             raise
         self.packed = packed = self._taken.astype(np.float64)
         if packed[-1] != 0.0:

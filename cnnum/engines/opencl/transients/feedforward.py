@@ -6,14 +6,9 @@ from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit
 from cnnum.engines.opencl.large_arrays.strip_inputs import keep_rows
 from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import (
-    has_history,
-    inputs_read,
-    pads_inputs,
-    reads_inputs,
-)
 from cnnum.engines.opencl.transients.nonlinear_couplings import nonlinear
 from cnnum.templating.network import taps
+from cnnum.templating.reads import delays_inputs, moving_inputs, reads_inputs, reads_inputs_around
 
 U, W, LATER = Name("u"), Name("w"), Name("later")
 """Padded inputs, what drives the cells, and what changes in it when a delay is over."""
@@ -23,7 +18,7 @@ THEN = Name("then")
 
 def constant_drive(text: TransientBuilder) -> tuple[float, ...] | None:
     """Return z of every layer where nothing else drives the cells."""
-    if reads_inputs(text) or text.operands.biases:
+    if reads_inputs(text.template) or text.operands.biases:
         return None
     return tuple(float(z) for z in text.template.z)
 
@@ -41,9 +36,9 @@ def drive(text: TransientBuilder) -> None:
         return
     template = text.template
     text.array(W, text.states)
-    if pads_inputs(text):
+    if reads_inputs_around(text.template):
         text.array(U, template.inputs * text.padded)
-        if has_history(text):
+        if text.has_history:
             _history(text)
         _pad(text, text.operands.inputs)
     body: list[Statement] = [declare(SUM)]
@@ -59,19 +54,19 @@ def drive(text: TransientBuilder) -> None:
             if coupling.static and coupling.to == layer
             for line in nonlinear(text, coupling)
         ]
-        if template.delayed is not None and template.delayed.B.any():
+        if delays_inputs(template):
             body += _delayed(text, layer)
         body.append(Assign(W[text.at(layer)], SUM))
     text.over_grid(body)
     if lanes_fit(text):  # steps by strips go on reading them
-        for number in inputs_read(text):
+        for number in moving_inputs(text.template):
             keep_rows(text, number)
 
 
 def _driven(text: TransientBuilder, layer: int) -> list[Statement]:
     """Return statements that add B * u of a layer to `sum`."""
     found = taps(text.template.B, layer)
-    if pads_inputs(text):
+    if reads_inputs_around(text.template):
         return text.weighted(U, found)
     inputs = text.operands.inputs
     return [add(SUM, Number(tap.weight) * inputs[tap.source]) for tap in found]
@@ -93,7 +88,7 @@ def _pad(text: TransientBuilder, inputs: tuple[Expression, ...]) -> None:
 def _delayed(text: TransientBuilder, layer: int) -> list[Statement]:
     assert text.template.delayed is not None
     found, later = taps(text.template.delayed.B, layer), LATER[text.at(layer)]
-    if not has_history(text):
+    if not text.has_history:
         return text.weighted(U, found)
     # w starts from the inputs before the start; `later` is what changes when the delay is over
     return [

@@ -70,7 +70,7 @@ SWAP = "real *const swap = from; from = to; to = swap;"
 def fuses(text: TransientBuilder, scheme: FixedSteps) -> bool:
     """Return whether steps of a scheme can be written with the step in their weights."""
     even = scheme.last == scheme.step and scheme.count > 0 and not scheme.settle
-    return scheme.tableau.stages == 1 and text.template.plain and even and text.arena.private
+    return scheme.stages == 1 and text.template.plain and even and text.arena.private
 
 
 def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
@@ -79,7 +79,7 @@ def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     with text.aside() as step:
         _sweep(text, scheme)
     text.body += [
-        Note(f"// {scheme.tableau.name}: {scheme.count} steps of {scheme.step:g}, each one sweep"),
+        Note(f"// {scheme.name}: {scheme.count} steps of {scheme.step:g}, each one sweep"),
         Verbatim(("real *from = y, *to = z;",)),
         Counted(ROUND, 0, scheme.count, None, (*step, Verbatim((SWAP,)))),
     ]
@@ -109,7 +109,7 @@ def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
 
 def _number(text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
     """Return a number times h/τ of a layer."""
-    return Number(factor * scheme.step / float(text.template.tau[layer]))
+    return Number(factor * scheme.move(layer, float(text.template.tau[layer])))
 
 
 def _block(text: TransientBuilder) -> int:
@@ -149,7 +149,7 @@ def _sweep(text: TransientBuilder, scheme: FixedSteps) -> None:
 def _block_of_columns(
     text: TransientBuilder, scheme: FixedSteps, block: int, together: int
 ) -> None:
-    """Append one step of the columns `b` to `b + block` of so many rows.
+    """Append one step of the columns `b` to `b + block` of a number of rows.
 
     Where weights are equal, what is loaded is kept and added up before it is weighted, else it is
     added to all sums at once, which takes fewer registers.
@@ -197,7 +197,7 @@ def _begin(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) ->
 
 def _kept(text: TransientBuilder, scheme: FixedSteps, layer: int) -> Number:
     """Return what a step leaves of a state."""
-    return Number(1.0 - scheme.step / float(text.template.tau[layer]))
+    return Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
 
 
 def _scatter(

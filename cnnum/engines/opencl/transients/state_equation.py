@@ -25,15 +25,11 @@ from cnnum.engines.opencl.ir.statements import (
     declare,
 )
 from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import (
-    delays_outputs,
-    inputs_read,
-    pads_outputs,
-    pads_states,
-)
 from cnnum.engines.opencl.transients.feedforward import drive_of
 from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name, gains, nonlinear
+from cnnum.graph.parts import has_feedback
 from cnnum.templating.network import taps
+from cnnum.templating.reads import delays_outputs, moving_inputs, reads_states
 
 Y, PADDED_STATES, DELAYED = Name("y"), Name("xp"), Name("yd")
 """Padded outputs, states, and outputs a delay ago."""
@@ -68,8 +64,8 @@ class Instant:
 
 def declare_outputs(text: TransientBuilder) -> None:
     """Append the padded arrays of outputs (and states), and what of their rims stays the same."""
-    names = [Y, *([PADDED_STATES] if pads_states(text) else [])]
-    names += [DELAYED] if delays_outputs(text) else []
+    names = [Y, *([PADDED_STATES] if reads_states(text.template) else [])]
+    names += [DELAYED] if delays_outputs(text.template) else []
     boundary = text.template.boundary
     for name in names:
         text.array(name, text.layers * text.padded)
@@ -86,14 +82,14 @@ def outputs(text: TransientBuilder, state: Sequence[Expression], keep: Name | No
         inner: list[Statement] = [declare(NOW, expression), *_limits(text)]
         if keep is not None:
             inner.append(Assign(keep[text.at(layer)], NOW))
-        if pads_states(text):
+        if reads_states(text.template):
             inner.append(Assign(PADDED_STATES[text.padded_at(layer)], NOW))
         inner.append(Assign(Y[text.padded_at(layer)], text.output(NOW)))
         body.append(block(*inner))
     text.over_grid(body)
     if template.boundary.constant is None:
         text.fill_rims(Y, text.layers, template.boundary, None)
-        if pads_states(text):
+        if reads_states(text.template):
             text.fill_rims(PADDED_STATES, text.layers, template.boundary, None)
 
 
@@ -123,9 +119,7 @@ def rates_once(text: TransientBuilder, state: Name, then: Then, instant: Instant
 
 def _sees(text: TransientBuilder) -> bool:
     """Return whether couplings see anything that changes, or any input."""
-    return (
-        pads_outputs(text) or pads_states(text) or delays_outputs(text) or bool(inputs_read(text))
-    )
+    return has_feedback(text.template) or bool(moving_inputs(text.template))
 
 
 def _rate_lines(
@@ -158,7 +152,7 @@ def _couplings(text: TransientBuilder, layer: int) -> list[Statement]:
     for coupling in template.nonlinear:
         if not coupling.static and coupling.to == layer:
             lines += nonlinear(text, coupling)
-    if template.delayed is not None and delays_outputs(text):
+    if template.delayed is not None and delays_outputs(text.template):
         lines += text.weighted(DELAYED, taps(template.delayed.A, layer))
     return lines
 
@@ -168,7 +162,7 @@ def _gains(text: TransientBuilder, instant: Instant) -> None:
 
 
 def _delayed_outputs(text: TransientBuilder, instant: Instant) -> None:
-    if not delays_outputs(text):
+    if not delays_outputs(text.template):
         return
     text.over_grid(
         [

@@ -17,7 +17,6 @@ from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.chebyshev_steps import chebyshev, chebyshev_in_strips
 from cnnum.engines.opencl.transients.closed_form import exact
 from cnnum.engines.opencl.transients.euler_in_registers import fits_rows, row_steps
-from cnnum.engines.opencl.transients.exponential_steps import exponential
 from cnnum.engines.opencl.transients.feedforward import drive
 from cnnum.engines.opencl.transients.fused_euler import fused_euler, fuses
 from cnnum.engines.opencl.transients.initial_state import X, start
@@ -32,10 +31,9 @@ from cnnum.engines.opencl.transients.state_equation import (
 )
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.engines.opencl.transients.uncoupled_cells import separate
-from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.propagator import Decay, Propagator
-from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
+from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
 
@@ -95,7 +93,7 @@ STRATEGIES = (
     Strategy(
         "strips of states",
         "an output costs less to make again than to keep",
-        (FixedSteps, ExponentialSteps),
+        (FixedSteps,),
         lambda text, scheme: state_strips(text, scheme),
         lambda text, scheme: strips_fit(text, scheme) and states_suffice(text, scheme),
         pads=False,
@@ -103,7 +101,7 @@ STRATEGIES = (
     Strategy(
         "strips",
         "several steps of a few rows stay in the cache",
-        (FixedSteps, ExponentialSteps),
+        (FixedSteps,),
         lambda text, scheme: strip_steps(text, scheme),
         lambda text, scheme: strips_fit(text, scheme),
         pads=False,
@@ -144,7 +142,6 @@ STRATEGIES = (
         lambda text, _: rolls(text),
     ),
     Strategy("sweeps", "every scheme runs so", (FixedSteps,), fixed_steps),
-    Strategy("sweeps", "every scheme runs so", (ExponentialSteps,), exponential),
     Strategy("sweeps", "every scheme runs so", (ChebyshevSteps,), chebyshev),
     Strategy("sweeps", "every scheme runs so", (AdaptiveSteps,), adaptive),
 )
