@@ -15,7 +15,7 @@ SHAPES = ((8, 8), (40, 36))
 
 @dataclass(frozen=True, slots=True)
 class Tested:
-    """What a device answered in one precision.
+    """Answers of a device in one precision.
 
     Attributes
     ----------

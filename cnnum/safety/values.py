@@ -1,4 +1,4 @@
-"""What a value is, whatever came: one number, or a record of ours."""
+"""Checks of single values: one real number, a record of ours, a path."""
 
 import math
 from numbers import Real
@@ -32,7 +32,7 @@ def expect(name: str, value: Any, kind: type, error: type[CnnumError]) -> None:
     value : object
     kind : type
     error : type of CnnumError
-        What is raised.
+        Its error.
     """
     if not isinstance(value, kind):
         raise error(f"'{name}' must be of the type {kind.__name__}, got {type(value).__name__}.")
@@ -45,7 +45,7 @@ def as_path(value: object, error: type[CnnumError]) -> Path:
     ----------
     value : object
     error : type of CnnumError
-        What is raised.
+        Its error.
     """
     if not isinstance(value, str | PathLike):
         raise error(f"A file is named by a text or a path, got {type(value).__name__}.")

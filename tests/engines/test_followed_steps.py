@@ -121,7 +121,7 @@ def test_linear_cells_have_the_error_of_their_formula(engines):
         added = [h**2 / 2 * (1 - h) ** n * math.exp(-h * (count - 1 - n)) for n in range(count)]
         # roundings are counted, too: 4 a step
         assert got == pytest.approx(SAFETY * sum(added), rel=1e-11)
-        assert error <= got <= 2.2 * error
+        assert error <= got <= 1.1 * SAFETY * error
 
 
 @pytest.mark.parametrize("seed", range(3))
