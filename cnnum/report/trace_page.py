@@ -162,10 +162,10 @@ def _maps(step: TraceStep) -> str:
         _map(one, top, (k // across) * (rows + 1), (k % across) * (cols + 1))
         for k, one in enumerate(values)
     )
-    said = f"±{top:.3g}" if count == 1 else f"{count} maps, ±{top:.3g}"
+    note = f"±{top:.3g}" if count == 1 else f"{count} maps, ±{top:.3g}"
     return (
         f"<svg viewBox='0 0 {width} {height}' width='{_SIDE}' role='img' "
-        f"aria-label='{escape(step.operation)}'>{cells}</svg><small>{said}</small>"
+        f"aria-label='{escape(step.operation)}'>{cells}</svg><small>{note}</small>"
     )
 
 

@@ -1,4 +1,4 @@
-"""What taxels under a cover see of indenters with a known outline, by closed forms.
+"""Readings of taxels under a cover from indenters of known outline, by closed forms.
 
 The mean pressure of every indenter is 1. Signals are positive under a push: −σ_zz for stress, and
 −(2E/3) ε_zz for strain, so that the cover is (1 + kz) e^(−kz) for the one and kz e^(−kz) for the
@@ -179,7 +179,7 @@ def taxels(shape: Sequence[int]) -> tuple[Array, Array]:
 
 
 def frame_under(indenter: Indenter, shape: Sequence[int], depth: float, reads: Reads) -> Array:
-    """Return what an array sees of an indenter whose lengths are in pitches, (rows, cols).
+    """Return an array's readings of an indenter whose lengths are in pitches, (rows, cols).
 
     Raises
     ------
@@ -211,7 +211,7 @@ def _radial(pressure: Pressure, depth: float, reads: Reads, reach: float) -> "Cu
 
 
 def _waves(pressure: Pressure, depth: float, reads: Reads, places: list[float]) -> list[float]:
-    """Return the signal at distances from the axis, the sum of what all waves bring there."""
+    """Return the signal at distances from the axis, the sum over all waves."""
     from scipy.special import j0
 
     panels = int(np.ceil(FADED / depth * (places[-1] + 1.0) / (5.0 * np.pi))) + NODES

@@ -1,6 +1,6 @@
 """The flat cover as a layer on a rigid base, for the same taxels and cells as `cover`.
 
-A layer is the half-space and what its base changes. The half-space's part is known in closed
+A layer is the half-space and the effect of its base. The half-space's part is known in closed
 form for a whole cell; the base's is as smooth as if its load were a thickness farther away, so
 that a table over the distance and a few points a cell give it.
 """
@@ -61,7 +61,7 @@ def layer_influence(
 
 
 def _base_kernel(layout: Layout, layer: LayerCover) -> Floats:
-    """Return what the base adds to the strain of one cell at every offset."""
+    """Return the base's share in the strain of one cell at every offset."""
     surface = layout.surface
     x, y = offsets(surface.cols, surface.dx), offsets(surface.rows, surface.dy)
     table = _base_profiles(layer, hypot(x[-1] + surface.dx, y[-1] + surface.dy))

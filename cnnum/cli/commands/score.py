@@ -74,7 +74,7 @@ def command(
 ) -> int:
     """Score slip and twist where the truth is known.
 
-    The suite "families" draws scenes by seed: how an object is pulled, what touches, the cover,
+    The suite "families" draws scenes by seed: how an object is pulled, its kind, the cover,
     the taxels, and holding without slip. The suite "recordings" plays the data sets in the folder
     that CNNUM_RECORDINGS names: uskin_grasp, and a clone of tactile_prediction_flat_dataset.
     """
@@ -119,7 +119,7 @@ def _record(output: Output, tables: "Sequence[Table]") -> None:
 
 
 def _show_part(output: Output, tables: "Sequence[Table]") -> None:
-    """Show the figures of what was done before a stop; a second Ctrl-C ends this, too."""
+    """Show the figures of the work before a stop; a second Ctrl-C ends this, too."""
     _record(output, tables)
     output.show(*_parts(tables))
 

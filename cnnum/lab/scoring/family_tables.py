@@ -60,7 +60,7 @@ Advance = Callable[[str], object]
 
 @dataclass(frozen=True, slots=True)
 class Scenes:
-    """Scenes of all families, with what the programs say of them.
+    """Scenes of all families, with the programs' outputs.
 
     Attributes
     ----------
@@ -73,7 +73,7 @@ class Scenes:
     answers: Mapping[str, Sequence[Answers]]
 
     def verdicts(self, family: str) -> list[Verdict]:
-        """Return what the reports in a family's scenes are worth."""
+        """Return the scores of the reports in a family's scenes."""
         pairs = zip(self.trials[family], self.answers[family], strict=True)
         return [judge(trial, answers) for trial, answers in pairs]
 
@@ -112,7 +112,7 @@ def drawn(
 
 
 def _drawn(name: str, count: int, seed: int) -> list[Trial]:
-    """Return a family's scenes; by name, since what makes them cannot go to another process."""
+    """Return a family's scenes; by name, since their maker cannot go to another process."""
     arrays, family = Arrays(), next(one for one in FAMILIES if one.name == name)
     return [family.make(arrays, name, n) for n in range(seed, seed + count)]
 
@@ -127,7 +127,7 @@ def _workers() -> Generator[ProcessPoolExecutor]:
         try:
             yield workers
         finally:
-            # what waits is dropped: after Ctrl-C nothing is drawn that is not read
+            # families that wait are dropped: after Ctrl-C only those in hand are drawn
             workers.shutdown(cancel_futures=True)
     finally:
         for name, value in before.items():
@@ -142,7 +142,7 @@ def _not_by_ctrl_c() -> None:
 
 
 def played(subject: Subject, trials: Mapping[str, Sequence[Trial]]) -> Scenes:
-    """Return what the programs say of scenes."""
+    """Return the programs' outputs of scenes."""
     flat = [trial for ones in trials.values() for trial in ones]
     answers = iter(subject.play(flat))
     return Scenes(trials, {name: [next(answers) for _ in ones] for name, ones in trials.items()})

@@ -1,4 +1,4 @@
-"""The suites, put together: what is asked for becomes tables."""
+"""The suites, put together: a request becomes tables."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -31,7 +31,7 @@ Advance = Callable[[str], object]
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is to be scored.
+    """A request for scores.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ class Gathered:
     )
 
     def tables(self, engine: Engine) -> list[Table]:
-        """Return the figures of what is there: of each family and trial, none over all of them."""
+        """Return the figures of each family and trial that is there, none over all of them."""
         made = tables(played(Subject(engine), self.families)) if self.families else []
         flat, uskin = self.recorded
         groups = dict[str, tuple[Sequence[Trial], Sequence[Answers]]]()
@@ -114,7 +114,7 @@ def score(
     advance : callable
         Called with the name of whatever is done.
     gathered : Gathered, optional
-        Takes in what is drawn and read; the figures of a run that is stopped come from it.
+        Takes in the scenes and trials as they come: a stopped run has its figures from them.
 
     Raises
     ------

@@ -17,7 +17,7 @@ from cnnum.tactile.checks import Array
 
 @dataclass(frozen=True, slots=True)
 class Corner:
-    """Distances from one corner of the rectangle to the point, and what is made of them.
+    """Distances from one corner of the rectangle to the point, and functions of them.
 
     Parameters
     ----------

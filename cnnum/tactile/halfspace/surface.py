@@ -17,7 +17,7 @@ from cnnum.tactile.halfspace.influence import AXES, COMPONENTS
 from cnnum.tactile.halfspace.rectangle import parity, rectangle_functions
 
 TAXEL = ("xz", "yz", "zz")
-_CHUNK_BYTES = 1e6  # what is in work at once stays in the cache
+_CHUNK_BYTES = 1e6  # the working set stays in the cache
 
 
 @dataclass(frozen=True, slots=True)
