@@ -6,7 +6,8 @@ from types import FrameType
 _OURS = ("cnnum.graph.", "cnnum.programs.", "cnnum.engine", "cnnum.runs.")
 """Modules of the language itself: the line that is wanted lies outside of them."""
 
-_INNER = ("<lambda>", "<listcomp>", "<genexpr>", "<dictcomp>")
+_INNER = frozenset(("<locals>", "<lambda>", "<listcomp>", "<genexpr>", "<dictcomp>", "<setcomp>"))
+"""Parts of a name that Python adds: what is wanted is the function around them."""
 
 
 def origin_here() -> str:
@@ -15,7 +16,8 @@ def origin_here() -> str:
     while frame is not None:
         module = str(frame.f_globals.get("__name__", ""))
         if not f"{module}.".startswith(_OURS) and not module.startswith(("cnnum.engine", "numpy")):
-            name = frame.f_code.co_name
-            return f"{name if name not in _INNER else 'inner'} {module}:{frame.f_lineno}"
+            parts = frame.f_code.co_qualname.split(".")
+            name = ".".join(part for part in parts if part not in _INNER)
+            return f"{name or 'inner'} {module}:{frame.f_lineno}"
         frame = frame.f_back
     return ""

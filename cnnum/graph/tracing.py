@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.graph.nodes import Constant, ConstantMap, Loop, Node, Transient
+from cnnum.graph.nodes import Apply, Constant, ConstantMap, Loop, Node, Read, Transient
 from cnnum.graph.schedule import Schedule
 
 
@@ -23,6 +23,12 @@ class TraceStep:
         Numbers of the steps whose results it read.
     outputs : tuple of str
         Names of the program's outputs that it gives.
+    stores : tuple of str
+        Memories that hold its result until the next frame.
+    origin : str
+        The line of the program that asked for it, as "function module:line".
+    elementwise : bool
+        Local arithmetic or logic: every cell by itself.
     value : (..., rows, cols), (..., maps, rows, cols) or (...) float
     """
 
@@ -30,6 +36,9 @@ class TraceStep:
     operation: str
     arguments: tuple[int, ...]
     outputs: tuple[str, ...]
+    stores: tuple[str, ...]
+    origin: str
+    elementwise: bool
     value: Floats
 
 
@@ -51,12 +60,18 @@ def trace_steps(schedule: Schedule, values: Mapping[str, Floats]) -> Iterator[Tr
     """
     shown = [node for node in schedule.nodes if _has_value(node)]
     numbers = {node.index: number for number, node in enumerate(shown)}
+    memories = _memories(schedule, numbers)
     for node in shown:
         yield TraceStep(
             number=numbers[node.index],
-            operation=_words(node),
+            operation=_words(node, memories),
             arguments=tuple(numbers[i] for i in _read(node) if i in numbers),
             outputs=tuple(name for name, out in schedule.outputs.items() if out is node),
+            stores=tuple(
+                name for m, name in memories.items() if schedule.memories[m].store is node
+            ),
+            origin=node.origin,
+            elementwise=isinstance(node.operation, Apply),
             value=np.asarray(values[str(node.index)]),
         )
 
@@ -65,7 +80,21 @@ def _has_value(node: Node) -> bool:
     return not isinstance(node.operation, Constant | ConstantMap | Transient | Loop)
 
 
-def _words(node: Node) -> str:
+def _memories(schedule: Schedule, numbers: Mapping[int, int]) -> dict[int, str]:
+    """Return the memories' names; one without is called by the step whose result it holds."""
+    return {
+        number: _given(memory.read) or f"of step {numbers.get(memory.store.index, number)}"
+        for number, memory in schedule.memories.items()
+    }
+
+
+def _given(node: Node) -> str:
+    return node.operation.name if isinstance(node.operation, Read) else ""
+
+
+def _words(node: Node, memories: Mapping[int, str]) -> str:
+    if isinstance(node.operation, Read):
+        return f"memory {memories[node.operation.memory]}"
     sources = [a for a in node.arguments if isinstance(a.operation, Transient | Loop)]
     return f"{sources[0].operation}: {node.operation}" if sources else str(node.operation)
 

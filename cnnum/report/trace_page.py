@@ -1,8 +1,10 @@
 """A page with a picture of every operation of a program on one frame."""
 
 import math
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from html import escape
+from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -13,30 +15,15 @@ from cnnum.graph.tracing import TraceStep
 from cnnum.safety.files import write_whole
 from cnnum.sharing import colours
 
-_SIDE = 132.0
+_SIDE = 132
 """Width of a picture, px."""
-
-_STYLE = """
-:root { color-scheme: light dark; --paper: #fcfcfa; --ink: #16181d; --soft: #5b6270;
-        --line: #d9dbe0; }
-@media (prefers-color-scheme: dark) {
-  :root { --paper: #14161a; --ink: #e8eaee; --soft: #9aa1ad; --line: #343841; }
-}
-body { margin: 0 auto; max-width: 76rem; padding: 1.5rem 1rem 4rem; background: var(--paper);
-       color: var(--ink); font: 15px/1.45 system-ui, sans-serif; }
-h1 { font-size: 1.5rem; margin: 0 0 .3rem; } p { color: var(--soft); max-width: 44rem; }
-ol { list-style: none; margin: 1.5rem 0 0; padding: 0; display: grid; gap: .8rem;
-     grid-template-columns: repeat(auto-fill, minmax(9.4rem, 1fr)); }
-li { border: 1px solid var(--line); padding: .5rem; min-width: 0; }
-li.output { border: 2px solid var(--ink); }
-b { font-weight: 600; overflow-wrap: anywhere; } small { display: block; color: var(--soft); }
-svg { display: block; width: 100%; height: auto; margin: .4rem 0; }
-.number { font-size: 1.3rem; padding: .6rem 0; font-variant-numeric: tabular-nums; }
-"""
 
 
 def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None:
     """Write a self-contained page with every operation's result.
+
+    Steps stand by the function of the program that asked for them. Chains of local arithmetic are
+    folded into their last step.
 
     Parameters
     ----------
@@ -50,15 +37,18 @@ def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None
     ReportError
         If the file cannot be written.
     """
-    cards = "\n".join(_card(step) for step in steps)
     text = (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{escape(title)}</title><style>{_STYLE}{colours.style_rules()}</style></head><body>"
-        f"<h1>{escape(title)}: {len(steps)} operations</h1>"
-        "<p>In the order in which they run. Blue is above 0, orange below; each picture has its "
-        "own scale, whose end is written under it. Framed results are outputs of the program.</p>"
-        f"<ol>{cards}</ol></body></html>\n"
+        f"<title>{escape(title)}</title><style>{_file('trace.css')}{colours.style_rules()}</style>"
+        f"</head><body><h1>{escape(title)}: {len(steps)} operations</h1>"
+        "<p>By the function of the program that asks for them, in the order in which they run. "
+        "Each picture has its own scale, whose end is written under it. Framed results are "
+        "outputs of the program. Local arithmetic that only one step reads is folded into it.</p>"
+        f"{_legend()}<div class='find'><input id='search' type='search' placeholder='Search: "
+        "memory, template, a function, an output' aria-label='Search the steps'>"
+        f"<span id='count'></span></div>{_functions(steps)}"
+        f"<script>{_file('trace.js')}</script></body></html>\n"
     )
     try:
         write_whole(path, text.encode("utf-8"))
@@ -69,19 +59,95 @@ def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None
         ) from None
 
 
-def _card(step: TraceStep) -> str:
-    reads = f"reads {', '.join(str(n) for n in step.arguments)}" if step.arguments else "&nbsp;"
-    value = _number(float(step.value)) if step.value.ndim == 0 else _maps(step)
-    names = f"<small>gives {escape(', '.join(step.outputs))}</small>" if step.outputs else ""
-    style = " class='output'" if step.outputs else ""
+def folds(steps: Sequence[TraceStep]) -> dict[int, int]:
+    """Return, by the number of each folded step, the number of the step that shows it.
+
+    Folded is local arithmetic that no step but one of its own function reads, which is local
+    arithmetic too, and that is neither an output nor stored.
+    """
+    known = {step.number: step for step in steps}
+    reads = Counter(read for step in steps for read in set(step.arguments))
+    into: dict[int, int] = {}
+    for step in reversed(steps):  # readers first
+        for read in step.arguments if step.elementwise else ():
+            inner = known[read]
+            kept = inner.outputs or inner.stores or not inner.elementwise or reads[read] > 1
+            if not kept and _function(inner) == _function(step):
+                into[read] = into.get(step.number, step.number)
+    return into
+
+
+def _functions(steps: Sequence[TraceStep]) -> str:
+    """Return a section a function, in the order in which they first run."""
+    into = folds(steps)
+    inside: dict[int, list[TraceStep]] = {}
+    parts: dict[str, list[TraceStep]] = {}
+    for step in steps:
+        if step.number in into:
+            inside.setdefault(into[step.number], []).append(step)
+        else:
+            parts.setdefault(_function(step), []).append(step)
+    return "".join(_section(name, part, inside) for name, part in parts.items())
+
+
+def _section(
+    name: str, steps: Sequence[TraceStep], inside: Mapping[int, Sequence[TraceStep]]
+) -> str:
+    function, _, module = name.partition(" ")
+    cards = "\n".join(_card(step, inside.get(step.number, ())) for step in steps)
+    count = len(steps) + sum(len(inside.get(step.number, ())) for step in steps)
+    word = "step" if count == 1 else "steps"
     return (
-        f"<li{style} id='step{step.number}'><b>{step.number} · {escape(step.operation)}</b>"
-        f"<small>{reads}</small>{value}{names}</li>"
+        f"<section><details open><summary>{escape(function or 'the program itself')} "
+        f"<small>{escape(module)} · {count} {word}</small></summary><ol>{cards}</ol></details>"
+        "</section>"
     )
+
+
+def _function(step: TraceStep) -> str:
+    """Return "function module" of a step."""
+    return step.origin.rpartition(":")[0] or step.origin
+
+
+def _card(step: TraceStep, inside: Sequence[TraceStep] = ()) -> str:
+    line = step.origin.rpartition(":")[2]
+    links = ", ".join(f"<a href='#step{n}'>{n}</a>" for n in step.arguments)
+    value = _number(float(step.value)) if step.value.ndim == 0 else _maps(step)
+    said = [f"gives {escape(', '.join(step.outputs))}"] if step.outputs else []
+    said += [f"kept as memory {escape(', '.join(step.stores))}"] if step.stores else []
+    folded = "".join(map(_card, inside))
+    words = " ".join((step.operation, *step.outputs, *step.stores, step.origin, f"#{step.number}"))
+    return (
+        f"<li{' class=output' if step.outputs else ''} id='step{step.number}' "
+        f"data-words='{escape(words.lower())}'>"
+        f"<b>{step.number} · {escape(step.operation)}</b>"
+        f"<small>line {escape(line)}{f', reads {links}' if links else ''}</small>{value}"
+        + "".join(f"<small>{one}</small>" for one in said)
+        + (
+            f"<details><summary>{_folded(inside)}</summary><ol>{folded}</ol></details>"
+            * bool(folded)
+        )
+        + "</li>"
+    )
+
+
+def _folded(inside: Sequence[TraceStep]) -> str:
+    return f"{len(inside)} step{'s' * (len(inside) > 1)} folded"
 
 
 def _number(value: float) -> str:
     return f"<div class='number'>{value:.5g}</div>"
+
+
+def _legend() -> str:
+    """Return the scale of all pictures."""
+    count = colours.STEPS + 1
+    bars = "".join(f"<rect class='k{n}' x='{n}' width='1.05' height='1'/>" for n in range(count))
+    return (
+        f"<div class='scale'>−end<svg viewBox='0 0 {count} 1' preserveAspectRatio='none' "
+        f"role='img' aria-label='orange below 0, blue above'>{bars}</svg>+end "
+        "(orange below 0, blue above)</div>"
+    )
 
 
 def _maps(step: TraceStep) -> str:
@@ -91,22 +157,31 @@ def _maps(step: TraceStep) -> str:
     top = float(np.abs(values).max())
     across = math.ceil(math.sqrt(count))
     # a gap of a cell between the maps of a stack
-    side = _SIDE / (across * (cols + 1) - 1)
+    width, height = across * (cols + 1) - 1, -(-count // across) * (rows + 1) - 1
     cells = "".join(
-        _map(one, top, (k // across) * (rows + 1), (k % across) * (cols + 1), side)
+        _map(one, top, (k // across) * (rows + 1), (k % across) * (cols + 1))
         for k, one in enumerate(values)
     )
-    height = (-(-count // across) * (rows + 1) - 1) * side
     note = f"±{top:.3g}" if count == 1 else f"{count} maps, ±{top:.3g}"
     return (
-        f"<svg viewBox='0 0 {_SIDE:g} {height:.2f}' role='img' "
+        f"<svg viewBox='0 0 {width} {height}' width='{_SIDE}' role='img' "
         f"aria-label='{escape(step.operation)}'>{cells}</svg><small>{note}</small>"
     )
 
 
-def _map(values: Floats, top: float, below: int, right: int, side: float) -> str:
-    return "".join(
-        f"<rect class='k{colours.step(float(value), top)}' x='{(right + c) * side:.2f}' "
-        f"y='{(below + r) * side:.2f}' width='{side + 0.2:.2f}' height='{side + 0.2:.2f}'/>"
-        for (r, c), value in np.ndenumerate(values)
-    )
+def _map(values: Floats, top: float, below: int, right: int) -> str:
+    """Return a map's cells, a run of equal ones in a row as one rectangle."""
+    parts: list[str] = []
+    for r, row in enumerate(values):
+        kinds = [colours.step(float(value), top) for value in row]
+        starts = [c for c in range(len(kinds)) if c == 0 or kinds[c] != kinds[c - 1]]
+        for start, end in zip(starts, [*starts[1:], len(kinds)], strict=True):
+            parts.append(
+                f"<rect class=k{kinds[start]} x={right + start} y={below + r} "
+                f"width={end - start}.03 height=1.03 />"
+            )
+    return "".join(parts)
+
+
+def _file(name: str) -> str:
+    return resources.files("cnnum.report").joinpath(name).read_text(encoding="utf-8")

@@ -89,13 +89,14 @@ def _size(node: Node, schedule: Schedule) -> int:
 
 def _live_bytes(schedule: Schedule) -> dict[int, int]:
     """Return the bytes that wait to be read while each operation runs."""
-    last: dict[int, int] = {}
+    last = {node.index: place for place, node in enumerate(schedule.nodes)}
     for place, node in enumerate(schedule.nodes):
         last |= {argument.index: place for argument in node.arguments}
-    last |= {node.index: len(schedule.nodes) for node in schedule.outputs.values()}
+    kept = (*schedule.outputs.values(), *(held.store for held in schedule.memories.values()))
+    last |= {node.index: len(schedule.nodes) for node in kept}
     ends: dict[int, list[Node]] = {}
     for node in schedule.nodes:
-        ends.setdefault(last.get(node.index, 0), []).append(node)
+        ends.setdefault(last[node.index], []).append(node)
     live, found = 0, dict[int, int]()
     for place, node in enumerate(schedule.nodes):
         live += _size(node, schedule)

@@ -84,7 +84,7 @@ def left_kernel(depth: float, reads: Reads) -> Array:
     reach = np.arange(-LEFT - RADIUS, LEFT + RADIUS + 1.0)
     x, y = np.meshgrid(reach, reach)
     seen = sliding_window_view(Rectangle(1.0, 1.0).normal(x, y, depth, reads), weights.shape)
-    # a convolution in NumPy: it takes microseconds, the import of SciPy's half a second
+    # by NumPy, in microseconds: to import the convolution of SciPy takes half a second
     left: Array = -np.einsum("yxij,ij->yx", seen, weights[::-1, ::-1])
     left[LEFT, LEFT] += 1.0
     left.setflags(write=False)

@@ -102,7 +102,7 @@ def contact_of(
 
 def _kept(loads: Loads, touches: Field, value: Field) -> Field:
     """Return a number while something touches, and afterwards its last value."""
-    memory = loads.frame.memory(scalar=True)
+    memory = loads.frame.memory("last while touched", scalar=True)
     now = where(touches, value, memory.value)
     memory.store(now)
     return now

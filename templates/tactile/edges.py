@@ -175,7 +175,7 @@ def _links(load: Field, inside: Field, least: Field, sharp: float) -> list[_Link
 
 def _decided(loads: Loads, links: list[_Link], peak: Field) -> Field:
     """Return where the links around say that there is an edge; links on the verge stay so."""
-    memory = loads.frame.memory(logic=True)
+    memory = loads.frame.memory("edge", logic=True)
     excess = sum((link.excess for link in links[1:]), start=links[0].excess)
     # at the rim of the array no cell beyond is seen
     inner = np.pad(np.ones([side - 2 for side in loads.frame.shape]), 1)

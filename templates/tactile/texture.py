@@ -89,7 +89,7 @@ def _last(
     values, marks = [value], [where(mark, 1.0, 0.0)]
     for _ in range(window):
         for kept in (values, marks):
-            memory = frame.memory()  # 0 before the stream began: not in contact
+            memory = frame.memory("frame before")  # 0 before the stream began: not in contact
             memory.store(kept[-1])
             kept.append(memory.value)
     return values, marks

@@ -1,5 +1,6 @@
 """No silence: what takes its time says so, and what is stopped says how far it came."""
 
+import json
 import os
 import pty
 import resource
@@ -10,6 +11,9 @@ import sys
 import time
 
 import pytest
+
+from cnnum.lab.scoring import family_tables
+from cnnum.lab.scoring.families.catalogue import FAMILIES
 
 WAIT = 60.0  # s after which a command counts as hung
 
@@ -96,6 +100,38 @@ def test_a_stopped_command_prints_what_was_done(arguments, what):
         assert running.returncode == 130
     assert "Stopped after " in said
     assert said.rstrip().endswith(f" {what}.")
+
+
+def test_a_stopped_score_prints_the_figures_of_what_was_done(monkeypatch, call):
+    """The signal comes when the second family is drawn."""
+    first, second = (family.name for family in FAMILIES[:2])
+    real = family_tables._drawn
+
+    def drawn(name, count, seed):
+        if name == second:
+            os.kill(os.getpid(), signal.SIGTERM)
+        return real(name, count, seed)
+
+    monkeypatch.setattr(family_tables, "_drawn", drawn)
+    done = call("score", "--suite", "families", "--quick", "--engine", "numba", "--json")
+    assert done.exit_code == 130
+    rows = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [(row["family"], row["scenes"]) for row in rows] == [(first, 1)]
+    assert 0.0 <= rows[0]["found"] <= 1.0
+    assert f"Stopped after 1 of {len(FAMILIES)} families and trials." in done.stderr
+
+
+def test_a_stopped_demo_prints_its_summary():
+    command = [sys.executable, "-m", "cnnum", "demo", "--json", "--out", os.devnull]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as running:
+        assert json.loads(running.stdout.readline())["kind"] == "contact"
+        running.send_signal(signal.SIGTERM)
+        rest, _ = running.communicate(timeout=WAIT)
+        assert running.returncode == 130
+    summary = json.loads(rest.splitlines()[-1])
+    assert summary["kind"] == "summary"
+    assert 0 < summary["frames"] < 1500
 
 
 @pytest.mark.parametrize("command", ["reproduce", "demo"])

@@ -78,14 +78,14 @@ def command(
     that CNNUM_RECORDINGS names: uskin_grasp, and a clone of tactile_prediction_flat_dataset.
     """
     from cnnum.engine import Engine
-    from cnnum.lab.scoring import score
+    from cnnum.lab.scoring import Gathered, score
 
     if wanted["quick"] and wanted["count"] is not None:
         raise click.UsageError("Give --quick or --count, not both.")
     request = _request(wanted)
     used = Engine(engine, device=device, precision=precision)
     output = Output(as_json)
-    tables, done = list["Table"](), 0
+    tables, done, gathered = list["Table"](), 0, Gathered()
     with (
         until_stopped() as stop,
         progress("families and trials", request.steps, as_json=as_json) as steps,
@@ -96,18 +96,29 @@ def command(
             done += 1
             steps.advance(name)
 
-        tables = score(request, used, advance)
+        tables = score(request, used, advance, gathered)
     if stop.stopped:
+        _show_part(output, gathered.tables(used))
         return stop.say(done, request.steps, "families and trials", as_json=as_json)
-    for each in tables:
-        for record in each.records():
-            output.record(record)
+    _record(output, tables)
     aimed, missed = (sum(getattr(each, name) for each in tables) for name in ("aimed", "missed"))
     output.show(*_parts(tables), f"{aimed - missed} of {aimed} aims reached.")
     if out is not None:
         _write(out, tables, request, str(used.device))
         output.show(f"Written: {out}")
     return AIMS_MISSED if strict and missed else 0
+
+
+def _record(output: Output, tables: "Sequence[Table]") -> None:
+    for each in tables:
+        for record in each.records():
+            output.record(record)
+
+
+def _show_part(output: Output, tables: "Sequence[Table]") -> None:
+    """Show the figures of the work before a stop; a second Ctrl-C ends this, too."""
+    _record(output, tables)
+    output.show(*_parts(tables))
 
 
 def _request(wanted: _Wanted) -> "Request":

@@ -6,7 +6,7 @@ against the truth) → `family_tables`, `levels`, `left_out` and `recordings` (w
 a `table`. `suites` puts it together, `page` writes it down.
 """
 
-from cnnum.lab.scoring.suites import SUITES, Request, score
+from cnnum.lab.scoring.suites import SUITES, Gathered, Request, score
 from cnnum.lab.scoring.table import Table
 
-__all__ = ["SUITES", "Request", "Table", "score"]
+__all__ = ["SUITES", "Gathered", "Request", "Table", "score"]

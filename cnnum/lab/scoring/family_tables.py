@@ -1,6 +1,7 @@
 """The suite "families": every family of scenes, one row each."""
 
 import os
+import signal
 from collections.abc import Callable, Generator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -77,32 +78,43 @@ class Scenes:
         return [judge(trial, answers) for trial, answers in pairs]
 
 
-def drawn(count: int, seed: int, advance: Advance) -> dict[str, list[Trial]]:
+def drawn(
+    count: int, seed: int, advance: Advance, found: dict[str, list[Trial]] | None = None
+) -> dict[str, list[Trial]]:
     """Return scenes of every family: `count` each, from a seed on.
+
+    Parameters
+    ----------
+    count, seed : int
+    advance : callable
+        Called with the name of every family that is drawn.
+    found : dict, optional
+        Takes each family in as it comes, so that those of a run that is stopped are not lost.
 
     Raises
     ------
     CnnumError
         If a contact leaves its array.
     """
+    found = {} if found is None else found
     if count * len(FAMILIES) <= FEW:
-        return {family.name: _drawn(family.name, count, seed, advance) for family in FAMILIES}
+        for family in FAMILIES:
+            found[family.name] = _drawn(family.name, count, seed)
+            advance(family.name)
+        return found
     names = [family.name for family in FAMILIES]
     with _workers() as workers:
         waiting = [workers.submit(_drawn, name, count, seed) for name in names]
-        found = dict[str, list[Trial]]()
         for name, future in zip(names, waiting, strict=True):
             found[name] = future.result()
             advance(name)
     return found
 
 
-def _drawn(name: str, count: int, seed: int, advance: Advance = str) -> list[Trial]:
+def _drawn(name: str, count: int, seed: int) -> list[Trial]:
     """Return a family's scenes; by name, since their maker cannot go to another process."""
     arrays, family = Arrays(), next(one for one in FAMILIES if one.name == name)
-    made = [family.make(arrays, name, n) for n in range(seed, seed + count)]
-    advance(name)
-    return made
+    return [family.make(arrays, name, n) for n in range(seed, seed + count)]
 
 
 @contextmanager
@@ -111,13 +123,22 @@ def _workers() -> Generator[ProcessPoolExecutor]:
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     try:
-        with ProcessPoolExecutor(mp_context=get_context("spawn")) as workers:
+        workers = ProcessPoolExecutor(mp_context=get_context("spawn"), initializer=_not_by_ctrl_c)
+        try:
             yield workers
+        finally:
+            # families that wait are dropped: after Ctrl-C only those in hand are drawn
+            workers.shutdown(cancel_futures=True)
     finally:
         for name, value in before.items():
             os.environ.pop(name)
             if value is not None:
                 os.environ[name] = value
+
+
+def _not_by_ctrl_c() -> None:
+    """Leave Ctrl-C to the process that has the scenes drawn."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def played(subject: Subject, trials: Mapping[str, Sequence[Trial]]) -> Scenes:
@@ -130,7 +151,7 @@ def played(subject: Subject, trials: Mapping[str, Sequence[Trial]]) -> Scenes:
 def tables(scenes: Scenes) -> list[Table]:
     """Return one table each for scenes that slip, that twist, and that are held."""
     rows: dict[str, list[Row]] = {"slip": [], "twist": [], "held": []}
-    for family in FAMILIES:
+    for family in (family for family in FAMILIES if family.name in scenes.trials):
         rows[family.kind].append(_ROWS[family.kind](family, scenes))
     return [
         Table("slips", "Scenes that slip", SLIPS_NOTE, SLIPS, rows["slip"]),

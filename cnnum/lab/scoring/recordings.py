@@ -55,7 +55,12 @@ class Recorded:
     uskin_answers: list[Answers]
 
 
-def read(root: Path, objects: tuple[str, ...] | None, advance: Advance) -> list[list[Trial]]:
+def read(
+    root: Path,
+    objects: tuple[str, ...] | None,
+    advance: Advance,
+    found: tuple[list[Trial], list[Trial]] | None = None,
+) -> tuple[list[Trial], list[Trial]]:
     """Return the trials of the two data sets in a folder, those that are there.
 
     Parameters
@@ -66,6 +71,8 @@ def read(root: Path, objects: tuple[str, ...] | None, advance: Advance) -> list[
         Of the flat data set; all but those held back unless given.
     advance : callable
         Called with the name of every trial that is read.
+    found : (list, list), optional
+        Takes each trial in as it comes, so that those of a run that is stopped are not lost.
 
     Raises
     ------
@@ -80,7 +87,7 @@ def read(root: Path, objects: tuple[str, ...] | None, advance: Advance) -> list[
             f"Expected '{USKIN}' or '{FLAT}' with trials in '{root}', got neither: set "
             "CNNUM_RECORDINGS to the folder that has them."
         )
-    found: list[list[Trial]] = [[], []]
+    found = ([], []) if found is None else found
     for place, (folders, load) in enumerate(((flat, flat_trial), (uskin, uskin_trial))):
         for folder in folders:
             found[place].append(load(folder))

@@ -1,7 +1,7 @@
 """The suites, put together: a request becomes tables."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from cnnum.engine import Engine
@@ -72,7 +72,39 @@ class Request:
         return count
 
 
-def score(request: Request, engine: Engine, advance: Advance = str) -> list[Table]:
+@dataclass(frozen=True, slots=True)
+class Gathered:
+    """Scenes that are drawn and trials that are read, as far as it has come.
+
+    Attributes
+    ----------
+    families : dict of str to list of Trial
+    recorded : (list of Trial, list of Trial)
+        Of the flat data set, and of uSkin.
+    """
+
+    families: dict[str, list[Trial]] = field(default_factory=dict[str, list[Trial]])
+    recorded: tuple[list[Trial], list[Trial]] = field(
+        default_factory=lambda: (list[Trial](), list[Trial]())
+    )
+
+    def tables(self, engine: Engine) -> list[Table]:
+        """Return the figures of each family and trial that is there, none over all of them."""
+        made = tables(played(Subject(engine), self.families)) if self.families else []
+        flat, uskin = self.recorded
+        groups = dict[str, tuple[Sequence[Trial], Sequence[Answers]]]()
+        subject = Subject(engine, twists=False)
+        if flat:
+            groups |= _grouped(flat, subject.play(flat))
+        if uskin:
+            groups["uSkin trials"] = (uskin, subject.play(uskin))
+        made += [report_table(groups)] if groups else []
+        return [each for each in made if each.rows]
+
+
+def score(
+    request: Request, engine: Engine, advance: Advance = str, gathered: Gathered | None = None
+) -> list[Table]:
     """Return the tables of everything that is asked for.
 
     Parameters
@@ -81,22 +113,26 @@ def score(request: Request, engine: Engine, advance: Advance = str) -> list[Tabl
     engine : Engine
     advance : callable
         Called with the name of whatever is done.
+    gathered : Gathered, optional
+        Takes in the scenes and trials as they come: a stopped run has its figures from them.
 
     Raises
     ------
     CnnumError
         Whatever is wrong with a scene, a trial or the device.
     """
-    made = list[Table]()
+    made, gathered = list[Table](), gathered or Gathered()
     if "families" in request.suites:
-        made += _families(request, engine, advance)
+        made += _families(request, engine, advance, gathered)
     if "recordings" in request.suites and request.recordings is not None:
-        made += _recordings(request.recordings, request.objects, engine, advance)
+        made += _recordings(request.recordings, request.objects, engine, advance, gathered)
     return made
 
 
-def _families(request: Request, engine: Engine, advance: Advance) -> list[Table]:
-    trials = drawn(request.count, request.seed, advance)
+def _families(
+    request: Request, engine: Engine, advance: Advance, gathered: Gathered
+) -> list[Table]:
+    trials = drawn(request.count, request.seed, advance, gathered.families)
     scenes = played(Subject(engine), trials)
     made = [*tables(scenes), level_table(scenes)]
     if request.leave_one_out:
@@ -105,9 +141,13 @@ def _families(request: Request, engine: Engine, advance: Advance) -> list[Table]
 
 
 def _recordings(
-    root: Path, objects: tuple[str, ...] | None, engine: Engine, advance: Advance
+    root: Path,
+    objects: tuple[str, ...] | None,
+    engine: Engine,
+    advance: Advance,
+    gathered: Gathered,
 ) -> list[Table]:
-    flat, uskin = read(root, objects, advance)
+    flat, uskin = read(root, objects, advance, gathered.recorded)
     subject = Subject(engine, twists=False)
     recorded = Recorded(flat, uskin, subject.play(flat), subject.play(uskin))
     groups = _grouped(flat, recorded.flat_answers)

@@ -86,11 +86,11 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
         Factor from a channel's sign to that of a load: −1 for strain and stress, which count
         tension as positive, +1 for signals and counts that rise under a push.
     """
-    age = frame.memory(scalar=True)
+    age = frame.memory("age", scalar=True)
     count = age.value + 1.0
     age.store(count)
-    touched = frame.memory(scalar=True, logic=True)
-    rest = {name: frame.memory() for name in FORCE_AXES}
+    touched = frame.memory("touched", scalar=True, logic=True)
+    rest = {name: frame.memory(f"{name} at rest") for name in FORCE_AXES}
     shear, normal = _Noise(frame, ("shear_x", "shear_y")), _Noise(frame, ("normal",))
     above = push * (frame.normal - rest["normal"].value)
     broken = _broken(frame, touched.value, normal, abs(above))
@@ -138,7 +138,8 @@ def _broken(frame: FrameFields, touched: Field, normal: "_Noise", above: Field) 
 
     One is broken until it reads as at rest again while nothing touches.
     """
-    lasts, latch = frame.memory(scalar=True), frame.memory(logic=True)
+    lasts = frame.memory("frames of contact", scalar=True)
+    latch = frame.memory("broken", logic=True)
     lasts.store(where(touched, lasts.value + 1.0, 0.0))
     change = normal.change / maximum(normal.held, TINY)
     size = sqrt(change)
@@ -173,7 +174,9 @@ class _Noise:
         channels = [frame.channel(name) for name in names]
         changes = [square(channel - frame.previous(channel)) for channel in channels]
         self.change = sum(changes[1:], start=changes[0]) / (2.0 * len(channels))
-        self._variance, self._seen = frame.memory(), frame.memory(scalar=True)
+        of = " and ".join(names)
+        self._variance = frame.memory(f"variance of {of}")
+        self._seen = frame.memory(f"frames in the variance of {of}", scalar=True)
         size = maximum(channels[0].max(), -channels[0].min())
         self._least = square(ROUNDING * size)
         known = self._variance.value

@@ -61,7 +61,8 @@ class RecentLoads:
 
     def latch(self, value: Field, level: float, hold_time: float) -> Field:
         """Return a flag, on at a level, and off when below a share of it for longer than a time."""
-        on, low = self.frame.memory(scalar=True, logic=True), self.frame.memory(scalar=True)
+        on = self.frame.memory("flag", scalar=True, logic=True)
+        low = self.frame.memory("frames below its level", scalar=True)
         low.store(where(value > HOLD * level, 0.0, low.value + 1.0))
         stays = on.value & ((value > HOLD * level) | (low.value < hold_time * self.rate - 0.5))
         on.store(~self.resting & ((value > level) | stays))
@@ -79,7 +80,7 @@ class RecentLoads:
 
     def _leaky(self, value: Field, time: float) -> tuple[Field, Field]:
         """Return a map that follows another one with a time constant, and its value before."""
-        memory, duration = self.frame.memory(), 1.0 / (self.rate * time)
+        memory, duration = self.frame.memory(f"mean of {time:g} s"), 1.0 / (self.rate * time)
         now = apply(get_template("leaky_cell"), input=value, state=memory.value, duration=duration)
         memory.store(now)
         return now, memory.value

@@ -116,7 +116,7 @@ TABLE = Table(
 def quick(monkeypatch):
     asked = []
 
-    def scored(request, engine, advance=str):
+    def scored(request, engine, advance=str, gathered=None):
         asked.append(request)
         return [TABLE]
 
