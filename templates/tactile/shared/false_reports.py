@@ -24,5 +24,5 @@ def level_of(false_reports: float, levels: Levels) -> float:
         If the rate is outside those that were measured.
     """
     refuse_outside(false_reports=(false_reports, levels[0][0], levels[-1][0]))
-    rates, heights = zip(*levels, strict=True)
+    rates, heights = np.array(levels).T
     return float(np.interp(np.log(false_reports), np.log(rates), heights))
