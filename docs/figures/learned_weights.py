@@ -1,6 +1,6 @@
 """The free weights of `slip`: physical ones against those that an optimiser has set.
 
-`python docs/figures/learned_weights.py families [--count 8] [--seed 4000000] [--rolling]`
+`python docs/figures/learned_weights.py families [--count 4] [--seed 4000000] [--rolling]`
 `CNNUM_RECORDINGS=FOLDER python docs/figures/learned_weights.py recordings [--objects all]`
 
 Each family of scenes, or each object, is left out in turn: SciPy's Nelder–Mead sets the weights on
@@ -31,7 +31,7 @@ from cnnum.lab.scoring.judge import NEAR, judge
 from cnnum.lab.scoring.measures import median, per_ten_minutes, share
 from cnnum.lab.scoring.recordings import folds, pooled, read
 from cnnum.lab.scoring.subject import Answers, in_batches, reports, side_by_side
-from cnnum.lab.scoring.trial import Trial
+from cnnum.lab.scoring.trial import Trial, first
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
@@ -106,13 +106,16 @@ class Scenes:
             if trial.slides:
                 near = int(np.searchsorted(trial.slid, NEAR))
                 self.slides.append(slice(begin + trial.onset, begin + max(near, trial.onset + 1)))
-            elif rolling or "rolling" not in trial.family:
-                first, second = int(0.45 * trial.rate) + 1, max(1, round(trial.rate))
-                starts = range(first, len(trial.frames), second)
-                self.quiet += [
-                    slice(begin + n, begin + min(n + second, len(trial.frames))) for n in starts
-                ]
-                self.minutes += trial.seconds / 60.0
+            if trial.slides or rolling or "rolling" not in trial.family:
+                # a report shortly before a slip, or while little sticks, is no false one
+                loose = min(first(trial.early), trial.onset - round(0.1 * trial.rate))
+                self._rests(begin, min(len(trial.frames), max(loose, 0)), trial.rate)
+
+    def _rests(self, begin: int, until: int, rate: float) -> None:
+        start, second = int(0.45 * rate) + 1, max(1, round(rate))
+        for n in range(start, until, second):
+            self.quiet.append(slice(begin + n, begin + min(n + second, until)))
+        self.minutes += max(0, until - start) / rate / 60.0
 
     def level(self, values: Floats) -> float:
         """Return the level with that rate of peaks, one a second at the most."""
@@ -213,7 +216,7 @@ def main() -> None:
     """Print the tables of one suite."""
     arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     arguments.add_argument("suite", choices=("families", "recordings"))
-    arguments.add_argument("--count", type=int, default=8)
+    arguments.add_argument("--count", type=int, default=4)
     arguments.add_argument("--seed", type=int, default=4_000_000)
     arguments.add_argument("--rolling", action="store_true")
     arguments.add_argument("--objects")

@@ -29,6 +29,25 @@ check that it must pass, and its measured figures.
 much may be added to the bias, and taken from it, with no wrong cell; a gray answer has none. Both
 are of the pictures of the check.
 
+## One wrong weight
+
+`python -m docs.figures.changed_weights` multiplies each number of A, B and z by 1.2, one at a time.
+Of 2,517 changed templates, these pass `cnnum templates check`:
+
+| compared | pass |
+|---|---|
+| the function alone | 1,688 |
+| and the end state | 890 |
+| and margin and settle time | 788 |
+| and the digest of the numbers | 0 |
+
+Without the digest 788 pass, and they are right to. Of 471 the check is a solution of the template's
+own equation, wrong weight included. Of 206 no cell of any picture has another colour, nor does the
+margin leave its rung: their decision is robust. Of 111 a small weight moves a gray answer by less
+than the tolerance of its check. With `--out FOLDER` it writes the changed templates, and
+`cnnum templates check FOLDER` fails all of them by their digest.
+`cnnum templates design NAME --weights` shows of each weight how far it may go.
+
 ## Experimental templates
 
 Of {experimental} templates ({share:.1f} %) no check shows that they do their job. Most of them are

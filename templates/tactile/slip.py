@@ -40,7 +40,7 @@ def slip(
     still: float = 0.25,
     pull: float = 0.75,
     swing: float = 0.3,
-    false_reports: float = 4.0,
+    false_reports: float = 5.0,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
     """Slip of an object that is touched or held.
