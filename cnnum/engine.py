@@ -120,7 +120,7 @@ class Engine:
         atol: float | None = None,
         dt: float | None = None,
     ) -> Plan:
-        """Return a plan that runs what the wanted outputs need, and nothing else.
+        """Return a plan that runs the operations of the wanted outputs alone.
 
         Parameters
         ----------
@@ -224,7 +224,7 @@ class Engine:
         bias : like `state`, optional
             Space-variant bias map, added to z.
         mask : (..., rows, cols) bool, optional
-            Fixed-state mask: the state stays what it was where it is true.
+            Fixed-state mask: the state keeps its value where it is true.
         duration : float or "settle", optional
             In time constants; the template's own unless given.
         method : str
@@ -362,7 +362,7 @@ class Engine:
         *,
         exact: bool,
     ) -> None:
-        """Keep what a run of the same form can do without, if there is anything."""
+        """Keep the parts that a run of the same form can share, if any."""
         prepared = prepared_run(template, plan, given, exact=exact)
         if prepared is not None:
             with self._turn:

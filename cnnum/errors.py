@@ -1,4 +1,4 @@
-"""Every error that cnnum raises on purpose: one sentence, what was expected, what came, what to do.
+"""Every error that cnnum raises on purpose: one sentence of expected, given and remedy.
 
 Each leaf is also the builtin that a caller would reach for, so ``except ValueError`` works.
 """
@@ -82,7 +82,7 @@ class NoOpenCLError(DeviceError):
 
 
 class NotSupportedError(CnnumError, RuntimeError):
-    """An engine does not do what was asked; the sentence says why."""
+    """An engine lacks the requested feature; the sentence says why."""
 
 
 class CodecError(CnnumError, ValueError):
@@ -102,7 +102,7 @@ class RecordingError(CnnumError, OSError):
 
 
 class RecordingWarning(UserWarning):
-    """A recording is read, but not all of it; the sentence counts what is left out."""
+    """A recording is read, but not all of it; the sentence counts the lost parts."""
 
 
 class ReportError(CnnumError, OSError):
@@ -131,7 +131,7 @@ def name_error(kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
     Parameters
     ----------
     kind : str
-        What the name is of: "template", "method"…
+        Kind of the named thing: "template", "method"…
     name : str
         The name that came.
     known : iterable of str

@@ -69,7 +69,7 @@ def load_picture(path: str | Path) -> Floats:
     Parameters
     ----------
     path : str or Path
-        Of a kind that Pillow reads (PNG, BMP, GIF, JPEG, TIFF…); what is transparent is white.
+        Of a kind that Pillow reads (PNG, BMP, GIF, JPEG, TIFF…); transparent parts are white.
 
     Returns
     -------

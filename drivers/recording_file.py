@@ -60,7 +60,7 @@ def load_recording(path: str | Path) -> Recording:
     Parameters
     ----------
     path : str or Path
-        What `cnnum record` or `Recording.save` wrote (.mcap, .npz, .csv), a data file of your own
+        A file of `cnnum record` or `Recording.save` (.mcap, .npz, .csv), a data file of your own
         with its layout, or the folder of a uSkin trial.
 
     Returns

@@ -1,4 +1,4 @@
-"""A serial port with time-outs and errors that say what to do: the one user of pyserial."""
+"""A serial port with time-outs and errors that name the remedy: the one user of pyserial."""
 
 import errno
 from types import TracebackType
@@ -11,6 +11,10 @@ from cnnum.errors import PortError
 
 POLL = 0.05
 """s that a read waits for its first byte: how soon a closed driver notices."""
+
+
+WRITE = 1.0
+"""s that a write may take: an array that takes no bytes must not hold its reader up."""
 
 
 def open_error(path: str, error: OSError, ports: list[str]) -> PortError:
@@ -40,7 +44,7 @@ def open_error(path: str, error: OSError, ports: list[str]) -> PortError:
 
 
 class SerialPort:
-    """An open port; reading returns what is there, and never waits for long.
+    """An open port; reading returns the waiting bytes, and never waits for long.
 
     Raises
     ------
@@ -51,7 +55,9 @@ class SerialPort:
     def __init__(self, path: str, baud: int) -> None:
         self._path = path
         try:
-            self._port = serial.Serial(path, baud, timeout=POLL, exclusive=True)
+            self._port = serial.Serial(
+                path, baud, timeout=POLL, write_timeout=WRITE, exclusive=True
+            )
         except OSError as error:
             raise open_error(path, error, [p.device for p in list_ports.comports()]) from None
         except (ValueError, OverflowError) as error:  # the name, or a rate that no port has
@@ -70,6 +76,19 @@ class SerialPort:
             return first + self._port.read(self._port.in_waiting) if first else b""
         except (OSError, TypeError) as error:
             raise PortError(f"The port '{self._path}' went away while reading: {error}.") from None
+
+    def write(self, data: bytes) -> None:
+        """Send bytes to the array.
+
+        Raises
+        ------
+        PortError
+            If the port has gone away.
+        """
+        try:
+            self._port.write(data)
+        except OSError as error:
+            raise PortError(f"The port '{self._path}' went away while writing: {error}.") from None
 
     def close(self) -> None:
         """Let go of the port."""

@@ -1,4 +1,4 @@
-"""What can be told of an array from its frames: rate, gaps, noise, cells that never change."""
+"""Figures of an array from its frames: rate, gaps, noise, cells that never change."""
 
 import math
 import time

@@ -11,13 +11,13 @@ ROOM = "cnnum.cli.commands"
 COMMANDS: Mapping[str, tuple[str, str]] = {
     "demo": (f"{ROOM}.demo", "Run the simulated scene and write a report of it."),
     "run": (f"{ROOM}.run", "Run a scene and print its events as they come."),
-    "plan": (f"{ROOM}.plan", "Show what a scene would run, and what is left out."),
+    "plan": (f"{ROOM}.plan", "Show the operations of a scene, and those left out."),
     "templates": (f"{ROOM}.templates", "List, show and check the template library."),
     "bench": (
         f"{ROOM}.bench",
         "Measure error against run time, speed, latency and the peers.",
     ),
-    "devices": (f"{ROOM}.devices", "Show the OpenCL devices and what they reach."),
+    "devices": (f"{ROOM}.devices", "Show the OpenCL devices and their speed."),
     "stability": (
         f"{ROOM}.stability",
         "Run stiff, marginal and extreme cases on every engine.",
@@ -31,7 +31,11 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "Fit a taxel's calibration to a scan of point loads.",
     ),
     "score": (f"{ROOM}.score", "Score slip and twist where the truth is known."),
-    "probe": (f"{ROOM}.probe", "Look at what an array sends: rate, losses, dead cells."),
+    "probe": (f"{ROOM}.probe", "Measure an array's rate, losses and dead cells."),
+    "simulate": (
+        f"{ROOM}.simulate",
+        "Offer a simulated array at a pseudo-terminal, with faults on request.",
+    ),
     "record": (f"{ROOM}.record", "Record an array's frames to a file."),
     "recover": (
         f"{ROOM}.recover",

@@ -1,4 +1,4 @@
-"""What an engine does not do, and why: one table, read by the engines and the tests."""
+"""Features that an engine lacks, and why: one table, read by the engines and the tests."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""What a program is made of: templates with and without feedback, local operations, read-outs."""
+"""The parts of a program: templates with and without feedback, local operations, read-outs."""
 
 from collections.abc import Iterable
 from dataclasses import astuple, dataclass
@@ -43,7 +43,7 @@ class Parts:
 
 
 def parts_of(nodes: Iterable[Node]) -> Parts:
-    """Return what nodes and the bodies of their loops are made of."""
+    """Return the parts of nodes and of the bodies of their loops."""
     found = Parts()
     for node in nodes:
         match node.operation:

@@ -4,7 +4,7 @@
     def touched(frame):
         return {"contact": (frame.normal > 0.1).any()}
 
-Inside, `frame` and all that is computed from it are `Field`s: they record what is asked of them
+Inside, `frame` and all that is computed from it are `Field`s: they record the operations
 and hold no numbers, so a Python `if` on one of them is refused.
 """
 
@@ -25,7 +25,7 @@ Traced = Callable[..., Mapping[str, Field]]
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """An analogic program: a function of a frame's maps that names what comes out.
+    """An analogic program: a function of a frame's maps that names its outputs.
 
     Attributes
     ----------

@@ -15,7 +15,7 @@ PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}
 PER_TEN_MINUTES = {"/10min": 1.0, "/min": 10.0, "/h": 1.0 / 6.0}
 
 PITCH = "pitch"
-"""The distance of the taxels: what a length is divided by where a program counts in pitches."""
+"""The distance of the taxels: the divisor of lengths where a program counts in pitches."""
 
 _TEXT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ]+|/\d*[a-z]+)\s*")
 
@@ -27,7 +27,7 @@ class Quantity:
     Attributes
     ----------
     meaning : str
-        What a plain number counts, for the sentence of an error.
+        The unit of a plain number, for the sentence of an error.
     least, most : float
         Range of its magnitude.
     units : mapping of str to float

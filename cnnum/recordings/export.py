@@ -43,7 +43,7 @@ WRITERS: Mapping[str, Callable[[IO[bytes], Contents], None]] = {
 
 
 def suffix_of(target: Path) -> str:
-    """Return the suffix that says what kind of recording a file is to be.
+    """Return the suffix that names the kind of recording of a file.
 
     Raises
     ------
@@ -59,13 +59,13 @@ def suffix_of(target: Path) -> str:
 def export(contents: Contents, target: Path, *, force: bool = False) -> None:
     """Write the frames of a recording to another file, which appears when it is whole.
 
-    The calibration of an array goes into a file beside a CSV file, which has no place for it.
+    The calibration of an array goes into a file next to a CSV file, which has no place for it.
 
     Parameters
     ----------
     contents : Contents
     target : Path
-        Its suffix says what kind of file it is to be.
+        Its suffix names the kind of file.
     force : bool
         Whether a file that is there already is replaced.
 

@@ -50,7 +50,7 @@ class Recording:
     times : (frames,) float, s, optional
         Frame n is at n / rate unless given.
     truth : mapping of str to (frames,) float, optional
-        What is known of every frame, by name.
+        The facts of every frame, by name.
     quality : (frames,) int, optional
         Flags of `cnnum.Quality`.
 
@@ -284,7 +284,7 @@ def _per_frame(name: str, values: ArrayLike, frames: int) -> Floats:
 
 
 def rate_of(times: Floats) -> float:
-    """Return the mean rate of frames by their times, Hz; 0 where they tell none."""
+    """Return the mean rate of frames by their times, Hz; 0 where they give none."""
     span = float(times[-1] - times[0]) if len(times) > 1 else 0.0
     rate = (len(times) - 1) / span if span > 0.0 and math.isfinite(span) else 0.0
     return rate if rate < FASTEST else 0.0

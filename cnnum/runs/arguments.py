@@ -1,4 +1,4 @@
-"""What a run is given: maps by role, checked, and side by side as one frame."""
+"""The maps of a run by role, checked, and side by side as one frame."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from cnnum.runs.raw_pictures import ROLES, refuse_grey_levels, refuse_pixels
 from cnnum.templating.template import Template
 
 MANY_CELLS = 256 * 256
-"""Cells from which an engine may look at what it is given while it takes it."""
+"""Cells from which an engine may look at maps while it takes them."""
 
 
 def has_many_cells(shape: Shape) -> bool:
@@ -22,9 +22,9 @@ def has_many_cells(shape: Shape) -> bool:
 def maps_by_role(
     template: Template, values: dict[str, ArrayLike | None]
 ) -> tuple[dict[str, NDArray[np.floating]], Shape]:
-    """Return what a run is given as (..., maps, rows, cols) by role, in the order of a transient.
+    """Return the maps of a run as (..., maps, rows, cols) by role, in a transient's order.
 
-    Numbers of few cells are finite; nobody has looked at those of many.
+    Numbers of few cells are finite; those of many are not yet checked.
 
     Raises
     ------

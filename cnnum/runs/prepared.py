@@ -36,7 +36,7 @@ def form_of(template: Template, arrays: Sequence[object], asked: Hashable) -> Fo
     ----------
     template : Template
     arrays : sequence of array-like or None
-        What the run is given, in the order of its roles.
+        The run's maps, in the order of their roles.
     asked : tuple
         Duration, method, tolerances and so on.
 

@@ -10,7 +10,7 @@ PIXELS = 255.0
 """Largest grey level of 8 bits."""
 
 ROLES = ("input", "previous", "state")
-"""What of a run is a picture."""
+"""The maps of a run that can be a picture."""
 
 LEAST_SQUARES = (PIXELS / 2) ** 2
 """Sum of squares below which numbers are no grey levels, for a quick look."""

@@ -107,7 +107,7 @@ def sharpened(cells: Array, axes: tuple[int, int]) -> Array:
     Spread evenly over its cells a traction is wider than it was, by a variance of h²/6 along each
     side h of a cell: a contact of four cells' radius reads 2 % too wide. Weights of −1/12, 7/6,
     −1/12 along each side take just that away, and leave an error of the order h⁴. The means of a
-    traction may be weighed so, or what each cell does to something else.
+    traction may be weighed so, or the effect of each cell on another quantity.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a cell at the rim sees where its neighbourhood leaves the array."""
+"""The values that a cell at the rim sees outside the array."""
 
 from dataclasses import dataclass
 from numbers import Real

@@ -108,7 +108,7 @@ class NonlinearCoupling:
 
     @property
     def static(self) -> bool:
-        """Whether it reads inputs alone, so that it is part of what drives the cells."""
+        """Whether it reads inputs alone, so that it is part of the cells' drive."""
         return self.neighbour == "u" and self.centre in ("u", None)
 
     @property
@@ -118,9 +118,9 @@ class NonlinearCoupling:
 
     @property
     def stiffness(self) -> float:
-        """A bound on what the coupling adds to a row of the Jacobian, centre and neighbours.
+        """A bound on the share of the coupling in a row of the Jacobian, centre and neighbours.
 
-        Steps have no slope; what they do is bounded by their values.
+        Steps have no slope; their effect is bounded by their values.
         """
         if self.static:
             return 0.0

@@ -50,7 +50,7 @@ class LinearSystem:
     rates : (n,) float
         Diagonal of S: 1/τ of every cell's layer.
     rim : (n,) float
-        g: what virtual cells of a fixed boundary add through A.
+        g: the sum of virtual cells of a fixed boundary through A.
     """
 
     matrix: Floats
@@ -96,7 +96,7 @@ class Network:
         return LinearSystem((matrix - np.eye(self.states)) * rates[:, None], rates, rim)
 
     def rim(self) -> Floats:
-        """Return what virtual cells of a fixed boundary add through A, (layers, rows, cols)."""
+        """Return the sum of virtual cells of a fixed boundary through A, (layers, rows, cols)."""
         template, (rows, cols) = self.template, self.shape
         radius = template.A.shape[-1] // 2
         value = template.boundary.constant or 0.0

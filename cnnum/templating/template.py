@@ -1,4 +1,4 @@
-"""A template: the numbers that tell every cell what to do, and all that travels with them.
+"""A template: the numbers that govern every cell, and all that travels with them.
 
 State equation (Chua & Yang 1988), per layer l, with ∗ a correlation (no kernel flip):
 
@@ -38,7 +38,7 @@ class Check:
 class Template:
     """A CNN template with its boundary, initial state and duration.
 
-    `dataclasses.replace` gives another one, of the same parts but for those it is told.
+    `dataclasses.replace` gives another one, of the same parts but for the given ones.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ class Template:
     delayed : DelayedCoupling, optional
     gains : sequence of Gain
     description, source : str
-        What it does, and where the numbers come from.
+        Its purpose, and the source of the numbers.
     check : Check, optional
         The closed form it is checked against.
 
@@ -223,7 +223,7 @@ class Template:
 
     @property
     def uncoupled(self) -> bool:
-        """Whether every cell decays on its own towards what drives it (A = 0)."""
+        """Whether every cell decays on its own towards its drive (A = 0)."""
         return not self.A.any() and self.plain
 
     @property

@@ -27,6 +27,7 @@ FLOORS: list[dict[str, str]] = [
     {"engine": "`cnnum.Engine`"},
     {"templating.checks": "templates and programs against closed forms"},
     {"templates": "the template library and the tactile programs"},
+    {"design": "templates from rules, examples and searches"},
     {"recordings": "files of frames that survive a fault"},
     {"drivers": "arrays, recordings, and the simulated array"},
     {"scenes": "scene files, and the path of a frame to its events"},

@@ -1,4 +1,4 @@
-"""What the hand does, phase by phase."""
+"""The hand's movements, phase by phase."""
 
 from dataclasses import dataclass
 from math import isfinite
@@ -22,7 +22,7 @@ NEEDS: dict[Kind, tuple[str, ...]] = {
 """The amounts that a kind of phase cannot do without."""
 
 LEAST, MOST = 1e-9, 1e6
-"""Smallest amount besides 0, and largest: beyond them the squares of loads and radii overflow."""
+"""Smallest amount but 0, and largest: beyond them the squares of loads and radii overflow."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,7 @@
-"""Slip of what touches the skin or is held, from what every skin shows.
+"""Slip of an object on the skin or in the hand, by signs that every skin shows.
 
 Slip is a contact whose pattern moves and whose shear rearranges, under a shear load. It counts as
-far as it exceeds what a load that changes, or a shear that still grows, explains:
+far as it exceeds the effect of a load that changes, or of a shear that still grows:
 
     slip_strength = (moves² · loosens)^⅓ · ratio / (still + |trend| + swing · jolt + pull · grows)
 
@@ -50,7 +50,7 @@ def slip(
     frame : FrameFields
         Strain, stress, signals or raw counts, several `pads` next to one another in the columns.
     push, shear_gain : float
-        −1 for strain and stress, which count tension as positive; +1 for what rises under a push.
+        −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
         Reading of the normal channel over that of a shear channel, under the same force.
     axes : bool
         Whether signs and directions of the axes are known: a slip then moves along its shear.
@@ -91,7 +91,7 @@ def slip(
 
 def read_outs(recent: RecentLoads, pad: Pad) -> list[Field]:
     """Return how the pattern moves, its shear loosens and grows, and the cosine to the shear."""
-    # templates: slopes of the load's pattern, and what its shear changes without the local mean
+    # templates: slopes of the load's pattern, and the change of its shear without the local mean
     now, old = recent.z / pad.load, recent.old_z / pad.before
     right, down = (apply(get_template(f"gradient_{axis}"), input=mean([now, old])) for axis in "xy")
     changes = [recent.per_s * (s - o) for s, o in zip(recent.shear, recent.old_shear, strict=True)]

@@ -1,4 +1,4 @@
-"""All that a frame of a calibrated array tells, as one program that shares what it can."""
+"""All outputs of a calibrated array, as one program with shared fields."""
 
 from collections.abc import Mapping
 
@@ -31,7 +31,7 @@ def tactile(
 ) -> Mapping[str, Field]:
     """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.
 
-    The stream must begin without contact: its first frames say what rest is.
+    The stream must begin without contact: its first frames define rest.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def tactile(
     depth, reads
         See `edges` and `contact`.
     unit : float
-        See `contact`: what a unit of its loads is.
+        See `contact`: the unit of its loads.
     rate, rest : float, Hz, s
         Frames a second, and the time at the start without contact, for `slip` and `twist`.
     slip_false_reports, twist_false_reports : float, 1/10 min

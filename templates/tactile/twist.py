@@ -1,7 +1,7 @@
-"""Twist of what touches the skin or is held, from the curl of its shear.
+"""Twist of an object on the skin or in the hand, from the curl of its shear.
 
 The curl over the normal load must exceed the ratio of shear to normal load, else the contact is
-pulled. What the curl was when the load last changed is taken off: a press alone can show some.
+pulled. The curl at the load's last change is taken off: a press alone can show some.
 """
 
 from collections.abc import Mapping
@@ -37,7 +37,7 @@ def twist(
     frame : FrameFields
         Strain, stress, signals or raw counts, several `pads` next to one another in the columns.
     push, shear_gain : float
-        −1 for strain and stress, which count tension as positive; +1 for what rises under a push.
+        −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
         Reading of the normal channel over that of a shear channel, under the same force.
     rate, rest : float, Hz, s
         Frames a second; time at the start without motion, which gives rest and noise.
@@ -78,7 +78,7 @@ def twist(
 
 
 def _since(recent: RecentLoads, value: Field, changes: Field) -> Field:
-    """Return a number less what it was when the load last changed."""
+    """Return a number less its value at the load's last change."""
     memory = recent.frame.memory("curl at last change", scalar=True)
     then = where(recent.resting | changes, value, memory.value)
     memory.store(then)

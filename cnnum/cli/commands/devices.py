@@ -1,4 +1,4 @@
-"""`cnnum devices`: OpenCL devices, what they reach, and which one is used."""
+"""`cnnum devices`: OpenCL devices, their speed, and which one is used."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ def command(device: str | None, measure: bool, as_json: bool) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Tried:
-    """An OpenCL device and what it showed.
+    """An OpenCL device and its figures.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""`cnnum probe`: what an array sends, and what is wrong with it."""
+"""`cnnum probe`: the frames that an array sends, and their faults."""
 
 from contextlib import suppress
 from typing import TYPE_CHECKING
@@ -27,7 +27,7 @@ SHOWN = 12
 @click.option(
     "--seconds", type=click.FloatRange(min=0, min_open=True), help="Look for so long (5 s)."
 )
-@click.option("--frames", type=click.IntRange(min=1), help="Look at so many frames.")
+@click.option("--frames", type=click.IntRange(min=1), help="Look at this number of frames.")
 @json_option
 def command(
     source: str,
@@ -36,10 +36,10 @@ def command(
     frames: int | None,
     as_json: bool,
 ) -> int:
-    """Look at what the array SOURCE (a driver's name, or a scene) sends.
+    """Look at the frames of the array SOURCE (a driver's name, or a scene).
 
-    As in: cnnum probe serial --set port=/dev/ttyACM0. Tells the rate, sync losses, bad and
-    dropped frames, noise, and cells that never change. Ctrl-C ends it with what was seen.
+    As in: cnnum probe serial --set port=/dev/ttyACM0. Shows the rate, sync losses, bad and
+    dropped frames, noise, and cells that never change. Ctrl-C ends it with the figures so far.
     """
     from cnnum.cli.probe_figures import ProbeFigures
 
@@ -116,7 +116,7 @@ def _cells(figures: "ProbeFigures", cells: "list[Cell]") -> str:
     from cnnum.cli.probe_figures import ENOUGH
 
     if figures.scans < ENOUGH:
-        return f"not told from {figures.scans} new scans: at least {ENOUGH} are needed"
+        return f"unknown from {figures.scans} new scans: at least {ENOUGH} are needed"
     shown = ", ".join(f"({row}, {col}) {channel}" for row, col, channel in cells[:SHOWN])
     more = f" and {len(cells) - SHOWN} more" if len(cells) > SHOWN else ""
     return f"{len(cells)}: {shown}{more}" if cells else "none"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     "--set", "settings", multiple=True, metavar="KEY=VALUE", help="An option of the driver."
 )
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after so long.")
-@click.option("--frames", type=click.IntRange(min=1), help="Stop after so many frames.")
+@click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
 @click.option("--force", is_flag=True, help="Replace FILE if it is there.")
 @json_option
 def command(
@@ -58,7 +58,7 @@ def command(
         finally:
             with undisturbed():
                 outcome = recorder.finish()
-            if outcome.frames:  # also where the array went away: what is kept is said
+            if outcome.frames:  # also where the array went away: the kept frames are counted
                 _report(Output(as_json), outcome, driver)
             if outcome.problem:
                 raise RecordingError(outcome.problem)

@@ -1,4 +1,4 @@
-"""`cnnum recover`: a whole recording of what is left of one."""
+"""`cnnum recover`: a whole recording from the remains of one."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -1,6 +1,7 @@
-"""`cnnum templates design`: stability, steps, settle time, robustness and cost of one template."""
+"""`cnnum templates design`: a template from its specification, or the figures of one."""
 
 from dataclasses import asdict
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -18,19 +19,61 @@ if TYPE_CHECKING:
 @click.argument("name")
 @click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
 @click.option("--weights", is_flag=True, help="Show how far each weight may go.")
+@click.option(
+    "--output",
+    type=click.Path(file_okay=False, path_type=Path),
+    default=Path(),
+    help="Folder that designed templates are written to; this one unless given.",
+)
 @json_option
-def design(name: str, engine: str, weights: bool, as_json: bool) -> None:
-    """Show what a designer asks of the template NAME, of the library or a file.
+def design(name: str, engine: str, weights: bool, output: Path, as_json: bool) -> None:
+    """Design the templates of the specification NAME, or show a template's figures for designers.
 
-    Its class of stability and why, the largest stable Euler step, settle time against array size,
+    A specification is a TOML file with a table [design]: a rule, or examples. Its templates are
+    written as files of the library, with their proof. Of a template, of the library or a file: its
+    class of stability and why, the largest stable Euler step, settle time against array size,
     margin, how often cells flip under mismatch and with coarse weights, and its cost.
     """
+    from cnnum.design.spec import is_spec
     from cnnum.engine import Engine
     from cnnum.templating.files import load_template
     from cnnum.templating.library import get_template
 
+    if is_place(name) and is_spec(name):
+        _design(name, Engine(engine), output, Output(as_json))
+        return
     template = load_template(name) if is_place(name) else get_template(name)
     report(template, Engine(engine), Output(as_json), weights=weights)
+
+
+def _design(name: str, engine: "Engine", folder: Path, output: Output) -> None:
+    """Design the templates of a specification, write them, and show their proofs."""
+    from cnnum.design.designing import designed
+    from cnnum.design.spec import load_spec
+    from cnnum.templating.files import save_entry
+
+    shown = table("Template", ">examples", ">margin", ">relative", ">at most", ">flips at", "file")
+    for one in designed(load_spec(name), engine):
+        proof, template = one.entry.proof, one.entry.template
+        assert proof is not None
+        path = folder / f"{template.name.lower()}.toml"
+        folder.mkdir(parents=True, exist_ok=True)
+        save_entry(one.entry, path)
+        output.record({"template": template.name, "file": str(path), **asdict(proof)})
+        rates = ", ".join(
+            f"{100 * f.mismatch:g} %: {100 * f.rate:.0f} % ({100 * f.low:.0f}-{100 * f.high:.0f})"
+            for f in proof.flips
+        )
+        shown.add_row(
+            template.name,
+            str(proof.examples),
+            number(proof.margin),
+            number(proof.relative_margin, 4),
+            "?" if proof.bound is None else number(proof.bound, 4),
+            rates,
+            str(path),
+        )
+    output.show(shown)
 
 
 def report(

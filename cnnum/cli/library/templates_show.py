@@ -88,7 +88,7 @@ def _write_transient(
 
 
 def _words(entry: "Entry") -> dict[str, object]:
-    """Return what the file says about a template, and what was measured of it."""
+    """Return the facts of a template's file, and its measured figures."""
     measured = entry.measured
     return {
         "input": entry.about.input,

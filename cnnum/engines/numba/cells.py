@@ -1,4 +1,4 @@
-"""What a cell does with its neighbours: outputs, weighted sums, function tables."""
+"""The arithmetic of a cell with its neighbours: outputs, weighted sums, function tables."""
 
 import math
 from typing import Any
@@ -34,7 +34,7 @@ def respond(response: Any, state: Reals, output: Reals) -> None:
 
 @inlined
 def largest(found: Reals, column: Any) -> Any:
-    """Return the largest number of a column of what bands found."""
+    """Return the largest number of a column of the bands' findings."""
     return found[:, column].max()
 
 

@@ -12,8 +12,8 @@ FEEDBACK, CONTROL, LATE_FEEDBACK, LATE_CONTROL, MOVING, STILL = range(6)
 """Kinds of taps: A, B, delayed A and B; nonlinear ones that follow the states, or inputs alone."""
 
 STATE, MOVED, OUTPUT, INPUT, DRIVE, PACE, PAST, LATER, SLOPES = range(9)
-"""Maps of a frame at work: x; x at a stage; y = f(x); u; what drives the cells; 1/τ, or 0 where a
-cell is held; outputs a delay ago; what delayed inputs add when the delay is over; and from SLOPES
+"""Maps of a frame at work: x; x at a stage; y = f(x); u; the drive of the cells; 1/τ, or 0 where a
+cell is held; outputs a delay ago; the sum of delayed inputs when the delay is over; and from SLOPES
 on one dx/dt a stage, then the outputs of the last steps."""
 
 NOTHING = -1
@@ -26,7 +26,7 @@ MOVE, SLOPE, JUDGE, CHANGE, ACCEPT, STEP = range(6)
 """Phases of a step."""
 
 WEIGHTS, TIMES, ERRORS, CARRIED, STAGES = range(5)
-"""Rows of a tableau: b, c, b − b̂, what part of the last stage's move is carried to the end, and
+"""Rows of a tableau: b, c, b − b̂, the part of the last stage's move carried to the end, and
 from STAGES on the rows of a; then the truncation error's."""
 
 NONE, AT_REST = np.int64(0), np.int64(-1)

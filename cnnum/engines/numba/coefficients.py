@@ -25,7 +25,7 @@ def tableaux(template: Template, solver: Solver) -> Floats:
         return np.array(found)
     if isinstance(scheme, ExponentialSteps):
         return _exponential(scheme, template.tau)
-    # one stage of no step says what the slopes are
+    # one stage of no step gives the slopes
     return np.zeros((1, codes.STAGES + 1, 2))
 
 
@@ -43,7 +43,7 @@ def _rows(
 def _exponential(scheme: ExponentialSteps, tau: Floats) -> Floats:
     """Return exponential steps as those of a tableau of every layer's own.
 
-    The coupling is N = x + τk, and what is kept of x is 1 − first, so that
+    The coupling is N = x + τk, and the kept part of x is 1 − first, so that
 
         a = x + first·τk₀,   x⁺ = x + (1 + second)(a − x) + second·τ(k₁ − k₀)
 

@@ -42,7 +42,7 @@ def _prepare(plan: Plan, batch: Batch, frame: Any, gains: Reals) -> Reals:
 
 @compiled
 def _drive(plan: Plan, kind: Any, gains: Reals, work: Reals, total: Reals) -> None:
-    """Add what inputs drive."""
+    """Add the drive of inputs."""
     for band in range(len(plan.bands)):
         layer, lo, hi = plan.bands[band]
         start = lo - layer * plan.settings[0].size
@@ -57,7 +57,7 @@ def run_frames(
 ) -> None:
     """Run frames one after the other; with `spread` the bands of each lie on all cores.
 
-    Frames of a scheme without steps are at their end before, and are told whether all is at rest.
+    Frames of a scheme without steps are at their end before, and learn whether all is at rest.
     """
     settings = plan.settings[0]
     for frame in range(start, end):
@@ -78,7 +78,7 @@ def run_frames(
 
 @kept
 def drive_frames(plan: Plan, batch: Batch, start: Any, end: Any, room: int = ROOM) -> None:
-    """Add to the drives of frames what linear couplings make of their inputs."""
+    """Add to the drives of frames the sums of linear couplings over their inputs."""
     gains = np.ones(plan.settings[0].layers ** 2 + 1, batch.state.dtype)
     for frame in range(start, end):
         for band in range(len(plan.bands)):

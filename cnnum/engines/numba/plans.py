@@ -1,4 +1,4 @@
-"""From a template, its array and its solver to what the compiled functions take."""
+"""From a template, its array and its solver to the arguments of the compiled functions."""
 
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.coefficients import chebyshev_rows, tableaux

@@ -30,9 +30,9 @@ class Trial:
     ----------
     state, rate : (layers, rows, cols) float
     off : (layers, rows, cols) float
-        What the method itself estimates, which sets the length of steps.
+        The method's own estimate, which sets the length of steps.
     added : (layers, rows, cols) float
-        What it adds to the error of the run.
+        Its share in the error of the run.
     """
 
     state: Floats

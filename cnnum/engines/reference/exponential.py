@@ -24,7 +24,7 @@ def march_exponential(
     drive, x = equation.drive(), equation.start()
     for number in range(scheme.count):
         rate = equation.rate(drive, x, None, 0.0)
-        # N = A ∗ y + w is what the rate has beside the decay: where a mask holds, it is x itself
+        # N = A ∗ y + w is the rate without the decay: where a mask holds, it is x itself
         coupled = tau * rate + x
         change = np.abs(float(taus.max()) * rate) / (solver.atol + solver.rtol * np.abs(x))
         x = limited(equation, kept * x + first * coupled)

@@ -56,7 +56,7 @@ Past = Callable[[float], Floats]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """The end of a transient, and what is known of its error."""
+    """The end of a transient, and the estimate of its error."""
 
     state: Floats
     time: float
@@ -89,7 +89,7 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
 
 
 def instead(template: Template, solver: Solver) -> str:
-    """Return in words what is done instead of the solver's scheme; nothing where it is taken."""
+    """Return in words the method in place of the solver's scheme; empty where it runs."""
     if isinstance(solver.scheme, Decay) or _stepped(template, solver):
         return ""
     if _jumps(template) and isinstance(solver.scheme, FixedSteps):
@@ -191,7 +191,7 @@ def _to_the_end(equation: StateEquation, solver: Solver, precision: float) -> An
     """Run to the end; to equilibrium in stretches that double."""
     answer = Answer(equation.start(), 0.0, 0, math.inf)
     drive = equation.drive()
-    # settled well below the tolerance that is asked for, so that what is left does not count
+    # settled well below the tolerance that is asked for, so that the rest does not count
     strict = replace(solver, rtol=1e-3 * solver.rtol, atol=1e-3 * solver.atol)
     stretch = 4.0 if solver.settle else solver.duration
     end = LATEST if solver.settle and isinstance(solver.scheme, Exact) else solver.duration

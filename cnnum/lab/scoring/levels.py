@@ -1,4 +1,4 @@
-"""A threshold is a rate of false alarms: what each level finds, and what it reports falsely."""
+"""A threshold is a rate of false alarms: the found slips of each level, and its false reports."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ NOTE = (
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a family comes to at one level.
+    """The results of a family at one level.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Outcome:
 
 
 def outcome(scenes: Scenes, family: str, level: float) -> Outcome:
-    """Return what a family comes to at a level of `slip_strength`."""
+    """Return the results of a family at a level of `slip_strength`."""
     pairs = zip(scenes.trials[family], scenes.answers[family], strict=True)
     verdicts = [judge(t, a, reports(a["slip_strength"], level, t.rate)) for t, a in pairs]
     slides = [one for one in verdicts if one.slides]

@@ -79,7 +79,7 @@ class Subject:
     twists: bool = True
 
     def play(self, trials: Sequence[Trial]) -> list[Answers]:
-        """Return what the programs say of every frame of every trial, one array an output.
+        """Return the programs' outputs of every frame of every trial, one array an output.
 
         Raises
         ------
@@ -103,7 +103,7 @@ class Subject:
 def in_batches(
     trials: Sequence[Trial], run: Callable[[Sequence[Trial]], list[Answers]]
 ) -> list[Answers]:
-    """Return what is said of every trial, run with those of the same kind and a like length."""
+    """Return the outputs of every trial, run with those of the same kind and a like length."""
     order = sorted(range(len(trials)), key=lambda n: (_kind(trials[n]), len(trials[n].frames)))
     found: dict[int, Answers] = {}
     for _, same in groupby(order, key=lambda n: _kind(trials[n])):
@@ -123,7 +123,7 @@ def side_by_side(
 ) -> list[Answers]:
     """Return the outputs of one program, all trials side by side.
 
-    A trial that is over repeats its last frame; what comes of it is dropped.
+    A trial that is over repeats its last frame; its outputs are dropped.
     """
     bound = _bound(program, {**trials[0].setting, **constants})
     plan = engine.compile(bound, trials[0].shape, outputs, channels=FORCE_AXES)
@@ -146,7 +146,7 @@ def _frames(trials: Sequence[Trial], longest: int) -> Iterator[Any]:
 
 
 def _bound(program: Program, known: Mapping[str, float | bool]) -> Program:
-    """Return the program with what it takes of the known parameters."""
+    """Return the program with those of the known parameters that it takes."""
     takes = inspect.signature(program.function).parameters
     return program.bind(**{name: known[name] for name in known if name in takes})
 

@@ -13,7 +13,7 @@ from cnnum.tactile.contact.normal import Hertz, inverse_root
 
 @dataclass(frozen=True, slots=True)
 class PartialSlip:
-    """Where a sphere sticks and what it pulls, under a tangential force that only grew.
+    """Stick zone and traction of a sphere, under a tangential force that only grew.
 
     The traction points along the force everywhere (Cattaneo, Mindlin), which is exact for
     ν = 0 and the field's usual approximation else; normal and tangential loads do not couple,

@@ -16,8 +16,6 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebfit, chebpts1, chebval
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
-from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
@@ -139,6 +137,8 @@ class TorsionSlip:
 
     def _share(self, rho: Array) -> Array:
         """Return the traction over the sliding one at `rho` <= c, in Lubkin's closed form."""
+        from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
+
         a, c = self.contact_radius, self.stick_radius
         sine = a / c * np.sqrt((c - rho) * (c + rho) / ((a - rho) * (a + rho)))
         angle = np.arcsin(np.minimum(sine, 1.0))
@@ -231,6 +231,8 @@ def stick_ratio(share: float) -> float:
         return 1.0
     if share >= 1:
         return 0.0
+    from scipy.optimize import brentq
+
     return float(brentq(lambda c: _torque_share(c) - share, 0.0, 1.0, xtol=1e-14, rtol=1e-13))
 
 
@@ -242,4 +244,6 @@ def _torque_share(c: float) -> float:
 
 
 def _elliptic(ratio: Array) -> Array:
+    from scipy.special import ellipe
+
     return np.asarray(ellipe(1 - ratio * ratio), dtype=np.float64)

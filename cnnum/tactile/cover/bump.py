@@ -1,10 +1,10 @@
 """The cover with hemispherical bumps, by the coefficients that finite elements gave."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks, halfspace
@@ -12,6 +12,9 @@ from cnnum.tactile.checks import Array
 from cnnum.tactile.cover.axial import Profiles, to_components
 from cnnum.tactile.cover.protocol import arguments
 from cnnum.tactile.cover.tables import STRETCH, BumpTables, load_tables
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 COUPLE = 0.25
 """Half the distance between the forces of a bump's moment seen from afar, bump radii."""
@@ -58,7 +61,7 @@ class BumpCover:
     origin: tuple[float, float] = (0.0, 0.0)
     rigid_base: bool = False
     tables: BumpTables = field(default_factory=load_tables, repr=False, compare=False)
-    _spline: CubicSpline = field(init=False, repr=False, compare=False)
+    _spline: "CubicSpline" = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         checks.positive("youngs_modulus", self.youngs_modulus)
@@ -108,8 +111,10 @@ class BumpCover:
             return np.broadcast_to(origin, load.shape)
         return np.asarray(origin + self.pitch * np.rint((load - origin) / self.pitch))
 
-    def _at_depth(self) -> CubicSpline:
+    def _at_depth(self) -> "CubicSpline":
         """Return the seven profiles over the stretched distance, times (1 + depth)²."""
+        from scipy.interpolate import CubicSpline
+
         tables, depth = self.tables, float(checks.positive("depth", self.depth))
         low, high = tables.depths[0], tables.depths[-1]
         place = depth / self.bump_radius

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import j0, j1
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
@@ -111,6 +110,8 @@ def _waves_and_weights(farthest: float, depth: float) -> tuple[Array, Array]:
 
 def _hankel(waves: LayerWaves, k: Array, weight: Array, distance: Array) -> Array:
     """Return the seven profiles at distances: inverse transforms of the waves, (7, n)."""
+    from scipy.special import j0, j1
+
     measure = k * weight / (2 * math.pi)
     reach = k[:, None] * distance
     zero, one = j0(reach), j1(reach)

@@ -1,4 +1,4 @@
-"""The influence of a bump on what taxels under it see, worked out by finite elements."""
+"""The influence of a bump on the taxels under it, computed by finite elements."""
 
 import math
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ PROFILES = 7
 
 @dataclass(frozen=True, slots=True)
 class BumpTables:
-    """Stress for unit force and radius, and strain for unit modulus besides, at ν = 0.5.
+    """Stress for unit force and radius, and also strain for unit modulus, at ν = 0.5.
 
     Attributes
     ----------

@@ -78,7 +78,7 @@ class StandardLinearSolid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Creep:
-    """What a creeping cover remembers between samples.
+    """The memory of a creeping cover between samples.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ def at_rest(shape: tuple[int, ...]) -> Creep:
 def creep_step(
     solid: StandardLinearSolid, before: Creep, elastic: ArrayLike, time_step: float
 ) -> Creep:
-    """Return the memory one sample on; its `strain` is what taxels see.
+    """Return the memory one sample on; its `strain` is that at the taxels.
 
     Exact for a load that changes linearly between samples, at any time step: one exponential.
 

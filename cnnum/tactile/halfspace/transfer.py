@@ -1,4 +1,4 @@
-"""The half-space as a spatial filter: what it does to a traction of one wave vector.
+"""The half-space as a spatial filter: its response to a traction of one wave vector.
 
 A traction q exp(i(k_x x + k_y y)) gives stress of the same wave vector; the factors between
 them are here. k = |k| and depth z meet as kz alone, in three shapes: the harmonic extension

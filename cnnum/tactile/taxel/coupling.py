@@ -1,4 +1,4 @@
-"""What the elastic cover hands on to a taxel: the strain at its foot to the force on silicon."""
+"""Coupling of the elastic cover to a taxel: the strain at its foot to the force on silicon."""
 
 from dataclasses import dataclass, field
 from math import pi

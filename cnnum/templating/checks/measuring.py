@@ -149,7 +149,7 @@ def _run(template: Template, engine: Engine, form: ClosedForm, case: Case) -> Re
 
 
 def drift(template: Template, result: Result, measured: Measured) -> str:
-    """Return how a template differs from what was measured of it, in a sentence; empty if not.
+    """Return how a template differs from its measured figures, in a sentence; empty if not.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def drift(template: Template, result: Result, measured: Measured) -> str:
 
 
 def shifted(template: Template, engine: Engine, measured: Measured) -> str:
-    """Return how margin or settle time differ from what was measured, in a sentence; empty if not.
+    """Return how margin or settle time differ from the measured ones, in a sentence; empty if not.
 
     A margin is right if nine tenths of it flip no cell, and 1.3 times it flips one.
     """

@@ -14,7 +14,7 @@ DENSITIES = (0.0, 0.15, 0.35, 0.5, 0.7, 1.0)
 def binary(rng: np.random.Generator, shape: Shape) -> Floats:
     """Return black-and-white pictures, speckled and blobby ones, of several densities.
 
-    Nothing keeps the objects away from the frame, so many of them touch it.
+    Nothing keeps the objects away from the frame, and many of them touch it.
 
     Returns
     -------

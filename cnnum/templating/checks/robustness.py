@@ -1,6 +1,6 @@
 """How much the weights of a template may be off before a cell of its check is wrong."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import CnnumError
+from cnnum.templating.checks.intervals import wilson
 from cnnum.templating.checks.measuring import SHAPE
 from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.checks.registry import form_of
@@ -19,7 +20,7 @@ BITS = (8, 7, 6)
 STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Relative changes of one weight that are tried."""
 
-_DRAWS = 10
+DRAWS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,11 +35,17 @@ class Flips:
         Share of the drawn templates with a wrong cell.
     wrong : float
         Share of wrong cells over all of them.
+    draws : int
+    low, high : float
+        Of `flipped`, with 95 % confidence; a coarse template is one, and known.
     """
 
     change: str
     flipped: float
     wrong: float
+    draws: int = 1
+    low: float = 0.0
+    high: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +67,15 @@ class Tolerance:
     up: float
 
 
-def flips(template: Template, engine: Engine, *, seed: int = 0) -> tuple[Flips, ...]:
+def flips(
+    template: Template,
+    engine: Engine,
+    *,
+    seed: int = 0,
+    mismatches: Sequence[float] = MISMATCHES,
+    bits: Sequence[int] = BITS,
+    draws: int = DRAWS,
+) -> tuple[Flips, ...]:
     """Return how often random mismatch and coarse weights make cells wrong.
 
     Mismatch multiplies every number of A, B and z by 1 plus a normal number of that width; a
@@ -69,11 +84,11 @@ def flips(template: Template, engine: Engine, *, seed: int = 0) -> tuple[Flips, 
     job = _Job(template, engine)
     rng = np.random.default_rng(seed)
     found = list[Flips]()
-    for width in MISMATCHES:
-        shares = [job.wrong(_scaled(template, _mismatch(rng, width))) for _ in range(_DRAWS)]
+    for width in mismatches:
+        shares = [job.wrong(_scaled(template, _mismatch(rng, width))) for _ in range(draws)]
         found.append(_flips(f"mismatch {100.0 * width:g} %", shares))
-    for bits in BITS:
-        found.append(_flips(f"{bits} bits", [job.wrong(_coarse(template, bits))]))
+    for each in bits:
+        found.append(_flips(f"{each} bits", [job.wrong(_coarse(template, each))]))
     return tuple(found)
 
 
@@ -146,4 +161,6 @@ def _coarse(template: Template, bits: int) -> Template:
 
 
 def _flips(change: str, shares: list[float]) -> Flips:
-    return Flips(change, float(np.mean([s > 0.0 for s in shares])), float(np.mean(shares)))
+    flipped = sum(share > 0.0 for share in shares)
+    low, high = wilson(flipped, len(shares))
+    return Flips(change, flipped / len(shares), float(np.mean(shares)), len(shares), low, high)

@@ -9,7 +9,7 @@ from cnnum.templating.template import Template
 
 @dataclass(frozen=True, slots=True)
 class StabilityClass:
-    """What is known of a template's transients.
+    """The class of a template's transients.
 
     Attributes
     ----------

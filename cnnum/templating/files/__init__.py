@@ -33,7 +33,7 @@ __all__ = [
 
 
 def load_template(path: str | PathLike[str]) -> Template:
-    """Return the template that a file describes; its suffix tells the format.
+    """Return the template that a file describes; its suffix gives the format.
 
     Raises
     ------
@@ -107,7 +107,7 @@ def save_template(
     ----------
     template : Template
     path : path
-        Its suffix tells the format; an existing file is replaced.
+        Its suffix gives the format; an existing file is replaced.
     aliases : iterable of str
         Other names that the library finds it by.
 
@@ -131,7 +131,7 @@ def save_entry(entry: Entry, path: str | PathLike[str]) -> None:
     TemplateError
         If the suffix is unknown.
     NotSupportedError
-        If the format cannot say what the template has.
+        If the format cannot hold a part of the template.
     """
     target = Path(path)
     form = _format(target)

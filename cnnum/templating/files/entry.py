@@ -1,4 +1,4 @@
-"""What a template file holds, and what a file format can do."""
+"""The content of a template file, and the abilities of a file format."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from cnnum.errors import TemplateError
 from cnnum.safety.names import checked_name
 from cnnum.templating.files.measured import Measured
+from cnnum.templating.files.proof import Proof
 from cnnum.templating.template import Template
 
 
@@ -33,12 +34,14 @@ class About:
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A template, the other names it goes by, the words about it, and its measured figures.
+    """A template, the other names it goes by, the words about it, its measured figures and proof.
 
     Attributes
     ----------
     measured : Measured or None
         Written by a command; None where nothing was measured yet.
+    proof : Proof or None
+        Of a template that a command designed.
 
     Raises
     ------
@@ -50,6 +53,7 @@ class Entry:
     aliases: tuple[str, ...] = ()
     about: About = field(default_factory=About)
     measured: Measured | None = None
+    proof: Proof | None = None
 
     def __post_init__(self) -> None:
         for alias in self.aliases:

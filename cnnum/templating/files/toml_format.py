@@ -1,11 +1,11 @@
-"""Templates as TOML: what the library is written in.
+"""Templates as TOML: the format of the library.
 
 Keys: name, A, B, z, tau, boundary, input_boundary, initial, duration, output, description, source,
 aliases; the words about it: input, state, tags, experimental, published_boundary; the tables
 [[nonlinear]] (neighbour, weights, interpolation, points, and where needed centre, to, source,
 centre_source, times_argument, reversed_sign), [[gain]] (to, source, interpolation, points) and
 [delayed] (delay, A, B); the table [check] with the name of a closed form and its parameters; and
-the table [measured] that a command writes. Matrices are nested lists of rows, (k, k) or
+the tables [measured] and [proof] that commands write. Matrices are nested lists of rows, (k, k) or
 [to][from][row][col].
 """
 
@@ -16,6 +16,7 @@ from cnnum.errors import ArrayError, TemplateError, UnknownNameError
 from cnnum.safety.toml_reading import parse_toml
 from cnnum.templating.files.entry import About, Entry, FileFormat
 from cnnum.templating.files.measured import read_measured
+from cnnum.templating.files.proof import read_proof
 from cnnum.templating.files.toml_couplings import Delay, delayed, gains, nonlinear
 from cnnum.templating.files.toml_text import entry_to_toml
 from cnnum.templating.files.toml_values import (
@@ -64,12 +65,13 @@ def _read(content: str, file: str) -> Entry:
     except ValueError as error:
         raise TemplateError(f"'{file}' must be TOML, got an error: {error}.") from None
     aliases = names(file, "aliases", table.pop("aliases", []))
-    found = table.pop("measured", None)
+    found, proved = table.pop("measured", None), table.pop("proof", None)
     words = {key: read(file, key, table.pop(key)) for key, read in _ABOUT.items() if key in table}
     template = _template(file, table)
     try:
         measured = None if found is None else read_measured(file, "measured", found)
-        return Entry(template, aliases, About(**words), measured)
+        proof = None if proved is None else read_proof(file, "proof", proved)
+        return Entry(template, aliases, About(**words), measured, proof)
     except TemplateError as error:
         raise TemplateError(f"'{file}': {error}") from None
 
@@ -79,7 +81,7 @@ def _template(file: str, table: dict[str, object]) -> Template:
         if key not in _READERS:
             raise TemplateError(
                 f"'{file}': unknown key {key!r:.60}, expected one of "
-                f"{', '.join([*_READERS, 'aliases', *_ABOUT, 'measured'])}."
+                f"{', '.join([*_READERS, 'aliases', *_ABOUT, 'measured', 'proof'])}."
             )
     for key in _REQUIRED:
         if key not in table:

@@ -6,6 +6,7 @@ from cnnum.errors import TemplateError
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.files.entry import About, Entry
 from cnnum.templating.files.measured import measured_toml
+from cnnum.templating.files.proof import proof_toml
 from cnnum.templating.files.toml_scalars import quoted, rows, several, stacked, value, yes_or_no
 from cnnum.templating.function_tables import Table
 from cnnum.templating.template import Check, Template
@@ -23,6 +24,8 @@ def entry_to_toml(entry: Entry) -> str:
         lines += ["", "[delayed]", *_assigned(_delayed(template.delayed, template))]
     if template.check is not None:
         lines += ["", "[check]", *_check(template.check)]
+    if entry.proof is not None:
+        lines += ["", *proof_toml(entry.proof)]
     if entry.measured is not None:
         lines += ["", measured_toml(entry.measured).rstrip()]
     return "\n".join([*lines, ""])

@@ -1,8 +1,8 @@
 """Incipient slip of a sphere by Cattaneo and Mindlin's law, where friction and cover are known.
 
 The disc that sticks has the share c/a = (1 − Q/μP)^⅓ of the contact's radius. The law holds for a
-sphere on a deep elastic cover, under a normal load that stays. What shows that it does not hold:
-a pressure that is not Hertz's, a pull beyond what friction holds, and a slide at another pull.
+sphere on a deep elastic cover, under a normal load that stays. Signs that it does not hold:
+a pressure that is not Hertz's, a pull beyond friction's limit, and a slide at another pull.
 """
 
 from collections.abc import Mapping
@@ -53,7 +53,7 @@ def mindlin_slip(
 ) -> Mapping[str, Field]:
     """Incipient and gross slip of a sphere, and how much of its contact sticks.
 
-    The stream must begin without contact: its first frames say what rest is.
+    The stream must begin without contact: its first frames define rest.
 
     Parameters
     ----------
@@ -116,10 +116,10 @@ def _hertz(loads: Loads, pressed: Pressed) -> Field:
 
 
 def _contradicted(frame: FrameFields, used: Field, gross: Field, steady: Field) -> Field:
-    """Return a flag: the last pull that told was not the one that friction holds.
+    """Return a flag: the last conclusive pull was not at friction's limit.
 
-    More than friction holds is one such, and so is a slide at less. A touch that begins does not
-    tell: its load is next to nothing.
+    A pull beyond that limit is one such, and so is a slide below it. A touch that begins is
+    not conclusive: its load is next to nothing.
     """
     memory = frame.memory("contradicted", scalar=True, logic=True)
     peak = frame.memory("largest pull of the slide", scalar=True)

@@ -9,11 +9,11 @@ from itertools import product
 
 import numpy as np
 
-from cnnum.arrays import Floats
 from cnnum.engines.opencl.ir.expressions import Constant, Expression, Name
 from cnnum.engines.opencl.ir.statements import add
 from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
 from cnnum.engines.opencl.transients.dependencies import delays_outputs
+from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name
 from cnnum.engines.opencl.transients.stencil_sums import shares_products, weighted_terms
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
 from cnnum.templating.function_tables import Table
@@ -145,14 +145,6 @@ def coupled(
         f"vec {at.sum} = {rows.cells('driven', at)} + {rows.vector(own[at.layer])} * {states[at]};"
         for at in block
     ]
-    return lines + fed_back(rows, block, between=between, kept=kept)
-
-
-def fed_back(
-    rows: Rows, block: list[At], *, between: bool = False, kept: Kept | None = None
-) -> list[str]:
-    """Return the text that adds what cells give each other to the sums of a block."""
-    lines = list[str]()
     for through in _throughs(rows, between, kept):
         lines += _added(rows, block, through)
     for at in block:
@@ -160,31 +152,6 @@ def fed_back(
             if not coupling.static and coupling.to == at.layer:
                 lines += _nonlinear(rows, coupling, at)
     return lines
-
-
-def given(rows: Rows, at: At, weights: Floats, name: Callable[[int], str]) -> list[str]:
-    """Return the text that adds weighted inputs, those in the arrays of that name, to a row's sum.
-
-    Parameters
-    ----------
-    rows : Rows
-    at : At
-    weights : (layers, inputs, k, k) float
-    name : callable
-        Of an input's array.
-    """
-
-    def value(source: int, row: int, col: int) -> str:
-        return _loaded(rows, f"{rows.base} + {rows.offsets[name(source)]}")(0, row, col)
-
-    found = tuple(taps(weights, layer) for layer in range(rows.text.layers))
-    return _added(rows, [at], Through(value, "", found)) if found[at.layer] else []
-
-
-def static_sums(rows: Rows, at: At) -> list[str]:
-    """Return the text that adds nonlinear couplings of inputs alone to a row's sum."""
-    found = (c for c in rows.text.template.nonlinear if c.static and c.to == at.layer)
-    return [line for coupling in found for line in _nonlinear(rows, coupling, at)]
 
 
 def _added(rows: Rows, block: list[At], through: Through) -> list[str]:
@@ -211,7 +178,7 @@ def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
     )
     found = [Through(now, "", steady)]
     found += [
-        Through(now, f"(vec)({rows.gain(k)}) * ", chosen(gain.to, gain.source))
+        Through(now, f"(vec)({gain_name(k).text}) * ", chosen(gain.to, gain.source))
         for k, gain in enumerate(gains)
     ]
     if text.template.delayed is not None and delays_outputs(text):
@@ -306,7 +273,7 @@ def _nonlinear(rows: Rows, coupling: NonlinearCoupling, at: At) -> list[str]:
 def _quantity(rows: Rows, name: Quantity, source: int, row: int, col: int) -> str:
     """Return the expression of a cell's state, output or input."""
     if name == "u":  # every input is an array of its own
-        array, source = f"{rows.base} + {rows.offsets[inputs_of(source)]}", 0
+        array, source = f"x + {rows.offsets[inputs_of(source)]}", 0
     else:
         array = FROM if name == "y" else STATES
     return _loaded(rows, array)(source, row, col)

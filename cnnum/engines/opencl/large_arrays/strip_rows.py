@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
-from cnnum.engines.opencl.large_arrays.row_vectors import PlainRows
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.dependencies import pads_states
 
@@ -35,25 +34,18 @@ class Rows:
     Attributes
     ----------
     text : TransientBuilder
-    layout : RowLayout or PlainRows
+    layout : RowLayout
     scales : tuple of float
         What the couplings and the drive of each layer come with.
     offsets : mapping of str to int or str
         Numbers from the array of states to each of the arrays that are kept, or the name of the
         variable that holds them.
-    base : str
-        The variable that holds the first array.
     """
 
     text: TransientBuilder
-    layout: RowLayout | PlainRows
+    layout: RowLayout
     scales: tuple[float, ...]
     offsets: Mapping[str, int | str]
-    base: str = "x"
-
-    def gain(self, number: int) -> str:
-        """Return the variable of what a coupling that varies in time comes with."""
-        return f"gain{number}" if self.base == "x" else f"{self.base}_gain{number}"
 
     def case(
         self, number: int, lines: list[str], head: Sequence[str] = (), tail: Sequence[str] = ()

@@ -64,7 +64,6 @@ def fits_rows(text: TransientBuilder, scheme: FixedSteps) -> bool:
         and width(cols) is not None
         and rows * text.layers <= MOST_ROWS
         and work <= MOST_STATEMENTS
-        and not scheme.settle
         and text.operands.mask is None
         and _clips(text.template.output) is not None
     )

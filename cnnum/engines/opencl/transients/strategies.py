@@ -27,7 +27,6 @@ from cnnum.engines.opencl.transients.state_equation import (
     CHANGE,
     Instant,
     declare_outputs,
-    once_by_rows,
     rates_once,
     watch_change,
 )
@@ -44,11 +43,6 @@ from cnnum.integrators.spectral import Spectral
 def _always(text: TransientBuilder, scheme: Any) -> bool:
     del text, scheme
     return True
-
-
-def _never(text: TransientBuilder) -> bool:
-    del text
-    return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +62,7 @@ class Strategy:
         Whether a scheme of these can run so.
     starts : bool
         Whether the states `x` stand at their start before.
-    pads : callable
+    pads : bool
         Whether padded arrays of outputs are declared before.
     """
 
@@ -78,12 +72,7 @@ class Strategy:
     lower: Callable[[TransientBuilder, Any], Figures]
     fits: Callable[[TransientBuilder, Any], bool] = _always
     starts: bool = True
-    pads: Callable[[TransientBuilder], bool] = lambda _: True
-
-
-def _pads_once(text: TransientBuilder) -> bool:
-    """Return whether the rates at the start of strips need padded outputs."""
-    return not once_by_rows(text)
+    pads: bool = True
 
 
 STRATEGIES = (
@@ -93,7 +82,7 @@ STRATEGIES = (
         (Decay, Propagator, Spectral),
         exact,
         starts=False,
-        pads=_never,
+        pads=False,
     ),
     Strategy(
         "cell by cell",
@@ -101,7 +90,7 @@ STRATEGIES = (
         (Separate,),
         separate,
         starts=False,
-        pads=_never,
+        pads=False,
     ),
     Strategy(
         "strips of states",
@@ -109,7 +98,7 @@ STRATEGIES = (
         (FixedSteps, ExponentialSteps),
         lambda text, scheme: state_strips(text, scheme),
         lambda text, scheme: strips_fit(text, scheme) and states_suffice(text, scheme),
-        pads=_never,
+        pads=False,
     ),
     Strategy(
         "strips",
@@ -117,7 +106,7 @@ STRATEGIES = (
         (FixedSteps, ExponentialSteps),
         lambda text, scheme: strip_steps(text, scheme),
         lambda text, scheme: strips_fit(text, scheme),
-        pads=_never,
+        pads=False,
     ),
     Strategy(
         "strips",
@@ -125,7 +114,6 @@ STRATEGIES = (
         (ChebyshevSteps,),
         chebyshev_in_strips,
         lambda text, scheme: strips_fit(text, scheme),
-        pads=_pads_once,
     ),
     Strategy(
         "strips",
@@ -133,7 +121,6 @@ STRATEGIES = (
         (AdaptiveSteps,),
         lambda text, scheme: adaptive(text, scheme, pair_attempts),
         lambda text, scheme: strips_fit(text, scheme),
-        pads=_pads_once,
     ),
     Strategy(
         "rows in registers",
@@ -147,7 +134,7 @@ STRATEGIES = (
         "a step of linear couplings is one sweep with the step in its weights",
         (FixedSteps,),
         fused_euler,
-        lambda text, scheme: fuses(text, scheme),
+        lambda text, scheme: text.tables.lanes > 1 and fuses(text, scheme),
     ),
     Strategy(
         "rolled stages",
@@ -179,7 +166,7 @@ def run(text: TransientBuilder, strategy: Strategy) -> Figures:
     drive(text)
     if strategy.starts:
         start(text)
-    if strategy.pads(text):
+    if strategy.pads:
         declare_outputs(text)
     figures = strategy.lower(text, text.solver.scheme)
     if text.solver.forced:
@@ -193,7 +180,7 @@ def settled_now(text: TransientBuilder, strategy: Strategy) -> None:
     Delayed outputs are taken as those of now, as they are once nothing changes.
     """
     text.body.append(declare(CHANGE, ZERO))
-    if not once_by_rows(text) and not strategy.pads(text):
+    if not strategy.pads:
         declare_outputs(text)
     instant = Instant(Number(text.solver.duration), lambda at: text.output(X[at]))
     rates_once(text, X, lambda at, _: [watch_change(text, X[at])], instant)

@@ -1,4 +1,4 @@
-"""What is drawn by seed: the array, the grip and how it is pulled."""
+"""Draws by seed: the array, the grip and its pull."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ REST, PRESS, HOLD = 0.5, 0.4, 0.4
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """What a family fixes of the array.
+    """The fixed parts of a family's array.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Surfaces through given points, by a linear system: what is least bent between held cells."""
+"""Surfaces through given points, by a linear system: the least bent one between held cells."""
 
 import numpy as np
 from numpy.typing import NDArray

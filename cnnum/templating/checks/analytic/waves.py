@@ -35,8 +35,8 @@ def line_after(start: Floats, weights: tuple[float, float], bias: float, time: f
 
     def slope(x: Floats) -> Floats:
         y: Floats = np.clip(np.concatenate([x[:, :1], x, x[:, -1:]], axis=1), -1.0, 1.0)
-        beside = 3.0 * ring * (y[:, :-2] + y[:, 2:])
-        return (centre + 2.0 * ring) * y[:, 1:-1] + beside + bias - x
+        sides = 3.0 * ring * (y[:, :-2] + y[:, 2:])
+        return (centre + 2.0 * ring) * y[:, 1:-1] + sides + bias - x
 
     return refined(slope, start, time)
 

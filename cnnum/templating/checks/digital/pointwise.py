@@ -63,7 +63,7 @@ def _threshold(template: Template, case: Case) -> Floats:
 
 
 def _beside_levels(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
-    """Draw gray inputs away from both levels of a latch, and what it was before."""
+    """Draw gray inputs away from both levels of a latch, and its state before."""
     level = number(template, "level")
     picture = gray(rng, shape)
     near = np.abs(np.abs(picture) - level) < MARGIN
@@ -118,7 +118,7 @@ FORMS = (
         "latch",
         _beside_levels,
         _latch,
-        "black above the level, white below its negative, else what it was",
+        "black above the level, white below its negative, else its value before",
         "level",
     ),
     _form(

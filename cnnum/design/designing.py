@@ -1,0 +1,138 @@
+"""From a specification to templates with their proofs."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cnnum.design.exact import Shape, as_template, settle_bound
+from cnnum.design.linear_program import Conflict, Weights, separate
+from cnnum.design.local_rules import Seen, Table, check_of
+from cnnum.design.sequences import sequence
+from cnnum.design.spec import Spec
+from cnnum.errors import TemplateError
+from cnnum.templating.checks.measuring import measure
+from cnnum.templating.checks.robustness import flips
+from cnnum.templating.checks.running import Engine
+from cnnum.templating.files.entry import About, Entry
+from cnnum.templating.files.proof import FlipRate, Proof
+from cnnum.templating.template import Check, Template
+
+PLACES = ("nw", "n", "ne", "w", "c", "e", "sw", "s", "se")
+_CARRIED = "The state carries what the template before made."
+
+
+@dataclass(frozen=True, slots=True)
+class Designed:
+    """A template that was designed, with its weights, its rule and its record.
+
+    Attributes
+    ----------
+    entry : Entry
+        As the library keeps it.
+    weights : Weights
+    table : Table
+    """
+
+    entry: Entry
+    weights: Weights
+    table: Table
+
+
+def designed(spec: Spec, engine: Engine) -> tuple[Designed, ...]:
+    """Return the templates of a specification: one, or a sequence where it may be split.
+
+    Raises
+    ------
+    TemplateError
+        If no template does what is asked; the sentence says why.
+    """
+    return tuple(_proved(spec, engine, *part) for part in _parts(spec))
+
+
+def _parts(spec: Spec) -> Iterator[tuple[Template, Weights, Table]]:
+    table = spec.table()
+    found = separate(table)
+    if isinstance(found, Weights):
+        yield _template(spec, spec.name, found, spec.description, _check(spec, found)), found, table
+        return
+    if not spec.split:
+        raise TemplateError(
+            f"No single template does '{spec.name}': {found.why} ({_shown(found)}); set "
+            "split = true in [design] for a sequence of templates, or let it see more."
+        )
+    steps = sequence(table)
+    for n, (weights, part) in enumerate(steps, 1):
+        text = f"Step {n} of {len(steps)} of {spec.name}. {_CARRIED if n > 1 else ''}".strip()
+        check = check_of(as_rule(weights), still=False, avoid="", state=_state(part))
+        name = f"{spec.name}_{n}"
+        words = f"{spec.description} {text}".strip()
+        yield _template(spec, name, weights, words, check), weights, part
+
+
+def _template(spec: Spec, name: str, weights: Weights, description: str, check: Check) -> Template:
+    before = any(seen.source == "before" for seen in weights.seen)
+    initial = -1.0 if before and spec.initial == 0.0 else spec.initial
+    shape = Shape(name, description, spec.boundary, initial, spec.margin, check)
+    return as_template(weights, shape)
+
+
+def _check(spec: Spec, weights: Weights) -> Check:
+    state = spec.state or ("other" if any(s.source == "before" for s in weights.seen) else "")
+    rule = spec.rule or as_rule(weights)
+    return check_of(rule, still=spec.still, avoid=spec.avoid, state=state)
+
+
+def _state(table: Table) -> str:
+    return "other" if Seen("before") in table.seen else ""
+
+
+def as_rule(weights: Weights) -> str:
+    """Return weights as a rule of the language of checks: black where the sum is above 0."""
+    black, white = list[str](), list[str]()
+    level = float(weights.values.sum()) - weights.bias
+    for seen, value in zip(weights.seen, weights.values.tolist(), strict=True):
+        if value:
+            place = PLACES[3 * (seen.down + 1) + seen.east + 1]
+            name = "before" if seen.source == "before" else place
+            (black if value > 0.0 else white).append(f"{2.0 * abs(value):.12g} * {name}")
+    (black if level < 0.0 else white).append(f"{abs(level):.12g}")
+    return f"{' + '.join(black) or '0'} > {' + '.join(white) or '0'}"
+
+
+def _proved(
+    spec: Spec, engine: Engine, template: Template, weights: Weights, table: Table
+) -> Designed:
+    counted = flips(template, engine, mismatches=spec.mismatch, bits=(), draws=spec.draws)
+    rates = tuple(
+        FlipRate(width, one.flipped, one.low, one.high, one.draws)
+        for width, one in zip(spec.mismatch, counted, strict=True)
+    )
+    before = spec.margin * weights.of("before")
+    coupled = any(seen.source == "y" for seen in weights.seen)
+    proof = Proof(
+        template.digest,
+        "linear program",
+        len(table.signs),
+        float((table.colours * weights.sums(table)).min()) * spec.margin,
+        weights.relative,
+        weights.bound,
+        None if coupled else settle_bound(spec.margin, before),
+        rates,
+    )
+    entry = Entry(template, about=About(tags=("designed",)), proof=proof)
+    return Designed(replace(entry, measured=measure(template, engine)), weights, table)
+
+
+def _shown(conflict: Conflict) -> str:
+    """Return one neighbourhood of each colour, by what it sees."""
+    found = list[str]()
+    for colour, word in ((1.0, "black"), (-1.0, "white")):
+        signs = conflict.signs[np.flatnonzero(conflict.colours == colour)[0]]
+        seen = " ".join(
+            f"{PLACES[3 * (s.down + 1) + s.east + 1] if s.source != 'before' else 'before'}="
+            f"{'#' if sign > 0.0 else 'o'}"
+            for s, sign in zip(conflict.seen, signs, strict=True)
+        )
+        found.append(f"{word} at {seen}")
+    return ", ".join(found)

@@ -1,0 +1,95 @@
+"""Templates of the library, designed anew from the local rules of their checks alone."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from cnnum.design.exact import Shape, as_template
+from cnnum.design.linear_program import Weights, separate
+from cnnum.design.local_rules import Table, table_of
+from cnnum.design.published import margins
+from cnnum.errors import CnnumError
+from cnnum.templating.checks.records import ClosedForm
+from cnnum.templating.checks.registry import form_of
+from cnnum.templating.checks.stability_class import stability_class
+from cnnum.templating.library import get_template, template_names
+from cnnum.templating.template import Template
+
+UNCOUPLED = ("linear and stable", "monostable cells", "bistable cells")
+
+
+@dataclass(frozen=True, slots=True)
+class Again:
+    """A template of the library and the one that its rule leads to.
+
+    Attributes
+    ----------
+    published : Template
+    template : Template
+        Its weights that decide sum to the same size as the published ones.
+    weights : Weights
+    table : Table
+    margin, published_margin : float
+        Least drive of a cell, at equal sums of weights.
+    published_relative : float
+        The same over the sum of all weights.
+    """
+
+    published: Template
+    template: Template
+    weights: Weights
+    table: Table
+    margin: float
+    published_margin: float
+    published_relative: float
+
+    @property
+    def name(self) -> str:
+        """Of the template."""
+        return self.published.name
+
+
+def found_again() -> Iterator[Again]:
+    """Yield every uncoupled template of one layer and 3×3 cells whose check is a local rule."""
+    for name in template_names():
+        template = get_template(name)
+        if template.check is None or not _fits(template, form_of(template)):
+            continue
+        try:
+            table = table_of(template)
+        except CnnumError:
+            continue  # the check is no local rule
+        if any(seen.source == "y" for seen in table.seen):
+            continue
+        yield again(template, table)
+
+
+def again(template: Template, table: Table) -> Again:
+    """Return a template beside the one that its rule leads to.
+
+    Raises
+    ------
+    TemplateError
+        If no single template does what the rule says.
+    """
+    weights = separate(table)
+    assert isinstance(weights, Weights)  # the published one separates too
+    margin, relative = margins(template, table)
+    size = margin / relative if relative else 1.0 / weights.relative
+    before = any(seen.source == "before" for seen in table.seen)
+    shape = Shape(
+        template.name,
+        template.description,
+        template.boundary.name,
+        -1.0 if before else 0.0,
+        weights.relative * size,
+        template.check,
+    )
+    made = as_template(weights, shape)
+    made = replace(made, input_boundary=template.input_boundary)
+    return Again(template, made, weights, table, weights.relative * size, margin, relative)
+
+
+def _fits(template: Template, form: ClosedForm) -> bool:
+    kind = stability_class(template).name
+    one = template.layers == 1 and template.inputs == 1 and template.radius <= 1
+    return form.digital and one and template.plain and kind in UNCOUPLED

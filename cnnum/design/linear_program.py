@@ -1,0 +1,219 @@
+"""The weights of the largest relative margin, by a linear program, with a certificate.
+
+A cell becomes black where Σ p·q > 0: q is what it sees, ±1 and a constant 1, and p are weights and
+bias. With every weight off by the share δ of itself, the sum moves by at most δ Σ |p|. The
+smallest sum over Σ |p| is thus the mismatch up to which no cell can flip (Hänggi & Moschytz 1999).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.design.local_rules import Seen, Source, Table
+
+SEPARATED = 1e-7
+"""Relative margins above it are none of a solver's rounding, which keeps to 1e-9 here."""
+
+DENOMINATORS = 1000
+
+TURNS: Sequence[Callable[[int, int], tuple[int, int]]] = (
+    lambda down, east: (down, -east),
+    lambda down, east: (-down, east),
+    lambda down, east: (east, down),
+    lambda down, east: (-east, -down),
+    lambda down, east: (east, -down),
+    lambda down, east: (-down, -east),
+)
+"""Mirrors and turns of the plane about a cell."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Weights:
+    """Weights of a margin of 1, and the proof that no others have a larger relative margin.
+
+    Attributes
+    ----------
+    seen : tuple of Seen
+        What each of `values` weighs.
+    values : (columns,) float
+    bias : float
+    relative : float
+        Margin over the sum of all sizes.
+    bound : float
+        No weights have more, by the multipliers of the linear program.
+    exact : bool
+        Whether the weights are ratios of whole numbers that were checked without rounding.
+    """
+
+    seen: tuple[Seen, ...]
+    values: Floats
+    bias: float
+    relative: float
+    bound: float
+    exact: bool
+
+    def of(self, source: Source, down: int = 0, east: int = 0) -> float:
+        """Return a weight, 0 where nothing is weighed."""
+        found: dict[Seen, float] = dict(zip(self.seen, self.values.tolist(), strict=True))
+        return found.get(Seen(source, down, east), 0.0)
+
+    def sums(self, table: Table) -> Floats:
+        """Return Σ p·q of every configuration."""
+        return np.asarray(table.signs @ self.values + self.bias, dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Conflict:
+    """Why no weights separate the colours: configurations whose signed sum is 0 with these shares.
+
+    Attributes
+    ----------
+    signs : (configurations, columns) float
+    colours, shares : (configurations,) float
+    """
+
+    seen: tuple[Seen, ...]
+    signs: Floats
+    colours: Floats
+    shares: Floats
+
+    @property
+    def why(self) -> str:
+        """A sentence."""
+        black = int((self.colours > 0.0).sum())
+        return (
+            f"{black} black and {len(self.colours) - black} white neighbourhoods have the same "
+            "weighted mean, so that no plane lies between them"
+        )
+
+    @property
+    def residue(self) -> float:
+        """How far the shares are from a proof, 0 but for rounding."""
+        rows = np.column_stack([self.signs, np.ones(len(self.signs))])
+        return float(np.abs((self.shares * self.colours) @ rows).max())
+
+
+def separate(table: Table, *, symmetric: bool = True) -> Weights | Conflict:
+    """Return the weights of the largest relative margin, or why there are none.
+
+    Weights of neighbours' outputs are not negative, so that cells only pull each other along.
+
+    Parameters
+    ----------
+    table : Table
+    symmetric : bool
+        Give equal weights to neighbours that a mirror or a quarter turn exchanges without a change
+        of the rule. No margin is lost: the mean of two solutions is one.
+    """
+    from scipy.optimize import linprog
+
+    rows = np.column_stack([table.signs, np.ones(len(table.signs))])
+    signed = table.colours[:, np.newaxis] * rows
+    count, columns = signed.shape
+    # p = plus − minus, and the margin
+    above = np.column_stack([-signed, signed, np.ones(count)])
+    size = np.append(np.ones(2 * columns), 0.0)
+    equal = equalities(table, columns) if symmetric else np.zeros((0, 2 * columns + 1))
+    pulls = [seen.source != "u" for seen in table.seen] + [False]
+    bounds = [(0.0, None)] * columns + [(0.0, 0.0 if pull else None) for pull in pulls]
+    found = linprog(
+        np.append(np.zeros(2 * columns), -1.0),
+        A_ub=np.vstack([above, size]),
+        b_ub=np.append(np.zeros(count), 1.0),
+        A_eq=equal if len(equal) else None,
+        b_eq=np.zeros(len(equal)) if len(equal) else None,
+        bounds=[*bounds, (0.0, None)],
+        method="highs",
+    )
+    shares = -np.asarray(found.ineqlin.marginals)[:count]
+    shares = np.maximum(shares, 0.0) / max(shares.sum(), 1e-300)
+    at: Floats = np.asarray(found.x, dtype=np.float64)
+    margin = float(at[-1])
+    if margin <= SEPARATED:
+        return conflict(table)
+    values = (at[:columns] - at[columns : 2 * columns]) / margin
+    return _weights(table, signed, values, _bound(table, shares, signed, symmetric=symmetric))
+
+
+def conflict(table: Table) -> Conflict:
+    """Return few configurations whose signed mean is 0."""
+    from scipy.optimize import linprog
+
+    rows = np.column_stack([table.signs, np.ones(len(table.signs))])
+    signed = table.colours[:, np.newaxis] * rows
+    # weights of outputs may not be negative: their columns may mean less than 0
+    pulls = np.array([seen.source != "u" for seen in table.seen] + [False])
+    found = linprog(
+        np.zeros(len(signed)),
+        A_eq=np.vstack([signed.T[~pulls], np.ones(len(signed))]),
+        b_eq=np.append(np.zeros(int((~pulls).sum())), 1.0),
+        A_ub=signed.T[pulls] if pulls.any() else None,
+        b_ub=np.zeros(int(pulls.sum())) if pulls.any() else None,
+        method="highs-ds",
+    )
+    shares = np.asarray(found.x)
+    used = shares > 1e-12
+    return Conflict(table.seen, table.signs[used], table.colours[used], shares[used])
+
+
+def _weights(table: Table, signed: Floats, values: Floats, bound: float) -> Weights:
+    """Return weights as ratios of whole numbers where those have the margin too."""
+    ratios = [Fraction(float(v)).limit_denominator(DENOMINATORS) for v in values]
+    whole = np.lcm.reduce([ratio.denominator for ratio in ratios])
+    scaled = np.array([int(ratio * int(whole)) for ratio in ratios], dtype=np.int64)
+    binary = bool(np.isin(signed, (-1.0, 1.0)).all())
+    near = float(np.abs(scaled / whole - values).max()) < 1e-6
+    exact = binary and near and bool((signed.astype(np.int64) @ scaled >= whole).all())
+    taken = scaled / whole if exact else values
+    margin = float((signed @ taken).min())
+    taken = taken / margin
+    relative = 1.0 / float(np.abs(taken).sum())
+    return Weights(table.seen, taken[:-1], float(taken[-1]), relative, bound, exact)
+
+
+def _bound(table: Table, shares: Floats, signed: Floats, *, symmetric: bool) -> float:
+    """Return what no relative margin exceeds: the largest mean column, its mirror images merged."""
+    mean = shares @ signed
+    pulls = np.array([seen.source != "u" for seen in table.seen] + [False])
+    orbits = _orbits(table) if symmetric else [[k] for k in range(len(mean))]
+    merged = mean.copy()
+    for orbit in orbits:
+        merged[orbit] = mean[orbit].mean()
+    sizes = np.where(pulls, np.maximum(merged, 0.0), np.abs(merged))
+    return float(sizes.max())
+
+
+def equalities(table: Table, columns: int) -> Floats:
+    """Return rows that are 0 where weights of one orbit are equal."""
+    found = list[Floats]()
+    for first, *others in _orbits(table):
+        for other in others:
+            for offset in (0, columns):
+                row = np.zeros(2 * columns + 1)
+                row[offset + first], row[offset + other] = 1.0, -1.0
+                found.append(row)
+    return np.array(found).reshape(-1, 2 * columns + 1)
+
+
+def _orbits(table: Table) -> list[list[int]]:
+    """Return the columns (and the bias) in groups that symmetries of the rule exchange."""
+    at = {seen: k for k, seen in enumerate(table.seen)}
+    group = list(range(len(at) + 1))
+    for turn in TURNS:
+        image = [Seen(s.source, *turn(s.down, s.east)) for s in table.seen]
+        if all(one in at for one in image):
+            order = [at[one] for one in image]
+            if _same(table, order):
+                for k, other in enumerate(order):
+                    low, high = sorted((group[k], group[other]))
+                    group = [low if g == high else g for g in group]
+    return [[k for k in range(len(group)) if group[k] == g] for g in sorted(set(group))]
+
+
+def _same(table: Table, order: list[int]) -> bool:
+    both = np.column_stack([table.signs, table.colours])
+    turned = np.column_stack([table.signs[:, order], table.colours])
+    return np.array_equal(np.unique(both, axis=0), np.unique(turned, axis=0))

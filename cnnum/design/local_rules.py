@@ -1,0 +1,234 @@
+"""Local rules as tables: what a cell sees, as signs, and the colour that it must become."""
+
+import itertools
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.errors import TemplateError
+from cnnum.templating.boundary import parse_boundary
+from cnnum.templating.checks.records import Case
+from cnnum.templating.checks.registry import form_of
+from cnnum.templating.checks.rules.language import Neighbourhood, Rule
+from cnnum.templating.template import Check, Template
+
+Source = Literal["u", "y", "before"]
+
+WHITE = parse_boundary(-1.0)
+NINE = tuple((down, east) for down in (-1, 0, 1) for east in (-1, 0, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """One number that a cell sees.
+
+    Attributes
+    ----------
+    source : "u", "y" or "before"
+        Of the input, of the outputs, or of the initial state.
+    down, east : int
+        Where the neighbour lies.
+    """
+
+    source: Source
+    down: int = 0
+    east: int = 0
+
+    def __str__(self) -> str:
+        return f"{self.source}[{self.down:+d}, {self.east:+d}]"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Table:
+    """A local rule: every configuration that counts, and its colour.
+
+    Attributes
+    ----------
+    seen : tuple of Seen
+        What the columns are.
+    signs : (configurations, columns) float, ±1
+        Free cells of an example may be gray.
+    colours : (configurations,) float, ±1
+
+    Raises
+    ------
+    TemplateError
+        If no configuration is black, or none white, or one is both.
+    """
+
+    seen: tuple[Seen, ...]
+    signs: Floats
+    colours: Floats
+
+    def __post_init__(self) -> None:
+        if len(set(self.colours.tolist())) < 2:
+            raise TemplateError(
+                "A rule must make some cells black and others white, got one colour for all: use "
+                "a template that fills the picture."
+            )
+
+    def without_idle(self) -> "Table":
+        """Return the rule without columns that never decide, and without repeated rows."""
+        table = _distinct(self)
+        for column in range(len(self.seen) - 1, -1, -1):
+            kept = [k for k in range(len(table.seen)) if k != column]
+            fewer = Table(tuple(table.seen[k] for k in kept), table.signs[:, kept], table.colours)
+            if not _contradictions(fewer):
+                table = _distinct(fewer)
+        return table
+
+    def refuse_contradictions(self) -> None:
+        """Raise if one configuration has both colours."""
+        if wrong := _contradictions(self):
+            raise TemplateError(
+                f"{wrong} neighbourhoods are black in one example and white in another: no local "
+                "rule does that; look at a larger neighbourhood, or mend the examples."
+            )
+
+
+def rule_table(rule: str, *, still: bool = False, avoid: str = "", name: str = "design") -> Table:
+    """Return the table of a rule in the language of checks.
+
+    Parameters
+    ----------
+    rule : str
+        Of the input's neighbourhood and `before`; with `still`, of the outputs' and `u`.
+    still : bool
+        Whether the rule is applied again and again until nothing changes.
+    avoid : str
+        Another rule: where it holds, any colour will do.
+    name : str
+        For error messages.
+
+    Raises
+    ------
+    TemplateError
+        If the text is no rule, or holds everywhere or nowhere, or reads too many cells.
+    """
+    if "ring24" in rule or re.search(r"[\"'](?:[^\"'/]*/){4}", rule):
+        raise TemplateError(f"The rule '{rule}' reads 5×5 cells: a design takes 3×3 of them.")
+    if "u_ring" in rule:
+        raise TemplateError(
+            f"The rule '{rule}' counts black cells of the input around: a design takes the cell "
+            "'u' alone besides the outputs."
+        )
+    cells: Source = "y" if still else "u"
+    second = Seen("u" if still else "before")
+    seen = (*(Seen(cells, *place) for place in NINE), second)
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=len(seen))))
+    black = signs[:, :9].reshape(-1, 3, 3) > 0.0
+    other = np.broadcast_to(signs[:, 9, np.newaxis, np.newaxis] > 0.0, black.shape)
+    near, own = Neighbourhood(black, WHITE), Neighbourhood(other, WHITE)
+    inputs = own if still else near
+
+    def held(text: str) -> NDArray[np.bool_]:
+        return Rule(name, text)(near, other, inputs)[:, 1, 1]
+
+    free = held(avoid) if avoid else np.zeros(len(signs), dtype=bool)
+    colours = np.where(held(rule), 1.0, -1.0)
+    return Table(seen, signs[~free], colours[~free]).without_idle()
+
+
+def table_of(template: Template) -> Table:
+    """Return the local rule of a template's check: the check's answer on every neighbourhood.
+
+    Neither the weights of the template nor its engine has a part in it.
+
+    Raises
+    ------
+    TemplateError
+        If the check is none of a cell's 3×3 neighbourhood.
+    """
+    form = form_of(template)
+    check = template.check
+    assert check is not None
+    words = dict(check.parameters)
+    if form.name in ("rule", "rule-until-still"):
+        still = form.name != "rule"
+        return rule_table(
+            str(words["rule"]), still=still, avoid=str(words.get("avoid", "")), name=template.name
+        )
+    if form.name not in LOCAL:
+        raise TemplateError(
+            f"Template '{template.name}': the check '{form.name}' is no local rule of 3×3 cells; "
+            f"expected one of {', '.join(LOCAL)}."
+        )
+    signs = np.array(list(itertools.product((-1.0, 1.0), repeat=10)))
+    pictures = signs[:, :9].reshape(-1, 3, 3)
+    states = np.broadcast_to(signs[:, 9, np.newaxis, np.newaxis], pictures.shape)
+    # the check needs black or white cells around, which the middle does not see
+    plain = Template(template.name, template.A, template.B, boundary=-1.0, check=check)
+    colours = form.expected(plain, Case(input=pictures, state=states))[:, 1, 1]
+    seen = (*(Seen("u", *place) for place in NINE), Seen("before"))
+    return Table(seen, signs, colours).without_idle()
+
+
+LOCAL = (
+    *("edge", "erosion", "dilation", "thinning", "hit-or-miss", "neighbour-count"),
+    *("logic", "shift", "rule", "rule-until-still"),
+)
+"""Checks that are local rules."""
+
+
+def example_table(
+    examples: Sequence[tuple[Floats, Floats | None, Floats]], boundary: float | str
+) -> Table:
+    """Return the table of what the cells of example pictures see.
+
+    Parameters
+    ----------
+    examples : sequence of (input, state or None, output), each (rows, cols) float
+        An output of 0 is free.
+    boundary : float or str
+        Of the pictures: a number, "zero-flux" or "periodic".
+
+    Raises
+    ------
+    TemplateError
+        If one neighbourhood has both colours.
+    """
+    edge = parse_boundary(boundary)
+    rows, colours = list[Floats](), list[Floats]()
+    for picture, state, output in examples:
+        padded = (
+            np.pad(picture, 1, constant_values=edge.constant)
+            if edge.constant is not None
+            else np.pad(picture, 1, mode=edge.pad_mode)
+        )
+        height, width = picture.shape
+        columns = [padded[1 + d : 1 + d + height, 1 + e : 1 + e + width] for d, e in NINE]
+        before = np.zeros_like(picture) if state is None else state
+        wanted = output.ravel() != 0.0
+        rows.append(np.stack([c.ravel() for c in (*columns, before)], axis=1)[wanted])
+        colours.append(output.ravel()[wanted])
+    seen = (*(Seen("u", *place) for place in NINE), Seen("before"))
+    table = Table(seen, np.concatenate(rows), np.concatenate(colours))
+    table.refuse_contradictions()
+    return _distinct(table) if any(s is not None for _, s, _ in examples) else _inputs(table)
+
+
+def check_of(rule: str, *, still: bool, avoid: str, state: str) -> Check:
+    """Return the check of a template that follows a rule."""
+    words = {"rule": rule, "avoid": avoid, "state": state}
+    given = tuple((key, text) for key, text in words.items() if text)
+    return Check("rule-until-still" if still else "rule", given)
+
+
+def _inputs(table: Table) -> Table:
+    return _distinct(Table(table.seen[:9], table.signs[:, :9], table.colours))
+
+
+def _distinct(table: Table) -> Table:
+    both = np.column_stack([table.signs, table.colours])
+    rows = np.unique(both, axis=0)
+    return Table(table.seen, rows[:, :-1], rows[:, -1])
+
+
+def _contradictions(table: Table) -> int:
+    both = np.unique(np.column_stack([table.signs, table.colours]), axis=0)
+    return len(both) - len(np.unique(both[:, :-1], axis=0))

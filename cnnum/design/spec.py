@@ -1,0 +1,189 @@
+"""Specifications of templates to design: TOML files with a table [design]."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.design.local_rules import Table, example_table, rule_table
+from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.safety.names import checked_name
+from cnnum.safety.reading import read_text
+from cnnum.safety.toml_reading import LARGEST, parse_toml
+from cnnum.templating.files.toml_values import (
+    flag,
+    names,
+    number,
+    number_or_text,
+    table,
+    text,
+    whole,
+    wrong,
+)
+from cnnum.templating.template import Initial
+
+SIGNS: Mapping[str, float] = {"#": 1.0, "o": -1.0, ".": 0.0}
+DESIGN = ("rule", "until", "avoid", "state", "boundary", "initial", "margin", "split")
+PROOF = ("mismatch", "draws")
+TOP = ("name", "description", "design", "example")
+
+
+@dataclass(frozen=True, slots=True)
+class Spec:
+    """What a template is to do.
+
+    Attributes
+    ----------
+    name, description : str
+    rule : str
+        In the language of checks; empty where examples say it.
+    still : bool
+        Whether the rule is applied until nothing changes.
+    avoid, state : str
+        As the check of a rule takes them.
+    examples : tuple of (input, state or None, output)
+    boundary : float or str
+    initial : float or "input"
+    margin : float
+    split : bool
+        Whether a sequence of templates will do.
+    mismatch : tuple of float
+        At which flips are counted.
+    draws : int
+    """
+
+    name: str
+    description: str = ""
+    rule: str = ""
+    still: bool = False
+    avoid: str = ""
+    state: str = ""
+    examples: tuple[tuple[Floats, Floats | None, Floats], ...] = ()
+    boundary: float | str = -1.0
+    initial: Initial = 0.0
+    margin: float = 1.0
+    split: bool = False
+    mismatch: tuple[float, ...] = field(default=(0.01, 0.05, 0.1))
+    draws: int = 100
+
+    def __post_init__(self) -> None:
+        checked_name("a template", self.name, TemplateError)
+        if bool(self.rule) == bool(self.examples):
+            raise TemplateError(
+                f"The design '{self.name}' needs a rule or examples, one of them: write "
+                '[design] rule = "…", or tables [[example]].'
+            )
+        if not self.margin > 0.0 or self.draws < 1 or any(m < 0.0 for m in self.mismatch):
+            raise TemplateError(
+                f"The design '{self.name}' needs a margin above 0, mismatches from 0 up and at "
+                f"least one draw, got {self.margin:g}, {list(self.mismatch)} and {self.draws}."
+            )
+
+    def table(self) -> Table:
+        """Return the local rule.
+
+        Raises
+        ------
+        TemplateError
+            If there is none.
+        """
+        if self.rule:
+            return rule_table(self.rule, still=self.still, avoid=self.avoid, name=self.name)
+        return example_table(self.examples, self.boundary)
+
+
+def is_spec(path: str | PathLike[str]) -> bool:
+    """Return whether a file is a specification; what cannot be read is none."""
+    try:
+        return "design" in parse_toml(read_text(Path(path), most=LARGEST))
+    except (OSError, ValueError):
+        return False
+
+
+def load_spec(path: str | PathLike[str]) -> Spec:
+    """Return the specification that a file holds.
+
+    Raises
+    ------
+    TemplateFileError
+        If the file cannot be read.
+    TemplateError
+        If a key is missing or unknown, or a value is wrong.
+    """
+    source = Path(path)
+    try:
+        content = parse_toml(read_text(source, most=LARGEST))
+    except OSError as error:
+        raise TemplateFileError(
+            f"The design '{source}' cannot be read: {error.strerror}; check the path."
+        ) from None
+    except ValueError as error:
+        raise TemplateError(f"'{source}' must be TOML, got an error: {error}.") from None
+    return _spec(str(source), content)
+
+
+def _spec(file: str, content: dict[str, object]) -> Spec:
+    _known(file, content, TOP)
+    if "name" not in content:
+        raise TemplateError(f"'{file}': the key 'name' is missing; every template needs it.")
+    asked = table(file, "design", content.get("design", {}))
+    _known(file, asked, (*DESIGN, *PROOF))
+    values: dict[str, object] = {"name": text(file, "name", content["name"])}
+    readers = {"rule": text, "avoid": text, "state": text, "boundary": number_or_text}
+    readers |= {"initial": number_or_text, "margin": number, "split": flag, "draws": whole}
+    values |= {
+        key: read(file, f"design.{key}", asked[key])
+        for key, read in readers.items()
+        if key in asked
+    }
+    if "description" in content:
+        values["description"] = text(file, "description", content["description"])
+    if "until" in asked:
+        values["still"] = _until(file, asked["until"])
+    if "mismatch" in asked:
+        values["mismatch"] = _numbers(file, "design.mismatch", asked["mismatch"])
+    listed = content.get("example", [])
+    rows = cast("list[object]", listed) if isinstance(listed, list) else [listed]
+    values["examples"] = tuple(_example(file, table(file, "example", row)) for row in rows)
+    return Spec(**values)  # type: ignore[arg-type]
+
+
+def _known(file: str, found: Mapping[str, object], keys: tuple[str, ...]) -> None:
+    for key in found:
+        if key not in keys:
+            raise TemplateError(
+                f"'{file}': unknown key {key!r:.60}, expected one of {', '.join(keys)}."
+            )
+
+
+def _until(file: str, value: object) -> bool:
+    if value not in ("once", "still"):
+        raise wrong(file, "design.until", "'once' or 'still'", value)
+    return value == "still"
+
+
+def _numbers(file: str, key: str, value: object) -> tuple[float, ...]:
+    rows = cast("list[object]", value) if isinstance(value, list) else [value]
+    return tuple(number(file, key, row) for row in rows)
+
+
+def _example(file: str, found: dict[str, object]) -> tuple[Floats, Floats | None, Floats]:
+    _known(file, found, ("input", "state", "output"))
+    for key in ("input", "output"):
+        if key not in found:
+            raise TemplateError(f"'{file}': an [[example]] needs the key '{key}'.")
+    given = {key: _picture(file, f"example.{key}", value) for key, value in found.items()}
+    if len({picture.shape for picture in given.values()}) > 1:
+        raise TemplateError(f"'{file}': the pictures of an [[example]] must be of one size.")
+    return given["input"], given.get("state"), given["output"]
+
+
+def _picture(file: str, key: str, value: object) -> Floats:
+    rows = names(file, key, value)
+    if len({len(row) for row in rows}) != 1 or set("".join(rows)) - SIGNS.keys() or not rows[0]:
+        raise wrong(file, key, "rows of '#', 'o' and '.', of one length", value)
+    return np.array([[SIGNS[sign] for sign in row] for row in rows])

@@ -1,0 +1,131 @@
+"""What a designed template was proved and measured to do, as the table [proof] of its file.
+
+`cnnum templates design` writes it. A change of the weights by hand makes it void: the digest tells.
+"""
+
+from dataclasses import dataclass
+from typing import cast
+
+from cnnum.errors import TemplateError
+from cnnum.templating.files.toml_values import number, table, text, whole, wrong
+
+REQUIRED = ("digest", "method", "examples", "margin", "relative_margin")
+KEYS = (*REQUIRED, "bound", "settle", "flips")
+
+
+@dataclass(frozen=True, slots=True)
+class FlipRate:
+    """How often a cell of the check was wrong under mismatch.
+
+    Attributes
+    ----------
+    mismatch : float
+        Of every weight, as a share of itself: the standard deviation.
+    rate : float
+        Share of the drawn templates with a wrong cell.
+    low, high : float
+        Of the rate, with 95 % confidence (Wilson).
+    draws : int
+    """
+
+    mismatch: float
+    rate: float
+    low: float
+    high: float
+    draws: int
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """The proof of a designed template.
+
+    Attributes
+    ----------
+    digest : str
+        Of the numbers that the proof is of.
+    method : str
+        "linear program" or "search".
+    examples : int
+        Neighbourhoods that the weights were held to, or cells of pictures.
+    margin : float
+        Least drive of a cell, towards its right colour.
+    relative_margin : float
+        The same over the sum of all weights that decide: no mismatch below it flips a cell.
+    bound : float or None
+        No weights have a larger relative margin; None where that is not known.
+    settle : float or None
+        Time constants until every cell of exact weights is black or white; None where cells wait
+        for each other.
+    flips : tuple of FlipRate
+    """
+
+    digest: str
+    method: str
+    examples: int
+    margin: float
+    relative_margin: float
+    bound: float | None = None
+    settle: float | None = None
+    flips: tuple[FlipRate, ...] = ()
+
+
+def read_proof(file: str, key: str, value: object) -> Proof:
+    """Return what the table [proof] says.
+
+    Raises
+    ------
+    TemplateError
+        If a key is missing or unknown, or a value is wrong.
+    """
+    found = table(file, key, value)
+    if set(found) - set(KEYS) or set(REQUIRED) - set(found):
+        raise TemplateError(
+            f"'{file}': the table '{key}' has the keys {', '.join(KEYS)}, got "
+            f"{', '.join(found) or 'none'}; design the template again."
+        )
+
+    def optional(name: str) -> float | None:
+        return number(file, f"{key}.{name}", found[name]) if name in found else None
+
+    return Proof(
+        text(file, f"{key}.digest", found["digest"]),
+        text(file, f"{key}.method", found["method"]),
+        whole(file, f"{key}.examples", found["examples"]),
+        number(file, f"{key}.margin", found["margin"]),
+        number(file, f"{key}.relative_margin", found["relative_margin"]),
+        optional("bound"),
+        optional("settle"),
+        tuple(_flip(file, f"{key}.flips", row) for row in _rows(found.get("flips", []))),
+    )
+
+
+def proof_toml(proof: Proof) -> list[str]:
+    """Return the lines of the table [proof]."""
+    lines = [
+        "[proof]",
+        f'digest = "{proof.digest}"',
+        f'method = "{proof.method}"',
+        f"examples = {proof.examples}",
+        f"margin = {proof.margin:.9g}",
+        f"relative_margin = {proof.relative_margin:.9g}",
+    ]
+    optional = {"bound": proof.bound, "settle": proof.settle}
+    lines += [f"{key} = {value:.9g}" for key, value in optional.items() if value is not None]
+    if proof.flips:
+        rows = (
+            f"[{f.mismatch:g}, {f.rate:.6g}, {f.low:.6g}, {f.high:.6g}, {f.draws}]"
+            for f in proof.flips
+        )
+        lines.append(f"flips = [{', '.join(rows)}]")
+    return lines
+
+
+def _rows(value: object) -> list[object]:
+    return cast("list[object]", value) if isinstance(value, list) else [value]
+
+
+def _flip(file: str, key: str, value: object) -> FlipRate:
+    if len(row := _rows(value)) != 5:
+        raise wrong(file, key, "rows [mismatch, rate, low, high, draws]", row)
+    mismatch, rate, low, high = (number(file, key, one) for one in row[:4])
+    return FlipRate(mismatch, rate, low, high, whole(file, key, row[4]))
