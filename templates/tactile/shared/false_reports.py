@@ -4,6 +4,8 @@ The rates are those of simulated hands that grip, press, pull in part, tremble a
 slip: `docs/scoring.md` has the table and its command. Rolling under a weight is not among them.
 """
 
+from math import log
+
 import numpy as np
 
 from cnnum.programs.parameters import refuse_outside
@@ -26,5 +28,6 @@ def level_of(false_reports: float, levels: Levels) -> float:
         If the rate is outside those that were measured.
     """
     refuse_outside(false_reports=(false_reports, levels[0][0], levels[-1][0]))
-    rates, heights = np.array(levels).T
-    return float(np.interp(np.log(false_reports), np.log(rates), heights))
+    rates = [log(rate) for rate, _ in levels]
+    found = np.interp(np.array([log(false_reports)]), rates, [level for _, level in levels])
+    return float(found[0])
