@@ -29,6 +29,28 @@ the check that it must pass, and its measured figures.
 much may be added to the bias, and taken from it, with no wrong cell; a gray answer has none. Both
 are of the pictures of the check.
 
+## One wrong weight
+
+`python -m docs.figures.changed_weights` multiplies each number of A, B and z by 1.2, one at a time.
+Of 2,517 changed templates, these pass `cnnum templates check`:
+
+| compared | pass |
+|---|---|
+| the function alone | 1,688 |
+| and the end state | 890 |
+| and margin and settle time | 788 |
+| and the digest of the numbers | 0 |
+
+Of the 788 without the digest, 317 are right to pass. In 206 of them no cell of any picture has
+another colour, and the margin stays within a quarter: their decision is robust. In 111 a small
+weight moves a gray answer by less than the tolerance of its check. The check of the other 471 is a
+solution of the template's own equation, wrong weight included, and their mean end state moves by
+less than 0.02, or 0.1 where tables jump: only the digest sees that.
+
+With `--out FOLDER` it writes the changed templates, and
+`cnnum templates check FOLDER` fails all of them by their digest.
+`cnnum templates design NAME --weights` shows of each weight how far it may go.
+
 ## Experimental templates
 
 Of {experimental} templates ({share:.1f} %) no check shows that they do their job. Most of them are

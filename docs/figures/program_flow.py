@@ -126,7 +126,7 @@ def slip_flow() -> tuple[Traced, list[Drawn]]:
     """Return the boxes of `slip`."""
     traced = Traced.of(slip_file.slip)
     recent, (pad,) = traced.recent, traced.recent.pads
-    moves, loosens, grows, along = nodes_of(slip_file._read_outs(recent, pad))
+    moves, loosens, grows, along = nodes_of(slip_file.read_outs(recent, pad))
     changes = [*nodes_of([recent.jolt]), *traced.memory("trend")]
     return traced, [
         *start_of(traced),

@@ -40,7 +40,7 @@ def slip(
     still: float = 0.25,
     pull: float = 0.75,
     swing: float = 0.3,
-    false_reports: float = 4.0,
+    false_reports: float = 5.0,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
     """Slip of an object that is touched or held.
@@ -76,10 +76,10 @@ def slip(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=rest, look=look,
         floor=floor,
     )  # fmt: skip
-    shows = [_read_outs(recent, pad) for pad in recent.pads]
+    shows = [read_outs(recent, pad) for pad in recent.pads]
     moves, loosens, grows, along = (mean(list(each)) for each in zip(*shows, strict=True))
     # decision
-    explained = abs(_trend(recent, load)) + swing * recent.jolt + pull * grows
+    explained = abs(trend(recent, load)) + swing * recent.jolt + pull * grows
     strength = (moves * moves * loosens) ** (1 / 3) * recent.ratio / (still + explained)
     strength = strength * maximum(1.0 + along, 0.0) / ALONG if axes else strength
     _, x, y = most([(pad.ratio * pad.load, pad.x, pad.y) for pad in recent.pads])
@@ -89,7 +89,7 @@ def slip(
     }
 
 
-def _read_outs(recent: RecentLoads, pad: Pad) -> list[Field]:
+def read_outs(recent: RecentLoads, pad: Pad) -> list[Field]:
     """Return how the pattern moves, its shear loosens and grows, and the cosine to the shear."""
     # templates: slopes of the load's pattern, and the change of its shear without the local mean
     now, old = recent.z / pad.load, recent.old_z / pad.before
@@ -106,7 +106,7 @@ def _read_outs(recent: RecentLoads, pad: Pad) -> list[Field]:
     return [recent.per_s * moves * pad.load / size, loosens, grows, along]
 
 
-def _trend(recent: RecentLoads, time: float) -> Field:
+def trend(recent: RecentLoads, time: float) -> Field:
     """Return the relative growth of the load, 1/s, as remembered over a time."""
     memory, before = recent.frame.memory("trend", scalar=True), recent.frame.previous(recent.load)
     growth = recent.rate * (recent.load - before) / recent.load

@@ -1,10 +1,11 @@
 """The programs that are judged: the one place that knows their names and outputs."""
 
 import inspect
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import groupby
 from math import ceil
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -85,15 +86,7 @@ class Subject:
         CnnumError
             If a program lacks a parameter or an output.
         """
-        order = sorted(range(len(trials)), key=lambda n: (_kind(trials[n]), len(trials[n].frames)))
-        found: dict[int, Answers] = {}
-        for _, same in groupby(order, key=lambda n: _kind(trials[n])):
-            numbers = list(same)
-            for start in range(0, len(numbers), BATCH):
-                some = numbers[start : start + BATCH]
-                answers = self._run([trials[n] for n in some])
-                found.update(zip(some, answers, strict=True))
-        return [found[n] for n in range(len(trials))]
+        return in_batches(trials, self._run)
 
     def _run(self, trials: Sequence[Trial]) -> list[Answers]:
         answers: list[Answers] = [{} for _ in trials]
@@ -104,25 +97,49 @@ class Subject:
         return answers
 
     def _one(self, name: str, outputs: tuple[str, ...], trials: Sequence[Trial]) -> list[Answers]:
-        """Return the outputs of one program, all trials side by side.
-
-        A trial that is over repeats its last frame; its outputs are dropped.
-        """
-        program = _bound(get_program(name), {**trials[0].setting, **self.constants})
-        plan = self.engine.compile(program, trials[0].shape, outputs, channels=FORCE_AXES)
-        columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
-        stream, longest = plan.stream((len(trials),)), max(len(one.frames) for one in trials)
-        series = {output: np.empty((longest, len(trials))) for output in outputs}
-        for n, frame in enumerate(_side_by_side(trials, longest)):
-            for output, values in stream.push(frame[..., columns]).items():
-                series[output][n] = values
-        return [
-            {output: values[: len(one.frames), place] for output, values in series.items()}
-            for place, one in enumerate(trials)
-        ]
+        return side_by_side(self.engine, get_program(name), outputs, trials, self.constants)
 
 
-def _side_by_side(trials: Sequence[Trial], longest: int) -> Iterator[Any]:
+def in_batches(
+    trials: Sequence[Trial], run: Callable[[Sequence[Trial]], list[Answers]]
+) -> list[Answers]:
+    """Return the outputs of every trial, run with those of the same kind and a like length."""
+    order = sorted(range(len(trials)), key=lambda n: (_kind(trials[n]), len(trials[n].frames)))
+    found: dict[int, Answers] = {}
+    for _, same in groupby(order, key=lambda n: _kind(trials[n])):
+        numbers = list(same)
+        for start in range(0, len(numbers), BATCH):
+            some = numbers[start : start + BATCH]
+            found.update(zip(some, run([trials[n] for n in some]), strict=True))
+    return [found[n] for n in range(len(trials))]
+
+
+def side_by_side(
+    engine: Engine,
+    program: Program,
+    outputs: Sequence[str],
+    trials: Sequence[Trial],
+    constants: Mapping[str, float] = MappingProxyType({}),
+) -> list[Answers]:
+    """Return the outputs of one program, all trials side by side.
+
+    A trial that is over repeats its last frame; its outputs are dropped.
+    """
+    bound = _bound(program, {**trials[0].setting, **constants})
+    plan = engine.compile(bound, trials[0].shape, outputs, channels=FORCE_AXES)
+    columns = [FORCE_AXES.index(channel) for channel in plan.schedule.channels]
+    stream, longest = plan.stream((len(trials),)), max(len(one.frames) for one in trials)
+    series = {output: np.empty((longest, len(trials))) for output in outputs}
+    for n, frame in enumerate(_frames(trials, longest)):
+        for output, values in stream.push(frame[..., columns]).items():
+            series[output][n] = values
+    return [
+        {output: values[: len(one.frames), place] for output, values in series.items()}
+        for place, one in enumerate(trials)
+    ]
+
+
+def _frames(trials: Sequence[Trial], longest: int) -> Iterator[Any]:
     last = [len(one.frames) - 1 for one in trials]
     for n in range(longest):
         yield np.stack([t.frames[min(n, end)] for t, end in zip(trials, last, strict=True)])

@@ -4,6 +4,8 @@ The rates are those of simulated hands that grip, press, pull in part, tremble a
 slip: `docs/scoring.md` has the table and its command. Rolling under a weight is not among them.
 """
 
+from math import log
+
 import numpy as np
 
 from cnnum.programs.parameters import refuse_outside
@@ -11,7 +13,9 @@ from cnnum.programs.parameters import refuse_outside
 Levels = tuple[tuple[float, float], ...]
 """Reports in ten minutes, from few to many, and the level that leads to them."""
 
-SLIP: Levels = ((0.3, 0.45), (1.0, 0.40), (2.0, 0.32), (4.0, 0.28), (13.0, 0.20))
+SLIP: Levels = (
+    (0.2, 0.45), (0.6, 0.40), (1.5, 0.36), (3.0, 0.32), (5.0, 0.28), (7.5, 0.25), (13.0, 0.20)
+)  # fmt: skip
 TWIST: Levels = ((0.3, 0.1), (0.6, 0.03), (4.0, 0.02), (50.0, 0.01))
 
 
@@ -24,5 +28,6 @@ def level_of(false_reports: float, levels: Levels) -> float:
         If the rate is outside those that were measured.
     """
     refuse_outside(false_reports=(false_reports, levels[0][0], levels[-1][0]))
-    rates, heights = zip(*levels, strict=True)
-    return float(np.interp(np.log(false_reports), np.log(rates), heights))
+    rates = [log(rate) for rate, _ in levels]
+    found = np.interp(np.array([log(false_reports)]), rates, [level for _, level in levels])
+    return float(found[0])

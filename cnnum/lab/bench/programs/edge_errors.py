@@ -209,7 +209,7 @@ def skins_by_name() -> dict[str, list[Skin]]:
     for reads in READINGS:
         for depth in DEPTHS:
             cases[f"{depth} pitches, {reads}"] = [Skin(depth=depth, reads=reads)]
-    for given in (0.7, 1.3):
+    for given in (0.5, 0.7, 1.3, 1.5):
         wrong = [replace(s, given=given, depth=d) for s in both for d in (0.5, 0.75)]
         cases[f"0.5 and 0.75 pitches, given as {given} of it"] = wrong
     cases["noise of 0.25 %"] = [replace(s, noise=0.0025) for s in both]

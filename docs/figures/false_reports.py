@@ -1,0 +1,50 @@
+"""False reports of `slip` and `twist` by their level: `python docs/figures/false_reports.py`.
+
+It plays the families of `cnnum score` without slip, but for rolling, and counts reports by level.
+`templates/tactile/shared/false_reports.py` has the rates that came out.
+"""
+
+import argparse
+from functools import partial
+
+from cnnum.engine import Engine
+from cnnum.lab.scoring.families.arrays import Arrays
+from cnnum.lab.scoring.families.catalogue import FAMILIES
+from cnnum.lab.scoring.judge import judge
+from cnnum.lab.scoring.measures import per_ten_minutes
+from cnnum.lab.scoring.subject import in_batches, reports, side_by_side
+from cnnum.lab.scoring.trial import runs
+from cnnum.programs.library import get_program
+from cnnum.templates.tactile.shared.false_reports import TWIST
+
+LEVELS = (0.15, 0.20, 0.25, 0.28, 0.32, 0.36, 0.40, 0.45, 0.50)
+
+
+def main() -> None:
+    """Print a row a level of each program."""
+    arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    arguments.add_argument("--count", type=int, default=60)
+    arguments.add_argument("--seed", type=int, default=700_000)
+    given = arguments.parse_args()
+    engine, arrays = Engine(), Arrays()
+    seeds = range(given.seed, given.seed + given.count)
+    held = [one for one in FAMILIES if one.kind == "held" and "rolling" not in one.name]
+    trials = [family.make(arrays, family.name, seed) for family in held for seed in seeds]
+    seconds = sum(trial.seconds for trial in trials)
+    print(f"{seconds / 60.0:.1f} minutes")
+    run = partial(side_by_side, engine, get_program("slip"), ("slip_strength",))
+    strengths = [one["slip_strength"] for one in in_batches(trials, run)]
+    for level in LEVELS:
+        pairs = zip(trials, strengths, strict=True)
+        false = sum(judge(t, {}, reports(one, level, t.rate)).false for t, one in pairs)
+        print(f"slip {level:.2f}: {per_ten_minutes(false, seconds):.2f} in ten minutes")
+    for rate, level in TWIST:
+        known = {"false_reports": rate}
+        run = partial(side_by_side, engine, get_program("twist"), ("twist",), constants=known)
+        pairs = zip(trials, in_batches(trials, run), strict=True)
+        false = sum(len(runs((one["twist"] > 0) & t.scored)) for t, one in pairs)
+        print(f"twist {level:.2f}: {per_ten_minutes(false, seconds):.2f} in ten minutes")
+
+
+if __name__ == "__main__":
+    main()
