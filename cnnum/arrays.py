@@ -73,7 +73,7 @@ def _real(name: str, value: ArrayLike, dtype: type[np.floating]) -> NDArray[np.f
     try:
         is_complex = np.iscomplexobj(value)
         array = np.zeros(0, dtype) if is_complex else np.asarray(value, dtype=dtype)
-    except (TypeError, ValueError):  # of lists, rows of different lengths too
+    except (TypeError, ValueError, OverflowError):  # of lists, rows of different lengths too
         raise ArrayError(
             f"'{name}' must be an array of real numbers, got {_in_words(value)}."
         ) from None

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import IntFlag
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,7 +43,7 @@ class Truth:
     values : mapping of str to float
         Names are the source's: "contact", "slip", "stick_radius" (m), "contact_radius" (m),
         "twist" (rad), "normal_force" (N), "shear_x" and "shear_y" (N), "torque" (N m)… Names that
-        begin with "device_" are what an array itself reports besides its taxels.
+        begin with "device_" are an array's own reports, apart from its taxels.
     """
 
     values: dict[str, float] = field(default_factory=dict[str, float])
@@ -89,6 +90,13 @@ class Frame:
     wall_ns: int | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(cast(object, self.values), np.ndarray) or not isinstance(
+            cast(object, self.channels), tuple
+        ):
+            raise ArrayError(
+                "A frame has an array of values and a tuple of channels' names, got "
+                f"{type(self.values).__name__} and {type(self.channels).__name__}."
+            )
         if self.values.ndim != 3 or self.values.shape[2] != len(self.channels):
             raise ArrayError(
                 f"A frame with the channels {self.channels} must have the shape "

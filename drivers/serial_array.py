@@ -29,7 +29,7 @@ class SerialOptions:
     port : str
         "/dev/ttyACM0", "COM3"…, or the address of a WebSocket, "ws://127.0.0.1:5000".
     protocol : str
-        What the array speaks: "open", or another of `protocol_names()`.
+        The protocol of the array: "open", or another of `protocol_names()`.
     descriptor : Path, optional
         A TOML file that describes the protocol, in place of a name.
     shape : (rows, cols), optional

@@ -1,6 +1,7 @@
 """A serial port with time-outs and errors that name the remedy: the one user of pyserial."""
 
 import errno
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -106,3 +107,31 @@ class SerialPort:
     ) -> None:
         """Close the port."""
         self.close()
+
+
+@dataclass(frozen=True, slots=True)
+class PortInfo:
+    """A serial port of this machine.
+
+    Attributes
+    ----------
+    path, about : str
+    usb : str
+        Maker and product, as in "1a86:55d3"; empty where it is no USB port.
+    """
+
+    path: str
+    about: str
+    usb: str = ""
+
+
+def serial_ports() -> list[PortInfo]:
+    """Return the serial ports of this machine."""
+    return [
+        PortInfo(
+            str(port.device),
+            "" if port.description in (None, "n/a") else str(port.description),
+            f"{port.vid:04x}:{port.pid:04x}" if port.vid is not None else "",
+        )
+        for port in sorted(list_ports.comports())
+    ]

@@ -115,7 +115,7 @@ class SerialReader:
             self._started.set()
 
     def _open(self) -> "SerialPort | WebSocketPort":
-        """Open the port, and say what the array is to do."""
+        """Open the port, and send the array its request."""
         known = self._link.port
         port = WebSocketPort(known) if is_address(known) else SerialPort(known, self._baud)
         try:
@@ -128,12 +128,12 @@ class SerialReader:
         return port
 
     def _leave(self) -> None:
-        """Close the port; an array that was made to send is told to stop."""
+        """Close the port; an array that was made to send gets the request to stop."""
         try:
             if self._wire.farewell:
                 self._port.write(self._wire.farewell)
         except PortError:
-            pass  # it is gone: there is nobody to tell
+            pass  # it is gone: it needs no request
         self._port.close()
 
     def _read_until_lost(self) -> None:

@@ -16,7 +16,7 @@ def scan_of(frame: Frame, rate: float) -> Scan:
     ----------
     frame : Frame
     rate : float
-        Hz, told to the other side as the period.
+        Hz, sent to the other side as the period.
     """
     return Scan(
         values=frame.values,

@@ -36,11 +36,14 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         f"{ROOM}.simulate",
         "Offer a simulated array at a pseudo-terminal, with faults on request.",
     ),
+    "export": (f"{ROOM}.export", "Write a program as C99 for a microcontroller."),
     "record": (f"{ROOM}.record", "Record an array's frames to a file."),
     "recover": (
         f"{ROOM}.recover",
         "Make a whole recording of one that was cut off or damaged.",
     ),
+    "lerobot": (f"{ROOM}.lerobot", "Write a recording in the layout of LeRobot's data sets."),
+    "view": (f"{ROOM}.view", "Show an array, a scene or a recording in a browser."),
     "replay": (f"{ROOM}.replay", "Run a scene's program over a recording."),
 }
 """Name to module and to the line of help."""

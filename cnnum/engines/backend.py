@@ -215,7 +215,7 @@ def open_backend(name: str | None, device: str | None, precision: str | None) ->
 
 
 def _opened(name: str, device: str | None, precision: str | None) -> Backend:
-    if name not in _FACTORIES:
+    if not isinstance(cast(object, name), str) or name not in _FACTORIES:
         raise name_error("engine", name, _FACTORIES)
     module, factory = _FACTORIES[name]
     try:

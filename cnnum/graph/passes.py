@@ -43,7 +43,10 @@ def schedule(graph: Graph, channels: Sequence[str], needs: Sequence[str] | None)
     UnknownNameError
         If a need is not an output of the program.
     """
-    wanted = tuple(dict.fromkeys(graph.outputs if needs is None else needs))
+    try:
+        wanted = tuple(dict.fromkeys(graph.outputs if needs is None else needs))
+    except TypeError:  # no sequence, or one of lists
+        raise name_error("output", needs, graph.outputs) from None
     for name in wanted:
         if name not in graph.outputs:
             raise name_error("output", name, graph.outputs)

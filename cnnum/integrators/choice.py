@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from numbers import Real
 from typing import NoReturn
 
 from cnnum.errors import MethodError, name_error
@@ -33,6 +32,7 @@ from cnnum.integrators.tableau import (
     LayerMethod,
     followed,
 )
+from cnnum.safety.values import is_real
 from cnnum.templating.network import Network
 from cnnum.templating.reads import jumps
 from cnnum.templating.template import Template
@@ -54,6 +54,9 @@ SHORTEST = 1e-30
 DELAY_STEP = 0.05
 """Longest step of a template with a delay, in time constants: Heun's error a step is then about
 (0.05)³/12 of the state's third derivative."""
+
+MOST_COUNTED = 2**31 - 1
+"""Steps of a run: kernels count them in 32 bits."""
 
 JUMP_STEP = 0.01
 """Step of a template whose rates jump. Its state may slide along a jump and then chatters by a
@@ -127,7 +130,7 @@ def check_spec(spec: RunSpec) -> None:
 
 def _none_or_more(value: object) -> bool:
     """Return whether a value is one real, finite number from 0 up."""
-    return isinstance(value, Real) and 0.0 <= float(value) < math.inf
+    return is_real(value) and value >= 0.0
 
 
 def _exact(transient: Transient, network: Network, duration: float) -> tuple[Exact | None, str]:
@@ -176,7 +179,7 @@ class _Choice:
         if template.output.discrete:
             if self.spec.estimate:
                 self._refuse("discrete time, where a rounding may turn a sign,")
-            count = math.ceil(self.duration - 1e-9)
+            count = _count(self.duration, 1.0)
             whole = FixedSteps((EULER,), 1.0, count, self.settle, 1.0)
             return whole, "it runs in discrete time", False
         found = spectrum(template, self.shape)
@@ -265,7 +268,7 @@ class _Choice:
         )
         efforts = [effort(method, known) for method in methods]
         best = min(efforts, key=lambda one: one.evaluations)
-        reason = _beside(best, efforts)
+        reason = _against(best, efforts)
         if best.name == CHEBYSHEV:
             stages, about, _ = self._chebyshev(found)
             return stages, f"{reason}; {about}", False
@@ -307,7 +310,7 @@ class _Choice:
             )
         bound = stability_bound(method.name, self.template, self.shape)
         step, forced = self._bounded(method.name, bound.step, bound.reason, self.spec.dt)
-        count = max(1, math.ceil(self.duration / step - 1e-9)) if self.duration > 0 else 0
+        count = max(1, _count(self.duration, step)) if self.duration > 0 else 0
         even = self.duration / count if count else step
         reason = "a fixed step was asked for" if self.spec.dt else "half of the stability bound"
         taus = self.template.tau.tolist()
@@ -321,17 +324,18 @@ class _Choice:
         return AdaptiveSteps(rows, even, self.settle, even), reason, forced
 
 
-def _beside(best: Effort, efforts: list[Effort]) -> str:
-    """Return what sets the steps, and the evaluations of this and the other methods."""
+def _against(best: Effort, efforts: list[Effort]) -> str:
+    """Return the limit of the steps, and the evaluations of this and the other methods."""
     limit = "stability" if best.stable else "the error estimate"
     text = f"{limit} sets most steps: about {_rounded(best)} evaluations of the rates"
     others = sorted(efforts, key=lambda one: one.evaluations)
-    beside = [f"{_rounded(one)} of {one.name}" for one in others if one is not best]
-    return f"{text}, beside {' and '.join(beside)}" if beside else text
+    listed = [f"{_rounded(one)} of {one.name}" for one in others if one is not best]
+    return f"{text}, against {' and '.join(listed)}" if listed else text
 
 
-def _rounded(one: Effort) -> int:
-    return int(float(f"{one.evaluations:.2g}"))
+def _rounded(one: Effort) -> float:
+    rounded = float(f"{one.evaluations:.2g}")
+    return int(rounded) if math.isfinite(rounded) else rounded
 
 
 def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, float | None, str]:
@@ -360,9 +364,26 @@ def _fixed(
                 "use 'euler' or 'heun'."
             )
         step = template.delayed.delay / math.ceil(template.delayed.delay / step - 1e-9)
-        count = max(0, math.ceil(duration / step - 1e-9))
+        count = _count(duration, step)
         last = duration - (count - 1) * step
     else:
-        count = max(1, math.ceil(duration / step - 1e-9)) if duration > 0 else 0
+        count = max(1, _count(duration, step)) if duration > 0 else 0
         step = last = duration / count if count else step
     return FixedSteps((method,), step, count, settle, last)
+
+
+def _count(duration: float, step: float) -> int:
+    """Return how many steps a duration takes.
+
+    Raises
+    ------
+    MethodError
+        If kernels cannot count them.
+    """
+    steps = duration / step if step else math.inf
+    if not steps < MOST_COUNTED:
+        raise MethodError(
+            f"{duration:g} time constants in steps of {step:g} are more than {MOST_COUNTED:,} "
+            "steps: take a shorter duration, or longer steps."
+        )
+    return max(0, math.ceil(steps - 1e-9))

@@ -1,4 +1,4 @@
-"""How the error of a run is estimated: what each step adds, and how what is there grows.
+"""How the error of a run is estimated: the share of each step, and the growth of earlier ones.
 
 An error e of the state follows e' = J e, J being the array's Jacobian along the run. So does the
 rate dx/dt of an array that nothing moves from outside, as x'' = J x': how the largest rate changes
@@ -9,7 +9,7 @@ from above:
     E⁺ = E · min(max(‖k⁺‖ / ‖k‖, 1), e^{μh}) + added
 
 (Hairer, Nørsett & Wanner, Solving ODEs I, section I.10: the bound alone is rigorous, and for an
-array that decides it is astronomic.) What a step adds is the leading part of its own truncation
+array that decides it is astronomic.) The share of a step is the leading part of its own truncation
 error, from its stages: `ButcherTableau.truncation`, and `ExponentialMethod.followed`.
 """
 
@@ -53,7 +53,7 @@ def linear_growth(template: Template) -> float:
 
 
 def _own_and_others(template: Template) -> tuple[Floats, Floats]:
-    """Return what a cell of each layer sees of itself, and of others, at most."""
+    """Return the largest couplings of a cell of each layer to itself, and to others."""
     own = np.einsum("llkk->lk", template.A)[:, template.A.shape[-1] // 2]
     others = np.abs(template.A).sum(axis=(1, 2, 3)) - np.abs(own)
     low, high = template.output.slope

@@ -66,7 +66,7 @@ class ExponentialMethod:
         return self.order
 
     def weights(self, step: float | Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return what is kept of x, and the weights of A ∗ y + w: of the start, of the change.
+        """Return the kept part of x, and the weights of A ∗ y + w: of the start, of the change.
 
         Parameters
         ----------
@@ -92,7 +92,7 @@ class ExponentialMethod:
         return ExponentialStep(self.name, ((), (slope,)), (-later, later), 1.0 + second)
 
     def followed(self, step: float, tau: float) -> "FollowedStep":
-        """Return a step of a layer with stages that tell its error.
+        """Return a step of a layer with stages that estimate its error.
 
         The first method is off by what the second one's correction would be, the second by what
         one of third order would add, whose stage amid the step is that of Shu & Osher (1988)
@@ -105,7 +105,7 @@ class ExponentialMethod:
         start = np.eye(n)[0]
 
         def change(stage: int, move: Floats) -> Floats:
-            """Return N − N₀ of a stage, as parts of the rates: k − k₀ + what it moved over τ."""
+            """Return N − N₀ of a stage, as parts of the rates: k − k₀ + its move over τ."""
             return np.asarray(np.eye(n)[stage] - start + decay * move, dtype=np.float64)
 
         first = one * start
@@ -158,7 +158,7 @@ class FollowedStep:
     order : int
     a : tuple of rows
     truncation : tuple of rows
-        The part of its error that it tells.
+        The part of its error that it estimates.
     """
 
     name: str

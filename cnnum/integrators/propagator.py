@@ -18,7 +18,7 @@ DENSE_LIMIT = 1024
 and time stepping with few taps is cheaper."""
 
 EXPONENTIAL = 64.0 * float(np.finfo(np.float64).eps)
-"""What an exponential of a matrix may be off by, as a part of ‖M‖t: squaring adds to one rounding;
+"""The error bound of an exponential of a matrix, as a part of ‖M‖t: squaring adds to one rounding;
 47 were seen, over 10 to 10,000 turns."""
 
 
@@ -41,12 +41,12 @@ class Decay:
         return drive + self.kept[:, np.newaxis, np.newaxis] * (start - drive)
 
     def flops(self, states: int, shape: Shape) -> int:
-        """Return the arithmetic from drive and start to the end of so many states."""
+        """Return the arithmetic from the drive and the start of that many states to their end."""
         del shape
         return 3 * states
 
     def still(self) -> "Decay":
-        """Return the same without what a fixed boundary adds."""
+        """Return the same without the part of a fixed boundary."""
         return self
 
 
@@ -58,7 +58,7 @@ class Propagator:
     ----------
     state, drive : (n, n) float
     constant : (n,) float
-        What a fixed boundary adds.
+        The sum of a fixed boundary.
     rounding : float
         By how much the matrices themselves may be off, as a part of the largest number in a state.
     """
@@ -75,12 +75,12 @@ class Propagator:
         return flat.reshape(drive.shape)
 
     def flops(self, states: int, shape: Shape) -> int:
-        """Return the arithmetic from drive and start to the end of so many states."""
+        """Return the arithmetic from the drive and the start of that many states to their end."""
         del shape
         return 2 * states * states * (int(self.state.any()) + int(self.drive.any()))
 
     def still(self) -> "Propagator":
-        """Return the same without what a fixed boundary adds."""
+        """Return the same without the part of a fixed boundary."""
         return replace(self, constant=0.0 * self.constant)
 
 

@@ -1,7 +1,7 @@
 """Ways to step, by the numbers that engines need of them.
 
 A scheme of fixed steps is a tableau for each layer: an explicit method that can be written so runs
-on every engine. Adaptive schemes have a `Control` beside theirs.
+on every engine. Adaptive schemes have a `Control`, too.
 """
 
 from dataclasses import dataclass

@@ -35,7 +35,7 @@ class Spectral:
     state, drive : (layers, layers, rows, cols) float
         Factors of each mode, as [to, from].
     constant : (layers, rows, cols) float
-        What a fixed boundary adds.
+        The sum of a fixed boundary.
     rounding : float
         By how much the factors themselves may be off, as a part of the largest number in a state.
     """
@@ -63,7 +63,7 @@ class Spectral:
         return 2 * states * (sum(shape) * (parts + 1) + len(self.state) * parts)
 
     def still(self) -> "Spectral":
-        """Return the same without what a fixed boundary adds."""
+        """Return the same without the part of a fixed boundary."""
         return replace(self, constant=0.0 * self.constant)
 
 

@@ -3,17 +3,19 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape, as_shape
-from cnnum.errors import name_error
+from cnnum.errors import TemplateError, name_error
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.delays import delayed_rates, delayed_step
 from cnnum.integrators.schemes import CHEBYSHEV, LAYER_METHODS
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.tableau import TABLEAUX, ButcherTableau, LayerMethod
+from cnnum.safety.values import expect
 from cnnum.templating.template import Template
 
 METHODS = (*TABLEAUX, CHEBYSHEV, *LAYER_METHODS)
@@ -76,6 +78,9 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
     lie at ends of steps have any.
     """
     shape = as_shape(shape)
+    expect("template", template, Template, TemplateError)
+    if not isinstance(cast(object, method), str):
+        raise name_error("method", method, METHODS)
     delayed = delayed_rates(template, shape)
     if delayed is not None and method in METHODS:
         tableau = TABLEAUX.get(method)
@@ -227,7 +232,7 @@ def _at(grows: Grows, step: float) -> bool:
 
 
 def _before(grows: Grows, steps: Floats, rates: int) -> float:
-    """Return the longest step before the first that lets one of so many rates grow."""
+    """Return the longest step before the first that lets one of these rates grow."""
     count = max(1, TOGETHER // max(rates, 1))
     for start in range(0, len(steps), count):
         found = grows(steps[start : start + count])

@@ -50,7 +50,7 @@ class Explicit(Protocol):
 
 
 class Pair(Protocol):
-    """Stages of a step the last of which is at its end, and what tells its error.
+    """Stages of a step the last of which is at its end, and the estimate of its error.
 
     The numbers are those of a `ButcherTableau`; others may have them from elsewhere.
     """
@@ -72,7 +72,7 @@ class Pair(Protocol):
 
     @property
     def error(self) -> Row:
-        """What the length of steps follows; of zeros it refuses none."""
+        """The error that sets the length of steps; with zeros it refuses none."""
         ...
 
     @property
@@ -107,7 +107,7 @@ class LayerMethod(Protocol):
         ...
 
     def followed(self, step: float, tau: float) -> Pair:
-        """Return the same step with stages that tell its error."""
+        """Return the same step with stages that show its error."""
         ...
 
     def growth(self, steps: Floats, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -165,7 +165,7 @@ class ButcherTableau:
             raise ValueError(f"'{self.name}' misses the conditions of order {wrong or 'error'}.")
         if self.error and (a[-1] != b[:-1] or b[-1] != 0):
             raise ValueError(
-                f"The last stage of '{self.name}', whose error is told, is not its end."
+                f"The last stage of '{self.name}', whose error is estimated, is not its end."
             )
 
     @property
@@ -189,10 +189,10 @@ class ButcherTableau:
 
         On x' = λx, z = hλ, the stages are k_i = λ K_i(z) x with K_i of degree i, and the step is
         off by e^z − R(z). Its leading parts up to z^s are combinations of the stages: a row each.
-        Between corners of f an array is linear, so that they tell its error; at a corner, their
+        Between corners of f an array is linear, so that they show its error; at a corner, their
         sum of absolute values is seldom below the error (Bogacki–Shampine: never below 0.37 of it,
         Dormand–Prince: 0.19), where that of the embedded method may vanish. A stage that reaches
-        no higher power than the one before tells no part of its own.
+        no higher power than the one before shows no part of its own.
         """
         growth = self._stage_polynomials()
         gaps = [
@@ -239,7 +239,7 @@ class ButcherTableau:
         return self._mean_estimate(lambda since: since > 0.0)
 
     def _mean_estimate(self, rate: Callable[[Floats], Floats | NDArray[np.bool_]]) -> float:
-        """Average over the places in a step where what changes the rate may happen."""
+        """Average over the places in a step where the rate may change."""
         times = np.array([float(sum(row)) for row in self.a])
         since = times - np.linspace(0.0, 1.0, 1001)[:, np.newaxis]
         weights = np.array([float(e) for e in self.error])

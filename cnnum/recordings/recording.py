@@ -20,6 +20,7 @@ from cnnum.recordings.layout import Layout
 from cnnum.recordings.place import taken
 from cnnum.recordings.reader import look
 from cnnum.safety.names import checked_name, shown
+from cnnum.safety.values import is_real
 from cnnum.sharing import html, tables
 from cnnum.tactile.array_calibration import ArrayCalibration
 
@@ -86,7 +87,7 @@ class Recording:
                 "The values of a recording are (frames, rows, cols, channels) with one of each at "
                 f"least, got {array.shape}."
             )
-        if not 0.0 < rate < FASTEST:
+        if not (is_real(rate) and 0.0 < rate < FASTEST):
             raise ArrayError(f"The rate of a recording is above 0 Hz, below 1 MHz, got {rate!r}.")
         frames = len(array)
         flags = np.zeros(frames) if quality is None else numbers("quality", quality)

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Shape, as_shape, finite, maps, real_numbers
 from cnnum.errors import ArrayError
-from cnnum.runs.raw_pictures import ROLES, refuse_grey_levels, refuse_pixels
+from cnnum.runs.raw_pictures import ROLES, refuse_grey_levels, refuse_pixels, refuse_signed_mask
 from cnnum.templating.template import Template
 
 MANY_CELLS = 256 * 256
@@ -29,8 +29,8 @@ def maps_by_role(
     Raises
     ------
     ArrayError
-        If something is missing or too much, shapes do not fit, or pixels are given where a
-        picture is meant.
+        If something is missing or too much, shapes do not fit, pixels are given where a picture
+        is meant, or a mask has numbers below 0.
     """
     if template.inputs == 0 and template.initial == "input" and values["state"] is None:
         values = {**values, "state": values["input"], "input": None}
@@ -46,6 +46,8 @@ def maps_by_role(
     given = {role: real_numbers(role, v) for role, v in values.items() if v is not None}
     for role in given.keys() & set(ROLES):
         refuse_grey_levels(template, role, given[role])
+    if "mask" in given:
+        refuse_signed_mask(given["mask"])
     shape = _common_shape(list(given.values()))
     counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
     if not has_many_cells(shape):

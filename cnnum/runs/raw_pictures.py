@@ -46,6 +46,22 @@ def refuse_grey_levels(template: Template, role: str, array: NDArray[np.floating
         raise _refusal(template, role, f"whole numbers of {low:g} to {high:g}")
 
 
+def refuse_signed_mask(array: NDArray[np.floating]) -> None:
+    """Refuse a fixed-state mask with numbers below 0, as other simulators draw theirs.
+
+    Raises
+    ------
+    ArrayError
+        With what is meant here.
+    """
+    if array.size and float(array.min()) < 0.0:
+        raise ArrayError(
+            f"'mask' holds the state where it is not 0, got numbers down to {array.min():g}: give "
+            "an array of bool; of one of MatCNN, whose −1 stands for cells that are held, "
+            "it is mask < 0."
+        )
+
+
 def _refusal(template: Template, role: str, got: str) -> ArrayError:
     return ArrayError(
         f"'{role}' of template '{template.name}' is a picture of numbers from −1 (white) to 1 "

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import TemplateError
+from cnnum.safety.values import is_real
 from cnnum.templating.function_tables import Table
 
 Quantity = Literal["x", "y", "u"]
@@ -84,7 +85,7 @@ class NonlinearCoupling:
     def __post_init__(self) -> None:
         object.__setattr__(self, "weights", kernel("Weights of a nonlinear coupling", self.weights))
         for quantity in (self.neighbour, self.centre):
-            if quantity not in ("x", "y", "u", None):
+            if not (quantity is None or str(quantity) in ("x", "y", "u")):
                 raise TemplateError(f"A coupling reads 'x', 'y' or 'u', got {quantity!r:.60}.")
         for part in ("to", "source", "centre_source"):
             object.__setattr__(self, part, place(part, getattr(self, part)))
@@ -158,7 +159,7 @@ class DelayedCoupling:
     B: Floats
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.delay) and self.delay > 0):
+        if not (is_real(self.delay) and self.delay > 0):
             raise TemplateError(f"A delay must be above 0 time constants, got {self.delay}.")
         for part in ("A", "B"):
             object.__setattr__(self, part, _delayed(part, getattr(self, part)))

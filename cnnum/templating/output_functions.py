@@ -2,7 +2,9 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import count
+from typing import cast
 
 import numpy as np
 
@@ -10,6 +12,8 @@ from cnnum.arrays import Floats
 from cnnum.errors import TemplateError, name_error
 from cnnum.safety.expressions import check_expression
 from cnnum.safety.names import checked_name
+
+_NUMBERS = count()
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +56,8 @@ class OutputFunction:
     discrete: bool = False
     slope: tuple[float, float] = (0.0, 1.0)
     smooth: bool = False
+    # functions of one name may have the same OpenCL form, and differ here
+    _number: int = field(default_factory=_NUMBERS.__next__, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         checked_name("an output function", self.name, TemplateError)
@@ -80,7 +86,7 @@ class OutputFunction:
         if OUTPUT_FUNCTIONS.get(self.name) is self:
             return (self.name,)
         kind = (self.linear, self.limited, self.discrete, self.slope, self.smooth)
-        return (self.name, self.opencl, id(self.numpy), *kind)
+        return (self.name, self.opencl, self._number, *kind)
 
 
 def _clip(x: Floats) -> Floats:
@@ -125,6 +131,6 @@ def output_function(value: str | OutputFunction) -> OutputFunction:
                 f"There is an output function '{value.name}' already: give yours another name."
             )
         return OUTPUT_FUNCTIONS.get(value.name, value)
-    if value not in OUTPUT_FUNCTIONS:
+    if not isinstance(cast(object, value), str) or value not in OUTPUT_FUNCTIONS:
         raise name_error("output function", value, OUTPUT_FUNCTIONS)
     return OUTPUT_FUNCTIONS[value]

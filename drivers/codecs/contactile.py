@@ -61,7 +61,7 @@ class Papillarray:
     """
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
-        """Say what stands at the front of `data`."""
+        """Return the scan, gap or wait at the front of `data`."""
         before = to_marker(data, START, ended=ended)
         if before is not None:
             return before
@@ -177,7 +177,7 @@ def _pillars(sensor: Block) -> Floats:
 
 
 def _extras(blocks: dict[int, Block]) -> dict[str, float]:
-    """Return what the array itself says of loads and slip, by sensor."""
+    """Return the array's own loads and slip, by sensor."""
     found: dict[str, float] = {}
     names = ("fx", "fy", "fz", "tx", "ty", "tz")
     for number, part in enumerate(_items(blocks[GLOBAL]) if GLOBAL in blocks else []):

@@ -53,7 +53,7 @@ class Descriptor:
     request : str
         Bytes in hexadecimal that ask for one scan; empty where the array sends by itself.
     scale : float
-        What a raw number is multiplied by.
+        The factor of a raw number.
     unit : str
     limits : (low, high), optional
         Raw numbers outside are a sign that the bytes are no packet.

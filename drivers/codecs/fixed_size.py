@@ -39,7 +39,7 @@ class FixedSize:
         self.size = self._end + len(self._tail)
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
-        """Say what stands at the front of `data`."""
+        """Return the scan, gap or wait at the front of `data`."""
         if self._header:
             before = to_marker(data, self._header, ended=ended)
             if before is not None:
@@ -68,7 +68,7 @@ class FixedSize:
         return int.from_bytes(packet[self._check : self._end], d.byte_order) == expected
 
     def _believed(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
-        """Return whether what comes next agrees that this was a packet."""
+        """Return whether the next bytes agree that this was a packet."""
         if self._descriptor.request:
             return Found(self.size)
         if self._descriptor.check == "none":

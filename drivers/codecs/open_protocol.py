@@ -78,7 +78,7 @@ class OpenDecoder:
         return [scan_of(packet) for packet in self._stream.feed(chunk)]
 
     def flush(self) -> list[Scan]:
-        """Return what is still whole in the bytes that wait."""
+        """Return the whole scans in the waiting bytes."""
         return [scan_of(packet) for packet in self._stream.flush()]
 
 

@@ -39,13 +39,13 @@ def lrc(data: bytes) -> bytes:
 
 
 def request(device: int, taxels: int) -> bytes:
-    """Return what asks a converter for all taxels of a device."""
+    """Return the request to a converter for all taxels of a device."""
     data = struct.pack("<2sHBBBIH", b"\x55\xaa", 9, device, 0, 0xFB, DISTRIBUTED, 3 * taxels)
     return data + lrc(data)
 
 
 def push(on: bool) -> bytes:
-    """Return what makes a high-speed board send by itself, or stop."""
+    """Return the request to a high-speed board to send by itself, or to stop."""
     data = struct.pack("<2sBBHHB", b"\x55\xaa", 0, 0x10, 0x0017, 1, on)
     return data + lrc(data)
 
@@ -121,7 +121,7 @@ class Converter:
         return 3 * self.shape[0] * self.shape[1]
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
-        """Say what stands at the front of `data`."""
+        """Return the scan, gap or wait at the front of `data`."""
         before = to_marker(data, b"\xaa\x55", ended=ended)
         if before is not None:
             return before
@@ -173,7 +173,7 @@ class HighSpeedBoard:
     shape: Shape
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
-        """Say what stands at the front of `data`."""
+        """Return the scan, gap or wait at the front of `data`."""
         before = to_marker(data, b"\xaa\x56", ended=ended)
         if before is not None:
             return before

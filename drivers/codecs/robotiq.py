@@ -76,7 +76,7 @@ class Tsf85:
         self._millis: int | None = None
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
-        """Say what stands at the front of `data`."""
+        """Return the scan, gap or wait at the front of `data`."""
         before = to_marker(data, START, ended=ended)
         if before is not None:
             return before

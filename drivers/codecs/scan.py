@@ -30,7 +30,7 @@ class Scan:
     saturated : bool
         Whether a cell stands at an end of its range.
     extras : mapping of str to float
-        What the device reports besides its taxels, by names that begin with "device_".
+        Reports of the device apart from its taxels, by names that begin with "device_".
     """
 
     values: NDArray[np.generic]

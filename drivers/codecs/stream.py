@@ -1,7 +1,7 @@
 """Scans out of a stream of bytes that may be cut or corrupted anywhere, in any format.
 
-A format looks at the bytes in front of it and says one of three things: here is a scan of so many
-bytes; these bytes are none; more bytes are needed. The rest is the same for all formats.
+A format looks at the bytes in front of it and gives one of three answers: a scan of some length;
+bytes to skip; more bytes are needed. The rest is the same for all formats.
 """
 
 from collections.abc import Callable
@@ -48,7 +48,7 @@ class Format(Protocol):
     """Recognises the packets of one kind of array."""
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
-        """Say what stands at the front of `data`.
+        """Return the scan, gap or wait at the front of `data`.
 
         Parameters
         ----------
@@ -95,7 +95,7 @@ class Decoder:
         return self._drain(ended=False)
 
     def flush(self) -> list[Scan]:
-        """Return what is still whole in the bytes that wait: the stream has ended or broken."""
+        """Return the whole scans in the waiting bytes: the stream has ended or broken."""
         scans = self._drain(ended=True)
         self._locked = False
         return scans

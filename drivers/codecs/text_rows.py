@@ -26,7 +26,7 @@ class TextRows:
         self._longest = rows * (self._numbers * DIGITS + 2) + 2
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
-        """Say what stands at the front of `data`."""
+        """Return the scan, gap or wait at the front of `data`."""
         end = self._end_of_scan(data)
         if end < 0:
             return Skip(1) if ended or len(data) > self._longest else MORE

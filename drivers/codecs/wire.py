@@ -1,4 +1,4 @@
-"""The protocols by name: what an array writes, what it is asked with, and how fast its line is."""
+"""The protocols by name: an array's packets, the requests to it, and the speed of its line."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,11 +20,11 @@ PROTOCOLS: Mapping[str, str] = {
     "paxini-board": f"{ROOM}.paxini:high_speed_board",
     "robotiq-tsf85": f"{ROOM}.robotiq:tsf85",
 }
-"""Name to the function that makes its `Wire`; those of descriptors come besides."""
+"""Name to the function that makes its `Wire`; those of descriptors are apart."""
 
 
 class Decoding(Protocol):
-    """Cuts a stream into scans: `cnnum.drivers.codecs.stream.Decoder` says what each means."""
+    """Cuts a stream into scans: `cnnum.drivers.codecs.stream.Decoder` explains each."""
 
     @property
     def good(self) -> int: ...  # noqa: D102
@@ -52,7 +52,7 @@ FULL = {
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What the user says of an array that its protocol does not.
+    """The user's facts of an array that its protocol lacks.
 
     Attributes
     ----------
@@ -140,7 +140,7 @@ def wire(name: str, asked: Asked | None = None) -> Wire:
     UnknownNameError
         If there is none of that name.
     SceneError
-        If what is asked does not fit it.
+        If the request does not fit it.
     """
     known = asked or Asked()
     if name in PROTOCOLS:

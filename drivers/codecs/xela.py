@@ -47,7 +47,7 @@ class Server:
         self._shape = shape
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
-        """Say what stands at the front of `data`."""
+        """Return the scan, gap or wait at the front of `data`."""
         end = data.find(b"\n") + 1 or (len(data) if ended else 0)
         if not end:
             return Skip(1) if len(data) > LONGEST else MORE

@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal
+from typing import Literal, cast
 
 from cnnum.drivers.options import require
+from cnnum.errors import name_error
 
 Kind = Literal["press", "hold", "pull", "relax", "twist", "grip", "roll", "vibrate", "release"]
 
@@ -80,6 +81,8 @@ class Phase:
             value = getattr(self, name)
             require(name, abs(value) < MOST, f"within ±{MOST:g} rad", value)
         require("amplitude", self.amplitude < 1, "a share of the load below 1", self.amplitude)
+        if not isinstance(cast(object, self.kind), str) or self.kind not in NEEDS:
+            raise name_error("kind of phase", self.kind, NEEDS)
         used = NEEDS[self.kind]
         for name in used:
             value = getattr(self, name)

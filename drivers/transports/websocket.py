@@ -18,7 +18,7 @@ def is_address(port: str) -> bool:
 
 
 class WebSocketPort:
-    """An open WebSocket; reading returns what is there, and never waits for long.
+    """An open WebSocket; reading returns the waiting bytes, and never waits for long.
 
     Raises
     ------

@@ -17,12 +17,15 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.codecs.wire import Asked, protocol_names, wire
+from cnnum.drivers.guess import guess
 from cnnum.drivers.serial_array import SerialOptions
+from cnnum.drivers.serial_port import PortInfo
 from cnnum.drivers.virtual.array import VirtualArray
 from cnnum.drivers.virtual.faults import LineFaults
 from cnnum.drivers.virtual.line import VirtualLine
 from cnnum.errors import PortError
 from cnnum.frame import FORCE_AXES, Frame
+from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.pipeline import load_scene
 
 LINE_SECONDS = float(os.environ.get("CNNUM_LINE_SECONDS", "3"))
@@ -224,7 +227,7 @@ def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
         f'name = "line"\nwants = ["contact", "slip"]\n[array]\ndriver = "serial"\ndepth = 100000\n'
         f'port = "{tmp_path / "taxels"}"\n[program.parameters]\ndepth = 0.667\nunit = 1.305\n'
     )
-    scene, late, kinds = load_scene(scene_file), list[float](), set[str]()
+    scene, late, kinds = load_scene(scene_file), Histogram(), set[str]()
     before, handed_on, begin = 0, 0, float("inf")
     memory = [0, 0]
     for moment in scene.results():
@@ -236,14 +239,14 @@ def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
             memory[0] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         kinds |= {event.kind for event in moment.events}
         if begin < float("inf"):
-            late.append(1e-3 * delay)
+            late.add(1e-3 * delay)
             handed_on += 1
         if time.monotonic() - begin > LINE_SECONDS:
             break
     memory[1] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     lost = scene.driver.counters.dropped - before
     with capsys.disabled():
-        p50, p99 = np.percentile(late, [50, 99])
+        p50, p99 = late.quantile(0.5), late.quantile(0.99)
         print(
             f"\n{handed_on} frames in {LINE_SECONDS:g} s, {lost} lost; from arrival to events "
             f"{p50:.0f} µs, 99 %: {p99:.0f} µs; memory grew by {memory[1] - memory[0]} KiB"
@@ -253,3 +256,18 @@ def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
     # less than the rate says on a machine that is busy: what is late is not lost
     assert handed_on > 500 * LINE_SECONDS
     assert process.poll() is None
+
+
+@pytest.mark.parametrize("protocol", ["open", "pts2", "m0404s", "robotiq-tsf85", "3d-vitac"])
+def test_what_sends_at_a_port_is_guessed(tmp_path: Path, protocol: str) -> None:
+    with offered(tmp_path / "tty", protocol):
+        found = guess(PortInfo(str(tmp_path / "tty"), "a test"))
+    assert found.protocol == protocol
+    assert "taxels" in found.said
+
+
+def test_a_silent_port_and_one_that_is_not_there_are_told(tmp_path: Path) -> None:
+    line = VirtualLine(tmp_path / "quiet")
+    assert "silent" in guess(PortInfo(str(tmp_path / "quiet"), ""), seconds=0.05).said
+    line.close()
+    assert "There is no port" in guess(PortInfo(str(tmp_path / "gone"), "")).said

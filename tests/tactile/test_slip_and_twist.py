@@ -209,3 +209,10 @@ def start(frame):
 def test_programs_inside_another_share_what_they_start_from():
     alone = sum(len(part.trace((4, 4)).memories) for part in (slip, twist))
     assert len(both().trace((4, 4)).memories) == alone - len(start.trace((4, 4)).memories)
+
+
+def test_a_curl_below_the_shear_is_no_twist(fast, run, four):
+    """However low the threshold: a slide has some curl, far below its shear."""
+    got = run(fast, both(**BOUND, turn=1e-4), four)
+    assert got["twist_strength"][PULL:, SLIDES].max() > 2e-4
+    assert not got["twist"][:, SLIDES].any()

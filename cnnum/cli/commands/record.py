@@ -39,7 +39,7 @@ def command(
 ) -> int:
     """Record the frames of the array SOURCE (a driver's name, or a scene) to FILE.
 
-    FILE ends in .mcap (also for Foxglove), .npz (NumPy) or .csv. Frames are on the
+    FILE ends in .mcap (also for Foxglove), .npz (NumPy), .h5 (HDF5) or .csv. Frames are on the
     disk within a second, whatever happens; `cnnum recover` makes a whole file of one that was cut
     off. It ends by itself, by Ctrl-C, or because the array went away.
     """

@@ -36,9 +36,12 @@ def command(
     precision: str | None,
     save: Path | None,
     frames: int | None,
+    speed: float,
+    begin: float | None,
+    end: float | None,
     as_json: bool,
 ) -> int:
-    """Run a scene's program over the recording FILE, as fast as it goes.
+    """Run a scene's program over the recording FILE, as fast as it goes or at a pace.
 
     FILE is a recording of `cnnum record`, a CSV, NumPy or HDF5 file with its layout, or the
     folder of a uSkin trial. Only the array of the scene is replaced: its program and its events
@@ -54,6 +57,10 @@ def command(
         if scene is None:
             scene = _usual_scene(file, array, given)
         loaded = load_scene(scene, changes={"array": array} | given)
+        if speed or begin is not None or end is not None:
+            from cnnum.drivers.paced import Paced
+
+            loaded.driver = Paced(loaded.driver, speed, begin, end)
     saver = FieldSaver(save, loaded)
     return follow(loaded, Output(as_json), frames=frames, watch=saver.add, keep=saver.write)
 

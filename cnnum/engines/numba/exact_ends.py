@@ -71,7 +71,7 @@ def _largest(maps: Reals) -> Floats:
 
 
 End = tuple[Reals, Reals | None]
-"""States at the end, and what is rounded in them if it is more than start and drive."""
+"""States at the end, and the numbers that are rounded in them if not start and drive alone."""
 
 
 def _decayed(scheme: Decay, start: Reals, drive: Reals) -> End:

@@ -161,7 +161,7 @@ class ReferenceBackend:
     def __init__(self, device: str | None, precision: str | None) -> None:
         if device is not None:
             raise DeviceError(f"The reference engine runs on the host, got device={device!r:.60}.")
-        if precision not in (None, "float64"):
+        if not (precision is None or str(precision) == "float64"):
             raise name_error("precision", str(precision), ("float64",))
 
     def told(self, template: Template, solver: Solver) -> Solver:

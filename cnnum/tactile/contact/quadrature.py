@@ -1,6 +1,7 @@
 """Average any traction inside a circular contact over the cells of a grid, to high order."""
 
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -53,7 +54,8 @@ def cell_average(
     ArrayError
         If there is no node.
     """
-    if nodes < 1:
+    checks.record("grid", grid, Grid)
+    if not isinstance(cast(object, nodes), int) or nodes < 1:
         raise ArrayError(f"'nodes': expected 1 or more, got {nodes}.")
     a = checks.scalar("radius", checks.positive("radius", radius))
     x = np.clip((grid.x_edges - centre[0]) / a, -1.0, 1.0)

@@ -235,11 +235,13 @@ def _checked(
 ) -> _Load:
     q_x, q_y = checks.vector("tangential", tangential, 2)
     x, y = checks.vector("centre", centre, 2)
-    grip = math.inf if friction == math.inf else float(checks.not_negative("friction", friction))
+    grip = math.inf
+    if friction != math.inf:
+        grip = checks.scalar("friction", checks.not_negative("friction", friction))
     return _Load(
-        normal=float(checks.not_negative("load", load)),
+        normal=checks.scalar("load", checks.not_negative("load", load)),
         tangential=(float(q_x), float(q_y)),
-        torque=float(checks.finite("torque", torque)),
+        torque=checks.scalar("torque", checks.finite("torque", torque)),
         friction=grip,
         centre=(float(x), float(y)),
     )

@@ -65,9 +65,12 @@ class BumpCover:
 
     def __post_init__(self) -> None:
         checks.positive("youngs_modulus", self.youngs_modulus)
-        radius = float(checks.positive("bump_radius", self.bump_radius))
+        radius = checks.scalar("bump_radius", checks.positive("bump_radius", self.bump_radius))
         checks.vector("origin", self.origin, 2)
-        if self.pitch is not None and float(checks.positive("pitch", self.pitch)) < 2 * radius:
+        if (
+            self.pitch is not None
+            and checks.scalar("pitch", checks.positive("pitch", self.pitch)) < 2 * radius
+        ):
             raise PhysicsError(
                 f"'pitch': expected at least the bumps' diameter, {2 * radius:g} m, "
                 f"got {self.pitch:g}."
@@ -115,7 +118,7 @@ class BumpCover:
         """Return the seven profiles over the stretched distance, times (1 + depth)²."""
         from scipy.interpolate import CubicSpline
 
-        tables, depth = self.tables, float(checks.positive("depth", self.depth))
+        tables, depth = self.tables, checks.scalar("depth", checks.positive("depth", self.depth))
         low, high = tables.depths[0], tables.depths[-1]
         place = depth / self.bump_radius
         if not low * (1 - 1e-9) <= place <= high * (1 + 1e-9):

@@ -162,7 +162,8 @@ def merit(model: Model, thickness: float) -> Merit:
     PhysicsError
         If the thickness is not positive and finite.
     """
-    size = float(checks.positive("thickness", thickness))
+    checks.record("model", model, Model)
+    size = checks.scalar("thickness", checks.positive("thickness", thickness))
     normal, shear = model.curves(size)
     scale = size + sum(model.spread)
     x = np.linspace(0, 6 * scale, 201)

@@ -50,10 +50,10 @@ class LayerCover:
     taxel_depth: float | None = None
 
     def __post_init__(self) -> None:
-        checks.positive("thickness", self.thickness)
+        checks.scalar("thickness", checks.positive("thickness", self.thickness))
         checks.positive("youngs_modulus", self.youngs_modulus)
         checks.poisson_ratio(self.poisson)
-        checks.positive("taxel_depth", self.depth)
+        checks.scalar("taxel_depth", checks.positive("taxel_depth", self.depth))
         if self.depth > self.thickness:
             raise PhysicsError(
                 f"'taxel_depth': expected at most the thickness, {self.thickness:g} m, "

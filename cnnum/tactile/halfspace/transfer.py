@@ -123,11 +123,11 @@ def strain_transfer(
     """
     modulus = checks.positive("youngs_modulus", youngs_modulus)
     ratio = checks.poisson_ratio(poisson)
-    shape = np.broadcast_shapes(
-        *(np.shape(part) for part in (kx, ky, depth, youngs_modulus, poisson))
+    kx, ky, depth = (
+        checks.finite(name, part) for name, part in (("kx", kx), ("ky", ky), ("depth", depth))
     )
+    shape = np.broadcast_shapes(*(np.shape(part) for part in (kx, ky, depth, modulus, ratio)))
     factors = np.broadcast_to(stress_transfer(kx, ky, depth), (*shape, 3, 3)).copy()
-    kx, ky = checks.finite("kx", kx), checks.finite("ky", ky)
     k = np.hypot(kx, ky)
     ex, ey = _direction(kx, ky, k)
     fade = 2 * ratio * np.exp(-k * checks.not_negative("depth", depth))

@@ -1,5 +1,6 @@
 """The way back: amplified bridge voltages to signals (4.14) and strain (4.15)."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import CalibrationError, CnnumError
 from cnnum.frame import FORCE_AXES
+from cnnum.safety.values import is_real
 from cnnum.tactile.taxel import calibration_file
 from cnnum.tactile.taxel.readout import Heat, frame_times
 from cnnum.tactile.taxel.signals import COMBINE, SIDES, rows_of, trailing
@@ -278,8 +280,9 @@ class Calibration:
 
 
 def _positive(name: str, value: float) -> None:
-    if not value > 0.0 or (name != "limit" and not np.isfinite(value)):
-        raise CalibrationError(f"'{name}' must be a positive number, got {value}.")
+    endless = name == "limit" and isinstance(value, float) and value == math.inf
+    if not (endless or (is_real(value) and value > 0.0)):
+        raise CalibrationError(f"'{name}' must be a positive number, got {value!r:.60}.")
 
 
 def _per_taxel(name: str, value: ArrayLike, tail: tuple[int, ...]) -> Floats:

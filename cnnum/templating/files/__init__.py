@@ -7,6 +7,7 @@ from pathlib import Path
 from cnnum.errors import TemplateError, TemplateFileError
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST
+from cnnum.safety.values import as_path
 from cnnum.templating.files import matcnn_format, tem_format
 from cnnum.templating.files.cnnsim_format import CNNSIM
 from cnnum.templating.files.entry import Entry, FileFormat
@@ -53,7 +54,7 @@ def load_entry(path: str | PathLike[str]) -> Entry:
     TemplateFileError, TemplateError
         As `load_template`.
     """
-    source = Path(path)
+    source = as_path(path, TemplateFileError)
     form = _format(source)
     return form.read(_content(source), str(source))
 

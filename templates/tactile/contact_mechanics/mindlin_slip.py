@@ -26,8 +26,8 @@ WIDE = 1.82
 
 FLATNESS, PEAK = (1.395, 1.53), (0.55, 0.65)
 """Of a pressure: fourth moment over the second's square, and peak · π · second moment over load.
-Hertz's has 10/7 and 0.6. Wherever they lie on the taxels, spheres that are wide enough have 1.39 to
-1.5 and 0.57 to 0.63; rigid flat punches have less than 1.4, thin layers below 1.35 or above 2."""
+Hertz's has 10/7 and 0.6. Spheres that are wide enough have 1.39 to 1.5 and 0.57 to 0.63; rigid flat
+punches have less than 1.4, thin layers below 1.35 or above 2 (`docs/calibration.md`)."""
 
 STEADY = 0.15
 """s for which a pressure must be Hertz's before the law is trusted."""

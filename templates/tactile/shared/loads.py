@@ -32,8 +32,8 @@ deviations of the calibration's residual. A bridge that is stuck stands anywhere
 
 BREAK = 300.0
 """Change of a taxel's normal load from one frame to the next, over its neighbours' and the noise,
-as powers, above which it breaks. A contact is felt under a cover by several taxels: in 176 scenes
-with whole taxels, up to 200 frames a second (tuning seeds), 1 in 100 exceeds 200, and one 300."""
+as powers, above which it breaks: several taxels feel a contact under a cover. `docs/calibration.md`
+has the scenes that it was set by."""
 
 TINY = 1e-30
 

@@ -1,4 +1,4 @@
-"""The kernel text of virtual cells around strips, and of what is padded by them beside outputs."""
+"""The kernel text of virtual cells around strips, and of padded arrays but outputs."""
 
 from collections.abc import Mapping
 
@@ -18,13 +18,13 @@ SEEN = ("strip_states_even", "strip_states_odd")
 """The same of states, where couplings read those of neighbours."""
 
 LATER = "strip_later"
-"""The array of what drives the cells once a delay is over."""
+"""The array of the cells' drive once a delay is over."""
 
 _SUFFIX = "_of_states"
 
 
 def padded_arrays(text: TransientBuilder) -> tuple[str, ...]:
-    """Return the arrays that couplings want beside outputs."""
+    """Return the arrays that couplings want apart from outputs."""
     seen = SEEN if reads_states(text.template) else ()
     later = (LATER,) if text.has_history else ()
     return (*seen, *later)
@@ -37,7 +37,7 @@ def by_turns(offsets: Mapping[str, int], names: tuple[str, str]) -> str:
 
 
 def reads(text: TransientBuilder, driven: str) -> list[str]:
-    """Return the declarations of what a level reads and writes, beside outputs."""
+    """Return the declarations of the arrays of a level, apart from outputs."""
     lines = [f"__global const scalar *const driven = {driven};"]
     if reads_states(text.template):
         lines += [
@@ -55,7 +55,7 @@ def first_states(text: TransientBuilder) -> list[str]:
 def rim_texts(
     text: TransientBuilder, layout: RowLayout, offsets: Mapping[str, int]
 ) -> dict[str, str]:
-    """Return the kernel text's names that say what is done about virtual cells."""
+    """Return the kernel text's names that set the treatment of virtual cells."""
     seen, fixed = reads_states(text.template), text.template.boundary.constant
     shown = None if fixed is None else float(text.template.output.numpy(np.asarray(fixed)))
     rims = rim_text(text, layout, "", shown)

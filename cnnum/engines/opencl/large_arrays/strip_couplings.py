@@ -1,4 +1,4 @@
-"""The kernel text of what the cells of a strip's rows add up from their neighbours.
+"""The kernel text of the neighbourhood sums in a strip's rows.
 
 An output that is loaded serves all the cells of the block that it is a neighbour of.
 """
@@ -42,7 +42,7 @@ class Through:
     value : callable
         The expression of an output.
     factor : str
-        What their weights come with: nothing, or a vector times.
+        The factor of their weights: nothing, or a vector times.
     taps : tuple of tuple of Tap
         Of each layer.
     """
@@ -68,7 +68,7 @@ class Kept:
 
     @property
     def begin(self) -> list[str]:
-        """What stands before the row's first vector."""
+        """The statements before the row's first vector."""
         radius = self._radius
         return [
             f"vec {self.value(*at, col)} = {self._made(*at, col, 'start')};"
@@ -78,7 +78,7 @@ class Kept:
 
     @property
     def load(self) -> list[str]:
-        """What reads the vectors that come next."""
+        """The reads of the next vectors."""
         radius = self._radius
         return [
             f"const vec {self.value(*at, radius)} = {self._made(*at, radius, 'p')};"
@@ -87,7 +87,7 @@ class Kept:
 
     @property
     def move(self) -> list[str]:
-        """What stands after all that is done with a vector."""
+        """The statements after those of a vector."""
         radius = self._radius
         return [
             f"{self.value(*at, col)} = {self.value(*at, col + 1)};"
@@ -136,7 +136,7 @@ def coupled(
     state : str
         The array of states.
     between : bool
-        Whether what is delayed lies between the outputs of two steps.
+        Whether the delayed time lies between the outputs of two steps.
     kept : Kept, optional
         Outputs, where arrays hold states alone.
     """

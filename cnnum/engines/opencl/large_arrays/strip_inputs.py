@@ -15,7 +15,7 @@ from cnnum.engines.opencl.transients.builder import NOW, ROW, TransientBuilder
 
 
 def keep_rows(text: TransientBuilder, number: int) -> None:
-    """Append the array of an input, and what brings all rows to their lanes in it, for strips."""
+    """Append the array of an input, and the sweep of its rows to their lanes, for strips."""
     boundary = text.template.input_boundary
     layout, array = row_layout(text, boundary), Name(inputs_of(number))
     text.array(array, size_of(text, layout))

@@ -1,4 +1,4 @@
-"""The kernel text of what is kept of the rows of a strip, and read of them, a vector at a time."""
+"""The kernel text of stores to the rows of a strip and reads of them, a vector at a time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,20 +23,20 @@ class At(NamedTuple):
 
     @property
     def sum(self) -> str:
-        """The name of the sum of what its cells are coupled to."""
+        """The name of the sum of its cells' couplings."""
         return f"s{self.layer}_{self.row}"
 
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Writes what a few rows do.
+    """Writes the statements of a few rows.
 
     Attributes
     ----------
     text : TransientBuilder
     layout : RowLayout
     scales : tuple of float
-        What the couplings and the drive of each layer come with.
+        The factor of each layer's couplings and drive.
     offsets : mapping of str to int or str
         Numbers from the array of states to each of the arrays that are kept, or the name of the
         variable that holds them.
@@ -52,7 +52,7 @@ class Rows:
     ) -> list[str]:
         """Return the text that takes a vector after the other of the rows from `start` on.
 
-        What stands in `head` comes before all of them, what stands in `tail` after.
+        Those in `head` come before all of them, those in `tail` after.
         """
         width = self.layout.width
         end = f"start + {self.layout.vectors * width}"

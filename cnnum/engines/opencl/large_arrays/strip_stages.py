@@ -1,4 +1,4 @@
-"""What a stage of a step does to the cells of a strip: a few sums, each kept in an array.
+"""A stage of a step on the cells of a strip: a few sums, each kept in an array.
 
 With d = (h/τ)(w + A ∗ f(s) − s), s the state of the stage, an explicit Runge–Kutta method's next
 state is x + Σ_j a_ij d_j, and the step ends at x + Σ_i b_i d_i. Every such sum is kept from its
@@ -32,7 +32,7 @@ class Sum:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One evaluation of the couplings, and what it is added to.
+    """One evaluation of the couplings, and its target.
 
     Attributes
     ----------
@@ -58,7 +58,7 @@ class Stages:
     Attributes
     ----------
     scale : float
-        What w + A ∗ y − s is multiplied by in d.
+        The factor of w + A ∗ y − s in d.
     stages : tuple of Stage
         The step begins and ends in array 0.
     """
@@ -92,7 +92,7 @@ ALONE = Stage(0, (Sum(0, ((0, 1.0),), 1.0),))
 def _carried(tableau: Explicit) -> tuple[Stage, Stage]:
     """Return a = x + d, and x⁺ = a + (carried − 1)(a − x) + Σ b_i k_i.
 
-    What is added to a is kept by itself: at a limit it is then exactly 0, and a state stays there.
+    The increment of a is kept by itself: at a limit it is then exactly 0, and a state stays there.
     """
     first, more = float(tableau.a[1][0]), tableau.carried - 1.0
     before, after = (float(weight) / first for weight in tableau.b)

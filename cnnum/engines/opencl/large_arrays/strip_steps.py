@@ -1,4 +1,4 @@
-"""Steps of large arrays by strips of rows: which can be, and what they keep in arrays."""
+"""Steps of large arrays by strips of rows: the possible ones, and their arrays."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""When the levels of large arrays' steps are, and what they read of earlier ones.
+"""When the levels of large arrays' steps are, and their reads of earlier ones.
 
 Couplings may vary in time. Delayed ones read the outputs with which the step a delay ago began:
 a ring of arrays keeps those of all steps since, and delayed inputs change when the delay is over.
@@ -21,7 +21,7 @@ RING = "strip_ring"
 
 
 def gain_lines(text: TransientBuilder, since: str) -> list[str]:
-    """Return the text that finds what varies in time, at a time since the start."""
+    """Return the text that finds the varying factors, at a time since the start."""
     return text.tables.printer.lines(gains(text, Constant(since)))
 
 
@@ -65,7 +65,7 @@ class Moments:
         return not math.isclose(self.share, 1.0, rel_tol=1e-9)
 
     def head(self, stage: int) -> list[str]:
-        """Return what a stage knows of its moment, before it takes its rows."""
+        """Return the statements on a stage's moment, before it takes its rows."""
         text, steps = self.text, f"const int steps = number / {self.stages} + {self.before};"
         lines, last = list[str](), ""
         if self.uneven:
@@ -84,7 +84,7 @@ class Moments:
         return [steps, *lines] if lines else []
 
     def between(self, stage: int) -> bool:
-        """Return whether what is delayed lies between the outputs of two steps."""
+        """Return whether the delayed time lies between the outputs of two steps."""
         return self.keeps and self.uneven and self._place(stage) != 0.0
 
     def _place(self, stage: int) -> float:
@@ -96,12 +96,12 @@ class Moments:
         return f"__global const scalar *const {name} = outputs_of(x, {level});"
 
     def keep_outputs(self, offsets: dict[str, int], size: int, again: int) -> str:
-        """Declare what keeps outputs of earlier steps, and return where those of a `level` are.
+        """Declare the ring that keeps outputs of earlier steps, and return the place of a `level`.
 
         Parameters
         ----------
         offsets : dict of str to int
-            How far arrays are from the first; what is declared here is added.
+            How far arrays are from the first; those declared here are added.
         size : int
             Numbers of an array.
         again : int
@@ -110,7 +110,7 @@ class Moments:
         turns = by_turns(offsets, OUTPUTS)
         if not self.keeps:
             return turns
-        # a level writes while one before it, a few rows ahead, reads what is a delay old
+        # a level writes while one before it, a few rows ahead, reads outputs a delay old
         slots, first = self.lag + 2 + again, next(iter(offsets))
         self.text.array(Name(RING), slots * size)
         offsets[RING] = self.text.arena.places[RING] - self.text.arena.places[first]
@@ -123,7 +123,7 @@ class Moments:
         return f"{self.before} * {self.stages}"
 
     def driven(self, offsets: Mapping[str, int]) -> str:
-        """Return the expression of what drives the cells at the level `number`."""
+        """Return the expression of the cells' drive at the level `number`."""
         if not self.text.has_history:
             return "w"
         return f"number + {self.ahead} < {self.lag * self.stages} ? w : x + {offsets[LATER]}"

@@ -59,7 +59,7 @@ def begin_exact(text: TransientBuilder, why: str) -> None:
 
 
 def exact_figures(text: TransientBuilder, roundings: float) -> Figures:
-    """Return the figures of a run without steps, which is off by so many roundings of `largest`."""
+    """Return the figures of a run without steps, which is off by some roundings of `largest`."""
     rounding = Number(float(np.finfo(text.tables.dtype).eps) * roundings)
     figures: Figures = {
         "time": Number(text.solver.duration),
@@ -220,4 +220,4 @@ _ENDS: dict[type, Callable[[TransientBuilder, Any], tuple[int, float]]] = {
     Propagator: _propagate,
     Spectral: _spectral,
 }
-"""What appends an end, and returns the terms of its longest sum and its gain."""
+"""Each appends an end, and returns the terms of its longest sum and its gain."""

@@ -164,7 +164,7 @@ def _columns(text: TransientBuilder) -> set[int]:
 
 
 def _sources(text: TransientBuilder, count: int) -> NDArray[np.int64]:
-    """Return which of so many cells, or rows, each is that lies within the rims; −1 is none."""
+    """Return the cell, or row, that each padded place shows; −1 is none."""
     boundary = text.template.boundary
     if boundary.constant is None:
         return np.pad(np.arange(count), text.radius, mode=boundary.pad_mode)

@@ -58,7 +58,7 @@ def repeated(
 
 
 def last_number(count: int, usual: float, last: float) -> Expression:
-    """Return a number that is another one in the last of so many steps."""
+    """Return a number that is another one in the last of a number of steps."""
     if math.isclose(usual, last, rel_tol=1e-9):
         return Number(usual)
     return Choice(ROUND.equals(count - 1), Number(last), Number(usual))

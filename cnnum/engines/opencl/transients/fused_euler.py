@@ -149,7 +149,7 @@ def _sweep(text: TransientBuilder, scheme: FixedSteps) -> None:
 def _block_of_columns(
     text: TransientBuilder, scheme: FixedSteps, block: int, together: int
 ) -> None:
-    """Append one step of the columns `b` to `b + block` of so many rows.
+    """Append one step of the columns `b` to `b + block` of a number of rows.
 
     Where weights are equal, what is loaded is kept and added up before it is weighted, else it is
     added to all sums at once, which takes fewer registers.
