@@ -5,16 +5,14 @@ for the constant. A linear template without time steps takes such maps to such m
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.graph.elementwise import ADD, DIVIDE, MULTIPLY, NEGATE, SUBTRACT, SUM
 from cnnum.graph.nodes import Apply, Constant, ConstantMap, Node, Pick, Reduce, Transient
-from cnnum.integrators.propagator import Decay, Propagator
-from cnnum.integrators.solver import Scheme
-from cnnum.integrators.spectral import Spectral, evaluate
+from cnnum.integrators.solver import Linear, Scheme
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import taps
 from cnnum.templating.template import Template
@@ -51,7 +49,7 @@ def is_linear(operation: Transient, scheme: Scheme, asked: Sequence[Pick]) -> bo
     A cell that may leave the linear range of its output is not linear, however its input may be:
     uncoupled cells are, as their states never see the output.
     """
-    if not isinstance(scheme, Decay | Propagator | Spectral):
+    if not isinstance(scheme, Linear):
         return False
     if not operation.template.plain or operation.has_mask or operation.has_previous:
         return False
@@ -115,12 +113,12 @@ def states(
     operation: Transient, scheme: Scheme, arguments: Sequence[Affine], shape: Shape
 ) -> tuple[Affine, ...]:
     """Return the states of a linear template at its end, one a layer, of affine arguments."""
-    assert isinstance(scheme, Decay | Propagator | Spectral)
+    assert isinstance(scheme, Linear)
     template, cells = operation.template, shape[0] * shape[1]
     numbers = list(dict.fromkeys(number for a in arguments for number in a.parts))
     # every column of every matrix is a map of its own
     columns = _Given.of(operation, [_columns(a, numbers) for a in arguments], shape)
-    moved = _run(template, _without_rim(scheme), columns, shape, still=False)
+    moved = _run(template, scheme.still(), columns, shape, still=False)
     constants = [a.constant[np.newaxis] for a in arguments]
     added = _run(template, scheme, _Given.of(operation, constants, shape), shape, still=True)
     found: list[Affine] = []
@@ -153,13 +151,9 @@ class _Given:
         return cls(len(arguments[0]) if arguments else 1, roles)
 
 
-def _without_rim(scheme: Decay | Propagator | Spectral) -> Decay | Propagator | Spectral:
-    return scheme if isinstance(scheme, Decay) else replace(scheme, constant=0.0 * scheme.constant)
-
-
 def _run(
     template: Template,
-    scheme: Decay | Propagator | Spectral,
+    scheme: Linear,
     given: _Given,
     shape: Shape,
     *,
@@ -173,13 +167,7 @@ def _run(
     if still:
         drive += template.z[:, np.newaxis, np.newaxis]
     start = _start(template, given.roles, drive.shape, still=still)
-    if isinstance(scheme, Decay):
-        return drive + scheme.kept[:, np.newaxis, np.newaxis] * (start - drive)
-    if isinstance(scheme, Spectral):
-        return evaluate(scheme, start, drive)
-    flat = start.reshape(len(start), -1) @ scheme.state.T
-    flat += drive.reshape(len(drive), -1) @ scheme.drive.T + scheme.constant
-    return flat.reshape(drive.shape)
+    return scheme.reach(start, drive)
 
 
 def _start(

@@ -8,11 +8,8 @@ import numpy as np
 from cnnum.arrays import Shape
 from cnnum.graph.cost import node_flops
 from cnnum.graph.nodes import Constant, ConstantMap, Loop, Node, Parameter, Pick, Transient
-from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.schemes import FixedSteps
-from cnnum.integrators.solver import Solver
-from cnnum.integrators.spectral import Spectral
-from cnnum.templating.template import Template
+from cnnum.integrators.solver import Linear, Solver
 
 FREE = (Constant, ConstantMap, Parameter, Pick)
 """Operations that only name a value and do not run."""
@@ -64,20 +61,8 @@ def operation_flops(node: Node, solver: Solver | None, shape: Shape) -> int:
     if not isinstance(node.operation, Transient) or solver is None:
         return node_flops(node, shape)
     scheme, template = solver.scheme, node.operation.template
-    if isinstance(scheme, Decay | Propagator | Spectral):
-        control = 2 * int(np.count_nonzero(template.B)) * shape[0] * shape[1]
-        return control + _exact(scheme, template, shape)
+    if isinstance(scheme, Linear):
+        cells = shape[0] * shape[1]
+        control = 2 * int(np.count_nonzero(template.B)) * cells
+        return control + scheme.flops(template.layers * cells, shape)
     return node_flops(node, shape, scheme.count if isinstance(scheme, FixedSteps) else 1)
-
-
-def _exact(scheme: Decay | Propagator | Spectral, template: Template, shape: Shape) -> int:
-    """Return the arithmetic from the cells' drive and first states to their end."""
-    n = template.layers * shape[0] * shape[1]
-    if isinstance(scheme, Decay):
-        return 3 * n
-    parts = int(scheme.state.any()) + int(scheme.drive.any())
-    if isinstance(scheme, Propagator):
-        return 2 * n * n * parts
-    # into the modes along both axes, their factors, and the way back
-    along = 2 * n * (shape[0] + shape[1])
-    return along * (parts + 1) + 2 * n * template.layers * parts

@@ -4,11 +4,12 @@ x(t) = e^{Mt} x₀ + t φ₁(Mt) S (w + g),     φ₁(z) = (e^z − 1)/z
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
-from cnnum.arrays import Floats
+from cnnum.arrays import Floats, Shape
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template
 
@@ -33,6 +34,21 @@ class Decay:
 
     kept: Floats
 
+    rounding: ClassVar[float] = 0.0
+
+    def reach(self, start: Floats, drive: Floats) -> Floats:
+        """Return x(t) of (..., layers, rows, cols) initial states and drives."""
+        return drive + self.kept[:, np.newaxis, np.newaxis] * (start - drive)
+
+    def flops(self, states: int, shape: Shape) -> int:
+        """Return the arithmetic from the drive and the start of that many states to their end."""
+        del shape
+        return 3 * states
+
+    def still(self) -> "Decay":
+        """Return the same without the part of a fixed boundary."""
+        return self
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Propagator:
@@ -51,6 +67,21 @@ class Propagator:
     drive: Floats
     constant: Floats
     rounding: float = 0.0
+
+    def reach(self, start: Floats, drive: Floats) -> Floats:
+        """Return x(t) of (batch, layers, rows, cols) initial states and drives."""
+        flat = start.reshape(len(start), -1) @ self.state.T
+        flat += drive.reshape(len(drive), -1) @ self.drive.T + self.constant
+        return flat.reshape(drive.shape)
+
+    def flops(self, states: int, shape: Shape) -> int:
+        """Return the arithmetic from the drive and the start of that many states to their end."""
+        del shape
+        return 2 * states * states * (int(self.state.any()) + int(self.drive.any()))
+
+    def still(self) -> "Propagator":
+        """Return the same without the part of a fixed boundary."""
+        return replace(self, constant=0.0 * self.constant)
 
 
 def decay(template: Template, duration: float) -> Decay:

@@ -14,6 +14,7 @@ they are t and (b − x₀)/g(x₀).
 
 import math
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -46,6 +47,8 @@ class Separate:
 
     own: Floats
     time: Floats
+
+    rounding: ClassVar[float] = 0.0
 
 
 def separate(template: Template, duration: float) -> Separate | None:

@@ -8,7 +8,10 @@ from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
 
 Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps
-Exact = Decay | Propagator | Spectral | Separate
+Linear = Decay | Propagator | Spectral
+"""Exact schemes whose end is an affine map of start and drive."""
+
+Exact = Linear | Separate
 Scheme = Exact | Stepping
 
 

@@ -6,7 +6,7 @@ as rows of R and C, X̂ = R X Cᵀ, and every mode (k, l) follows layers × laye
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -46,6 +46,25 @@ class Spectral:
     drive: Floats
     constant: Floats
     rounding: float = 0.0
+
+    def reach(self, start: Floats, drive: Floats) -> Floats:
+        """Return x(t) of (..., layers, rows, cols) initial states and drives."""
+        modes = np.zeros(start.shape)
+        for factors, maps in ((self.state, start), (self.drive, drive)):
+            moved = [n for n in range(maps.shape[-3]) if maps[..., n, :, :].any()]
+            if moved and factors.any():
+                seen = maps[..., moved, :, :]
+                modes += _weighed(factors[:, moved], self.rows @ seen @ self.cols.T)
+        return np.asarray(self.rows.T @ modes @ self.cols + self.constant)
+
+    def flops(self, states: int, shape: Shape) -> int:
+        """Return the arithmetic into the modes along both axes, of their factors, and back."""
+        parts = int(self.state.any()) + int(self.drive.any())
+        return 2 * states * (sum(shape) * (parts + 1) + len(self.state) * parts)
+
+    def still(self) -> "Spectral":
+        """Return the same without the part of a fixed boundary."""
+        return replace(self, constant=0.0 * self.constant)
 
 
 def wave_numbers(boundary: Boundary, n: int) -> Floats:
@@ -178,17 +197,6 @@ def _after(rates: Floats, inverse_tau: Floats, duration: float) -> tuple[Floats,
 def _through(rows: Floats, cols: Floats, factors: Floats, maps: Floats) -> Floats:
     modes = np.einsum("tfkl,fkl->tkl", factors, rows @ maps @ cols.T)
     return np.asarray(rows.T @ modes @ cols)
-
-
-def evaluate(scheme: Spectral, start: Floats, drive: Floats) -> Floats:
-    """Return x(t) of (..., layers, rows, cols) initial states and drives."""
-    modes = np.zeros(start.shape)
-    for factors, maps in ((scheme.state, start), (scheme.drive, drive)):
-        moved = [n for n in range(maps.shape[-3]) if maps[..., n, :, :].any()]
-        if moved and factors.any():
-            seen = maps[..., moved, :, :]
-            modes += _weighed(factors[:, moved], scheme.rows @ seen @ scheme.cols.T)
-    return np.asarray(scheme.rows.T @ modes @ scheme.cols + scheme.constant)
 
 
 def _weighed(factors: Floats, modes: Floats) -> Floats:

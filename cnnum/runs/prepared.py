@@ -7,10 +7,8 @@ import math
 from collections.abc import Hashable, Mapping, Sequence
 from numbers import Real
 from threading import RLock
-from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cnnum.arrays import all_finite
 from cnnum.engines.backend import OneFrame
@@ -117,18 +115,19 @@ class PreparedRun:
         """
         with self._turn:
             at = 0
-            for place, array in enumerate(arrays):
-                if not isinstance(array, np.ndarray):
-                    continue
-                numbers = cast(NDArray[np.floating], array).ravel(order="K")
-                squares = float(np.vdot(numbers, numbers))
-                # below: every number is finite, and none is too large for the precision
-                if not squares < self._square:
-                    return None
-                if squares > LEAST_SQUARES and place < len(ROLES):
-                    refuse_grey_levels(self.template, ROLES[place], numbers)
-                self._frame[..., at] = array
-                at += 1
+            for array in arrays:
+                if isinstance(array, np.ndarray):
+                    self._frame[..., at] = array
+                    at += 1
+            numbers = self._frame.ravel()
+            squares = np.vdot(numbers, numbers)
+            # below: every number is finite, and none is too large for the precision
+            if not squares < self._square:
+                return None
+            if squares > LEAST_SQUARES:
+                for role, array in zip(ROLES, arrays, strict=False):
+                    if isinstance(array, np.ndarray):
+                        refuse_grey_levels(self.template, role, np.asarray(array, np.float64))
             outputs = self._one.run(self._frame, first=True)
             packed = self._one.packed
         if not all_finite(packed):

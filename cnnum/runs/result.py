@@ -111,14 +111,16 @@ def result_of(outputs: Mapping[str, Floats], layers: int, method: str, reason: s
 
     def of_layers(what: str) -> Floats:
         planes = [outputs[f"{what} {layer}"] for layer in range(layers)]
-        return planes[0] if layers == 1 else np.stack(planes, axis=-3)
+        return np.stack(planes, axis=-3)
 
     error = outputs["error"]
-    if error.ndim or not error < LOST:  # one number is looked at in a tenth of the time
+    if error.ndim:
         error = np.where(error < LOST, error, math.inf)
+    elif not error < LOST:  # one number is looked at in a tenth of the time
+        error = np.array(math.inf)
     return Result(
-        output=of_layers("output"),
-        state=of_layers("state"),
+        output=outputs["output 0"] if layers == 1 else of_layers("output"),
+        state=outputs["state 0"] if layers == 1 else of_layers("state"),
         time=outputs["time"],
         steps=outputs["steps"].astype(np.int64),
         settled=outputs["settled"].astype(bool),

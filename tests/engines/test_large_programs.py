@@ -47,7 +47,7 @@ CASES = {
     "decay": (template(A=[[0]], boundary=0.0), {}),
     "uncoupled": (template(A=[[2]], boundary=0.0), {}),
     "full-range": (template(output="full-range"), {"dt": 0.1}),
-    "sign": (template(output="sign", duration=4.0), {}),
+    "sign": (template(output="sign", duration=4.0, tau=1.0), {}),
     "layers": (layers(), {}),
     "nonlinear": (
         template(nonlinear=[NonlinearCoupling(np.full((3, 3), 0.1), BEND, "x", "x")]),

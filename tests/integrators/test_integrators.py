@@ -14,7 +14,7 @@ from cnnum.integrators.choice import FixedSteps
 from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER, phi
 from cnnum.integrators.propagator import propagator
 from cnnum.integrators.schemes import ChebyshevSteps
-from cnnum.integrators.spectral import Spectral, evaluate, spectral
+from cnnum.integrators.spectral import Spectral, spectral
 from cnnum.integrators.spectrum import spectrum
 from cnnum.integrators.stability import METHODS, stability_bound
 from cnnum.integrators.tableau import (
@@ -83,7 +83,7 @@ def test_modes_give_what_the_dense_matrix_gives(boundary, duration, layers):
     network = Network(template, (5, 6))
     modes, dense = spectral(network, duration), propagator(network, duration)
     start, drive = rng.normal(size=(2, layers, 5, 6))
-    got = evaluate(modes, start, drive)
+    got = modes.reach(start, drive)
     wanted = dense.state @ start.ravel() + dense.drive @ drive.ravel() + dense.constant
     # two ways to add up 60 products of order 1
     assert np.abs(got.ravel() - wanted).max() < 1e-13
@@ -182,7 +182,7 @@ def test_spectral_solves_the_heat_equation():
     heat = get_template("tactile_diffusion")
     network = Network(heat, (4, 5))
     start = np.random.default_rng(1).normal(size=(1, 4, 5))
-    got = evaluate(spectral(network, 0.8), start, np.zeros_like(start))
+    got = spectral(network, 0.8).reach(start, np.zeros_like(start))
     wanted = expm(0.8 * network.linear_system().matrix) @ start.ravel()
     assert np.abs(got.ravel() - wanted).max() < 1e-13
 

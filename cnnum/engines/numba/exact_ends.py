@@ -3,6 +3,7 @@
 A frame gives the same bits alone and in any batch: products are summed in one order.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
@@ -37,7 +38,7 @@ class ExactEnd:
     def of(cls, template: Template, shape: Shape, scheme: Exact, dtype: Real) -> "ExactEnd":
         """Return the end of a scheme."""
         rounding = float(np.finfo(dtype).eps) * _roundings(template, shape, scheme)
-        rounding += scheme.rounding if isinstance(scheme, Propagator | Spectral) else 0.0
+        rounding += scheme.rounding
         if isinstance(scheme, Separate):  # evaluated in float64
             return cls(scheme, rounding)
         # of a dense product column after column
@@ -59,16 +60,8 @@ class ExactEnd:
         """
         scheme = self.scheme
         largest = np.maximum(_largest(state), _largest(drive))
-        if isinstance(scheme, Decay):
-            kept = scheme.kept[:, np.newaxis, np.newaxis]
-            end = np.where(kept == 0.0, drive, drive + kept * (state - drive))
-        elif isinstance(scheme, Separate):
-            end, rounded = evaluate(scheme, state.astype(np.float64), drive.astype(np.float64))
-            largest = _largest(rounded)
-        elif isinstance(scheme, Propagator):
-            end = _propagated(scheme, state, drive)
-        else:
-            end = _through_modes(scheme, state, drive)
+        end, rounded = _ENDS[type(scheme)](scheme, state, drive)
+        largest = largest if rounded is None else _largest(rounded)
         state[...] = np.where(held, state, end)
         return np.asarray(self.rounding * largest)
 
@@ -77,15 +70,28 @@ def _largest(maps: Reals) -> Floats:
     return np.asarray(np.abs(maps).max(axis=(1, 2, 3)), dtype=np.float64)
 
 
-def _propagated(scheme: Propagator, start: Reals, drive: Reals) -> Reals:
+End = tuple[Reals, Reals | None]
+"""States at the end, and the numbers that are rounded in them if not start and drive alone."""
+
+
+def _decayed(scheme: Decay, start: Reals, drive: Reals) -> End:
+    kept = scheme.kept[:, np.newaxis, np.newaxis]
+    return np.where(kept == 0.0, drive, drive + kept * (start - drive)), None
+
+
+def _by_pieces(scheme: Separate, start: Reals, drive: Reals) -> End:
+    return evaluate(scheme, start.astype(np.float64), drive.astype(np.float64))
+
+
+def _propagated(scheme: Propagator, start: Reals, drive: Reals) -> End:
     batch = len(start)
     ends = np.tile(scheme.constant, (batch, 1))
     for matrix, maps in ((scheme.state, start), (scheme.drive, drive)):
         add_products(np.ascontiguousarray(maps).reshape(batch, -1), matrix.T, ends)
-    return ends.reshape(start.shape)
+    return ends.reshape(start.shape), None
 
 
-def _through_modes(scheme: Spectral, start: Reals, drive: Reals) -> Reals:
+def _through_modes(scheme: Spectral, start: Reals, drive: Reals) -> End:
     modes, back = np.zeros_like(start), np.ascontiguousarray(scheme.rows.T)
     into = np.ascontiguousarray(scheme.cols.T)
     for factors, maps in ((scheme.state, start), (scheme.drive, drive)):
@@ -95,7 +101,15 @@ def _through_modes(scheme: Spectral, start: Reals, drive: Reals) -> Reals:
                 for to in range(maps.shape[1]):
                     modes[:, to] += factors[to, source] * seen
     ends = [_both_sides(back, modes[:, to], scheme.cols) for to in range(modes.shape[1])]
-    return np.stack(ends, axis=1) + scheme.constant
+    return np.stack(ends, axis=1) + scheme.constant, None
+
+
+_ENDS: dict[type, Callable[[Any, Reals, Reals], End]] = {
+    Decay: _decayed,
+    Separate: _by_pieces,
+    Propagator: _propagated,
+    Spectral: _through_modes,
+}
 
 
 def _both_sides(left: Reals, maps: Reals, right: Reals) -> Reals:

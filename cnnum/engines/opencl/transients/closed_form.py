@@ -1,5 +1,8 @@
 """Transients without time steps, and what rounding leaves of their exactness."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from cnnum.arrays import Floats
@@ -33,23 +36,18 @@ from cnnum.engines.opencl.transients.feedforward import W, constant_drive, drive
 from cnnum.engines.opencl.transients.initial_state import X, start, start_of
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.solver import Linear
 from cnnum.integrators.spectral import Spectral
 
 LARGEST, X0, HALFWAY, MODES = Name("largest"), Name("x0"), Name("halfway"), Name("modes")
 J, K, V = Name("j"), Name("k"), Name("v")
 
 
-def exact(text: TransientBuilder, scheme: Decay | Propagator | Spectral) -> Figures:
+def exact(text: TransientBuilder, scheme: Linear) -> Figures:
     """Append what sets the states `x` to their end and return the figures of the run."""
     begin_exact(text, "")
-    if isinstance(scheme, Decay):
-        terms, gain = _decay(text, scheme), 1.0
-    elif isinstance(scheme, Propagator):
-        terms, gain = _propagate(text, scheme)
-    else:
-        terms, gain = _spectral(text, scheme)
-    own = 0.0 if isinstance(scheme, Decay) else scheme.rounding
-    own /= float(np.finfo(text.tables.dtype).eps)
+    terms, gain = _ENDS[type(scheme)](text, scheme)
+    own = scheme.rounding / float(np.finfo(text.tables.dtype).eps)
     # a sum of n rounded products is off by at most n roundings of its largest value
     return exact_figures(text, (terms + 2) * gain + own)
 
@@ -75,7 +73,7 @@ def _largest(value: Expression) -> Accumulate:
     return Accumulate(LARGEST, "greater", size(value))
 
 
-def _decay(text: TransientBuilder, scheme: Decay) -> int:
+def _decay(text: TransientBuilder, scheme: Decay) -> tuple[int, float]:
     text.array(X, text.states)
     body: list[Statement] = []
     for layer in range(text.layers):
@@ -85,7 +83,7 @@ def _decay(text: TransientBuilder, scheme: Decay) -> int:
             value = pick(text.operands.mask.differs(ZERO), origin, value)
         body += [Assign(X[text.at(layer)], value), _largest(to), _largest(origin)]
     text.over_cells(body)
-    return int(np.count_nonzero(text.template.B)) + 2
+    return int(np.count_nonzero(text.template.B)) + 2, 1.0
 
 
 def _drives(text: TransientBuilder) -> bool:
@@ -215,3 +213,11 @@ def _product(
             Loop(COL, inner, (fixed(V, value), row)),
         )
     text.body.append(Sweep(ROW, outer, body))
+
+
+_ENDS: dict[type, Callable[[TransientBuilder, Any], tuple[int, float]]] = {
+    Decay: _decay,
+    Propagator: _propagate,
+    Spectral: _spectral,
+}
+"""Each appends an end, and returns the terms of its longest sum and its gain."""
