@@ -8,6 +8,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import CnnumError
+from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks.intervals import wilson
 from cnnum.templating.checks.measuring import SHAPE
 from cnnum.templating.checks.records import Case, ClosedForm
@@ -85,7 +86,7 @@ def flips(
     rng = np.random.default_rng(seed)
     found = list[Flips]()
     for width in mismatches:
-        shares = [job.wrong(_scaled(template, _mismatch(rng, width))) for _ in range(draws)]
+        shares = job.shares([_scaled(template, _mismatch(rng, width)) for _ in range(draws)])
         found.append(_flips(f"mismatch {100.0 * width:g} %", shares))
     for each in bits:
         found.append(_flips(f"{each} bits", [job.wrong(_coarse(template, each))]))
@@ -123,6 +124,24 @@ class _Job:
             return 1.0  # it diverges
         found = np.asarray(getattr(result, self.form.compares), dtype=np.float64)
         return float(np.mean(~(np.abs(found - self.expected) <= allowed)))
+
+    def shares(self, changed: Sequence[Template]) -> list[float]:
+        """Return the share of wrong cells of many templates, in one run where that can be."""
+        if not self.template.plain or self.form.compares != "output" or self.template.layers > 1:
+            return [self.wrong(one) for one in changed]
+        first = TemplateBatch.of(changed)
+        # an axis for the pictures of the case
+        batch = TemplateBatch(
+            first.template, first.A[:, None], first.B[:, None], first.z[:, None], first.tau[:, None]
+        )
+        try:
+            result = run_case(batch, self.engine, self.case, self.form.rtol)
+        except CnnumError:
+            return [self.wrong(one) for one in changed]  # one of them diverges
+        allowed = 0.5 if self.form.digital else self.form.tolerance
+        found = np.asarray(result.output, dtype=np.float64)
+        wrong = ~(np.abs(found - self.expected) <= allowed)
+        return [float(one.mean()) for one in wrong]
 
 
 def _reach(job: _Job, part: str, index: tuple[int, ...], sign: float) -> float:
