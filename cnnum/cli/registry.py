@@ -17,6 +17,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         f"{ROOM}.bench",
         "Measure error against run time, speed, latency and the peers.",
     ),
+    "sweep": (f"{ROOM}.sweep", "Run a template over weights, sizes, noise and mismatch."),
     "devices": (f"{ROOM}.devices", "Show the OpenCL devices and what they reach."),
     "stability": (
         f"{ROOM}.stability",
