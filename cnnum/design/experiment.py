@@ -57,7 +57,8 @@ class Experiment:
         Time constants; that of the check unless given.
     engine : str
     chunk : int
-        Runs a task; measured at the first one where it is 0.
+        Runs a task; measured at the first one where it is 0. Whole multiples of 512 give the same
+        bits as any others of them.
     """
 
     template: str

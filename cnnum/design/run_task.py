@@ -23,6 +23,9 @@ NAMES = ("error", "wrong", "flipped", "settled", "time", "steps")
 """What is known of every run: largest error, share of wrong cells, whether there is one, share of
 pictures that rest, longest time in time constants, and most steps."""
 
+BLOCK = 512
+"""Runs of a launch."""
+
 HALF = 0.5
 LOST = np.inf
 
@@ -36,6 +39,9 @@ def _engine(name: str, precision: str) -> Engine:
 def run_task(experiment: Experiment, first: int, last: int) -> Figures:
     """Return the figures of the runs from the first up to, not with, the last.
 
+    Runs share launches in blocks that do not depend on the task: steps follow the fastest template
+    of a launch, so that the same run beside others may differ by roundings.
+
     Parameters
     ----------
     experiment : Experiment
@@ -46,6 +52,14 @@ def run_task(experiment: Experiment, first: int, last: int) -> Figures:
     -------
     dict of str to (runs,) float
     """
+    begin = first - first % experiment.launched
+    ends = [*range(first + BLOCK - (first - begin) % BLOCK, last, BLOCK), last]
+    starts = [first, *ends[:-1]]
+    parts = [_block(experiment, *block) for block in zip(starts, ends, strict=True)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in NAMES}
+
+
+def _block(experiment: Experiment, first: int, last: int) -> Figures:
     places = [experiment.place(run) for run in range(first, last)]
     shared = {name: places[0][name] for name in OUTER if name in places[0]}
     template = _form(experiment.base, shared)
@@ -65,7 +79,7 @@ def run_task(experiment: Experiment, first: int, last: int) -> Figures:
     except CnnumError:
         if last - first == 1:
             return _lost()  # it diverges, or does not reach its end
-        parts = [run_task(experiment, run, run + 1) for run in range(first, last)]
+        parts = [_block(experiment, run, run + 1) for run in range(first, last)]
         return {name: np.concatenate([part[name] for part in parts]) for name in NAMES}
 
 

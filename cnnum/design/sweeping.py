@@ -14,7 +14,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.design.chunk_store import ChunkStore
 from cnnum.design.experiment import DRAW, Experiment
-from cnnum.design.run_task import run_task
+from cnnum.design.run_task import BLOCK, run_task
 from cnnum.errors import MissingExtraError, TemplateFileError
 from cnnum.safety.files import write_whole
 from cnnum.sharing.tables import dataset
@@ -26,7 +26,8 @@ LEAST_SECONDS = 0.25
 """Of a task, as it is measured: a cluster takes some milliseconds for each."""
 
 FIRST = 64
-MOST = 16384
+MOST = 64
+"""Runs that are timed first, and blocks of a task at most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +163,8 @@ def _measured(experiment: Experiment) -> int:
     count = min(FIRST, experiment.launched)
     run_task(experiment, 0, count)
     _, _, seconds = timed_task(experiment, (0, count))
-    return int(min(MOST, max(count, np.ceil(count * LEAST_SECONDS / max(seconds, 1e-6)))))
+    blocks = np.ceil(count * LEAST_SECONDS / max(seconds, 1e-6) / BLOCK)
+    return int(BLOCK * min(MOST, max(1, blocks)))
 
 
 def _dataset(experiment: Experiment, figures: dict[str, Floats]) -> Any:

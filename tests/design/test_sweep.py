@@ -52,11 +52,11 @@ def test_engines_judge_alike(fast):
 
 def test_flip_rates_are_those_of_the_check():
     axes = {"mismatch": (0.1,)}
-    found = sweep(small(axes=axes, draws=200, pictures=99, chunk=200)).results
-    (known,) = flips(get_template("HOLE"), Engine("numba"), mismatches=(0.1,), bits=(), draws=200)
+    found = sweep(small(axes=axes, draws=60, pictures=99, chunk=60)).results
+    (known,) = flips(get_template("HOLE"), Engine("numba"), mismatches=(0.1,), bits=(), draws=60)
     rate = float(found["flipped"].mean())
-    # two samples of 200: four standard deviations of their difference
-    assert abs(rate - known.flipped) < 4 * np.sqrt(2 * 0.25 / 200)
+    # two samples of 60: four standard deviations of their difference
+    assert abs(rate - known.flipped) < 4 * np.sqrt(2 * 0.25 / 60)
 
 
 def test_runs_know_their_own_random_numbers():
