@@ -10,7 +10,7 @@ QUICK := $(addprefix tests/,cli/test_devices.py cli/test_run.py engines/test_mac
     engines/test_working_devices.py tactile/test_contact.py unit/test_plan.py unit/test_programs.py unit/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test situations faults platforms docs lint style mypy pyright bench lock clean
+.PHONY: demo test situations faults fuzz mutate platforms docs lint style mypy pyright bench lock clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html
@@ -29,6 +29,14 @@ situations: $(VENV)/dev.stamp
 # recordings, frames, caches, files and processes under faults on purpose; a short version is in `test`
 faults: $(VENV)/dev.stamp
 	CNNUM_FAULTS=full $(PYTEST) tests/faults tests/drivers/test_serial_gaps.py tests/unit/test_long_runs.py
+
+# ten minutes of random input for all parsers and public functions; a short version is in `test`
+fuzz: $(VENV)/dev.stamp
+	CNNUM_FUZZ=600 $(BIN)/python -m pytest tests/fuzz
+
+# faults put into a copy of the code, one at a time: the tests must catch each (tests/mutations)
+mutate: $(VENV)/dev.stamp
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/mutations/run.py
 
 # whether the dependencies resolve on Linux, macOS and Windows: it asks the package index
 platforms: $(VENV)/dev.stamp

@@ -133,5 +133,5 @@ def __getattr__(name: str) -> object:
 
 
 def __dir__() -> list[str]:
-    """Name what can be had, for completion; nothing is imported for it."""
+    """Name all public objects, for completion, without an import."""
     return sorted({*globals(), *__all__})

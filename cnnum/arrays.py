@@ -1,4 +1,4 @@
-"""What comes in as an array is checked once, here: finite numbers of the promised shape."""
+"""Arrays from outside are checked once, here: finite numbers of the promised shape."""
 
 import hashlib
 import math
@@ -25,7 +25,7 @@ FEW = 4096
 
 
 def finite(name: str, value: ArrayLike) -> Floats:
-    """Return `value` as a float64 array, refusing what is not finite real numbers.
+    """Return `value` as a float64 array, refusing all but finite real numbers.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def finite(name: str, value: ArrayLike) -> Floats:
 
 
 def numbers(name: str, value: ArrayLike) -> Floats:
-    """Return `value` as a float64 array of real numbers that nobody has looked at yet.
+    """Return `value` as a float64 array of real numbers, not yet checked for NaN.
 
     Raises
     ------
@@ -54,7 +54,7 @@ def numbers(name: str, value: ArrayLike) -> Floats:
 
 
 def real_numbers(name: str, value: ArrayLike) -> NDArray[np.floating]:
-    """Return `value` as an array of real numbers that nobody has looked at yet.
+    """Return `value` as an array of real numbers, not yet checked for NaN.
 
     Those of single precision stay so: whoever looks at them converts them, too.
 
@@ -73,7 +73,7 @@ def _real(name: str, value: ArrayLike, dtype: type[np.floating]) -> NDArray[np.f
     try:
         is_complex = np.iscomplexobj(value)
         array = np.zeros(0, dtype) if is_complex else np.asarray(value, dtype=dtype)
-    except (TypeError, ValueError):  # of lists, rows of different lengths too
+    except (TypeError, ValueError, OverflowError):  # of lists, rows of different lengths too
         raise ArrayError(
             f"'{name}' must be an array of real numbers, got {_in_words(value)}."
         ) from None
@@ -83,7 +83,7 @@ def _real(name: str, value: ArrayLike, dtype: type[np.floating]) -> NDArray[np.f
 
 
 def _in_words(value: object) -> str:
-    """Return what a value that is no array of numbers is."""
+    """Describe a value that is no array of numbers."""
     kind = type(value).__name__
     if isinstance(value, list | tuple):
         parts = cast(Sequence[Any], value)

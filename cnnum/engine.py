@@ -122,7 +122,7 @@ class Engine:
         atol: float | None = None,
         dt: float | None = None,
     ) -> Plan:
-        """Return a plan that runs what the wanted outputs need, and nothing else.
+        """Return a plan that runs the operations of the wanted outputs alone.
 
         Parameters
         ----------
@@ -227,7 +227,7 @@ class Engine:
         bias : like `state`, optional
             Space-variant bias map, added to z.
         mask : (..., rows, cols) bool, optional
-            Fixed-state mask: the state stays what it was where it is true.
+            Fixed-state mask: the state keeps its value where it is true.
         duration : float or "settle", optional
             In time constants; the template's own unless given.
         method : str
@@ -257,8 +257,8 @@ class Engine:
         ArrayError
             If shapes do not fit, or values are not real and finite, or too large for the precision.
         MethodError
-            If the duration, a tolerance or the step is not a number of its range, or the method can
-            not run this template, or does not reach the end.
+            If the duration, a tolerance or the step is not a number of its range, or the method
+            cannot run this template, or does not reach the end.
         SizeError
             If the machine or the device has less memory than the array needs.
         """
@@ -371,7 +371,7 @@ class Engine:
         *,
         exact: bool,
     ) -> None:
-        """Keep what a run of the same form can do without, if there is anything."""
+        """Keep the parts that a run of the same form can share, if any."""
         prepared = prepared_run(template, plan, given, exact=exact)
         if prepared is not None:
             with self._turn:

@@ -1,4 +1,4 @@
-"""Every error that cnnum raises on purpose: one sentence, what was expected, what came, what to do.
+"""Every error that cnnum raises on purpose: one sentence of expected, given and remedy.
 
 Each leaf is also the builtin that a caller would reach for, so ``except ValueError`` works.
 """
@@ -10,8 +10,18 @@ LONGEST_GUESSED = 80
 """Signs of a name for which near ones are looked for: longer ones would take their time."""
 
 
+LONGEST_SENTENCE = 1500
+"""Signs of an error's sentence: what came is not repeated in full, however long it is."""
+
+
 class CnnumError(Exception):
     """Base of all errors of this package."""
+
+    def __str__(self) -> str:
+        said = super().__str__()
+        if "\n" in said:  # an array that came has lines
+            said = " ".join(said.split())
+        return said if len(said) <= LONGEST_SENTENCE else f"{said[: LONGEST_SENTENCE - 1]}…"
 
 
 class ArrayError(CnnumError, ValueError):
@@ -82,7 +92,7 @@ class NoOpenCLError(DeviceError):
 
 
 class NotSupportedError(CnnumError, RuntimeError):
-    """An engine does not do what was asked; the sentence says why."""
+    """An engine lacks the requested feature; the sentence says why."""
 
 
 class CodecError(CnnumError, ValueError):
@@ -102,7 +112,7 @@ class RecordingError(CnnumError, OSError):
 
 
 class RecordingWarning(UserWarning):
-    """A recording is read, but not all of it; the sentence counts what is left out."""
+    """A recording is read, but not all of it; the sentence counts the lost parts."""
 
 
 class ReportError(CnnumError, OSError):
@@ -125,20 +135,20 @@ class MissingExtraError(CnnumError, ImportError):
     """An optional dependency is not installed; the sentence names the extra."""
 
 
-def name_error(kind: str, name: str, known: Iterable[str]) -> UnknownNameError:
+def name_error(kind: str, name: object, known: Iterable[str]) -> UnknownNameError:
     """Return the error for an unknown name, with the valid choices in it.
 
     Parameters
     ----------
     kind : str
-        What the name is of: "template", "method"…
-    name : str
-        The name that came.
+        Kind of the named thing: "template", "method"…
+    name : object
+        The name that came, or another value in its place.
     known : iterable of str
         The valid names.
     """
     names = list(known)
-    near = get_close_matches(name[:LONGEST_GUESSED], names, n=3)
+    near = get_close_matches(name[:LONGEST_GUESSED], names, n=3) if isinstance(name, str) else []
     choices, guess = (", ".join(f"'{item}'" for item in some) for some in (names, near))
     hint = f" (did you mean {guess}?)" if near else ""
     return UnknownNameError(f"Unknown {kind} {name!r:.60}{hint}: expected one of {choices}.")

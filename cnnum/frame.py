@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 from enum import IntFlag
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ FORCE_AXES = ("shear_x", "shear_y", "normal")
 
 
 class Quality(IntFlag):
-    """What a driver knows to be wrong with a frame; 0 is a good one."""
+    """Faults of a frame that its driver knows; 0 is a good one."""
 
     GOOD = 0
     DROPPED_BEFORE = 1
@@ -25,6 +26,8 @@ class Quality(IntFlag):
     """A taxel stands at an end of its range."""
     CORRUPT = 8
     """The check over the bytes failed; the values cannot be trusted."""
+    STALE = 16
+    """The frame waited for its reader for longer than its driver allows."""
 
 
 BAD = Quality.CORRUPT
@@ -33,13 +36,14 @@ BAD = Quality.CORRUPT
 
 @dataclass(frozen=True, slots=True)
 class Truth:
-    """What a simulated or labelled source knows about a frame (ground truth).
+    """Ground truth of a frame from a simulated or labelled source.
 
     Attributes
     ----------
     values : mapping of str to float
         Names are the source's: "contact", "slip", "stick_radius" (m), "contact_radius" (m),
-        "twist" (rad), "normal_force" (N), "shear_x" and "shear_y" (N), "torque" (N m)…
+        "twist" (rad), "normal_force" (N), "shear_x" and "shear_y" (N), "torque" (N m)… Names that
+        begin with "device_" are an array's own reports, apart from its taxels.
     """
 
     values: dict[str, float] = field(default_factory=dict[str, float])
@@ -70,6 +74,9 @@ class Frame:
         s, on the device's clock where it has one, else on the host's, from the first frame.
     quality : Quality
     truth : Truth or None
+    monotonic_ns, wall_ns : int or None
+        When it came, by the host's clock that never goes back and by the time of day; None of
+        frames that did not just come.
     """
 
     values: NDArray[np.float64]
@@ -79,8 +86,17 @@ class Frame:
     time: float
     quality: Quality = Quality.GOOD
     truth: Truth | None = None
+    monotonic_ns: int | None = None
+    wall_ns: int | None = None
 
     def __post_init__(self) -> None:
+        if not isinstance(cast(object, self.values), np.ndarray) or not isinstance(
+            cast(object, self.channels), tuple
+        ):
+            raise ArrayError(
+                "A frame has an array of values and a tuple of channels' names, got "
+                f"{type(self.values).__name__} and {type(self.channels).__name__}."
+            )
         if self.values.ndim != 3 or self.values.shape[2] != len(self.channels):
             raise ArrayError(
                 f"A frame with the channels {self.channels} must have the shape "

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, finite
 from cnnum.errors import ArrayError, MissingExtraError, PictureError
+from cnnum.safety.values import as_path
 
 WHITE = 255
 """Of 8-bit pixels; 0 is black."""
@@ -35,7 +36,10 @@ def as_picture(pixels: ArrayLike) -> Floats:
     ArrayError
         If the pixels are neither, or there are no rows and columns of them.
     """
-    array = np.asarray(pixels)
+    try:
+        array = np.asarray(pixels)
+    except ValueError:  # rows of different lengths
+        array = np.zeros(0)
     if array.ndim < 2 or array.dtype not in (np.dtype(bool), np.dtype(np.uint8)):
         raise ArrayError(
             "A picture is made of (..., rows, cols) pixels of type bool or uint8, got the shape "
@@ -69,7 +73,7 @@ def load_picture(path: str | Path) -> Floats:
     Parameters
     ----------
     path : str or Path
-        Of a kind that Pillow reads (PNG, BMP, GIF, JPEG, TIFF…); what is transparent is white.
+        Of a kind that Pillow reads (PNG, BMP, GIF, JPEG, TIFF…); transparent parts are white.
 
     Returns
     -------
@@ -84,7 +88,7 @@ def load_picture(path: str | Path) -> Floats:
     """
     image = _pillow()
     try:
-        with image.open(path) as file:
+        with image.open(as_path(path, PictureError)) as file:
             if file.width * file.height > MOST_PIXELS:
                 raise PictureError(f"'{path}' has more than {MOST_PIXELS} pixels: give a part.")
             colours = file.convert("RGBA")

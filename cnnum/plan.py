@@ -1,4 +1,4 @@
-"""A plan: a program that is compiled for an array, and what can be asked of it."""
+"""A plan: a program that is compiled for an array, and its figures."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -35,7 +35,7 @@ HELD_BY_ALL = min(HELD.values())
 
 @dataclass(frozen=True, slots=True)
 class Explanation:
-    """What a plan runs for one frame, what it leaves out, and what that costs.
+    """The operations of a plan for one frame, those it leaves out, and the cost.
 
     Attributes
     ----------
@@ -105,7 +105,7 @@ class Explanation:
         return "\n".join(lines)
 
     def _most(self) -> str:
-        """Return in words what loops at their limits take, where there are any."""
+        """Return in words the cost of loops at their limits, where there are any."""
         if (self.ops_most, self.flops_most) == (self.ops, self.flops):
             return ""
         return f" (with loops at their limits {self.ops_most} operations, {self.flops_most} flops)"
@@ -121,12 +121,12 @@ class Plan:
     schedule : Schedule
         The program's operations.
     built : Schedule
-        What runs instead: chains of linear operations may be fused.
+        The schedule that runs: chains of linear operations may be fused.
     solvers : mapping of int to Solver
         How each transient runs.
     executable : Executable
     backend : Backend
-        What built it, and can build it again to be traced.
+        The builder, which can build the plan again to be traced.
     """
 
     program: str
@@ -204,7 +204,7 @@ class Plan:
     def run_large(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
     ) -> dict[str, Floats] | None:
-        """Run the program on channels that nobody has looked at; errors are those of a call.
+        """Run the program on unchecked channels; errors are those of a call.
 
         Parameters
         ----------
@@ -235,7 +235,7 @@ class Plan:
         Parameters
         ----------
         batch : sequence of int
-            Leading axes: so many arrays are streamed side by side.
+            Leading axes: the arrays streamed side by side.
         """
         return Stream(self, tuple(batch))
 
@@ -243,7 +243,7 @@ class Plan:
         """Build the kernels now, by running an empty frame, so that the first one is no slower."""
         read = len(self.schedule.channels_read)
         empty = np.zeros((*self.schedule.shape, read))
-        # what an empty frame makes of itself is nobody's answer: it may well not come to an end
+        # the result of an empty frame is of no use, and its loops may not end
         with suppress(MethodError, ArrayError):
             stream = self.stream()
             stream.push_read(empty)
@@ -316,8 +316,8 @@ class Plan:
     def trace(self, frame: ArrayLike) -> Iterator[TraceStep]:
         """Yield each operation with its result for a frame, or a batch of frames.
 
-        The plan is built once more on its engine with every result kept, so what is shown is what
-        the device computed; what happens inside a loop shows in the loop's results.
+        The plan is built once more on its engine with every result kept: the values are those
+        of the device. The inside of a loop shows in the loop's results.
 
         Raises
         ------
@@ -337,7 +337,7 @@ class Plan:
         return replace(self, built=self.schedule, executable=executable)
 
     def explain(self) -> Explanation:
-        """Return what runs, what was left out and why, and what it costs."""
+        """Return the operations that run, those left out with the reason, and the cost."""
         schedule, cells = self.built, self.built.cells
         done = work(schedule.nodes, self.solvers, schedule.shape)
         maps = tuple(name for name, node in schedule.outputs.items() if not node.scalar)

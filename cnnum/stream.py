@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 Numbers = tuple[NDArray[np.floating], ...]
 
 WATCHED = 32
-"""Frames after an unusual one during which memories are looked at, and what they held before it is
+"""Frames after an unusual one during which memories are looked at, and their values before it are
 kept: a memory that it has filled with huge numbers overflows in the next frames, or not at all."""
 
 
@@ -41,7 +41,7 @@ class Stream:
     _one: OneFrame | None = field(default=None)
     _turn: RLock = field(default_factory=RLock)
     _usual: float = field(default=-1.0)  # magnitude up to which frames have proved harmless
-    _before: Numbers = field(default=())  # what memories held before the last unusual frame
+    _before: Numbers = field(default=())  # memories before the last unusual frame
     _frames_before: int = field(default=0)
     _watch: int = field(default=0)  # frames during which that is still kept
 
@@ -71,7 +71,7 @@ class Stream:
         return self.push_read(frames[0], size)
 
     def push_read(self, values: Floats, size: float | None = None) -> dict[str, Floats]:
-        """Run the program on the next frame of one array, of which only what is read is at hand.
+        """Run the program on the next frame of one array, where only the channels read are at hand.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class Stream:
             self._restore()
             if unusual or not kept:
                 raise
-            # an unusual frame before has left what overflows now: it is forgotten
+            # an earlier unusual frame left the values that overflow now: they are forgotten
             outputs = self._again(frames, lead)
         self.frames += 1
         if unusual and size <= HELD[self.plan.precision] ** 0.25:
@@ -154,7 +154,7 @@ class Stream:
         return outputs
 
     def _again(self, frames: NDArray[np.floating], lead: tuple[int, ...]) -> dict[str, Floats]:
-        """Run a frame once more on what memories held before, or on cleared ones for the next."""
+        """Run a frame once more on the memories before, or on cleared ones for the next."""
         self._watch = 1
         try:
             return self._checked(frames, lead)

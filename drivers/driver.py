@@ -1,4 +1,4 @@
-"""What every array driver offers: where its frames come from is its own affair."""
+"""The interface of every array driver: where its frames come from is its own affair."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from cnnum.frame import Frame
 
 @dataclass(frozen=True, slots=True)
 class Counters:
-    """What a driver has seen so far: a snapshot, which does not change any more.
+    """The counts of a driver so far: a snapshot, which does not change any more.
 
     Of an array that numbers its scans, ``sent`` is known: it is ``frames + repeated + dropped +
     skipped + waiting``.
@@ -80,12 +80,12 @@ class Driver(Protocol):
 
     @property
     def rate(self) -> float:
-        """Scans a second, Hz; 0 where nobody knows."""
+        """Scans a second, Hz; 0 where it is unknown."""
         ...
 
     @property
     def counters(self) -> Counters:
-        """What has been seen so far."""
+        """The counts so far."""
         ...
 
     def frames(self) -> Iterator[Frame]:

@@ -30,13 +30,13 @@ class Mailbox:
 
     @property
     def pushed_out(self) -> int:
-        """Frames that went because nobody fetched them in time."""
+        """Frames lost because they were not fetched in time."""
         with self._changed:
             return self._pushed_out
 
     @property
     def waiting(self) -> int:
-        """Frames that nobody has fetched yet."""
+        """Frames that wait to be fetched."""
         with self._changed:
             return len(self._frames)
 
@@ -51,7 +51,7 @@ class Mailbox:
             self._changed.notify()
 
     def end(self, error: Exception | None = None) -> None:
-        """Tell that nothing more comes, and why; frames that wait can still be fetched."""
+        """Note that no more frames come, and why; frames that wait can still be fetched."""
         with self._changed:
             if not self._ended:
                 self._ended, self._error = True, error

@@ -1,4 +1,4 @@
-"""Recordings in MCAP files as arrays: what `cnnum record` wrote, as far as it is whole."""
+"""Recordings in MCAP files as arrays: recordings of `cnnum record`, as far as they are whole."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ class McapOptions:
     path: Path
 
     def open(self) -> "McapFile":
-        """Look through the recording; a warning counts what of it is not readable.
+        """Look through the recording; a warning counts its unreadable parts.
 
         Raises
         ------
@@ -60,7 +60,7 @@ class McapFile(Closing):
 
     @property
     def counters(self) -> Counters:
-        """What has been seen so far; bad packets are not in a recording, only bad frames."""
+        """The counts so far; bad packets are not in a recording, only bad frames."""
         return self._counters
 
     def frames(self) -> Iterator[Frame]:

@@ -1,7 +1,7 @@
 """The arrays of a NumPy archive that others wrote: its sizes are checked before memory is taken.
 
 An archive is a zip file of ``.npy`` members. The directory of the zip file, the header of each
-array and the bytes that follow must agree; what they promise must fit into the memory of this
+array and the bytes that follow must agree; the promised array must fit into the memory of this
 machine, and be no more than the file can honestly hold.
 """
 
@@ -44,7 +44,7 @@ SPARED, MOST_FOLD = 256 * MEGABYTE, 64
 Values of 64 bits of which the lowest is noise take a 64th at best. Frames that never change are
 compressed further: these pass up to `SPARED` bytes, a recording without compression always."""
 
-# What zipfile, zlib and NumPy raise where bytes are not what they take them for.
+# Errors of zipfile, zlib and NumPy on bytes of another kind.
 _DAMAGE = (
     zipfile.BadZipFile,
     zlib.error,
@@ -76,7 +76,7 @@ class _Bounded:
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """What stands before an array's values."""
+    """The header before an array's values."""
 
     shape: tuple[int, ...]
     by_columns: bool
@@ -90,7 +90,7 @@ class _Header:
 
     @property
     def memory(self) -> int:
-        """Bytes of the values, and of what becomes of them: numbers of 64 bits."""
+        """Bytes of the values, and of their copy in numbers of 64 bits."""
         as_it_is = self.dtype in (np.dtype("f8"), np.dtype("i8"))
         return self.bytes + (0 if as_it_is else 8 * math.prod(self.shape))
 

@@ -1,9 +1,9 @@
 """Recordings as NumPy archives: written by `cnnum record`, read again as an array.
 
 An archive holds, a row a frame: ``values`` (frames, rows, cols, channels), ``sequence``, ``time``
-(s), ``quality`` (flags of `cnnum.frame.Quality`) and ``truth`` (frames, truths); besides these
+(s), ``quality`` (flags of `cnnum.frame.Quality`) and ``truth`` (frames, truths); next to these
 ``channels``, ``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibration_*`` where the array had
-a calibration. ``kind`` tells that it is one.
+a calibration. ``kind`` marks it as one.
 """
 
 import math
@@ -44,7 +44,7 @@ _WANTED = frozenset((*_KEYS, *_PARTS))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Archive:
-    """What an archive holds.
+    """The content of an archive.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ def read_npz(path: Path) -> Archive:
     RecordingError
         If the file cannot be read, or needs more memory than there is.
     CodecError
-        If it is no recording or is damaged; the sentence names the file and what is wrong.
+        If it is no recording or is damaged; the sentence names the file and the fault.
     """
     held = read_arrays(path, _WANTED)
     try:
@@ -145,7 +145,7 @@ def _recording(held: Mapping[str, NDArray[Any]]) -> Archive:
 
 
 def _checked(recording: Archive) -> Archive:
-    """Return a recording unless it holds what no array sends."""
+    """Return a recording unless it holds values that no array sends."""
     if not recording.values.size:
         raise CodecError(f"'values' must have a cell at least, got {recording.values.shape}.")
     if not 0 <= recording.rate < math.inf:
@@ -235,7 +235,7 @@ class NpzFile(Closing):
 
     @property
     def counters(self) -> Counters:
-        """What has been seen so far; bad packets are not in a recording, only bad frames."""
+        """The counts so far; bad packets are not in a recording, only bad frames."""
         return self._counters
 
     def frames(self) -> Iterator[Frame]:

@@ -14,7 +14,7 @@ from cnnum.safety.names import shown
 Record = TypeVar("Record")
 
 LARGEST = 2**63 - 1
-"""What a whole number of an option may reach, as in TOML."""
+"""The largest whole number of an option, as in TOML."""
 
 LONGEST_PATH = 4096
 """Signs of a path; Linux, whose paths are longest, takes fewer."""
@@ -106,7 +106,7 @@ def _path(key: str, value: str | Path, base: Path) -> Path:
     try:
         path = base / Path(value).expanduser()
         os.fsencode(path)
-    except (RuntimeError, ValueError):  # the folder of a user whom nobody knows; a lone surrogate
+    except (RuntimeError, ValueError):  # the folder of an unknown user; a lone surrogate
         raise _wrong(key, "a path", value) from None
     if "\0" in str(path) or len(str(path)) > LONGEST_PATH:
         raise _wrong(key, "a path", value)

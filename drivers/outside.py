@@ -1,4 +1,4 @@
-"""Drivers of other packages and of files beside a scene, by "module:Options" or an entry point."""
+"""Drivers of other packages and of files next to a scene, by "module:Options" or an entry point."""
 
 import sys
 from collections.abc import Mapping
@@ -52,7 +52,7 @@ def outside_record(name: str, base: Path) -> type | None:
 
 
 def _module(name: str, base: Path) -> ModuleType:
-    """Return a module by its name, or of a file beside the scene."""
+    """Return a module by its name, or of a file next to the scene."""
     parts = name.split(".")
     if not all(part.isidentifier() for part in parts):
         raise SceneError(f"The driver module {shown(name)} is no name of a module.")
@@ -60,10 +60,10 @@ def _module(name: str, base: Path) -> ModuleType:
         known = name in sys.modules or find_spec(name) is not None
     except ModuleNotFoundError:
         known = False
-    beside = base.joinpath(*parts).with_suffix(".py")
-    if known or not beside.is_file():
-        return _imported(name, beside)
-    spec = spec_from_file_location(name, beside)
+    near = base.joinpath(*parts).with_suffix(".py")
+    if known or not near.is_file():
+        return _imported(name, near)
+    spec = spec_from_file_location(name, near)
     assert spec is not None
     assert spec.loader is not None
     module = sys.modules[name] = module_from_spec(spec)  # dataclasses look their module up there
@@ -75,11 +75,11 @@ def _module(name: str, base: Path) -> ModuleType:
     return module
 
 
-def _imported(name: str, beside: Path) -> ModuleType:
+def _imported(name: str, near: Path) -> ModuleType:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
         raise SceneError(
             f"The driver module '{name}' cannot be imported ({error}): install it, or put it at "
-            f"'{beside}'."
+            f"'{near}'."
         ) from None

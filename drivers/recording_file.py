@@ -10,6 +10,7 @@ from cnnum.errors import RecordingError
 from cnnum.recordings.recording import Recording, rate_of
 from cnnum.safety.names import shown
 from cnnum.safety.reading import names_something
+from cnnum.safety.values import as_path
 
 KIND = "kind.npy"
 """Member of a NumPy archive that `cnnum record` wrote."""
@@ -60,7 +61,7 @@ def load_recording(path: str | Path) -> Recording:
     Parameters
     ----------
     path : str or Path
-        What `cnnum record` or `Recording.save` wrote (.mcap, .npz, .csv), a data file of your own
+        A file of `cnnum record` or `Recording.save` (.mcap, .npz, .csv), a data file of your own
         with its layout, or the folder of a uSkin trial.
 
     Returns
@@ -75,7 +76,7 @@ def load_recording(path: str | Path) -> Recording:
     SceneError
         If its layout is missing or wrong.
     """
-    table = array_of(Path(path))
+    table = array_of(as_path(path, RecordingError))
     with open_driver(str(table.pop("driver")), table) as driver:
         frames = list(driver.frames())
         channels, unit, rate = driver.channels, driver.unit, driver.rate

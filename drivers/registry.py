@@ -85,7 +85,7 @@ def open_driver(
     name : str
         One of `driver_names()`, or "module:Options" for a record of your own.
     options : mapping of str to object
-        As in a scene's table; each driver's record of options says what there is.
+        As in a scene's table; each driver's record of options lists them.
     base : Path, optional
         Folder that relative paths start from; the working folder unless given.
 
@@ -96,7 +96,7 @@ def open_driver(
     SceneError
         If an option is unknown, missing, of the wrong type or out of range.
     CnnumError
-        What opening brings: PortError, RecordingError, CodecError.
+        Errors of opening: PortError, RecordingError, CodecError.
     """
     return driver_options(name, options or {}, base=base).open()
 

@@ -1,87 +1,124 @@
-"""From packets to frames: one running count and clock over wraps, gaps and restarts."""
+"""From scans to frames: one running count and clock over wraps, gaps and restarts."""
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.drivers.serial_packet import SATURATED, SEQUENCE_WRAP, UNITS, Packet
-from cnnum.frame import Frame, Quality
+from cnnum.drivers.clock_fit import ClockFit
+from cnnum.drivers.codecs.scan import Scan
+from cnnum.frame import Frame, Quality, Truth
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Where a packet stands after the one before: what was lost, or that it came again."""
+    """The place of a packet after the one before: the number lost, or a repeat."""
 
     ahead: int
     restarted: bool
 
 
-def step(before: int, after: int) -> Step:
-    """Compare two sequence numbers modulo 2³².
+def step(before: int, after: int, wrap: int = 1 << 32) -> Step:
+    """Compare two sequence numbers modulo `wrap`.
 
     A number less than half the range ahead has left scans out; one behind means that the device
-    has started again, and nobody knows what that has cost.
+    has started again, and the loss is unknown.
     """
-    ahead = (after - before) % SEQUENCE_WRAP
-    return Step(0, True) if ahead >= SEQUENCE_WRAP // 2 else Step(ahead, False)
+    ahead = (after - before) % wrap
+    return Step(0, True) if ahead >= wrap // 2 else Step(ahead, False)
 
 
 class FrameClock:
-    """Give each packet its place in the run: sequence and time never go back.
+    """Give each scan its place in the run: sequence and time never go back.
+
+    Where a device does not count, the scans that came are counted; where it has no clock, time is
+    that of arrival.
 
     Attributes
     ----------
     dropped : int
         Scans that the sequence numbers show to be missing.
     repeated : int
-        Packets that bore the number of the one before.
+        Scans that bore the number of the one before.
     gaps : int
         Restarts and reconnections.
-    sent : int
-        Scans that the device has sent by its numbers, repeats included.
+    sent : int or None
+        Scans that the device has sent by its numbers, repeats included; None where it does not
+        count.
+    fit : ClockFit
+        The device's clock against the host's.
     """
 
     def __init__(self) -> None:
-        self.dropped = self.repeated = self.gaps = self.sent = 0
-        self._last: Packet | None = None
+        self.dropped = self.repeated = self.gaps = 0
+        self.sent: int | None = 0
+        self.fit = ClockFit()
+        self._last: Scan | None = None
+        self._arrived = 0.0
         self._sequence = 0
         self._time_us = 0
         self._broken: float | None = None
+        # a clock that is set while frames come must not shuffle them
+        self._epoch = time.time_ns() - time.monotonic_ns()
 
     def broken(self, seconds: float) -> None:
-        """Tell that the connection was lost, and for how long by the host's clock (s)."""
+        """Note that the connection was lost, and for how long by the host's clock (s)."""
         if self._last is not None:
             self._broken = (self._broken or 0.0) + seconds
 
-    def frame(self, packet: Packet) -> Frame:
-        """Return the packet's frame; its time counts from the first one."""
-        quality = Quality.SATURATED if packet.flags & SATURATED else Quality.GOOD
+    def frame(self, scan: Scan, arrived_ns: int | None = None) -> Frame:
+        """Return the scan's frame; its time counts from the first one.
+
+        Parameters
+        ----------
+        scan : Scan
+        arrived_ns : int, optional
+            On the host's monotonic clock; now unless given.
+        """
+        arrived = time.monotonic_ns() if arrived_ns is None else arrived_ns
+        quality = Quality.SATURATED if scan.saturated else Quality.GOOD
+        quality |= self._advance(scan, 1e-9 * arrived)
+        if scan.time_us is not None:
+            self.fit.add(self._time_us * 1e-6, 1e-9 * arrived)
         return Frame(
-            values=np.asarray(packet.values, dtype=np.float64),
-            channels=packet.geometry.names,
-            unit=UNITS[packet.geometry.unit],
-            quality=quality | self._advance(packet),
+            values=np.asarray(scan.values, dtype=np.float64),
+            channels=scan.channels,
+            unit=scan.unit,
+            quality=quality,
             sequence=self._sequence,
             time=self._time_us * 1e-6,
+            truth=Truth(dict(scan.extras)) if scan.extras else None,
+            monotonic_ns=arrived,
+            wall_ns=self._epoch + arrived,
         )
 
-    def _advance(self, packet: Packet) -> Quality:
-        last, self._last = self._last, packet
+    def _advance(self, scan: Scan, arrived: float) -> Quality:
+        last, self._last = self._last, scan
+        before, self._arrived = self._arrived, arrived
         if last is None:
-            self._sequence, self.sent = packet.sequence, 1
+            self._sequence, self.sent = scan.sequence or 0, None if scan.sequence is None else 1
             return Quality.GOOD
         away, self._broken = self._broken, None
-        moved = step(last.sequence, packet.sequence)
-        elapsed = packet.time_us - last.time_us
-        if moved.restarted or elapsed < 0 or _began_anew(away, elapsed):
-            return self._restart(away, packet.period_us)
+        moved = _moved(last, scan)
+        elapsed = _elapsed(last, scan, arrived - before)
+        timed = scan.time_us is not None
+        if moved.restarted or elapsed < 0 or (timed and _began_anew(away, elapsed)):
+            return self._restart(away, scan.period_us)
         self._time_us += elapsed
         self.gaps += away is not None
+        if scan.sequence is None and away is not None:
+            return self._uncounted_gap(away, scan.period_us)
         return self._go_on(moved.ahead)
+
+    def _uncounted_gap(self, away: float, period_us: int) -> Quality:
+        """Go on after a break of a device that does not count its scans."""
+        self._go_on(max(1, round(away * 1e6 / period_us)) if period_us else 1)
+        return Quality.DROPPED_BEFORE
 
     def _restart(self, away: float | None, period_us: int) -> Quality:
         """Go on after a device that counts anew: by the host's clock, or by one period."""
         self.gaps += 1
+        self.fit.restart()
         away_us = round((away or 0.0) * 1e6)
         self._time_us += away_us or period_us
         # scans that its period makes of the time away, the present one among them
@@ -91,12 +128,28 @@ class FrameClock:
     def _go_on(self, ahead: int) -> Quality:
         """Count the scans up to the present one."""
         self._sequence += ahead
-        self.sent += max(1, ahead)
+        if self.sent is not None:
+            self.sent += max(1, ahead)
         if ahead == 0:
             self.repeated += 1
             return Quality.REPEATED
         self.dropped += ahead - 1
         return Quality.DROPPED_BEFORE if ahead > 1 else Quality.GOOD
+
+
+def _moved(last: Scan, scan: Scan) -> Step:
+    """Return how far the count went on; by one where the device does not count."""
+    if last.sequence is None or scan.sequence is None:
+        return Step(1, False)
+    return step(last.sequence, scan.sequence, scan.sequence_wrap)
+
+
+def _elapsed(last: Scan, scan: Scan, by_host: float) -> int:
+    """Return µs between two scans; below 0 where the device's clock has gone back."""
+    if last.time_us is None or scan.time_us is None:
+        return max(0, round(1e6 * by_host))
+    ahead = (scan.time_us - last.time_us) % scan.time_wrap
+    return ahead if ahead < scan.time_wrap // 2 else ahead - scan.time_wrap
 
 
 def _began_anew(away: float | None, elapsed_us: int) -> bool:

@@ -1,6 +1,6 @@
 """The open serial protocol: one scan as one packet of bytes (``docs/serial-protocol.md``).
 
-Pure: bytes to packets and back. What a stream of them does is `cnnum.drivers.serial_stream`.
+Pure: bytes to packets and back. For a stream of them see `cnnum.drivers.serial_stream`.
 """
 
 import binascii
@@ -68,7 +68,7 @@ def crc32(data: bytes) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """What stays the same from packet to packet of one array.
+    """The constants of an array's packets.
 
     Attributes
     ----------

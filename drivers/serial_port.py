@@ -1,6 +1,7 @@
-"""A serial port with time-outs and errors that say what to do: the one user of pyserial."""
+"""A serial port with time-outs and errors that name the remedy: the one user of pyserial."""
 
 import errno
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -11,6 +12,10 @@ from cnnum.errors import PortError
 
 POLL = 0.05
 """s that a read waits for its first byte: how soon a closed driver notices."""
+
+
+WRITE = 1.0
+"""s that a write may take: an array that takes no bytes must not hold its reader up."""
 
 
 def open_error(path: str, error: OSError, ports: list[str]) -> PortError:
@@ -40,7 +45,7 @@ def open_error(path: str, error: OSError, ports: list[str]) -> PortError:
 
 
 class SerialPort:
-    """An open port; reading returns what is there, and never waits for long.
+    """An open port; reading returns the waiting bytes, and never waits for long.
 
     Raises
     ------
@@ -51,7 +56,9 @@ class SerialPort:
     def __init__(self, path: str, baud: int) -> None:
         self._path = path
         try:
-            self._port = serial.Serial(path, baud, timeout=POLL, exclusive=True)
+            self._port = serial.Serial(
+                path, baud, timeout=POLL, write_timeout=WRITE, exclusive=True
+            )
         except OSError as error:
             raise open_error(path, error, [p.device for p in list_ports.comports()]) from None
         except (ValueError, OverflowError) as error:  # the name, or a rate that no port has
@@ -71,6 +78,19 @@ class SerialPort:
         except (OSError, TypeError) as error:
             raise PortError(f"The port '{self._path}' went away while reading: {error}.") from None
 
+    def write(self, data: bytes) -> None:
+        """Send bytes to the array.
+
+        Raises
+        ------
+        PortError
+            If the port has gone away.
+        """
+        try:
+            self._port.write(data)
+        except OSError as error:
+            raise PortError(f"The port '{self._path}' went away while writing: {error}.") from None
+
     def close(self) -> None:
         """Let go of the port."""
         self._port.close()
@@ -87,3 +107,31 @@ class SerialPort:
     ) -> None:
         """Close the port."""
         self.close()
+
+
+@dataclass(frozen=True, slots=True)
+class PortInfo:
+    """A serial port of this machine.
+
+    Attributes
+    ----------
+    path, about : str
+    usb : str
+        Maker and product, as in "1a86:55d3"; empty where it is no USB port.
+    """
+
+    path: str
+    about: str
+    usb: str = ""
+
+
+def serial_ports() -> list[PortInfo]:
+    """Return the serial ports of this machine."""
+    return [
+        PortInfo(
+            str(port.device),
+            "" if port.description in (None, "n/a") else str(port.description),
+            f"{port.vid:04x}:{port.pid:04x}" if port.vid is not None else "",
+        )
+        for port in sorted(list_ports.comports())
+    ]

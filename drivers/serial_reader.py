@@ -4,22 +4,30 @@ import time
 from threading import Event, Thread
 from typing import Protocol
 
+from cnnum.drivers.clock_fit import ClockFit
+from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.wire import Wire
 from cnnum.drivers.driver import Counters
 from cnnum.drivers.mailbox import Mailbox
 from cnnum.drivers.sequence import FrameClock
-from cnnum.drivers.serial_packet import UNITS, Geometry, Packet
 from cnnum.drivers.serial_port import SerialPort
-from cnnum.drivers.serial_stream import StreamDecoder
+from cnnum.drivers.transports.websocket import WebSocketPort, is_address
 from cnnum.errors import OtherArrayError, PortError
+
+SETTLED = 1.0
+"""s of a stream after which the array is asked to zero itself, where the user wants it."""
+
+ASK_AGAIN = 0.25
+"""s after which an array that is asked for each scan is asked once more."""
 
 
 class Link(Protocol):
-    """How a port is read and how long it is waited for; `SerialOptions` says what each means."""
+    """How a port is read and how long it is waited for; `SerialOptions` explains each."""
 
     @property
     def port(self) -> str: ...  # noqa: D102
     @property
-    def baud(self) -> int: ...  # noqa: D102
+    def baud(self) -> int | None: ...  # noqa: D102
     @property
     def timeout(self) -> float: ...  # noqa: D102
     @property
@@ -39,22 +47,24 @@ class SerialReader:
         If the port does not open.
     """
 
-    def __init__(self, link: Link, mail: Mailbox) -> None:
-        self._link = link
+    def __init__(self, link: Link, wire: Wire, mail: Mailbox) -> None:
+        self._link, self._wire = link, wire
+        self._baud = link.baud or wire.baud
         self._mail = mail
-        self._decoder = StreamDecoder()
+        self._decoder = wire.decoder()
         self._clock = FrameClock()
         self._stop = Event()
-        self._first: Packet | None = None
+        self._first: Scan | None = None
         self._started = Event()
         self._error: PortError | None = None
-        self._port = SerialPort(link.port, link.baud)
+        self._settle_at = self._ask_at = 0.0
+        self._port = self._open()
         self._thread = Thread(target=self._run, name=f"read {link.port}", daemon=True)
         self._thread.start()
 
     @property
     def counters(self) -> Counters:
-        """What the decoder and the clock have counted."""
+        """The counts of the decoder and the clock."""
         return Counters(
             frames=self._decoder.good,
             bad=self._decoder.bad,
@@ -66,8 +76,13 @@ class SerialReader:
             sent=self._clock.sent,
         )
 
-    def first(self) -> Packet:
-        """Return the first good packet, waiting for it.
+    @property
+    def clock(self) -> ClockFit:
+        """The device's clock against the host's."""
+        return self._clock.fit
+
+    def first(self) -> Scan:
+        """Return the first good scan, waiting for it.
 
         Raises
         ------
@@ -88,7 +103,7 @@ class SerialReader:
         self._mail.end()
 
     def _run(self) -> None:
-        """Read until told to stop, or until the array is gone for good."""
+        """Read until the call to stop, or until the array is gone for good."""
         try:
             while not self._stop.is_set():
                 self._read_until_lost()
@@ -96,15 +111,38 @@ class SerialReader:
             self._error = error
             self._mail.end(error)
         finally:
-            self._port.close()
+            self._leave()
             self._started.set()
+
+    def _open(self) -> "SerialPort | WebSocketPort":
+        """Open the port, and send the array its request."""
+        known = self._link.port
+        port = WebSocketPort(known) if is_address(known) else SerialPort(known, self._baud)
+        try:
+            if self._wire.greeting:
+                port.write(self._wire.greeting)
+        except PortError:
+            port.close()
+            raise
+        self._settle_at, self._ask_at = 0.0, 0.0
+        return port
+
+    def _leave(self) -> None:
+        """Close the port; an array that was made to send gets the request to stop."""
+        try:
+            if self._wire.farewell:
+                self._port.write(self._wire.farewell)
+        except PortError:
+            pass  # it is gone: it needs no request
+        self._port.close()
 
     def _read_until_lost(self) -> None:
         lost_at = time.monotonic()
         try:
             while not self._stop.is_set():
-                if self._deliver(self._packets()):
+                if self._deliver(self._scans()):
                     lost_at = time.monotonic()
+                    self._settle(lost_at)
                 elif time.monotonic() - lost_at > self._link.timeout:
                     raise self._silence()
         except OtherArrayError:
@@ -116,30 +154,53 @@ class SerialReader:
                 raise
             self._reconnect(error, lost_at)
 
-    def _packets(self) -> list[Packet]:
-        """Return the packets that have come whole.
+    def _settle(self, now: float) -> None:
+        """Ask the array to zero itself once its stream has run for a while."""
+        if not self._wire.settled:
+            return
+        if not self._settle_at:
+            self._settle_at = now + SETTLED
+        elif now >= self._settle_at:
+            self._settle_at = float("inf")
+            self._port.write(self._wire.settled)
+
+    def _scans(self) -> list[Scan]:
+        """Return the scans that have come whole.
 
         Raises
         ------
         PortError
             If the port has gone away; OtherArrayError if another array answers.
         """
-        packets = self._decoder.feed(self._port.read())
-        mine, other = self._decoder.geometry, self._decoder.stranger
-        if mine is not None and other is not None:
-            raise OtherArrayError(
-                f"Another array answers at '{self._link.port}': {_in_words(other)} in place of "
-                f"{_in_words(mine)}; connect the first one again, or start anew with this one."
-            )
-        return packets
+        if self._wire.request and time.monotonic() >= self._ask_at:
+            self._decoder.flush()  # half an answer must not run into the next
+            self._ask_at = time.monotonic() + ASK_AGAIN
+            self._port.write(self._wire.request)
+        scans = self._decoder.feed(self._port.read())
+        if scans:
+            self._ask_at = 0.0
+        if self._decoder.conflict:
+            raise self._other(self._decoder.conflict)
+        if self._first is not None:
+            for scan in scans:
+                if scan.values.shape != self._first.values.shape or scan.unit != self._first.unit:
+                    raise self._other(f"{scan.kind} in place of {self._first.kind}")
+        return scans
 
-    def _deliver(self, packets: list[Packet]) -> bool:
-        for packet in packets:
-            self._mail.put(self._clock.frame(packet))
+    def _other(self, said: str) -> OtherArrayError:
+        return OtherArrayError(
+            f"Another array answers at '{self._link.port}': {said}; connect the first one again, "
+            "or start anew with this one."
+        )
+
+    def _deliver(self, scans: list[Scan]) -> bool:
+        arrived = time.monotonic_ns()
+        for scan in scans:
+            self._mail.put(self._clock.frame(scan, arrived))
             if self._first is None:
-                self._first = packet
+                self._first = scan
                 self._started.set()
-        return bool(packets)
+        return bool(scans)
 
     def _reconnect(self, lost: PortError, lost_at: float) -> None:
         """Open the port again, waiting longer from time to time.
@@ -154,24 +215,24 @@ class SerialReader:
             if self._stop.wait(wait):
                 return
             wait = min(2 * wait, self._link.longest_backoff)
-            packets = self._try_again()
-            if packets or self._stop.is_set():
+            scans = self._try_again()
+            if scans or self._stop.is_set():
                 self._clock.broken(time.monotonic() - lost_at)
-                self._deliver(packets)
+                self._deliver(scans)
                 return
         raise PortError(
             f"{str(lost).rstrip('.')}; {self._link.reconnects} attempts to find it again failed."
         )
 
-    def _try_again(self) -> list[Packet]:
-        """Return the first packets of a port that opens and talks in time, else none."""
+    def _try_again(self) -> list[Scan]:
+        """Return the first scans of a port that opens and talks in time, else none."""
         try:
-            self._port = SerialPort(self._link.port, self._link.baud)
+            self._port = self._open()
             deadline = time.monotonic() + self._link.timeout
             while time.monotonic() < deadline and not self._stop.is_set():
-                packets = self._packets()
-                if packets:
-                    return packets
+                scans = self._scans()
+                if scans:
+                    return scans
         except OtherArrayError:
             raise
         except PortError:
@@ -181,13 +242,10 @@ class SerialReader:
         return []
 
     def _silence(self) -> PortError:
+        lost = self._decoder.discarded
+        seen = f"{lost} bytes came that are none" if lost else "Nothing came that is any"
         return PortError(
             f"No good packet came from '{self._link.port}' for {self._link.timeout:g} s: check "
-            f"that the array is on, sends at {self._link.baud} baud, and speaks the open protocol."
+            f"that the array is on, sends at {self._baud} baud, and speaks {self._wire.name}. "
+            f"{seen} of its packets."
         )
-
-
-def _in_words(geometry: Geometry) -> str:
-    """Return what an array sends."""
-    names, unit = ", ".join(geometry.names), UNITS[geometry.unit]
-    return f"{geometry.rows}×{geometry.cols} taxels of {names} in {unit} ({geometry.dtype})"

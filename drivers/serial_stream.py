@@ -18,7 +18,7 @@ from cnnum.errors import CodecError
 
 
 class StreamDecoder:
-    """Cut a stream into packets and count what was lost on the way.
+    """Cut a stream into packets and count the lost ones.
 
     Parameters
     ----------
@@ -58,7 +58,7 @@ class StreamDecoder:
         return self._drain(ended=False)
 
     def flush(self) -> list[Packet]:
-        """Return what is still whole in the bytes that wait: the stream has ended or broken."""
+        """Return the whole packets in the waiting bytes: the stream has ended or broken."""
         return self._drain(ended=True)
 
     def _drain(self, *, ended: bool) -> list[Packet]:

@@ -1,56 +1,42 @@
-"""Play the device: write frames as packets to a file descriptor, as an array's firmware would."""
+"""Play the device: write frames as an array's firmware would, to a file descriptor."""
 
 import os
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
-import numpy as np
-from numpy.typing import NDArray
-
-from cnnum.arrays import Floats
-from cnnum.drivers.serial_packet import (
-    CELL_TYPES,
-    LAYOUTS,
-    SATURATED,
-    SEQUENCE_WRAP,
-    UNITS,
-    Geometry,
-    Packet,
-    encode,
-)
-from cnnum.errors import CodecError
+from cnnum.drivers.codecs.open_protocol import encode_scan
+from cnnum.drivers.codecs.scan import Scan
 from cnnum.frame import Frame, Quality
 
 
-def geometry_of(frame: Frame, cell: str = "<f4") -> Geometry:
-    """Return the geometry in which a frame is sent.
+def scan_of(frame: Frame, rate: float) -> Scan:
+    """Return the scan that a device would have sent for a frame.
 
-    Raises
-    ------
-    CodecError
-        If the protocol has no code for the frame's unit or for the cell type.
+    Parameters
+    ----------
+    frame : Frame
+    rate : float
+        Hz, sent to the other side as the period.
     """
-    units = {name: code for code, name in UNITS.items()}
-    cells = {name: code for code, name in CELL_TYPES.items()}
-    layouts = {names: code for code, names in LAYOUTS.items()}
-    if frame.unit not in units or cell not in cells:
-        raise CodecError(
-            f"The protocol carries the units {', '.join(units)} in the cell types "
-            f"{', '.join(cells)}, got '{frame.unit}' in '{cell}'."
-        )
-    layout = layouts.get(frame.channels, 0)
-    rows, cols = frame.shape
-    return Geometry(rows, cols, len(frame.channels), cells[cell], layout, units[frame.unit])
+    return Scan(
+        values=frame.values,
+        channels=frame.channels,
+        unit=frame.unit,
+        sequence=frame.sequence,
+        time_us=round(frame.time * 1e6),
+        period_us=round(1e6 / rate),
+        saturated=bool(frame.quality & Quality.SATURATED),
+    )
 
 
 def packets(frames: Iterable[Frame], rate: float, cell: str = "<f4") -> Iterator[bytes]:
-    """Yield each frame's bytes.
+    """Yield each frame's bytes in the open protocol.
 
     Parameters
     ----------
     frames : iterable of Frame
     rate : float
-        Hz, told to the other side as the period.
+        Hz, sent to the other side as the period.
     cell : str
         One of the protocol's cell types; whole ones are rounded to, and clipped at their range.
 
@@ -60,24 +46,7 @@ def packets(frames: Iterable[Frame], rate: float, cell: str = "<f4") -> Iterator
         If the protocol cannot carry the frames.
     """
     for frame in frames:
-        geometry = geometry_of(frame, cell)
-        packet = Packet(
-            geometry=geometry,
-            values=_cells(frame.values, geometry.dtype),
-            sequence=frame.sequence % SEQUENCE_WRAP,
-            time_us=round(frame.time * 1e6),
-            period_us=round(1e6 / rate),
-            flags=SATURATED if frame.quality & Quality.SATURATED else 0,
-        )
-        yield encode(packet)
-
-
-def _cells(values: Floats, dtype: np.dtype[np.generic]) -> NDArray[np.generic]:
-    if dtype.kind == "f":
-        return values.astype(dtype)
-    bits = 8 * dtype.itemsize
-    low, high = (-(1 << bits - 1), (1 << bits - 1) - 1) if dtype.kind == "i" else (0, 2**bits - 1)
-    return np.clip(np.rint(values), low, high).astype(dtype)
+        yield encode_scan(scan_of(frame, rate), cell)
 
 
 def serve(
@@ -104,11 +73,23 @@ def serve(
     OSError
         If the other side has gone.
     """
-    begin = time.monotonic()
+    data = packets(frames, rate, cell)
+    return pace(data, rate, lambda one: write_all(fd, one)) if paced else _at_once(data, fd)
+
+
+def pace(parts: Iterable[bytes], rate: float, write: Callable[[bytes], object]) -> int:
+    """Write parts at a rate by the clock, and return how many; a late one is not waited for."""
+    begin, count = time.monotonic(), 0
+    for data in parts:
+        time.sleep(max(0.0, begin + count / rate - time.monotonic()))
+        write(data)
+        count += 1
+    return count
+
+
+def _at_once(parts: Iterable[bytes], fd: int) -> int:
     count = 0
-    for data in packets(frames, rate, cell):
-        if paced:
-            time.sleep(max(0.0, begin + count / rate - time.monotonic()))
+    for data in parts:
         write_all(fd, data)
         count += 1
     return count

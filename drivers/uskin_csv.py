@@ -87,7 +87,7 @@ class UskinCsvOptions:
         RecordingError
             If a file is missing or cannot be read, or the folder is one of several trials.
         CodecError
-            If a file is not what it should be; the sentence names the file and the line.
+            If a file has another form; the sentence names the file and the line.
 
         Warns
         -----
@@ -127,7 +127,7 @@ class UskinCsv(Closing):
 
     @property
     def counters(self) -> Counters:
-        """What has been seen so far."""
+        """The counts so far."""
         return self._counters
 
     def frames(self) -> Iterator[Frame]:

@@ -132,7 +132,7 @@ def pytest_terminal_summary(terminalreporter):
         value
         for kind in ("", "error")  # a teardown that passes is of no kind
         for report in terminalreporter.stats.get(kind, [])
-        for key, value in report.user_properties
+        for key, value in getattr(report, "user_properties", [])  # one of collecting has none
         if key == "fault" and report.when == "teardown"
     ]
     if rows:

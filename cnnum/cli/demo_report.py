@@ -1,4 +1,4 @@
-"""What the report of `cnnum demo` tells besides the scene: measured while the user waits."""
+"""Figures in the report of `cnnum demo`, measured while the user waits."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -91,7 +91,7 @@ class DemoReport:
         return {"report": str(self._path)}
 
     def _cost(self, wants: tuple[str, ...]) -> PlanCost:
-        """Measure a plan on the frames of the scene, with no simulation beside it."""
+        """Measure a plan on the frames of the scene, with no simulation at the same time."""
         options = {"path": str(self._frames)}
         spec = replace(self._scene.spec, driver="mcap", driver_options=options, wants=wants)
         return PlanCost.measure(", ".join(wants), Scene.of(spec, self._scene.engine))
@@ -108,7 +108,7 @@ def _told(steps: Steps, note: str, work: Callable[[], Outcome]) -> Outcome:
 
 
 def _checks(engine: Engine) -> list[tuple[Template, Engine]]:
-    """Return what is checked where: all on the scene's engine, the tactile ones on both."""
+    """Return the checks by engine: all on the scene's engine, the tactile ones on both."""
     reference = Engine("reference")
     groups = {name: template_path(name).parent.name for name in template_names()}
     here = [get_template(name) for name, group in groups.items() if group in CHECKED]

@@ -74,7 +74,7 @@ def _natural(column: Column) -> int:
 
 
 def _with(made: Table, names: Sequence[str]) -> Table:
-    """Return a table of some columns, their headers folded to the width of what is below them."""
+    """Return a table of some columns, their headers folded to the width of the cells below."""
     kept = [column for column in made.columns if str(column.header) in names]
     copy = Table(
         box=made.box,
@@ -102,7 +102,7 @@ def _with(made: Table, names: Sequence[str]) -> Table:
 
 
 def _folded(header: str, room: int) -> str:
-    """Return a header on lines that are no wider than so many columns, where that can be."""
+    """Return a header on lines that are no wider than a number of columns, where that can be."""
     lines = [""]
     for part in header.replace("_", "_\n").splitlines():
         if lines[-1] and len(lines[-1]) + len(part) > room:

@@ -1,4 +1,4 @@
-"""Following a scene: its events as they come, and the summary of what was seen."""
+"""Following a scene: its events as they come, and the summary at its end."""
 
 import sys
 from collections.abc import Callable, Generator, Mapping, Sequence
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cnnum.graph.schedule import LeftOut
     from cnnum.scenes.events import Event
     from cnnum.scenes.pipeline import FrameResult, Scene
+    from cnnum.scenes.summary import Summary
 
 STOPPED = 130
 """Exit code after Ctrl-C, SIGTERM or SIGHUP."""
@@ -39,7 +40,7 @@ def follow(
     watch : callable, optional
         Is given every moment.
     finish : callable, optional
-        Is called when the scene has ended by itself; what it returns, by name, goes into the
+        Is called when the scene has ended by itself; its results, by name, go into the
         summary.
     keep : callable, optional
         The same, but called however the scene has ended.
@@ -72,7 +73,7 @@ def follow(
     except KeyboardInterrupt:
         code = STOPPED
     finally:
-        # also after an error: what was seen before it is not lost
+        # also after an error: the summary before it is not lost
         if not isinstance(sys.exc_info()[1], BrokenPipeError):
             more |= keep() if keep is not None else {}
             summarise(scene, output, more)
@@ -130,6 +131,8 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
         "longest_gap_s": round(longest_gap, 6),
         "p50_us": round(seen.p50_us, 3),
         "p99_us": round(seen.p99_us, 3),
+        "arrival_p50_us": seen.arrival_p50_us,
+        "arrival_p99_us": seen.arrival_p99_us,
         "engine": scene.engine.name,
         "device": scene.engine.device,
         "precision": scene.engine.precision,
@@ -153,6 +156,7 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
                 ),
                 *_gap_facts(gaps, longest_gap),
                 ("a frame", f"{seen.p50_us:.0f} µs (99 %: {seen.p99_us:.0f} µs)"),
+                *_arrival_facts(seen),
                 ("device", f"{scene.engine.device}, {scene.engine.name}, {scene.engine.precision}"),
                 ("left out", f"{len(left_out)} of the program's parts ('cnnum plan' lists them)"),
                 *more.items(),
@@ -161,15 +165,23 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
     )
 
 
+def _arrival_facts(seen: "Summary") -> list[tuple[str, str]]:
+    """Return a row on the way from a port to events, where frames came over one."""
+    if seen.arrival_p99_us is None:
+        return []
+    median, late = seen.arrival_p50_us or 0.0, seen.arrival_p99_us
+    return [("arrival", f"{median:.0f} µs from the port to its events (99 %: {late:.0f} µs)")]
+
+
 def _gap_facts(gaps: int, longest: float) -> list[tuple[str, str]]:
-    """Return a row on what was missed, where something was."""
+    """Return a row on missed frames, where there are any."""
     if not gaps and not longest:
         return []
     return [("gaps", f"{gaps} of the connection; the longest without a frame {longest:.3f} s")]
 
 
 def left_out_records(left_out: "tuple[LeftOut, ...]") -> list[dict[str, object]]:
-    """Return what a plan leaves out, as records."""
+    """Return the operations that a plan leaves out, as records."""
     return [
         {"what": x.what, "why": x.why, "saves": x.saves, "bytes": x.bytes, "flops": x.flops}
         for x in left_out

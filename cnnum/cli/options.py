@@ -1,4 +1,4 @@
-"""Options that several commands share, and what they say."""
+"""Options that several commands share, and their values."""
 
 import tomllib
 from collections.abc import Callable, Iterable
@@ -36,9 +36,9 @@ def engine_options(function: Function) -> Function:
 
 
 def assignments(settings: Iterable[str], prefix: str = "") -> dict[str, object]:
-    """Return what `--set` options say, by dotted key.
+    """Return the values of `--set` options, by dotted key.
 
-    A value is what TOML takes it for (number, string in quotes, true, list); anything else is
+    A value is read as TOML (number, string in quotes, true, list); anything else is
     a string as it stands, so that paths and names need no quotes.
 
     Raises

@@ -1,4 +1,4 @@
-"""What a command prints: JSON records for programs, or text and tables for people."""
+"""The output of a command: JSON records for programs, or text and tables for people."""
 
 import json
 import math
@@ -136,7 +136,7 @@ def facts(pairs: Iterable[tuple[str, str]], title: str = "") -> Table:
 
 
 def number(value: float, digits: int = 3) -> str:
-    """Return a number with so many digits that count."""
+    """Return a number with a given count of significant digits."""
     return f"{value:.{digits}g}" if math.isfinite(value) else "∞" if value > 0 else "?"
 
 
@@ -150,5 +150,5 @@ def quantity(value: float, unit: str) -> str:
 
 
 def verdict(passed: bool) -> Text:
-    """Return "passed" or "FAILED", told apart without colours too."""
+    """Return "passed" or "FAILED", distinct without colours too."""
     return Text("passed", style="green") if passed else Text("FAILED", style="bold red")

@@ -1,4 +1,4 @@
-"""What can be told of an array from its frames: rate, gaps, noise, cells that never change."""
+"""Figures of an array from its frames: rate, gaps, noise, cells that never change."""
 
 import math
 import time
@@ -9,6 +9,9 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.frame import Frame, Quality
 from cnnum.scenes.histogram import Histogram
+
+LOUD = 5.0
+"""Times the median deviation of its channel from which a cell is called noisy."""
 
 ENOUGH = 50
 """New scans from which a cell that never changed is called dead or stuck."""
@@ -43,6 +46,11 @@ class ProbeFigures:
     _changed: Floats = field(default_factory=lambda: np.zeros(0))
     _sum: Floats = field(default_factory=lambda: np.zeros(0))
     _squares: Floats = field(default_factory=lambda: np.zeros(0))
+    _low: Floats = field(default_factory=lambda: np.zeros(0))
+    _high: Floats = field(default_factory=lambda: np.zeros(0))
+    _begun: float = 0.0
+    _when: Floats = field(default_factory=lambda: np.zeros(2))  # Σ t, Σ t²
+    _drifting: Floats = field(default_factory=lambda: np.zeros(0))  # Σ t (v − first)
 
     def add(self, frame: Frame) -> None:
         """Take in a frame."""
@@ -61,6 +69,10 @@ class ProbeFigures:
         self._changed += away != 0
         self._sum += away
         self._squares += away**2
+        self._low, self._high = np.minimum(self._low, away), np.maximum(self._high, away)
+        gone = frame.time - self._begun
+        self._when += (gone, gone**2)
+        self._drifting += gone * away
 
     def _begin(self, frame: Frame) -> None:
         self._channels = frame.channels
@@ -68,6 +80,9 @@ class ProbeFigures:
         self._changed = np.zeros_like(self._first)
         self._sum = np.zeros_like(self._first)
         self._squares = np.zeros_like(self._first)
+        self._low, self._high = np.zeros_like(self._first), np.zeros_like(self._first)
+        self._drifting = np.zeros_like(self._first)
+        self._begun = frame.time
 
     @property
     def seconds(self) -> float:
@@ -94,10 +109,67 @@ class ProbeFigures:
         """Standard deviation of the median cell, by channel, in the frames' unit."""
         if self.scans < 2:
             return {}
-        mean = self._sum / self.scans
-        deviation = np.sqrt(np.maximum(self._squares / self.scans - mean**2, 0.0))
-        middle = np.median(deviation, axis=(0, 1)).tolist()
+        middle = np.median(self.deviation, axis=(0, 1)).tolist()
         return dict(zip(self._channels, middle, strict=True))
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of the last axis."""
+        return self._channels
+
+    @property
+    def rest(self) -> Floats:
+        """Mean of each cell, (rows, cols, channels)."""
+        return self._first + self._sum / max(self.scans, 1)
+
+    @property
+    def deviation(self) -> Floats:
+        """Standard deviation of each cell, (rows, cols, channels)."""
+        count = max(self.scans, 1)
+        mean = self._sum / count
+        return np.sqrt(np.maximum(self._squares / count - mean**2, 0.0))
+
+    @property
+    def slope(self) -> Floats:
+        """Change of each cell in a minute, by the line that fits best, (rows, cols, channels)."""
+        count = max(self.scans, 1)
+        spread = float(self._when[1] - self._when[0] ** 2 / count)
+        if spread <= 0.0:
+            return np.zeros_like(self._first)
+        together: Floats = self._drifting - self._when[0] * self._sum / count
+        return np.asarray(60.0 * together / spread, dtype=np.float64)
+
+    @property
+    def drift(self) -> dict[str, float]:
+        """Change of the median cell in a minute, by channel, in the frames' unit."""
+        if self.scans < ENOUGH:
+            return {}
+        middle = np.median(self.slope, axis=(0, 1)).tolist()
+        return dict(zip(self._channels, middle, strict=True))
+
+    @property
+    def moved(self) -> dict[str, tuple[float, int, int]]:
+        """The furthest that a cell of each channel went from its first number, and the cell.
+
+        A push straight down must move the normal most; one to the right shear_x, upwards.
+        """
+        found: dict[str, tuple[float, int, int]] = {}
+        for n, name in enumerate(self._channels if self.scans else ()):
+            low, high = self._low[..., n], self._high[..., n]
+            far = np.where(-low > high, low, high)
+            row, col = np.unravel_index(int(np.abs(far).argmax()), far.shape)
+            found[name] = (float(far[row, col]), int(row), int(col))
+        return found
+
+    @property
+    def noisy(self) -> list[Cell]:
+        """Cells whose deviation is far above that of their channel."""
+        if self.scans < ENOUGH:
+            return []
+        deviation = self.deviation
+        loud = deviation > LOUD * np.median(deviation, axis=(0, 1))
+        loud &= np.median(deviation, axis=(0, 1)) > 0
+        return [(int(r), int(c), self._channels[n]) for r, c, n in np.argwhere(loud)]
 
     @property
     def dead(self) -> list[Cell]:

@@ -19,7 +19,7 @@ from rich.progress import (
 from rich.text import Text
 
 COMPILING = "compiling…"
-"""What a command says while it opens a scene."""
+"""The words of a command while it opens a scene."""
 
 
 class _Rate(ProgressColumn):
@@ -30,14 +30,14 @@ class _Rate(ProgressColumn):
 
 
 class Steps:
-    """What a command calls once a step."""
+    """The function that a command calls once a step."""
 
     def __init__(self, progress: Progress | None, unit: str, total: int | None) -> None:
         self._progress = progress
         self._task = progress.add_task(unit, total=total) if progress else None
 
     def advance(self, note: str = "") -> None:
-        """Tell that one more step is done."""
+        """Count one more step as done."""
         if self._progress is not None and self._task is not None:
             self._progress.advance(self._task)
             if note:
@@ -51,7 +51,7 @@ def progress(unit: str, total: int | None, *, as_json: bool) -> Generator[Steps,
     Parameters
     ----------
     unit : str
-        What a step is: "frames".
+        Name of the steps: "frames".
     total : int or None
         Steps in all, where that is known.
     as_json : bool
@@ -78,7 +78,7 @@ def progress(unit: str, total: int | None, *, as_json: bool) -> Generator[Steps,
 
 @contextmanager
 def busy(text: str, *, as_json: bool) -> Generator[None, None, None]:
-    """Show on standard error what takes its time while the block runs, if it is a terminal.
+    """Show on standard error the work in progress, if it is a terminal.
 
     Parameters
     ----------

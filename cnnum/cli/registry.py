@@ -11,14 +11,14 @@ ROOM = "cnnum.cli.commands"
 COMMANDS: Mapping[str, tuple[str, str]] = {
     "demo": (f"{ROOM}.demo", "Run the simulated scene and write a report of it."),
     "run": (f"{ROOM}.run", "Run a scene and print its events as they come."),
-    "plan": (f"{ROOM}.plan", "Show what a scene would run, and what is left out."),
+    "plan": (f"{ROOM}.plan", "Show the operations of a scene, and those left out."),
     "templates": (f"{ROOM}.templates", "List, show and check the template library."),
     "bench": (
         f"{ROOM}.bench",
         "Measure error against run time, speed, latency and the peers.",
     ),
-    "sweep": (f"{ROOM}.sweep", "Run a template over weights, sizes, noise and mismatch."),
-    "devices": (f"{ROOM}.devices", "Show the OpenCL devices and what they reach."),
+    "sweep": ("cnnum.cli.library.sweep", "Sweep a template over weights, sizes and noise."),
+    "devices": (f"{ROOM}.devices", "Show the OpenCL devices and their speed."),
     "stability": (
         f"{ROOM}.stability",
         "Run stiff, marginal and extreme cases on every engine.",
@@ -32,12 +32,19 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         "Fit a taxel's calibration to a scan of point loads.",
     ),
     "score": (f"{ROOM}.score", "Score slip and twist where the truth is known."),
-    "probe": (f"{ROOM}.probe", "Look at what an array sends: rate, losses, dead cells."),
+    "probe": (f"{ROOM}.probe", "Measure an array's rate, losses and dead cells."),
+    "simulate": (
+        f"{ROOM}.simulate",
+        "Offer a simulated array at a pseudo-terminal, with faults on request.",
+    ),
+    "export": (f"{ROOM}.export", "Write a program as C99 for a microcontroller."),
     "record": (f"{ROOM}.record", "Record an array's frames to a file."),
     "recover": (
         f"{ROOM}.recover",
         "Make a whole recording of one that was cut off or damaged.",
     ),
+    "lerobot": (f"{ROOM}.lerobot", "Write a recording in the layout of LeRobot's data sets."),
+    "view": (f"{ROOM}.view", "Show an array, a scene or a recording in a browser."),
     "replay": (f"{ROOM}.replay", "Run a scene's program over a recording."),
 }
 """Name to module and to the line of help."""

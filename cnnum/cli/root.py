@@ -40,7 +40,7 @@ class Root(click.Group):
     """Finds commands by the registry, and ends every one of them in the same way."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Refuse what no shell can pass on, then read the options."""
+        """Refuse arguments that no shell can pass on, then read the options."""
         if any("\0" in argument for argument in args):
             raise click.UsageError("Expected arguments without a NUL in them.", ctx)
         return super().parse_args(ctx, args)
@@ -106,7 +106,7 @@ class Root(click.Group):
 
 
 class _Notices(logging.Handler):
-    """Writes what the package logs as a sentence on standard error, as errors are written."""
+    """Writes the package's log as sentences on standard error, as errors are written."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write a sentence."""
@@ -115,7 +115,7 @@ class _Notices(logging.Handler):
 
 @contextlib.contextmanager
 def _notices() -> Generator[None, None, None]:
-    """Show what the package logs, and its warnings of recordings, as sentences."""
+    """Show the package's log, and its warnings of recordings, as sentences."""
     logger, handler = logging.getLogger("cnnum"), _Notices(logging.WARNING)
     logger.addHandler(handler)
     try:
@@ -127,7 +127,7 @@ def _notices() -> Generator[None, None, None]:
 
 
 def _showing(usual: Callable[..., None]) -> Callable[..., None]:
-    """Return what shows a warning of a recording as a sentence, and any other as usual."""
+    """Return a function that shows a recording's warning as a sentence, others as usual."""
 
     def show(
         message: Warning | str, category: type[Warning], *where: object, **more: object
@@ -180,7 +180,7 @@ def _usage(error: click.ClickException) -> str:
 
 
 def _say(sentence: str) -> int:
-    # stdout first: a pipe that closed there has already been told of
+    # stdout first: a pipe that closed there has been reported already
     with contextlib.suppress(OSError):
         sys.stdout.flush()
     with contextlib.suppress(OSError):
@@ -193,7 +193,7 @@ def _say(sentence: str) -> int:
 def _closed_pipe() -> int:
     """Be silent: whoever read our output has seen enough (`cnnum … | head`)."""
     with contextlib.suppress(OSError, ValueError, AttributeError):
-        # what still waits in the buffer would raise once more when Python ends
+        # text that still waits in the buffer would raise once more when Python ends
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return PIPE_CLOSED
 

@@ -1,4 +1,4 @@
-"""The option `--save`: fields of a scene into a file, beside its events."""
+"""The option `--save`: fields of a scene into a file, next to its events."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -72,7 +72,7 @@ def refuse_unwritable(save: Path | None, page: Path | None = None) -> None:
 
 
 def watching(*watchers: Callable[["FrameResult"], object]) -> Callable[["FrameResult"], None]:
-    """Return what gives every moment to all watchers."""
+    """Return the function that gives every moment to all watchers."""
 
     def watch(moment: "FrameResult") -> None:
         for each in watchers:

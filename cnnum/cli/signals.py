@@ -1,4 +1,4 @@
-"""Ending by a signal without losing what is at hand."""
+"""Ending by a signal without losing the work at hand."""
 
 import signal
 import threading
@@ -27,7 +27,7 @@ _HANG_UP = getattr(signal, "SIGHUP", None)
 
 
 class Stop:
-    """Ends a block at Ctrl-C, SIGTERM or SIGHUP, but never in the midst of what is shielded."""
+    """Ends a block at Ctrl-C, SIGTERM or SIGHUP, but never in the midst of a shielded block."""
 
     def __init__(self) -> None:
         self._shielded = self._wanted = False

@@ -47,7 +47,7 @@ def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
 
 
 def limited(driver: "Driver", seconds: float | None, frames: int | None) -> "Iterator[Frame]":
-    """Yield frames until so many have come, or so much time has gone by the host's clock."""
+    """Yield frames up to a count, or a time by the host's clock."""
     begin = time.monotonic()
     for count, frame in enumerate(driver.frames(), start=1):
         yield frame

@@ -1,4 +1,4 @@
-"""Ctrl-C in a long command: what was done by then is printed."""
+"""Ctrl-C in a long command: the work done by then is printed."""
 
 from collections.abc import Generator
 from contextlib import contextmanager

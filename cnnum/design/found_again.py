@@ -64,12 +64,12 @@ def found_again() -> Iterator[Again]:
 
 
 def again(template: Template, table: Table) -> Again:
-    """Return a template beside the one that its rule leads to.
+    """Return a template with the one that its rule leads to.
 
     Raises
     ------
     TemplateError
-        If no single template does what the rule says.
+        If no single template follows the rule.
     """
     weights = separate(table)
     assert isinstance(weights, Weights)  # the published one separates too

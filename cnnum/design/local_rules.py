@@ -115,7 +115,7 @@ def rule_table(rule: str, *, still: bool = False, avoid: str = "", name: str = "
     if "u_ring" in rule:
         raise TemplateError(
             f"The rule '{rule}' counts black cells of the input around: a design takes the cell "
-            "'u' alone besides the outputs."
+            "'u' alone, apart from the outputs."
         )
     cells: Source = "y" if still else "u"
     second = Seen("u" if still else "before")

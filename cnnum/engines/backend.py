@@ -1,4 +1,4 @@
-"""What every engine offers, and the registry that imports only the one that is asked for."""
+"""The interface of every engine, and the registry that imports only the wanted one."""
 
 from collections.abc import Mapping, Sequence
 from importlib import import_module
@@ -74,7 +74,7 @@ class Executable(Protocol):
 
     @property
     def scratch_bytes(self) -> int:
-        """Global memory that one frame works in, beside what it takes and gives."""
+        """Global memory that one frame works in, apart from its inputs and outputs."""
         ...
 
     @property
@@ -107,7 +107,7 @@ class Executable(Protocol):
         ----------
         frames : (batch, rows, cols, channels read) float
         memory : object
-            What `new_memory` gave; it holds what was stored at the end of the frame before, and
+            What `new_memory` gave; it holds the values stored at the end of the frame before, and
             is brought up to date in place.
         first : bool
             Whether this is the first frame of the streams.
@@ -126,7 +126,7 @@ class Executable(Protocol):
     def run_large(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
     ) -> tuple[dict[str, Floats], bool] | None:
-        """Run a batch of large arrays, with cleared memories, on channels nobody has looked at.
+        """Run a batch of large arrays, with cleared memories, on unchecked channels.
 
         Parameters
         ----------
@@ -167,7 +167,7 @@ class Backend(Protocol):
         ...
 
     def told(self, template: Template, solver: Solver) -> Solver:
-        """Return the solver with a reason that also tells what this engine does instead of it."""
+        """Return the solver with a reason that also names this engine's own method."""
         ...
 
     def build(self, schedule: Schedule, solvers: Solvers) -> Executable:
@@ -215,7 +215,7 @@ def open_backend(name: str | None, device: str | None, precision: str | None) ->
 
 
 def _opened(name: str, device: str | None, precision: str | None) -> Backend:
-    if name not in _FACTORIES:
+    if not isinstance(cast(object, name), str) or name not in _FACTORIES:
         raise name_error("engine", name, _FACTORIES)
     module, factory = _FACTORIES[name]
     try:

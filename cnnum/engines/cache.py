@@ -165,7 +165,7 @@ def _written(place: Path) -> float:
 
 
 def _remove(place: Path) -> None:
-    """Remove what stands in the place of an entry, and nothing that a link points to."""
+    """Remove the file or link in the place of an entry, and no target of a link."""
     try:
         if place.is_dir() and not place.is_symlink():
             shutil.rmtree(place, ignore_errors=True)

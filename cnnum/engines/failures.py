@@ -1,4 +1,4 @@
-"""What an engine says when a run of its did not come to its end."""
+"""Messages of an engine whose run did not come to its end."""
 
 from typing import Any
 

@@ -12,7 +12,7 @@ from cnnum.errors import NoOpenCLError
 
 @dataclass(slots=True)
 class Lost:
-    """What this process had lost when it was forked.
+    """The libraries that this process lost when it was forked.
 
     Attributes
     ----------
@@ -31,12 +31,12 @@ _USED = Lost()
 
 
 def note_opencl() -> None:
-    """Note that a driver is loaded: what is forked from here on has no OpenCL."""
+    """Note that a driver is loaded: processes forked from here on have no OpenCL."""
     _USED.opencl = True
 
 
 def note_threads() -> None:
-    """Note that compiled functions run: what is forked from here on has none of their threads."""
+    """Note that compiled functions run: later forks have none of their threads."""
     _USED.threads = True
 
 
@@ -46,7 +46,7 @@ def refuse_after_fork() -> None:
     Raises
     ------
     NoOpenCLError
-        With what to do instead.
+        With the remedy.
     """
     if LOST.opencl:
         raise NoOpenCLError(

@@ -17,7 +17,7 @@ Values = NDArray[np.floating[Any]]
 
 @dataclass(slots=True, eq=False)
 class HostMemory:
-    """What the memories of a batch of streams hold, by number."""
+    """Values of the memories of a batch of streams, by number."""
 
     values: dict[int, Values]
 
@@ -95,7 +95,7 @@ class HostExecutable(ABC):
         )
 
     def held(self, memory: object, batch: int) -> tuple[Values, ...]:
-        """Return what memories hold."""
+        """Return the values of memories."""
         assert isinstance(memory, HostMemory)
         return tuple(memory.values.values())
 

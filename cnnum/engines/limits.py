@@ -1,4 +1,4 @@
-"""What an engine does not do, and why: one table, read by the engines and the tests."""
+"""Features that an engine lacks, and why: one table, read by the engines and the tests."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,19 +28,8 @@ class Limit:
     applies: Callable[[Transient, Solver], bool]
 
 
-def _other_output(transient: Transient, solver: Solver) -> bool:
-    known = {"standard", "full-range", "linear", "tanh", "sign"}
-    return transient.template.output.name not in known
-
-
-LIMITS = (
-    Limit(
-        "numba",
-        "this output function",
-        "it has no compiled form of it",
-        _other_output,
-    ),
-)
+LIMITS: tuple[Limit, ...] = ()
+"""Every engine runs every template by every method."""
 
 
 def refuse_beyond(engine: str, schedule: Schedule, solvers: Solvers) -> None:

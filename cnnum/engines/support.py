@@ -2,4 +2,4 @@
 
 FUSING = frozenset({"opencl", "numba"})
 """Engines whose plans fuse linear operations; the reference runs every one of them, so that it
-can tell whether the others are right."""
+can check the others."""

@@ -1,4 +1,4 @@
-"""What an operation costs: arithmetic on cells, counted the same way in plans and benchmarks."""
+"""The cost of an operation: arithmetic on cells, counted the same way in plans and benchmarks."""
 
 import numpy as np
 

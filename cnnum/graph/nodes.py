@@ -43,7 +43,7 @@ class Constant:
 
 @dataclass(frozen=True, slots=True)
 class ConstantMap:
-    """A map, or a stack of maps, that is the same in every frame; told apart by content."""
+    """A map, or a stack of maps, that is the same in every frame; compared by content."""
 
     content: str
     values: Floats = field(compare=False)
@@ -79,7 +79,7 @@ class Reduce:
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """What a memory held at the end of the frame before (0 on the first)."""
+    """A memory's value at the end of the frame before (0 on the first)."""
 
     memory: int
     name: str = ""
@@ -180,7 +180,7 @@ class Parameter:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Loop:
-    """A bounded loop. Arguments: the flag to start, the carried values, what the body captures.
+    """A bounded loop. Arguments: the flag to start, the carried values, the captures of the body.
 
     The body runs while its flag `again` holds (without one: while any carried value changes) and
     at most `limit` times; frames of a batch stop on their own.
@@ -190,7 +190,7 @@ class Loop:
     nodes : tuple of Node
         The body, in the order in which it runs; `Parameter`s are among them.
     results : tuple of Node
-        What the carried values become.
+        The carried values after the body.
     again : Node or None
         One flag a frame.
     limit : int
@@ -212,7 +212,7 @@ class Loop:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Product:
-    """What a chain of linear operations comes to: Σ matrix · argument + constant.
+    """The sum of a chain of linear operations: Σ matrix · argument + constant.
 
     Attributes
     ----------
@@ -298,7 +298,7 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Memory:
-    """A local memory that outlives the frame: what is read first and what is stored last."""
+    """A local memory that outlives the frame: its first read and its last store."""
 
     read: Node
     store: Node

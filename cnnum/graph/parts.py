@@ -1,11 +1,10 @@
-"""What a program is made of: templates with and without feedback, local operations, read-outs."""
+"""The parts of a program: templates with and without feedback, local operations, read-outs."""
 
 from collections.abc import Iterable
 from dataclasses import astuple, dataclass
 
-import numpy as np
-
 from cnnum.graph.nodes import Apply, Loop, Node, Reduce, Transient
+from cnnum.templating.reads import delays_outputs, reads_outputs, reads_states
 from cnnum.templating.template import Template
 
 
@@ -43,7 +42,7 @@ class Parts:
 
 
 def parts_of(nodes: Iterable[Node]) -> Parts:
-    """Return what nodes and the bodies of their loops are made of."""
+    """Return the parts of nodes and of the bodies of their loops."""
     found = Parts()
     for node in nodes:
         match node.operation:
@@ -63,11 +62,4 @@ def parts_of(nodes: Iterable[Node]) -> Parts:
 
 def has_feedback(template: Template) -> bool:
     """Return whether a template's cells see outputs or states, their own but for its decay."""
-    delayed = template.delayed
-    return (
-        bool(np.any(template.A))
-        or (delayed is not None and bool(np.any(delayed.A)))
-        or any(
-            each.neighbour != "u" or each.centre not in (None, "u") for each in template.nonlinear
-        )
-    )
+    return reads_outputs(template) or reads_states(template) or delays_outputs(template)

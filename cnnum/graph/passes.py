@@ -1,4 +1,4 @@
-"""From a graph to what has to run: only what a wanted output or a live memory depends on."""
+"""From a graph to the operations that a wanted output or a live memory depends on."""
 
 from collections.abc import Iterable, Sequence
 
@@ -11,7 +11,7 @@ from cnnum.graph.schedule import LeftOut, Schedule, everything
 def reached(graph: Graph, roots: Iterable[Node]) -> set[int]:
     """Return the indices of all nodes that the roots depend on.
 
-    A memory that is read keeps alive what is stored in it. The walk is iterative: a program may
+    A memory that is read keeps alive the value stored in it. The walk is iterative: a program may
     be deeper than Python's stack.
     """
     seen: set[int] = set()
@@ -28,7 +28,7 @@ def reached(graph: Graph, roots: Iterable[Node]) -> set[int]:
 
 
 def schedule(graph: Graph, channels: Sequence[str], needs: Sequence[str] | None) -> Schedule:
-    """Return what runs for the wanted outputs, and what is left out and why.
+    """Return the operations of the wanted outputs, and those left out with the reason.
 
     Parameters
     ----------
@@ -43,7 +43,10 @@ def schedule(graph: Graph, channels: Sequence[str], needs: Sequence[str] | None)
     UnknownNameError
         If a need is not an output of the program.
     """
-    wanted = tuple(dict.fromkeys(graph.outputs if needs is None else needs))
+    try:
+        wanted = tuple(dict.fromkeys(graph.outputs if needs is None else needs))
+    except TypeError:  # no sequence, or one of lists
+        raise name_error("output", needs, graph.outputs) from None
     for name in wanted:
         if name not in graph.outputs:
             raise name_error("output", name, graph.outputs)

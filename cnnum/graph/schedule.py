@@ -1,4 +1,4 @@
-"""A schedule: the operations that run for one frame, in order, and what was left out."""
+"""A schedule: the operations that run for one frame, in order, and those left out."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class LeftOut:
 
     @property
     def saves(self) -> str:
-        """What is saved a frame, in words."""
+        """The saving a frame, in words."""
         parts = [f"{self.bytes} B"] if self.bytes else []
         parts += [f"{self.flops} flops"] if self.flops else []
         return " and ".join(parts) or "a repeated run"
@@ -62,13 +62,13 @@ def _names(kind: str, items: Sequence[LeftOut]) -> str:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Schedule:
-    """What an engine builds.
+    """The input of an engine's builder.
 
     Attributes
     ----------
     shape : (rows, cols)
     nodes : tuple of Node
-        In the order in which they run; only what is needed.
+        In the order in which they run; only the needed ones.
     outputs : dict of str to Node
     memories : dict of int to Memory
     channels : tuple of str

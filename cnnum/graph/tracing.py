@@ -1,4 +1,4 @@
-"""Single-stepping a plan: every operation with what the machine's memories hold after it."""
+"""Single-stepping a plan: every operation, with the machine's memories after it."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -45,9 +45,9 @@ def trace_steps(schedule: Schedule, values: Mapping[str, Floats]) -> Iterator[Tr
     Parameters
     ----------
     schedule : Schedule
-        As it runs without a trace: it tells which operations are outputs.
+        As it runs without a trace: its outputs are those shown.
     values : mapping of str to array
-        What `everything_kept` of it gave.
+        Its schedule from `everything_kept`.
     """
     shown = [node for node in schedule.nodes if _has_value(node)]
     numbers = {node.index: number for number, node in enumerate(shown)}
@@ -71,7 +71,7 @@ def _words(node: Node) -> str:
 
 
 def _read(node: Node) -> list[int]:
-    """Return the indices of what a node reads, through the transient or loop it picks from."""
+    """Return the indices of a node's arguments, through the transient or loop it picks from."""
     found: list[int] = []
     for argument in node.arguments:
         through = isinstance(argument.operation, Transient | Loop)

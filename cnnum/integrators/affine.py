@@ -1,7 +1,7 @@
-"""What a linear operation makes of maps: the exact answers of templates, and sums of maps.
+"""Linear operations on maps: the exact answers of templates, and sums of maps.
 
 An affine map of a program's values is kept as one matrix for each value that it reads, and a map
-for what is added. A linear template without time steps takes such maps to such maps.
+for the constant. A linear template without time steps takes such maps to such maps.
 """
 
 from collections.abc import Callable, Sequence
@@ -46,7 +46,7 @@ class Affine:
 
 
 def is_linear(operation: Transient, scheme: Scheme, asked: Sequence[Pick]) -> bool:
-    """Whether what is asked of a transient is an affine map of inputs, states and biases.
+    """Whether the wanted result of a transient is an affine map of inputs, states and biases.
 
     A cell that may leave the linear range of its output is not linear, however its input may be:
     uncoupled cells are, as their states never see the output.
@@ -82,7 +82,7 @@ LINEAR = (ADD, SUBTRACT, NEGATE)
 
 
 def is_affine(node: Node, fixed: Sequence[bool]) -> bool:
-    """Whether a local operation is linear in what it reads, of which some is always the same."""
+    """Whether a local operation is linear in its arguments, where some is always the same."""
     operation = node.operation
     if isinstance(operation, Reduce):
         return operation.function is SUM and not node.arguments[0].scalar
@@ -165,7 +165,7 @@ def _run(
     *,
     still: bool,
 ) -> Floats:
-    """Return the states of a batch; what does not move with the maps counts where `still`."""
+    """Return the states of a batch; constant parts count where `still`."""
     drive = np.zeros((given.batch, template.layers, *shape))
     if "input" in given.roles:
         _add_control(drive, template, given.roles["input"], still=still)

@@ -54,7 +54,7 @@ class Chebyshev:
         z = np.linspace(-self.real_stability, 0.0, 40 * self.stages)
         if np.abs(self.growth(z)).max() > 1.0 + 1e-9:
             raise ValueError(f"The Chebyshev method of {self.stages} stages is not stable.")
-        # a difference of third order on 1 + z + z²/2: what is left is O(z³)
+        # a difference of third order on 1 + z + z²/2: the rest is O(z³)
         left = self.growth(np.array([-1e-3])) - (1.0 - 1e-3 + 0.5e-6)
         if abs(float(left[0])) > 1e-9:
             raise ValueError(f"The Chebyshev method of {self.stages} stages is not of order 2.")

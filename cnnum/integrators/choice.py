@@ -2,37 +2,39 @@
 
 import math
 from dataclasses import dataclass
-from numbers import Real
 from typing import NoReturn
 
-from cnnum.errors import MethodError
+from cnnum.errors import MethodError, name_error
 from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.delays import delayed_rates, delayed_step, keeps_delays
 from cnnum.integrators.evaluations import Effort, chebyshev, effort, motion, pair
-from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
 from cnnum.integrators.propagator import DENSE_LIMIT, decay, propagator
 from cnnum.integrators.schemes import (
+    CHEBYSHEV,
+    LAYER_METHODS,
     MAX_STEPS,
     AdaptiveSteps,
     ChebyshevSteps,
-    ExponentialSteps,
     FixedSteps,
 )
 from cnnum.integrators.separate import separate
 from cnnum.integrators.solver import Exact, Scheme, Solver, Stepping
 from cnnum.integrators.spectral import spectral
 from cnnum.integrators.spectrum import Spectrum, spectrum
-from cnnum.integrators.stability import CHEBYSHEV, stability_bound, tableau_step
+from cnnum.integrators.stability import stability_bound, tableau_step
 from cnnum.integrators.tableau import (
     BOGACKI_SHAMPINE,
     DORMAND_PRINCE,
     EULER,
     HEUN,
+    TABLEAUX,
     ButcherTableau,
+    LayerMethod,
     followed,
-    tableau,
 )
+from cnnum.safety.values import is_real
 from cnnum.templating.network import Network
+from cnnum.templating.reads import jumps
 from cnnum.templating.template import Template
 
 __all__ = (
@@ -52,6 +54,9 @@ SHORTEST = 1e-30
 DELAY_STEP = 0.05
 """Longest step of a template with a delay, in time constants: Heun's error a step is then about
 (0.05)³/12 of the state's third derivative."""
+
+MOST_COUNTED = 2**31 - 1
+"""Steps of a run: kernels count them in 32 bits."""
 
 JUMP_STEP = 0.01
 """Step of a template whose rates jump. Its state may slide along a jump and then chatters by a
@@ -92,14 +97,8 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
     asked = spec.method != "auto" or spec.dt is not None
     choice = _Choice(transient.template, shape, spec, duration, settle)
     stepping, reason, forced = choice.stepping()
-    name = _name(stepping)
-    return Solver(name, reason, stepping, duration, settle, spec.rtol, spec.atol, asked, forced)
-
-
-def _name(stepping: Stepping) -> str:
-    if isinstance(stepping, ChebyshevSteps):
-        return CHEBYSHEV
-    return stepping.method.name if isinstance(stepping, ExponentialSteps) else stepping.tableau.name
+    about = (stepping.name, reason, stepping, duration, settle)
+    return Solver(*about, spec.rtol, spec.atol, asked, forced)
 
 
 def check_spec(spec: RunSpec) -> None:
@@ -131,7 +130,7 @@ def check_spec(spec: RunSpec) -> None:
 
 def _none_or_more(value: object) -> bool:
     """Return whether a value is one real, finite number from 0 up."""
-    return isinstance(value, Real) and 0.0 <= float(value) < math.inf
+    return is_real(value) and value >= 0.0
 
 
 def _exact(transient: Transient, network: Network, duration: float) -> tuple[Exact | None, str]:
@@ -180,14 +179,14 @@ class _Choice:
         if template.output.discrete:
             if self.spec.estimate:
                 self._refuse("discrete time, where a rounding may turn a sign,")
-            count = math.ceil(self.duration - 1e-9)
-            whole = FixedSteps(EULER, 1.0, count, self.settle, 1.0)
+            count = _count(self.duration, 1.0)
+            whole = FixedSteps((EULER,), 1.0, count, self.settle, 1.0)
             return whole, "it runs in discrete time", False
         found = spectrum(template, self.shape)
         if self.spec.method == CHEBYSHEV:
             return self._chebyshev(found)
-        if self.spec.method in EXPONENTIAL_METHODS:
-            return self._exponential(EXPONENTIAL_METHODS[self.spec.method])
+        if self.spec.method in LAYER_METHODS:
+            return self._by_layer(LAYER_METHODS[self.spec.method])
         method, preset, reason = _preset(template, self.spec)
         if method is None:
             return self._cheapest(found)
@@ -203,16 +202,18 @@ class _Choice:
         fixed = _fixed(template, method, step, self.duration, self.settle)
         if forced:
             return fixed, f"{reason}, outside its stability bound", True
-        return (self._followed(fixed) if self.spec.estimate else fixed), reason, False
+        if self.spec.estimate:
+            return self._followed(method, fixed), reason, False
+        return fixed, reason, False
 
-    def _followed(self, fixed: FixedSteps) -> Stepping:
+    def _followed(self, method: ButcherTableau, fixed: FixedSteps) -> Stepping:
         """Return the same steps with an estimate of their error."""
         if self.template.delayed is not None:
             self._refuse("steps with a delay")
-        if any(coupling.jumps for coupling in self.template.nonlinear):
+        if jumps(self.template):
             self._refuse("rates that jump")
         self._refuse_many(fixed.count)
-        steps = followed(fixed.tableau)
+        steps = followed(method)
         if not steps.truncation:
             self._refuse(f"'{steps.name}', whose stages do not show it,")
         return AdaptiveSteps((steps,), fixed.step, self.settle, fixed.step)
@@ -267,7 +268,7 @@ class _Choice:
         )
         efforts = [effort(method, known) for method in methods]
         best = min(efforts, key=lambda one: one.evaluations)
-        reason = _beside(best, efforts)
+        reason = _against(best, efforts)
         if best.name == CHEBYSHEV:
             stages, about, _ = self._chebyshev(found)
             return stages, f"{reason}; {about}", False
@@ -301,7 +302,7 @@ class _Choice:
         )
         return ChebyshevSteps(found.fastest, first, self.settle), reason, False
 
-    def _exponential(self, method: ExponentialMethod) -> tuple[Stepping, str, bool]:
+    def _by_layer(self, method: LayerMethod) -> tuple[Stepping, str, bool]:
         if not self.template.plain:
             raise MethodError(
                 f"'{method.name}' runs linear couplings only: template '{self.template.name}' runs "
@@ -309,40 +310,45 @@ class _Choice:
             )
         bound = stability_bound(method.name, self.template, self.shape)
         step, forced = self._bounded(method.name, bound.step, bound.reason, self.spec.dt)
-        count = max(1, math.ceil(self.duration / step - 1e-9)) if self.duration > 0 else 0
+        count = max(1, _count(self.duration, step)) if self.duration > 0 else 0
         even = self.duration / count if count else step
         reason = "a fixed step was asked for" if self.spec.dt else "half of the stability bound"
+        taus = self.template.tau.tolist()
         if not self.spec.estimate or forced:
-            return ExponentialSteps(method, even, count, self.settle), reason, forced
+            each = tuple(method.fixed(even, tau) for tau in taus)
+            return FixedSteps(each, even, count, self.settle, even), reason, forced
         self._refuse_many(count)
         if method.order > 1 and self.template.output.limited:
             self._refuse(f"'{method.name}' with a limited state")
-        taus = self.template.tau.tolist()
         rows = tuple(method.followed(even, tau) for tau in taus)
         return AdaptiveSteps(rows, even, self.settle, even), reason, forced
 
 
-def _beside(best: Effort, efforts: list[Effort]) -> str:
-    """Return what sets the steps, and the evaluations of this and the other methods."""
+def _against(best: Effort, efforts: list[Effort]) -> str:
+    """Return the limit of the steps, and the evaluations of this and the other methods."""
     limit = "stability" if best.stable else "the error estimate"
     text = f"{limit} sets most steps: about {_rounded(best)} evaluations of the rates"
     others = sorted(efforts, key=lambda one: one.evaluations)
-    beside = [f"{_rounded(one)} of {one.name}" for one in others if one is not best]
-    return f"{text}, beside {' and '.join(beside)}" if beside else text
+    listed = [f"{_rounded(one)} of {one.name}" for one in others if one is not best]
+    return f"{text}, against {' and '.join(listed)}" if listed else text
 
 
-def _rounded(one: Effort) -> int:
-    return int(float(f"{one.evaluations:.2g}"))
+def _rounded(one: Effort) -> float:
+    rounded = float(f"{one.evaluations:.2g}")
+    return int(rounded) if math.isfinite(rounded) else rounded
 
 
 def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, float | None, str]:
     """Return the method where it is given, the fixed step where it must be, and the reason."""
-    asked = None if spec.method == "auto" else tableau(spec.method)
+    if spec.method not in ("auto", *TABLEAUX):
+        known = ("auto", "propagator", *TABLEAUX, CHEBYSHEV, *LAYER_METHODS)
+        raise name_error("method", spec.method, known)
+    asked = TABLEAUX.get(spec.method)
     if spec.dt is not None:
         return asked or (HEUN if template.delayed else EULER), spec.dt, "a fixed step was asked for"
     if template.delayed is not None:
         return asked or HEUN, DELAY_STEP, "its delay needs outputs of earlier steps"
-    if any(coupling.jumps for coupling in template.nonlinear):
+    if jumps(template):
         return asked or EULER, JUMP_STEP, "its rates jump, which no error estimate follows"
     return asked, None, "half of the stability bound"
 
@@ -358,9 +364,26 @@ def _fixed(
                 "use 'euler' or 'heun'."
             )
         step = template.delayed.delay / math.ceil(template.delayed.delay / step - 1e-9)
-        count = max(0, math.ceil(duration / step - 1e-9))
+        count = _count(duration, step)
         last = duration - (count - 1) * step
     else:
-        count = max(1, math.ceil(duration / step - 1e-9)) if duration > 0 else 0
+        count = max(1, _count(duration, step)) if duration > 0 else 0
         step = last = duration / count if count else step
-    return FixedSteps(method, step, count, settle, last)
+    return FixedSteps((method,), step, count, settle, last)
+
+
+def _count(duration: float, step: float) -> int:
+    """Return how many steps a duration takes.
+
+    Raises
+    ------
+    MethodError
+        If kernels cannot count them.
+    """
+    steps = duration / step if step else math.inf
+    if not steps < MOST_COUNTED:
+        raise MethodError(
+            f"{duration:g} time constants in steps of {step:g} are more than {MOST_COUNTED:,} "
+            "steps: take a shorter duration, or longer steps."
+        )
+    return max(0, math.ceil(steps - 1e-9))

@@ -1,4 +1,4 @@
-"""What operations cost by the way they run: answers without time steps, and loops."""
+"""The cost of operations by the way they run: answers without time steps, and loops."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from cnnum.integrators.spectral import Spectral
 from cnnum.templating.template import Template
 
 FREE = (Constant, ConstantMap, Parameter, Pick)
-"""What only names a value and does not run."""
+"""Operations that only name a value and do not run."""
 
 
 @dataclass(frozen=True, slots=True)
 class Work:
-    """What nodes do for one frame.
+    """The work of nodes for one frame.
 
     A loop is an operation itself, and so is each in its body; a branch is a loop of one round.
-    What ends a loop where no carried value changes is not counted as arithmetic.
+    The test that ends a loop where no carried value changes is not counted as arithmetic.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class Work:
 
 
 def work(nodes: Iterable[Node], solvers: Mapping[int, Solver], shape: Shape) -> Work:
-    """Return what nodes and the bodies of their loops do for one frame."""
+    """Return the work of nodes and of the bodies of their loops for one frame."""
     ops = ops_most = flops = flops_most = 0
     for node in nodes:
         if isinstance(node.operation, FREE):
@@ -71,7 +71,7 @@ def operation_flops(node: Node, solver: Solver | None, shape: Shape) -> int:
 
 
 def _exact(scheme: Decay | Propagator | Spectral, template: Template, shape: Shape) -> int:
-    """Return the arithmetic from what drives the cells, and where they begin, to their end."""
+    """Return the arithmetic from the cells' drive and first states to their end."""
     n = template.layers * shape[0] * shape[1]
     if isinstance(scheme, Decay):
         return 3 * n

@@ -5,10 +5,10 @@ ends of a step, by x_{n+1} = P x_n + Q₀ x_{n−m} + Q₁ x_{n+1−m}. It decay
 
     z^{m+1} − P z^m − Q₁ z − Q₀
 
-lie within the unit circle, which Schur's reflections tell (Jury, Theory and Application of the
+lie within the unit circle, which Schur's reflections show (Jury, Theory and Application of the
 z-Transform Method, 1964). The mode itself moves as e^{σt}, σ = λ + W₀(μ T e^{−λT}) / T (Corless et
 al., On the Lambert W function, 1996). Where modes are not known, |P| + |Q₀| + |Q₁| over the bounds
-of the rates bounds what a step makes of an error, and Halanay's ρ = λ + |μ| e^{−ρT} what the array
+of the rates bounds an error's growth in a step, and Halanay's ρ = λ + |μ| e^{−ρT} what the array
 itself does.
 """
 
@@ -31,7 +31,7 @@ MOST_STEPS = 1024
 """Steps in a delay beyond which none is looked for."""
 
 MODES = 400
-"""Modes that are looked at: beyond so many, those of a grid over them."""
+"""Modes that are looked at: beyond this number, those of a grid over them."""
 
 COARSER = (200, 100, 50, 25, 12, 6)
 """Cells a side of the grids over many modes."""
@@ -43,12 +43,12 @@ LARGEST = 700.0
 """Largest exponent of a growth over a delay."""
 
 ROUNDING = 1e-9
-"""What a decaying mode may grow by in a step."""
+"""The growth allowed to a decaying mode in a step."""
 
 
 @dataclass(frozen=True, slots=True)
 class DelayedRates:
-    """How fast an array moves by what it sees now, and by what it saw.
+    """How fast an array moves by its present outputs, and by its delayed ones.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class DelayedRates:
         Rates at which a step may let a decaying mode grow, and one within the bound: those of the
         fastest growth of an array that saturates, else 0.
     around : Discs, optional
-        Bound on λ whatever cells saturate; None where the modes tell all.
+        Bound on λ whatever cells saturate; None where the modes decide.
     reach : float
         Bound on |μ|, 1/time.
     delay : float
@@ -208,7 +208,7 @@ def _allowed(method: ButcherTableau, rates: DelayedRates, around: Discs, count: 
     from scipy.optimize import brentq  # imported late: it takes longer than all of the engine
 
     step = rates.delay / count
-    # what decays within a step is no excuse for a step that is too long
+    # a decay within a step is no excuse for a step that is too long
     rightmost = max(float(around.points.real.max()), -1.0 / step)
     parts = _parts(method, np.full(1, step * rightmost + 0j), np.full(1, step * rates.reach + 0j))
 
@@ -244,7 +244,7 @@ def _lambert(now: Complexes, late: Complexes, delay: float) -> Complexes:
 
 @dataclass(frozen=True, slots=True)
 class _Parts:
-    """What of the state, and of the states a delay before a step's start and end, a value holds."""
+    """The parts of the state, and of delayed ones at a step's start and end, in a value."""
 
     state: Complexes
     before: Complexes

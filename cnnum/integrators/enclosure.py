@@ -16,6 +16,7 @@ from cnnum.arrays import Floats
 from cnnum.integrators.estimate import error_growth
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.network import Network
+from cnnum.templating.reads import widened
 from cnnum.templating.template import Template
 
 Complexes = NDArray[np.complex128]
@@ -75,8 +76,7 @@ def discs(network: Network) -> Discs:
     parts: list[Complexes] = []
     for layer, tau in enumerate(template.tau.tolist()):
         # a cell that saturates sees nothing of itself; a linear one does not saturate
-        seen = float(own[layer])
-        least = seen if template.output.linear else 0.0
+        least, seen = (slope * float(own[layer]) for slope in template.output.slope)
         parts.append(_around(least - 1.0, seen - 1.0, _others(template, layer)) / tau)
     return Discs(np.unique(np.concatenate(parts)), growth, reach)
 
@@ -96,11 +96,8 @@ def _own(template: Template) -> Floats:
 
 def _others(template: Template, layer: int) -> float:
     total = float(np.abs(template.A[layer]).sum()) - abs(float(_own(template)[layer]))
-    for gain in template.gains:
-        if gain.to == layer:
-            weights = float(np.abs(template.A[gain.to, gain.source]).sum())
-            total += max(gain.table.largest - 1.0, 0.0) * weights
-    return total + sum(c.stiffness for c in template.nonlinear if c.to == layer)
+    total *= template.output.steepest
+    return total + float(widened(template)[layer])
 
 
 def field_of_values(network: Network) -> Box:
@@ -112,7 +109,7 @@ def field_of_values(network: Network) -> Box:
     if template.boundary.constant is not None:
         return _torus_box(network)
     radius = template.A.shape[-1] // 2
-    # every row of a large array, and what reaches into it from the rim, is in an array of this size
+    # every row of a large array, and the reach into it from the rim, is in an array of this size
     rows, cols = (min(n, 4 * radius + 1) for n in network.shape)
     sample = Network(template, (rows, cols))
     if sample.states > SAMPLE_LIMIT:

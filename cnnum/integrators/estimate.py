@@ -1,4 +1,4 @@
-"""How the error of a run is estimated: what each step adds, and how what is there grows.
+"""How the error of a run is estimated: the share of each step, and the growth of earlier ones.
 
 An error e of the state follows e' = J e, J being the array's Jacobian along the run. So does the
 rate dx/dt of an array that nothing moves from outside, as x'' = J x': how the largest rate changes
@@ -9,13 +9,14 @@ from above:
     E⁺ = E · min(max(‖k⁺‖ / ‖k‖, 1), e^{μh}) + added
 
 (Hairer, Nørsett & Wanner, Solving ODEs I, section I.10: the bound alone is rigorous, and for an
-array that decides it is astronomic.) What a step adds is the leading part of its own truncation
+array that decides it is astronomic.) The share of a step is the leading part of its own truncation
 error, from its stages: `ButcherTableau.truncation`, and `ExponentialMethod.followed`.
 """
 
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.templating.reads import widened
 from cnnum.templating.template import Template
 
 SAFETY = 2.0
@@ -37,15 +38,11 @@ def error_growth(template: Template) -> float:
     """Return a bound on the logarithmic norm of an array's Jacobian, whatever cells saturate.
 
     Errors grow by e^{μt} at most, 1/time; μ is negative where the array contracts. It is the
-    largest of (−1 + a_ii d_i + Σ |a_ij| d_j) / τ over the rows, 0 ≤ d = f' ≤ 1, with d = 1 where
-    f(x) = x.
+    largest of (−1 + a_ii d_i + Σ |a_ij| d_j) / τ over the rows, with d = f' of any slope that the
+    output has.
     """
     own, others = _own_and_others(template)
-    for gain in template.gains:
-        weights = float(np.abs(template.A[gain.to, gain.source]).sum())
-        others[gain.to] += max(gain.table.largest - 1.0, 0.0) * weights
-    for coupling in template.nonlinear:
-        others[coupling.to] += coupling.stiffness
+    others += widened(template)
     return float(((own + others - 1.0) / template.tau).max())
 
 
@@ -56,7 +53,8 @@ def linear_growth(template: Template) -> float:
 
 
 def _own_and_others(template: Template) -> tuple[Floats, Floats]:
-    """Return what a cell of each layer sees of itself, and of others, at most."""
+    """Return the largest couplings of a cell of each layer to itself, and to others."""
     own = np.einsum("llkk->lk", template.A)[:, template.A.shape[-1] // 2]
     others = np.abs(template.A).sum(axis=(1, 2, 3)) - np.abs(own)
-    return own if template.output.linear else np.maximum(own, 0.0), others
+    low, high = template.output.slope
+    return np.maximum(low * own, high * own), template.output.steepest * others

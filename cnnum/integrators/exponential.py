@@ -66,7 +66,7 @@ class ExponentialMethod:
         return self.order
 
     def weights(self, step: float | Floats, tau: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return what is kept of x, and the weights of A ∗ y + w: of the start, of the change.
+        """Return the kept part of x, and the weights of A ∗ y + w: of the start, of the change.
 
         Parameters
         ----------
@@ -76,8 +76,23 @@ class ExponentialMethod:
         z = -step / tau
         return np.exp(z), -z * phi(1, z), -z * phi(2, z)
 
+    def fixed(self, step: float, tau: float) -> "ExponentialStep":
+        """Return a step of a layer as sums of rates.
+
+        The coupling is N = x + τk, and what is kept of x is 1 − first, so that
+
+            a = x + first·τk₀,   x⁺ = x + (1 + second)(a − x) + second·τ(k₁ − k₀)
+
+        and a cell whose rate is 0 stays to the bit.
+        """
+        _, first, second = (float(w[0]) for w in self.weights(step, np.array([tau])))
+        slope, later = Fraction(first * tau / step), Fraction(second * tau / step)
+        if self.order == 1:
+            return ExponentialStep(self.name, ((),), (slope,))
+        return ExponentialStep(self.name, ((), (slope,)), (-later, later), 1.0 + second)
+
     def followed(self, step: float, tau: float) -> "FollowedStep":
-        """Return a step of a layer with stages that tell its error.
+        """Return a step of a layer with stages that estimate its error.
 
         The first method is off by what the second one's correction would be, the second by what
         one of third order would add, whose stage amid the step is that of Shu & Osher (1988)
@@ -90,7 +105,7 @@ class ExponentialMethod:
         start = np.eye(n)[0]
 
         def change(stage: int, move: Floats) -> Floats:
-            """Return N − N₀ of a stage, as parts of the rates: k − k₀ + what it moved over τ."""
+            """Return N − N₀ of a stage, as parts of the rates: k − k₀ + its move over τ."""
             return np.asarray(np.eye(n)[stage] - start + decay * move, dtype=np.float64)
 
         first = one * start
@@ -111,6 +126,29 @@ class ExponentialMethod:
 
 
 @dataclass(frozen=True, slots=True)
+class ExponentialStep:
+    """An exponential step of one length, as `Explicit` has it.
+
+    Attributes
+    ----------
+    name : str
+    a : tuple of rows
+    b : row
+    carried : float
+    """
+
+    name: str
+    a: tuple[Row, ...]
+    b: Row
+    carried: float = 0.0
+
+    @property
+    def stages(self) -> int:
+        """Evaluations of the rates."""
+        return len(self.a)
+
+
+@dataclass(frozen=True, slots=True)
 class FollowedStep:
     """An exponential step of one length, as sums of rates whose last stage is at its end.
 
@@ -120,7 +158,7 @@ class FollowedStep:
     order : int
     a : tuple of rows
     truncation : tuple of rows
-        The part of its error that it tells.
+        The part of its error that it estimates.
     """
 
     name: str

@@ -2,11 +2,11 @@
 
 A chain is made of templates whose answer is exact without steps, sums, constant multiples and
 totals. All that it does to the maps it reads is one matrix for each of them. It is fused where
-that takes less arithmetic, and where nobody asks for what lies between.
+that takes less arithmetic, and where no output lies between.
 
 Saturation cannot be passed over: a template is in a chain only if its state is an affine map of
-what it reads whatever the numbers are (its output function is linear, or its cells are uncoupled
-and the state is what is read). An output that saturates ends the chain.
+its arguments whatever the numbers are (its output function is linear, or its cells are uncoupled
+and the state is read). An output that saturates ends the chain.
 """
 
 from collections import Counter
@@ -24,7 +24,7 @@ FUSED_CELLS = 256
 each at 23×23, where they no longer stay in a core's cache."""
 
 Sources = Mapping[int, frozenset[int]]
-"""The linear operations of a schedule, and what each reads from outside of them, by index."""
+"""The linear operations of a schedule, and the outside arguments of each, by index."""
 
 
 def fuse(schedule: Schedule, solvers: Mapping[int, Solver]) -> Schedule:
@@ -46,7 +46,7 @@ def fuse(schedule: Schedule, solvers: Mapping[int, Solver]) -> Schedule:
 
 
 def _sources(schedule: Schedule, solvers: Mapping[int, Solver]) -> dict[int, frozenset[int]]:
-    """Return what every linear operation reads, at first hand or through other linear ones."""
+    """Return the arguments of linear operations, at first hand or through other linear ones."""
     asked: dict[int, list[Pick]] = {}
     for node in schedule.nodes:
         if isinstance(node.operation, Pick):
@@ -117,7 +117,7 @@ class _Chains:
     def below(self, nodes: Iterable[Node], fused: frozenset[int] = frozenset()) -> dict[int, Node]:
         """Return linear operations that nodes are made of, themselves among them.
 
-        What is fused is there without the operations that it is made of.
+        The product stands there without the operations that it is made of.
         """
         seen: dict[int, Node] = {}
         stack = list(nodes)
@@ -196,14 +196,14 @@ def _value(
 def _product(node: Node, value: Affine, chains: _Chains, nodes: Mapping[int, Node]) -> Node:
     parts = {number: matrix for number, matrix in value.parts.items() if matrix.any()}
     operation: Operation = Product(tuple(parts.values()), value.constant)
-    if not parts:  # what is read cancels
+    if not parts:  # all arguments cancel
         operation = ConstantMap.of(value.constant.reshape(chains.schedule.shape))
     read = tuple(nodes[n] for n in parts)
     return Node(node.index, operation, read, scalar=False, logic=False, origin=node.origin)
 
 
 def _rewritten(schedule: Schedule, products: Mapping[int, Node]) -> Schedule:
-    """Return the schedule with products in the place of nodes, and without what is left unread."""
+    """Return the schedule with products in the place of nodes, and without unread ones."""
     new: dict[int, Node] = {}
     for node in schedule.nodes:
         moved = products.get(node.index, node)
@@ -226,7 +226,7 @@ def _rewritten(schedule: Schedule, products: Mapping[int, Node]) -> Schedule:
 
 
 def _what(chains: _Chains, fused: Schedule) -> str:
-    """Return in words what does not run any more."""
+    """Return in words the operations that no longer run."""
     left = {node.index for node in fused.nodes}
     gone = [n.operation for n in chains.schedule.nodes if n.index not in left]
     names = Counter(str(operation) for operation in gone if isinstance(operation, Transient))

@@ -97,7 +97,7 @@ def _drive(template: Template, given: Mapping[str, NDArray[np.floating]]) -> Flo
         drive = drive + _largest(given["bias"])
     if "input" in given and template.inputs:
         seen = np.maximum(_largest(given["input"]), abs(template.input_boundary.constant or 0.0))
-        with np.errstate(invalid="ignore"):  # what is infinite is refused later
+        with np.errstate(invalid="ignore"):  # infinite numbers are refused later
             drive = drive + np.abs(template.B).sum(axis=(2, 3)) @ seen
     return np.asarray(drive, dtype=np.float64)
 

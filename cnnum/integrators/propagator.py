@@ -17,7 +17,7 @@ DENSE_LIMIT = 1024
 and time stepping with few taps is cheaper."""
 
 EXPONENTIAL = 64.0 * float(np.finfo(np.float64).eps)
-"""What an exponential of a matrix may be off by, as a part of ‖M‖t: squaring adds to one rounding;
+"""The error bound of an exponential of a matrix, as a part of ‖M‖t: squaring adds to one rounding;
 47 were seen, over 10 to 10,000 turns."""
 
 
@@ -42,7 +42,7 @@ class Propagator:
     ----------
     state, drive : (n, n) float
     constant : (n,) float
-        What a fixed boundary adds.
+        The sum of a fixed boundary.
     rounding : float
         By how much the matrices themselves may be off, as a part of the largest number in a state.
     """

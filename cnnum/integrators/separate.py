@@ -21,7 +21,7 @@ from cnnum.arrays import Floats
 from cnnum.templating.template import Template
 
 LONGEST = 60.0
-"""Time constants up to which what is left of a decay, e^{−60} = 9e-27, is far from what a device
+"""Time constants up to which the rest of a decay, e^{−60} = 9e-27, is far from what a device
 takes for 0; longer runs that are not to equilibrium take steps."""
 
 STEEPEST = 1e30
@@ -83,13 +83,13 @@ def moved(slope: float, time: float) -> float:
 
 
 def evaluate(scheme: Separate, start: Floats, drive: Floats) -> tuple[Floats, Floats]:
-    """Return x(t) of (..., layers, rows, cols) initial states and drives, and what is rounded.
+    """Return x(t) of (..., layers, rows, cols) initial states and drives, and the rounded numbers.
 
     Roundings of that size are made up to `roundings` times: of the numbers in a rate, which grow
     along the way as the rate does, of time, and of the end.
     """
     end, rounded = np.empty_like(start), np.empty_like(start)
-    with np.errstate(all="ignore"):  # of what is computed for all cells, some have no use
+    with np.errstate(all="ignore"):  # some results, computed for all cells, have no use
         for layer, (own, time) in enumerate(zip(scheme.own, scheme.time, strict=True)):
             at = (..., layer, slice(None), slice(None))
             end[at], rounded[at] = _end(float(own), float(time), start[at], drive[at])

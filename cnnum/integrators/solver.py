@@ -3,11 +3,11 @@
 from dataclasses import dataclass
 
 from cnnum.integrators.propagator import Decay, Propagator
-from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
+from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
 
-Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps | ExponentialSteps
+Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps
 Exact = Decay | Propagator | Spectral | Separate
 Scheme = Exact | Stepping
 

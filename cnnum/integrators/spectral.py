@@ -35,7 +35,7 @@ class Spectral:
     state, drive : (layers, layers, rows, cols) float
         Factors of each mode, as [to, from].
     constant : (layers, rows, cols) float
-        What a fixed boundary adds.
+        The sum of a fixed boundary.
     rounding : float
         By how much the factors themselves may be off, as a part of the largest number in a state.
     """

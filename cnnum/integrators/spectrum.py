@@ -30,14 +30,14 @@ class Spectrum:
     exact : bool
         They are the eigenvalues themselves (of the linear array, none saturated).
     real : bool
-        All of them are known to be real, and to tell all of the array's growth.
+        All of them are known to be real, and to cover all of the array's growth.
     reason : str
         How they were found.
     growth : float
         Rate at which a step may let a decaying rate grow: that of the fastest growth of an array
         that saturates, else 0.
     discs : Discs, optional
-        A bound on the rates whatever cells saturate, or whatever eigenvalues do not tell.
+        A bound on the rates whatever cells saturate, or for the growth that eigenvalues miss.
     """
 
     values: NDArray[np.complex128]
@@ -70,7 +70,7 @@ def spectrum(template: Template, shape: Shape) -> Spectrum:
     around its field of values where they are not known), and Gershgorin's discs bound the rest.
     """
     network = Network(template, shape)
-    if not template.plain:
+    if not (template.plain and template.output.saturates):
         none = np.zeros(0, dtype=np.complex128)
         return Spectrum(none, False, False, "Gershgorin's discs", discs=discs(network))
     linear = _linear(network)
@@ -118,7 +118,7 @@ def _linear(network: Network) -> Spectrum | None:
 
 
 def _of_matrix(network: Network) -> Spectrum:
-    """Return the eigenvalues of the matrix, with discs where they do not tell all of its growth."""
+    """Return the eigenvalues of the matrix, with discs where they miss a part of its growth."""
     matrix = network.linear_system().matrix
     found = _exact(np.asarray(np.linalg.eigvals(matrix), dtype=np.complex128), "its matrix")
     if np.allclose(matrix @ matrix.T, matrix.T @ matrix, atol=1e-12):

@@ -3,22 +3,22 @@
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape, as_shape
-from cnnum.errors import name_error
+from cnnum.errors import TemplateError, name_error
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.delays import delayed_rates, delayed_step
-from cnnum.integrators.exponential import EXPONENTIAL_METHODS, ExponentialMethod
+from cnnum.integrators.schemes import CHEBYSHEV, LAYER_METHODS
 from cnnum.integrators.spectrum import Spectrum, spectrum
-from cnnum.integrators.tableau import TABLEAUX, ButcherTableau
+from cnnum.integrators.tableau import TABLEAUX, ButcherTableau, LayerMethod
+from cnnum.safety.values import expect
 from cnnum.templating.template import Template
 
-CHEBYSHEV = "runge-kutta-chebyshev"
-
-METHODS = (*TABLEAUX, CHEBYSHEV, *EXPONENTIAL_METHODS)
+METHODS = (*TABLEAUX, CHEBYSHEV, *LAYER_METHODS)
 """Names of the methods that take steps."""
 
 SHORTEST = 1e-4
@@ -78,6 +78,9 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
     lie at ends of steps have any.
     """
     shape = as_shape(shape)
+    expect("template", template, Template, TemplateError)
+    if not isinstance(cast(object, method), str):
+        raise name_error("method", method, METHODS)
     delayed = delayed_rates(template, shape)
     if delayed is not None and method in METHODS:
         tableau = TABLEAUX.get(method)
@@ -88,8 +91,8 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
         step = tableau_step(TABLEAUX[method], found)
     elif method == CHEBYSHEV:
         step = chebyshev_step(MAX_STAGES, found)
-    elif method in EXPONENTIAL_METHODS:
-        step = _exponential_step(EXPONENTIAL_METHODS[method], found, template)
+    elif method in LAYER_METHODS:
+        step = _layer_step(LAYER_METHODS[method], found, template)
     else:
         raise name_error("method", method, METHODS)
     return StabilityBound(step, found.exact, found.reason)
@@ -127,7 +130,7 @@ def chebyshev_step(stages: int, found: Spectrum) -> float:
     return chebyshev_method(stages).real_stability / fastest if fastest else math.inf
 
 
-def _exponential_step(method: ExponentialMethod, found: Spectrum, template: Template) -> float:
+def _layer_step(method: LayerMethod, found: Spectrum, template: Template) -> float:
     if np.ptp(template.tau) > 0.0:
         # several decays: the couplings of the fastest layer, as if all decayed like Euler's
         return tableau_step(TABLEAUX["euler"], found)
@@ -229,7 +232,7 @@ def _at(grows: Grows, step: float) -> bool:
 
 
 def _before(grows: Grows, steps: Floats, rates: int) -> float:
-    """Return the longest step before the first that lets one of so many rates grow."""
+    """Return the longest step before the first that lets one of these rates grow."""
     count = max(1, TOGETHER // max(rates, 1))
     for start in range(0, len(steps), count):
         found = grows(steps[start : start + count])

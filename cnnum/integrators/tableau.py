@@ -11,13 +11,46 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.errors import name_error
 
 Row = tuple[Fraction, ...]
 
 
+class Explicit(Protocol):
+    """Stages of a step of one length: all that an engine knows of an explicit method.
+
+        k_i = F(x_i), x_i = x + h Σ_j a_ij k_j,   x⁺ = x + carried (x_s − x) + h Σ_i b_i k_i
+
+    x_s is the state of the last stage.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name of the method."""
+        ...
+
+    @property
+    def a(self) -> tuple[Row, ...]:
+        """Rows of the stages' states."""
+        ...
+
+    @property
+    def b(self) -> Row:
+        """Weights of the rates at the end."""
+        ...
+
+    @property
+    def carried(self) -> float:
+        """Part of the last stage's move that the end keeps."""
+        ...
+
+    @property
+    def stages(self) -> int:
+        """Evaluations of dx/dt."""
+        ...
+
+
 class Pair(Protocol):
-    """Stages of a step the last of which is at its end, and what tells its error.
+    """Stages of a step the last of which is at its end, and the estimate of its error.
 
     The numbers are those of a `ButcherTableau`; others may have them from elsewhere.
     """
@@ -39,7 +72,7 @@ class Pair(Protocol):
 
     @property
     def error(self) -> Row:
-        """What the length of steps follows; of zeros it refuses none."""
+        """The error that sets the length of steps; with zeros it refuses none."""
         ...
 
     @property
@@ -50,6 +83,35 @@ class Pair(Protocol):
     @property
     def stages(self) -> int:
         """Evaluations of dx/dt, of which the last is the first of the next step."""
+        ...
+
+
+class LayerMethod(Protocol):
+    """An integrator that says, of a step and a time constant, which sums of rates a step is.
+
+    Engines see its steps alone, so that they run one that they have never heard of.
+    """
+
+    @property
+    def name(self) -> str:
+        """What `method` names it by."""
+        ...
+
+    @property
+    def order(self) -> int:
+        """Order of the error of a run."""
+        ...
+
+    def fixed(self, step: float, tau: float) -> Explicit:
+        """Return a step of a layer."""
+        ...
+
+    def followed(self, step: float, tau: float) -> Pair:
+        """Return the same step with stages that tell its error."""
+        ...
+
+    def growth(self, steps: Floats, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Return the factors of modes a step, (steps, modes), where 1/τ = 1 and J has `values`."""
         ...
 
 
@@ -103,8 +165,13 @@ class ButcherTableau:
             raise ValueError(f"'{self.name}' misses the conditions of order {wrong or 'error'}.")
         if self.error and (a[-1] != b[:-1] or b[-1] != 0):
             raise ValueError(
-                f"The last stage of '{self.name}', whose error is told, is not its end."
+                f"The last stage of '{self.name}', whose error is estimated, is not its end."
             )
+
+    @property
+    def carried(self) -> float:
+        """Part of the last stage's move that the end keeps: none, as the rates say all."""
+        return 0.0
 
     @property
     def stages(self) -> int:
@@ -122,10 +189,10 @@ class ButcherTableau:
 
         On x' = λx, z = hλ, the stages are k_i = λ K_i(z) x with K_i of degree i, and the step is
         off by e^z − R(z). Its leading parts up to z^s are combinations of the stages: a row each.
-        Between corners of f an array is linear, so that they tell its error; at a corner, their
+        Between corners of f an array is linear, so that they show its error; at a corner, their
         sum of absolute values is seldom below the error (Bogacki–Shampine: never below 0.37 of it,
         Dormand–Prince: 0.19), where that of the embedded method may vanish. A stage that reaches
-        no higher power than the one before tells no part of its own.
+        no higher power than the one before shows no part of its own.
         """
         growth = self._stage_polynomials()
         gaps = [
@@ -172,7 +239,7 @@ class ButcherTableau:
         return self._mean_estimate(lambda since: since > 0.0)
 
     def _mean_estimate(self, rate: Callable[[Floats], Floats | NDArray[np.bool_]]) -> float:
-        """Average over the places in a step where what changes the rate may happen."""
+        """Average over the places in a step where the rate may change."""
         times = np.array([float(sum(row)) for row in self.a])
         since = times - np.linspace(0.0, 1.0, 1001)[:, np.newaxis]
         weights = np.array([float(e) for e in self.error])
@@ -265,17 +332,3 @@ def followed(method: ButcherTableau) -> ButcherTableau:
     if not method.adaptive:
         method = replace(method, a=(*method.a, method.b), b=(*method.b, Fraction(0)))
     return replace(method, error=(Fraction(0),) * method.stages)
-
-
-def tableau(name: str) -> ButcherTableau:
-    """Return the Runge–Kutta method of that name.
-
-    Raises
-    ------
-    UnknownNameError
-        If there is none.
-    """
-    if name not in TABLEAUX:
-        known = ("auto", "propagator", *TABLEAUX, "runge-kutta-chebyshev")
-        raise name_error("method", name, (*known, "exponential-euler", "etd-rk2"))
-    return TABLEAUX[name]

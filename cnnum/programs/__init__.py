@@ -4,7 +4,7 @@
     def touched(frame):
         return {"contact": (frame.normal > 0.1).any()}
 
-Inside, `frame` and all that is computed from it are `Field`s: they record what is asked of them
+Inside, `frame` and all that is computed from it are `Field`s: they record the operations
 and hold no numbers, so a Python `if` on one of them is refused.
 """
 
@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from cnnum.arrays import as_shape
-from cnnum.errors import ProgramError
+from cnnum.errors import ProgramError, SizeError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph
 from cnnum.programs.fields import Field, as_field
@@ -25,7 +25,7 @@ Traced = Callable[..., Mapping[str, Field]]
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """An analogic program: a function of a frame's maps that names what comes out.
+    """An analogic program: a function of a frame's maps that names its outputs.
 
     Attributes
     ----------
@@ -78,10 +78,18 @@ class Program:
         ProgramError
             If a channel's name is not one line of plain signs, or the function returns no mapping
             of such names to maps and numbers.
+        SizeError
+            If the machine has no room for a map.
         """
         graph = Graph(as_shape(shape))
         frame = FrameFields(graph, channels)
-        returned = self(frame)
+        try:
+            returned = self(frame)
+        except MemoryError as error:  # of a map of constants
+            raise SizeError(
+                f"Program '{self.name}' needs more memory than there is for {graph.shape} cells "
+                f"({error}): take fewer."
+            ) from None
         items = returned.items() if hasattr(returned, "items") else ()
         if not items:
             raise ProgramError(

@@ -1,4 +1,4 @@
-"""Fields: the maps and numbers of a program under trace; they record what is asked of them."""
+"""Fields: the maps and numbers of a program under trace; they record the operations."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NoReturn
@@ -118,7 +118,7 @@ class Field:
     def __ne__(self, other: object) -> "Field":  # type: ignore[override]
         return ~(self == other)
 
-    # a field is a key by what it is, not by its values, which it has not got yet
+    # a field is a key by its node, not by its values, which it has not got yet
     __hash__ = object.__hash__
 
     def equals(self, other: object) -> "Field":
@@ -265,7 +265,7 @@ def maximum(a: object, b: object) -> Field:
 
 
 def sqrt(a: Field) -> Field:
-    """Return the root of every cell, 0 for what is below 0."""
+    """Return the root of every cell, 0 where it is below 0."""
     return combine(op.ROOT, a)
 
 
@@ -337,7 +337,7 @@ _UFUNCS: Mapping[np.ufunc, Callable[..., Field]] = {
     np.bitwise_xor: Field.__xor__,
     np.invert: Field.__invert__,
 }
-"""What NumPy's functions come to; all their operands are fields."""
+"""NumPy's functions as operations; all their operands are fields."""
 
 
 def _unknown_to_fields(asked: str) -> ProgramError:

@@ -2,6 +2,7 @@
 
 from functools import cache
 from importlib import import_module, resources
+from typing import cast
 
 from cnnum.errors import name_error
 from cnnum.programs import Program
@@ -35,7 +36,14 @@ def program_names(room: str | None = None) -> tuple[str, ...]:
     ----------
     room : "tactile" or "pictures", optional
         Those for three-axial frames, or those for pictures; all unless given.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such room.
     """
+    if not (room is None or (isinstance(cast(object, room), str) and room in _ROOMS)):
+        raise name_error("room of programs", room, _ROOMS)
     rooms = _ROOMS if room is None else (room,)
     return tuple(name for each in rooms for name in _programs(each))
 
@@ -48,7 +56,7 @@ def get_program(name: str) -> Program:
     UnknownNameError
         If there is none.
     """
-    for room in _ROOMS:
+    for room in _ROOMS if isinstance(cast(object, name), str) else ():
         if name in _modules(room) and (program := _program(room, name)) is not None:
             return program
     raise name_error("program", name, program_names())

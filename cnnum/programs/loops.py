@@ -18,7 +18,7 @@ Body = Callable[..., Field | Sequence[Field]]
 
 @dataclass(frozen=True, slots=True)
 class Looped:
-    """What a loop leaves.
+    """The results of a loop.
 
     Attributes
     ----------
@@ -55,12 +55,12 @@ def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> 
     Parameters
     ----------
     body : callable
-        Takes the carried fields and returns what they become, a field each. Fields from outside
+        Takes the carried fields and returns their next values, a field each. Fields from outside
         can be used in it; memories cannot be stored in it.
     values : Field
-        What the carried fields are at first.
+        The first values of the carried fields.
     limit : int
-        At most so many runs of the body; see `Looped.finished`.
+        The largest number of runs of the body; see `Looped.finished`.
     until : callable, optional
         Takes the new values and returns a flag that ends the loop; without it the loop ends when
         no carried value changes any more.
@@ -76,9 +76,9 @@ def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> 
 
 
 def branch(flag: Field, body: Body, *values: Field) -> tuple[Field, ...]:
-    """Return what the body makes of the values in the frames where a flag holds.
+    """Return the body's results in the frames where a flag holds, else the values.
 
-    In the other frames the values stay what they are; where no frame of a batch needs it, the
+    In the other frames the values stay; where no frame of a batch needs it, the
     body does not run.
 
     Raises
@@ -127,7 +127,7 @@ def _again(inner: Graph, until: Until | None, results: list[Field]) -> Node | No
         return None
     ends = as_field(inner, until(*results))
     if not ends.scalar:
-        raise ProgramError("What ends a loop is a flag: one logic value a frame.")
+        raise ProgramError("A loop ends by a flag: one logic value a frame.")
     return (~ends).node if ends.logic else inner.constant(0.0)
 
 

@@ -1,4 +1,4 @@
-"""What a program sees of the machine: the frame's channels, its geometry, and local memories."""
+"""The machine as a program sees it: the frame's channels, its geometry, and local memories."""
 
 from collections.abc import Callable, Hashable, Sequence
 from numbers import Integral
@@ -31,10 +31,10 @@ class LocalMemory:
         read = graph.add(Read(self._number, name), scalar=scalar, logic=logic, maps=maps)
         graph.memories[self._number] = Memory(read, read)
         self.value = Field(graph, read)
-        """What was stored at the end of the frame before; 0 on the first frame."""
+        """The value stored at the end of the frame before; 0 on the first frame."""
 
     def store(self, value: Field) -> None:
-        """Say what the memory holds at the end of the frame.
+        """Set the memory's value at the end of the frame.
 
         Raises
         ------
@@ -112,7 +112,7 @@ class FrameFields:
         Parameters
         ----------
         name : str
-            What traces call it.
+            Its name in traces.
         scalar : bool
             It holds one number a frame, not a map.
         logic : bool
@@ -130,9 +130,9 @@ class FrameFields:
         return LocalMemory(self._graph, name, scalar=scalar, logic=logic, maps=int(maps))
 
     def once(self, make: Callable[..., Made], **settings: Hashable) -> Made:
-        """Return what `make` gives of the frame and the settings, made once for all who ask.
+        """Return `make` of the frame and the settings, made once for all callers.
 
-        Programs inside another one share what they start from, its memories too.
+        Programs inside another one share the first fields, its memories too.
         """
         key = (make, *sorted(settings.items()))
         if key not in self._made:
@@ -140,7 +140,7 @@ class FrameFields:
         return cast(Made, self._made[key])
 
     def previous(self, value: Field) -> Field:
-        """Return what `value` was on the frame before; on the first frame, what it is."""
+        """Return `value` of the frame before; on the first frame, of this one."""
         memory = self.memory(scalar=value.scalar, logic=value.logic, maps=value.maps)
         memory.store(value)
         return where(self.first, value, memory.value)

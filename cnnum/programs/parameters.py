@@ -12,7 +12,7 @@ from cnnum.programs.quantities import in_own_units, refuse_out_of_range
 from cnnum.safety.names import shown
 
 LARGEST = 2**63 - 1
-"""What a whole number may reach."""
+"""The largest whole number."""
 
 
 def checked_parameters(
@@ -26,7 +26,7 @@ def checked_parameters(
     Raises
     ------
     ProgramError
-        With the parameter's name, and what was expected: if the program has no such parameter, it
+        With the parameter's name, and the expected values: if the program has no such parameter, it
         is of another type, or a physical one is out of range.
     """
     known = list(inspect.signature(function).parameters.values())[1:]  # the first is the frame

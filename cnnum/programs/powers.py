@@ -1,4 +1,4 @@
-"""Powers of fields: products where the exponent is whole, roots, and what a device has."""
+"""Powers of fields: products where the exponent is whole, roots, and the device's function."""
 
 from numbers import Real
 

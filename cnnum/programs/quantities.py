@@ -12,10 +12,12 @@ HERTZ = {"Hz": 1.0, "kHz": 1e3}
 NEWTONS = {"N": 1.0, "mN": 1e-3, "kN": 1e3}
 PASCALS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}
 
-PITCH = "pitch"
-"""The distance of the taxels: what a length is divided by where a program counts in pitches."""
+PER_TEN_MINUTES = {"/10min": 1.0, "/min": 10.0, "/h": 1.0 / 6.0}
 
-_TEXT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ]+)\s*")
+PITCH = "pitch"
+"""The distance of the taxels: the divisor of lengths where a program counts in pitches."""
+
+_TEXT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ]+|/\d*[a-z]+)\s*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +27,7 @@ class Quantity:
     Attributes
     ----------
     meaning : str
-        What a plain number counts, for the sentence of an error.
+        The unit of a plain number, for the sentence of an error.
     least, most : float
         Range of its magnitude.
     units : mapping of str to float
@@ -55,6 +57,10 @@ QUANTITIES: Mapping[str, Quantity] = {
     "thickness": Quantity("metres", 1e-7, 10.0, METRES, "1 mm"),  # 10: a pitch of 1 for theory
     PITCH: Quantity("metres", 1e-7, 10.0, METRES, "1.5 mm"),
     "youngs_modulus": Quantity("pascals", 1e-9, 1e15, PASCALS, "870 kPa"),
+    **dict.fromkeys(
+        ("false_reports", "slip_false_reports", "twist_false_reports"),
+        Quantity("false reports in ten minutes", 1e-3, 1e3, PER_TEN_MINUTES, "6 /h"),
+    ),
 }
 """By the parameter's name, in every program that has it."""
 

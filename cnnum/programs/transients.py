@@ -13,7 +13,7 @@ from cnnum.templating.template import Duration, Template
 
 @dataclass(frozen=True, slots=True)
 class Applied:
-    """What a template made of its maps: outputs and states by layer, and figures of the run.
+    """The results of a template: outputs and states by layer, and figures of the run.
 
     Attributes
     ----------
@@ -61,11 +61,11 @@ def transient(
         The inputs before the start, which a template with delays sees; the inputs unless given.
     state : Field or sequence of Field, optional
         Initial state, one map a layer; the template's own where it is left out. Where the output
-        function limits the state, what is beyond ±1 begins there.
+        function limits the state, states beyond ±1 begin there.
     bias : Field or sequence of Field, optional
         Space-variant bias added to z, one map a layer.
     mask : logic Field, optional
-        Fixed-state mask: where it holds, the state stays what it was.
+        Fixed-state mask: where it holds, the state keeps its value.
     weights : Field, optional
         A map whose first cells hold the weights of A in the order of its numbers that are not 0;
         those of the template say only where they are, and how fast it may be.
@@ -193,7 +193,7 @@ def shift(field: Field, rows: int = 0, columns: int = 0, *, boundary: float | st
     field : Field
     rows, columns : int
     boundary : float, "zero-flux" or "periodic"
-        What moves in from beyond the rim.
+        The value that moves in from beyond the rim.
     """
     radius = max(abs(rows), abs(columns))
     kernel = np.zeros((2 * radius + 1, 2 * radius + 1))

@@ -1,4 +1,4 @@
-"""A file that chunks are appended to: created exclusively, and never shorter than what it holds."""
+"""A file that chunks are appended to: created exclusively, and never shorter than its chunks."""
 
 import contextlib
 import os
@@ -39,7 +39,7 @@ class ChunkFile:
         sync_folder(path.parent)
 
     def append(self, data: bytes) -> None:
-        """Write at the end; what has been written in part only is taken back.
+        """Write at the end; a part of a chunk is taken back.
 
         Raises
         ------
@@ -87,7 +87,7 @@ class ChunkFile:
             raise
 
     def _take_back(self) -> None:
-        # of a torn chunk nothing can be read, and what comes after it is to be found at once
+        # a torn chunk cannot be read, and the chunks after it are to be found at once
         with contextlib.suppress(OSError):
             self._file.truncate(self._end)
             self._file.seek(self._end)

@@ -36,7 +36,7 @@ class Decoder:
 
     @property
     def layout(self) -> Layout | None:
-        """What all frames share, None before the first chunk."""
+        """The layout that all frames share, None before the first chunk."""
         return self._topic.layout if self._topic else None
 
     def messages(self, records: bytes) -> NDArray[np.void]:

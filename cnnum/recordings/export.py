@@ -1,4 +1,4 @@
-"""From chunks to the file that was asked for: MCAP with an index, a NumPy archive, or CSV."""
+"""From chunks to the file that was asked for: MCAP with an index, NumPy, CSV or HDF5."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -7,6 +7,7 @@ from typing import IO
 from cnnum.errors import name_error
 from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning
 from cnnum.recordings.csv_table import write_table
+from cnnum.recordings.hdf5_writer import write_hdf5
 from cnnum.recordings.index import write_index
 from cnnum.recordings.npz_writer import write_archive
 from cnnum.recordings.place import placed
@@ -38,12 +39,14 @@ WRITERS: Mapping[str, Callable[[IO[bytes], Contents], None]] = {
     ".mcap": write_chunks,
     ".npz": write_archive,
     ".csv": write_table,
+    ".h5": write_hdf5,
+    ".hdf5": write_hdf5,
 }
 """By the suffix of the file."""
 
 
 def suffix_of(target: Path) -> str:
-    """Return the suffix that says what kind of recording a file is to be.
+    """Return the suffix that names the kind of recording of a file.
 
     Raises
     ------
@@ -59,13 +62,13 @@ def suffix_of(target: Path) -> str:
 def export(contents: Contents, target: Path, *, force: bool = False) -> None:
     """Write the frames of a recording to another file, which appears when it is whole.
 
-    The calibration of an array goes into a file beside a CSV file, which has no place for it.
+    The calibration of an array goes into a file next to a CSV file, which has no place for it.
 
     Parameters
     ----------
     contents : Contents
     target : Path
-        Its suffix says what kind of file it is to be.
+        Its suffix names the kind of file.
     force : bool
         Whether a file that is there already is replaced.
 

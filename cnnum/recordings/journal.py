@@ -12,15 +12,15 @@ from cnnum.recordings.layout import Layout
 from cnnum.tactile.taxel import Calibration
 
 MOMENT = 0.4
-"""Seconds after which a frame that waits is written, and what is written is synced. A frame is on
+"""Seconds after which a frame that waits is written, and written ones are synced. A frame is on
 the disk after two of them and the time that the disk takes, which is to be below a second."""
 
 
 class Journal:
     """An MCAP file that frames are appended to in chunks, by time and by size.
 
-    A thread writes what waits when the source stalls, and syncs the file, so that whoever brings
-    the frames does not wait for the disk.
+    A thread writes the waiting frames when the source stalls, and syncs the file: the caller
+    does not wait for the disk.
 
     Parameters
     ----------
@@ -35,7 +35,7 @@ class Journal:
     came, stored : int
         Frames that were added, and those of them that stand in the file.
     failure : OSError or None
-        What ended the writing, if anything did.
+        The error that ended the writing, if any.
 
     Raises
     ------
@@ -81,9 +81,9 @@ class Journal:
                 raise _full(self.path, self.failure)
 
     def close(self, *, index: bool) -> None:
-        """Write what waits, and the index if it is wanted; then close the file.
+        """Write the waiting frames, and the index if it is wanted; then close the file.
 
-        What goes wrong is in `failure`. A file without any frame is removed.
+        An error is in `failure`. A file without any frame is removed.
         """
         if self._ended.is_set():
             return
@@ -105,7 +105,7 @@ class Journal:
         return self._maker
 
     def _write(self) -> None:
-        """Append what waits; the lock is held."""
+        """Append the waiting frames; the lock is held."""
         if self._maker is None or not self._maker.count or self.failure is not None:
             return
         self._store(self._maker.take())

@@ -1,4 +1,4 @@
-"""What all frames of a recording share: it stands in every chunk, so each can be read alone."""
+"""The layout of a recording's frames: it stands in every chunk, so each can be read alone."""
 
 import json
 from collections.abc import Mapping
@@ -17,7 +17,7 @@ KIND = "cnnum recording 2"
 """Of the MCAP recordings; the NumPy archives are of kind 1."""
 
 MOST_VALUES = 1 << 22
-"""Numbers of a frame, at most: 32 MiB, half of what a chunk may hold."""
+"""Numbers of a frame, at most: 32 MiB, half of a chunk."""
 
 
 @dataclass(frozen=True, slots=True)

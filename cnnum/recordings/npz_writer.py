@@ -15,7 +15,7 @@ FRAMES = ("values", "sequence", "time", "quality", "truth")
 """Members with a row a frame."""
 
 CALIBRATION = ("alpha_normal", "beta_ns", "limit", "offsets", "cross", "drift")
-"""What of a calibration is a member by itself; its depth and heat are, too."""
+"""Fields of a calibration that are members; its depth and heat are, too."""
 
 
 def write_archive(file: IO[bytes], contents: Contents) -> None:

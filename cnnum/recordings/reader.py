@@ -20,13 +20,13 @@ from cnnum.recordings.scan import End, Hole, scan
 
 @dataclass(frozen=True, slots=True)
 class Contents:
-    """What of a recording can be read.
+    """The readable part of a recording.
 
     Attributes
     ----------
     path : Path
     size : int
-        Bytes of the file when it was looked at; what comes later is not read.
+        Bytes of the file when it was looked at; later bytes are not read.
     layout : Layout
     frames : int
     gaps, missing : int
@@ -85,7 +85,7 @@ class Contents:
             yield from frames_of(rows, self.layout)
 
     def warn(self) -> None:
-        """Say in one sentence what cannot be read, if anything."""
+        """Name in one sentence the part that cannot be read, if any."""
         if self.whole:
             return
         first = f"'{self.path}' has no whole index: {self.tail} bytes at its end are not readable"
@@ -117,7 +117,7 @@ def opened(path: Path) -> IO[bytes]:
 
 
 def look(path: Path) -> Contents:
-    """Read a recording once, and return what of it can be read.
+    """Read a recording once, and return its readable part.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def look(path: Path) -> Contents:
 
 
 class _Tally:
-    """Counts what is met on the way through a file."""
+    """Counts frames and faults on the way through a file."""
 
     def __init__(self) -> None:
         self.frames = self.gaps = self.missing = 0

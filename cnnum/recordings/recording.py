@@ -20,6 +20,7 @@ from cnnum.recordings.layout import Layout
 from cnnum.recordings.place import taken
 from cnnum.recordings.reader import look
 from cnnum.safety.names import checked_name, shown
+from cnnum.safety.values import is_real
 from cnnum.sharing import html, tables
 from cnnum.tactile.array_calibration import ArrayCalibration
 
@@ -50,7 +51,7 @@ class Recording:
     times : (frames,) float, s, optional
         Frame n is at n / rate unless given.
     truth : mapping of str to (frames,) float, optional
-        What is known of every frame, by name.
+        The facts of every frame, by name.
     quality : (frames,) int, optional
         Flags of `cnnum.Quality`.
 
@@ -86,7 +87,7 @@ class Recording:
                 "The values of a recording are (frames, rows, cols, channels) with one of each at "
                 f"least, got {array.shape}."
             )
-        if not 0.0 < rate < FASTEST:
+        if not (is_real(rate) and 0.0 < rate < FASTEST):
             raise ArrayError(f"The rate of a recording is above 0 Hz, below 1 MHz, got {rate!r}.")
         frames = len(array)
         flags = np.zeros(frames) if quality is None else numbers("quality", quality)
@@ -284,7 +285,7 @@ def _per_frame(name: str, values: ArrayLike, frames: int) -> Floats:
 
 
 def rate_of(times: Floats) -> float:
-    """Return the mean rate of frames by their times, Hz; 0 where they tell none."""
+    """Return the mean rate of frames by their times, Hz; 0 where they give none."""
     span = float(times[-1] - times[0]) if len(times) > 1 else 0.0
     rate = (len(times) - 1) / span if span > 0.0 and math.isfinite(span) else 0.0
     return rate if rate < FASTEST else 0.0

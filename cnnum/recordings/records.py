@@ -15,7 +15,7 @@ from cnnum.errors import CodecError
 MAGIC = b"\x89MCAP0\r\n"
 
 LARGEST = 64 << 20
-"""Bytes of a chunk, at most, packed or unpacked: what reading may take of memory."""
+"""Bytes of a chunk, at most, packed or unpacked: the memory that reading may take."""
 
 PREFIX = struct.Struct("<BQ")
 """Of every record: its opcode, and the bytes that follow."""

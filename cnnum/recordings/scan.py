@@ -43,7 +43,7 @@ class End:
 def scan(file: IO[bytes], size: int) -> Iterator[WholeChunk | Hole | End]:
     """Yield the whole chunks of a file and the holes between them in their order, then the end.
 
-    Only a chunk has a checksum, so only a chunk is believed: where what follows one leads to no
+    Only a chunk has a checksum, so only a chunk is believed: where the bytes after one lead to no
     other, the search begins anew at the end of that chunk.
 
     Parameters

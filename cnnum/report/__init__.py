@@ -1,4 +1,4 @@
-"""Reports: what a scene came to, as one HTML page that stands alone.
+"""Reports: the results of a scene, as one HTML page that stands alone.
 
 The way of the data: `record` (collected while the scene runs) → `verdicts` (against the ground
 truth) → `encoding` (all of it as JSON) and the pictures → `sections` → `page` → `write`.

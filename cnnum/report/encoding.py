@@ -26,7 +26,7 @@ MAP_BYTES = 1_500_000
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReportData:
-    """What a report is made of.
+    """The parts of a report.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ def to_json(data: ReportData) -> str:
 
 
 def as_tree(data: ReportData) -> dict[str, object]:
-    """Return the data as what JSON is made of.
+    """Return the data as values of JSON.
 
     Series have seven digits; maps are 16-bit integers with a scale, in base64. NaN is null, or
     the integer that "missing" names.

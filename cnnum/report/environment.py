@@ -1,4 +1,4 @@
-"""Where and with what something was measured: without it a number says little."""
+"""The place and tools of a measurement: without them a number says little."""
 
 import os
 import platform
@@ -24,7 +24,7 @@ class Environment:
         Processor and number of cores that may be used.
     system : str
     device : str
-        What the programs ran on.
+        The device of the programs.
     versions : tuple of (str, str)
         cnnum, Python and the packages that compute.
     """
@@ -42,7 +42,7 @@ class Environment:
         Parameters
         ----------
         device : str
-            What an engine calls the device that it runs on.
+            Name that an engine gives to its device.
         """
         found = (("cnnum", __version__), ("Python", platform.python_version()))
         packages = ((name, _version(name)) for name in _PACKAGES)

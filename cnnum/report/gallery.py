@@ -12,6 +12,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.templating.checks import CheckResult, form_of
+from cnnum.templating.checks.measuring import unsettled
 from cnnum.templating.checks.running import Engine, run_case
 from cnnum.templating.files import Entry
 from cnnum.templating.template import Template
@@ -147,6 +148,8 @@ def _facts(card: Card) -> list[str]:
     if measured is not None and measured.settle:
         times = ", ".join(f"{n}×{n}: {time:g} τ" for n, time in measured.settle)
         lines.append(f"Settles within {times}.")
+    elif measured is not None and check is not None:
+        lines.append(f"No settle time: {unsettled(template)}")
     if measured is not None and measured.margin is not None:
         lines.append(f"Margin: {measured.margin:g} of bias.")
     return [*lines, f"Tags: {', '.join(about.tags)}. Source: {' '.join(template.source.split())}."]

@@ -1,4 +1,4 @@
-"""Which frames tell the story of a scene."""
+"""The frames that sum up a scene."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ SHOWN = ("contact", "incipient slip", "gross slip", "twist")
 
 @dataclass(frozen=True, slots=True)
 class KeyFrame:
-    """A frame that is shown, and what it shows."""
+    """A frame that is shown, and its content."""
 
     title: str
     frame: int

@@ -1,4 +1,4 @@
-"""What a frame costs under a plan, so that plans can be compared."""
+"""The cost of a frame under a plan, so that plans can be compared."""
 
 from dataclasses import dataclass
 
@@ -18,7 +18,7 @@ class PlanCost:
     Attributes
     ----------
     label : str
-        What the plan is called in a report.
+        Name of the plan in a report.
     explanation : Explanation
     frames : int
         Measured.
@@ -45,7 +45,7 @@ class PlanCost:
 
     @classmethod
     def measure(cls, label: str, scene: Scene) -> "PlanCost":
-        """Run a scene to its end and return what its frames cost.
+        """Run a scene to its end and return the cost of its frames.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""What a run of a scene leaves behind for a report: frames, outputs, events, ground truth."""
+"""The record of a scene's run for a report: frames, outputs, events, ground truth."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -27,24 +27,24 @@ class SceneRecord:
     ----------
     name : str
     wants : tuple of str
-        What the scene asked for.
+        The outputs that the scene wants.
     shape : (rows, cols)
     rate : float
-        Frames a second, Hz; 0 where nobody knows.
+        Frames a second, Hz; 0 where it is unknown.
     pitch : float or None
-        Between taxels, m; None where nobody knows, and then no circle can be drawn to scale.
+        Between taxels, m; None where it is unknown, and then no circle can be drawn to scale.
     channels : tuple of str
         Of `values`: the force axes that were read.
     unit : str
         Of `values`: "strain", "count", "N"…
     times : (frames,) float, s
     values : (frames, rows, cols, channels) float
-        What went to the program; NaN in frames that were not allowed to run.
+        The program's input; NaN in frames that were not allowed to run.
     push : int
         Sign with which a push on the skin, or a pull along an axis, reads in `values`: −1 for
         strain, of which tension is positive.
     outputs : dict of str to (frames,) or (frames, rows, cols) float
-        What came back; NaN where the program did not run.
+        The program's outputs; NaN where the program did not run.
     events : tuple of Event
     truth : dict of str to (frames,) float
         Ground truth by name; empty where the source has none, NaN in frames without.
@@ -111,7 +111,7 @@ class SceneRecorder:
         self._moments.append(moment)
 
     def record(self) -> SceneRecord:
-        """Return what has been collected so far."""
+        """Return the record so far."""
         scene, moments = self.scene, self._moments
         explanation = scene.plan.explain()
         calibrated = isinstance(scene.conversion, ByCalibration)
@@ -143,8 +143,8 @@ def _pitch(scene: Scene) -> float | None:
 
 
 def _push(scene: Scene, calibrated: bool) -> int:
-    told = scene.spec.parameters.get("push", -1 if calibrated else 1)
-    return -1 if isinstance(told, int | float) and told < 0 else 1
+    push = scene.spec.parameters.get("push", -1 if calibrated else 1)
+    return -1 if isinstance(push, int | float) and push < 0 else 1
 
 
 def _values(scene: Scene, moments: list[FrameResult]) -> Floats:

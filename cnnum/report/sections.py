@@ -29,7 +29,7 @@ WIDE, NARROW = 920.0, 340.0
 
 
 def head(data: ReportData) -> str:
-    """Return what this is, and how it ended."""
+    """Return the title, and the outcome."""
     record = data.record
     rows, cols = record.shape
     source = "whose ground truth is known" if record.truth else "without a ground truth"
@@ -39,7 +39,7 @@ def head(data: ReportData) -> str:
         "tactile array: a program of small templates turns them into contacts, slip, twist and "
         f"release. This page is the record of one run of the scene “{record.name}”: "
         f"{record.frames} frames in {plain(seconds)} s of an array of {rows} × {cols} taxels "
-        f"{source}, what was reported, and how far every template is from its closed form."
+        f"{source}, the reported events, and how far every template is from its closed form."
     )
     tiles = "".join(_tile(*tile) for tile in _tiles(data))
     return (
@@ -98,10 +98,10 @@ def story(number: int, data: ReportData) -> str:
     """Return the scene as a timeline."""
     record, verdicts = data.record, data.verdicts
     words = (
-        "What happened to the array, and what the program made of it. The program sees the taxels' "
+        "The events on the array, and the program's reports. The program sees the taxels' "
         "frames only; the curves and the coloured bars are the ground truth."
         if record.truth
-        else "What the program reported; nothing is known to compare it with."
+        else "The program's reports; there is no truth to compare them with."
     )
     key = legend(
         (
@@ -226,7 +226,7 @@ def _ladders(data: ReportData) -> list[str]:
 
 
 def plans(number: int, data: ReportData) -> str:
-    """Return what was left out of each plan, and what a frame costs."""
+    """Return the operations left out of each plan, and the cost of a frame."""
     words = (
         "A scene names the events it wants; operations that nothing wanted reaches do not run, "
         "channels that nothing reads are neither decoded nor copied, and equal operations run once."
@@ -267,7 +267,7 @@ def _ladder(points: Sequence[WorkPrecision], case: str) -> str:
 
 COMMANDS = (
     ("cnnum demo", "this page again, measured anew"),
-    ("cnnum plan contact", "what runs if a scene wants no more than contacts"),
+    ("cnnum plan contact", "the operations of a scene that wants contacts alone"),
     ("cnnum run my_scene.toml", "a scene of your own: its array, its wants, its program"),
     ("cnnum templates list", "the library; show NAME prints one, check compares all"),
     ("cnnum devices", "platforms and devices, with their measured peak"),
@@ -288,7 +288,7 @@ def further(number: int, data: ReportData) -> str:
 
 
 def foot(data: ReportData) -> str:
-    """Return where, when and with what this was measured."""
+    """Return the place, time and tools of the measurement."""
     here = data.record.environment
     versions = ", ".join(f"{name} {number}" for name, number in here.versions)
     engine = f"{data.record.explanation.engine}, {data.record.explanation.precision}"

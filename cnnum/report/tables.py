@@ -39,13 +39,13 @@ def check_table(checks: Sequence[CheckResult]) -> str:
 
 
 def plan_table(plans: Sequence[PlanCost]) -> str:
-    """Return what a frame costs under each plan."""
+    """Return the cost of a frame under each plan."""
     head = ("plan", "p50", "p99", "operations", "arithmetic", "to device", "back", "channels read")
     return table(head, (_plan_row(plan) for plan in plans), style="fold")
 
 
 def left_out_table(plan: PlanCost) -> str:
-    """Return what a plan leaves out."""
+    """Return the operations that a plan leaves out."""
     rows = (
         (False, (Cell(x.what, style="text"), Cell(x.why, style="text"), Cell(x.saves)))
         for x in grouped(plan.explanation.left_out)
@@ -132,7 +132,7 @@ def _plan_row(plan: PlanCost) -> Row:
 
 
 def ratio_sentence(plans: Sequence[PlanCost]) -> Iterator[str]:
-    """Yield what each plan after the first takes of the first one's time."""
+    """Yield the time of each plan after the first as a share of the first one's."""
     first = plans[0]
     for plan in plans[1:]:
         share = plain(100.0 * plan.p50_us / first.p50_us, 2)

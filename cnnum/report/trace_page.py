@@ -97,10 +97,10 @@ def _maps(step: TraceStep) -> str:
         for k, one in enumerate(values)
     )
     height = (-(-count // across) * (rows + 1) - 1) * side
-    told = f"±{top:.3g}" if count == 1 else f"{count} maps, ±{top:.3g}"
+    note = f"±{top:.3g}" if count == 1 else f"{count} maps, ±{top:.3g}"
     return (
         f"<svg viewBox='0 0 {_SIDE:g} {height:.2f}' role='img' "
-        f"aria-label='{escape(step.operation)}'>{cells}</svg><small>{told}</small>"
+        f"aria-label='{escape(step.operation)}'>{cells}</svg><small>{note}</small>"
     )
 
 

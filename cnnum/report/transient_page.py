@@ -46,7 +46,7 @@ def default_picture(side: int = 16) -> Floats:
 def transient_of(
     engine: Engine, template: Template, shown: Floats, times: int = TIMES
 ) -> tuple[Floats, Result]:
-    """Return times and what a template made of a picture until then.
+    """Return times and a template's results on a picture until then.
 
     The picture is every input of the template; where it has none, the initial state.
 

@@ -28,7 +28,7 @@ class Lane:
     kind, phase : str
         Of the event that begins it; the phase is empty for all but slip.
     want : str
-        What a scene must want for it to be expected.
+        The wants of a scene that expects it.
     truth : str
         Column of the ground truth.
     flag : str
@@ -119,7 +119,7 @@ class Verdict:
 
     @property
     def title(self) -> str:
-        """What it is about."""
+        """Its subject."""
         if self.truth is not None:
             return self.truth.title
         assert self.reported is not None
@@ -148,7 +148,7 @@ def held(values: np.ndarray | None) -> list[tuple[int, int]]:
 
 
 def true_events(record: SceneRecord) -> tuple[TrueEvent, ...]:
-    """Return what really happened among what the scene wants, in order of time.
+    """Return the true events among those that the scene wants, in order of time.
 
     A phase that the scene's program does not report is not among it.
     """

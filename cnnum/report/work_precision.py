@@ -34,7 +34,7 @@ SINGLE = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class WorkPrecision:
-    """One run of a template: what it took, and how far it is from the reference.
+    """One run of a template: its time, and its error against the reference.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class WorkPrecision:
     spread : float
         From the first to the third quartile of the runs, s; 0 of a single one.
     steps : int
-        Taken, rejected ones counted; not told of programs, 0.
+        Taken, rejected ones counted; unknown of programs, 0.
     """
 
     case: str
@@ -95,7 +95,7 @@ LADDER = (
 )
 
 BATCH = 256
-"""Pictures a run: enough that the arithmetic, not the launch, is what takes the time."""
+"""Pictures a run: enough that the arithmetic, not the launch, takes the time."""
 
 
 def measure_work_precision(
@@ -152,7 +152,7 @@ def climb_ladder(
     seed : int
         Of the random pictures.
     batch : int
-        Pictures a run, at least; the check's own are repeated until there are so many.
+        Pictures a run, at least; the check's own are repeated up to that.
     repeats : int
         Timed runs after a first one that is not timed.
     budget : float
@@ -187,7 +187,7 @@ def rungs(
     repeats: int = 7,
     budget: float = math.inf,
 ) -> Iterator[tuple[str, Climb]]:
-    """Yield the name of every point of `climb_ladder`, and what measures it.
+    """Yield the name of every point of `climb_ladder`, and its measurement.
 
     Engines take turns at each rung, so that whoever stops early has all of them. The parameters
     are those of `climb_ladder`; the truth is found once, when the first point is measured.
@@ -201,7 +201,7 @@ def rungs(
 
 
 def _batch(case: Case, pictures: int) -> Case:
-    """Return the case with its pictures repeated until there are at least so many."""
+    """Return the case with its pictures repeated up to a number at least."""
     maps = {"input": case.input, "state": case.state, "bias": case.bias, "mask": case.mask}
     longest = max((len(m) for m in maps.values() if m is not None and m.ndim > 2), default=1)
     times = -(-pictures // longest)
@@ -215,7 +215,7 @@ def _batch(case: Case, pictures: int) -> Case:
 
 
 def _truth(template: Template, case: Case, pictures: int) -> Floats:
-    """Return outputs of a case's pictures, repeated until there are at least so many."""
+    """Return outputs of a case's pictures, repeated up to a number at least."""
     form = form_of(template)
     if form.name in EXACT:
         found = form.expected(template, case)

@@ -20,7 +20,7 @@ def write_demo_report(
     work_precision: Sequence[WorkPrecision] = (),
     plans: Sequence[PlanCost] = (),
 ) -> None:
-    """Write what a scene came to as one self-contained HTML file.
+    """Write the results of a scene as one self-contained HTML file.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def write_demo_report(
     Raises
     ------
     ReportError
-        If there is no frame to tell of, or the file cannot be written.
+        If there is no frame to show, or the file cannot be written.
     """
     if record.frames == 0:
         raise ReportError(f"The scene '{record.name}' had no frame; a report needs at least one.")

@@ -1,4 +1,4 @@
-"""What a run is given: maps by role, checked, and side by side as one frame."""
+"""The maps of a run by role, checked, and side by side as one frame."""
 
 from collections.abc import Sequence
 
@@ -7,11 +7,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Shape, as_shape, finite, maps, real_numbers
 from cnnum.errors import ArrayError
-from cnnum.runs.raw_pictures import ROLES, refuse_grey_levels, refuse_pixels
+from cnnum.runs.raw_pictures import ROLES, refuse_grey_levels, refuse_pixels, refuse_signed_mask
 from cnnum.templating.template import Template
 
 MANY_CELLS = 256 * 256
-"""Cells from which an engine may look at what it is given while it takes it."""
+"""Cells from which an engine may look at maps while it takes them."""
 
 
 def has_many_cells(shape: Shape) -> bool:
@@ -22,15 +22,15 @@ def has_many_cells(shape: Shape) -> bool:
 def maps_by_role(
     template: Template, values: dict[str, ArrayLike | None]
 ) -> tuple[dict[str, NDArray[np.floating]], Shape]:
-    """Return what a run is given as (..., maps, rows, cols) by role, in the order of a transient.
+    """Return the maps of a run as (..., maps, rows, cols) by role, in a transient's order.
 
-    Numbers of few cells are finite; nobody has looked at those of many.
+    Numbers of few cells are finite; those of many are not yet checked.
 
     Raises
     ------
     ArrayError
-        If something is missing or too much, shapes do not fit, or pixels are given where a
-        picture is meant.
+        If something is missing or too much, shapes do not fit, pixels are given where a picture
+        is meant, or a mask has numbers below 0.
     """
     if template.inputs == 0 and template.initial == "input" and values["state"] is None:
         values = {**values, "state": values["input"], "input": None}
@@ -46,6 +46,8 @@ def maps_by_role(
     given = {role: real_numbers(role, v) for role, v in values.items() if v is not None}
     for role in given.keys() & set(ROLES):
         refuse_grey_levels(template, role, given[role])
+    if "mask" in given:
+        refuse_signed_mask(given["mask"])
     shape = _common_shape(list(given.values()))
     counts = {"input": template.inputs, "previous": template.inputs, "mask": 1}
     if not has_many_cells(shape):

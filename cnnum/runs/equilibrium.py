@@ -40,7 +40,7 @@ ROUNDINGS = 8.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Verdict:
-    """What is known of the frames of a batch.
+    """The findings on the frames of a batch.
 
     Attributes
     ----------
@@ -237,7 +237,7 @@ def _all(flags: NDArray[np.bool_]) -> Flags:
 
 
 def _stable_solve(matrix: Any, tau: Floats, *, even: bool) -> Callable[[Floats], Floats] | None:
-    """Return what solves M x = b if the array with dx/dt = −M x / τ goes to rest, else None."""
+    """Return a solver of M x = b if the array with dx/dt = −M x / τ goes to rest, else None."""
     from scipy.sparse import linalg  # imported late, too
 
     factorise: Any = linalg.splu
@@ -268,7 +268,7 @@ def _padded(maps: Floats, radius: int, boundary: Boundary, constant: float) -> F
 def _sums(
     kernels: Floats, maps: Floats, boundary: Boundary, constant: float | None = None
 ) -> Floats:
-    """Return what maps add to each layer, (batch, layers, rows, cols)."""
+    """Return the sum that maps add to each layer, (batch, layers, rows, cols)."""
     radius, shape = kernels.shape[-1] // 2, maps.shape[-2:]
     edge = (boundary.constant or 0.0) if constant is None else constant
     around = _padded(maps, radius, boundary, edge)

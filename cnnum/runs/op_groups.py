@@ -1,4 +1,4 @@
-"""Operations of a schedule by the line of the program that asked for them, with what they cost."""
+"""Operations of a schedule by the line of the program that asked for them, with their cost."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -83,7 +83,7 @@ def _place(node: Node) -> tuple[str, int]:
 
 def _size(node: Node, schedule: Schedule) -> int:
     if isinstance(node.operation, Transient | Loop):
-        return 0  # what is read of it is picked by other operations
+        return 0  # other operations pick its results
     return BYTES * (1 if node.scalar else schedule.cells * node.maps)
 
 

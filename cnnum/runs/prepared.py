@@ -5,6 +5,7 @@ A run on 8×8 cells takes a few microseconds; looking at every argument anew tak
 
 import math
 from collections.abc import Hashable, Mapping, Sequence
+from numbers import Real
 from threading import RLock
 from typing import cast
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import all_finite
 from cnnum.engines.backend import OneFrame
+from cnnum.errors import MethodError
 from cnnum.integrators.linear_range import may_stay_linear
 from cnnum.plan import Plan
 from cnnum.runs.raw_pictures import LEAST_SQUARES, ROLES, refuse_grey_levels
@@ -25,18 +27,23 @@ Form = tuple[object, ...]
 EXACT_TYPES = "df?"
 """Codes of number types whose values a frame holds as they are, if they are in its range."""
 
+MASK = 4
+"""Place of the fixed-state mask among what a run is given."""
+
 PICTURE_TYPES = "df"
 """The same of a picture, which is no array of flags."""
 
 
-def form_of(template: Template, arrays: Sequence[object], asked: Hashable) -> Form | None:
+def form_of(
+    template: Template, arrays: Sequence[object], asked: tuple[Hashable, ...]
+) -> Form | None:
     """Return the form of a run on one array with one layer.
 
     Parameters
     ----------
     template : Template
     arrays : sequence of array-like or None
-        What the run is given, in the order of its roles.
+        The run's maps, in the order of their roles.
     asked : tuple
         Duration, method, tolerances and so on.
 
@@ -46,11 +53,19 @@ def form_of(template: Template, arrays: Sequence[object], asked: Hashable) -> Fo
         None where an argument takes a closer look: a list, a batch, several layers, or an option
         that cannot be compared.
     """
+    for option in asked[:2]:  # not compared by anything before it is known what they are
+        if not (option is None or isinstance(option, str | Real)):
+            raise MethodError(
+                "A duration is a number or 'settle', and a method has a name, got "
+                f"{type(option).__name__}."
+            )
     shapes: list[tuple[int, ...] | None] = []
     for place, array in enumerate(arrays):
         types = PICTURE_TYPES if place < len(ROLES) else EXACT_TYPES
         if array is None:
             shapes.append(None)
+        elif place == MASK and getattr(array, "dtype", None) != np.bool_:
+            return None  # numbers may be below 0
         elif type(array) is np.ndarray and array.ndim == 2 and array.dtype.char in types:
             shapes.append(array.shape)
         else:

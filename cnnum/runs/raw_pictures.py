@@ -10,7 +10,7 @@ PIXELS = 255.0
 """Largest grey level of 8 bits."""
 
 ROLES = ("input", "previous", "state")
-"""What of a run is a picture."""
+"""The maps of a run that can be a picture."""
 
 LEAST_SQUARES = (PIXELS / 2) ** 2
 """Sum of squares below which numbers are no grey levels, for a quick look."""
@@ -44,6 +44,22 @@ def refuse_grey_levels(template: Template, role: str, array: NDArray[np.floating
     low, high = float(array.min()), float(array.max())
     if low >= 0.0 and PIXELS / 2 < high <= PIXELS and bool((array == np.rint(array)).all()):
         raise _refusal(template, role, f"whole numbers of {low:g} to {high:g}")
+
+
+def refuse_signed_mask(array: NDArray[np.floating]) -> None:
+    """Refuse a fixed-state mask with numbers below 0, as other simulators draw theirs.
+
+    Raises
+    ------
+    ArrayError
+        With what is meant here.
+    """
+    if array.size and float(array.min()) < 0.0:
+        raise ArrayError(
+            f"'mask' holds the state where it is not 0, got numbers down to {array.min():g}: give "
+            "an array of bool; of one of MatCNN, whose −1 stands for cells that are held, "
+            "it is mask < 0."
+        )
 
 
 def _refusal(template: Template, role: str, got: str) -> ArrayError:

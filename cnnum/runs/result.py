@@ -14,7 +14,7 @@ from cnnum.sharing import html, tables
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Result:
-    """What a template made of its maps.
+    """The results of a template's run.
 
     Attributes
     ----------
@@ -32,8 +32,8 @@ class Result:
         `estimate=True`; of steps that were forced; and where an estimate grew beyond 1e30.
     method : str
     reason : str
-        Why this method: what makes the array exact, or about how many evaluations of the rates it
-        takes beside others. The `reference` engine solves far below the tolerance instead, unless
+        Why this method: why the array is exact, or about how many evaluations of the rates it
+        takes against others. The `reference` engine solves far below the tolerance instead, unless
         it is exact or the steps were asked for.
     """
 

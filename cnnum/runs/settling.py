@@ -39,7 +39,7 @@ def at_rest(
         Of a run to equilibrium.
     template : Template
     given : mapping of str to (..., maps, rows, cols) float
-        What the run was given, by role.
+        The run's maps, by role.
     again : callable
         Runs some frames for a time; it is given the state, too.
     limit : float
@@ -115,7 +115,7 @@ class _Frames:
         return np.asarray(whole, dtype=np.float64).reshape(self._batch, *maps.shape[-3:])
 
     def given_of(self, frames: np.ndarray) -> dict[str, Floats]:
-        """Return what some frames are given, without their state."""
+        """Return the maps of some frames, without their state."""
         return {
             role: maps if len(maps) == 1 else maps[frames] for role, maps in self._given.items()
         }

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import finite
 from cnnum.errors import ArrayError, MethodError
 from cnnum.runs.result import Result
+from cnnum.templating.reads import autonomous
 from cnnum.templating.template import Template
 
 MOST = 10_000
@@ -44,7 +45,7 @@ def checked_times(at: ArrayLike) -> tuple[float, ...]:
 
 def restartable(template: Template) -> bool:
     """Return whether an array goes on from its state alone, wherever its time stands."""
-    return template.delayed is None and not template.gains
+    return autonomous(template)
 
 
 def run_at(

@@ -33,9 +33,9 @@ def check_expression(
     Parameters
     ----------
     what : str
-        What it is, for the sentence of the error.
+        Name of the expression, for the sentence of the error.
     text : object
-        What was given.
+        The user's value.
     variables : iterable of str
         All of them stand in it.
     error : type

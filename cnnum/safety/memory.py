@@ -1,4 +1,4 @@
-"""Whether there is room in memory: what never fits is refused before any of it is made."""
+"""Whether there is room in memory: work that never fits is refused before it begins."""
 
 import os
 
@@ -20,7 +20,7 @@ def refuse_on_host(what: str, shape: Shape, bytes_a_cell: int) -> None:
     Parameters
     ----------
     what : str
-        What takes it.
+        Owner of the memory.
     shape : (rows, cols)
     bytes_a_cell : int
 

@@ -7,7 +7,7 @@ comment.
 from cnnum.errors import CnnumError
 
 SIGNS = " _-.,:+=()/"
-"""What a name may hold besides letters and digits."""
+"""Signs that a name may hold, next to letters and digits."""
 
 LONGEST = 80
 """Signs of the longest name."""
@@ -19,9 +19,9 @@ def checked_name(what: str, name: object, error: type[CnnumError]) -> str:
     Parameters
     ----------
     what : str
-        What the name is of: "a template", "a memory"…
+        Kind of the named thing: "a template", "a memory"…
     name : object
-        What a user gave.
+        The user's value.
     error : type
         Raised where it is no such name.
 

@@ -13,7 +13,7 @@ KINDS = (
     (stat.S_ISCHR, "a device"),
     (stat.S_ISBLK, "a device"),
 )
-"""What a path can name that is no regular file: to read it could wait or go on for ever."""
+"""Kinds of path that are no regular file: to read one could wait or go on for ever."""
 
 MEGABYTE = 1 << 20
 
@@ -64,7 +64,7 @@ def open_regular(path: Path, *, most: int | None = None) -> IO[bytes]:
 
 
 def read_bytes(path: Path, *, most: int) -> bytes:
-    """Return the content of a regular file of at most so many bytes.
+    """Return the content of a regular file of a limited size.
 
     Raises
     ------
@@ -78,7 +78,7 @@ def read_bytes(path: Path, *, most: int) -> bytes:
 
 
 def read_text(path: Path, *, most: int) -> str:
-    """Return the text of a regular file in UTF-8 of at most so many bytes.
+    """Return the text of a regular file in UTF-8 of a limited size.
 
     Raises
     ------

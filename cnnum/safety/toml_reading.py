@@ -1,4 +1,4 @@
-"""TOML that others wrote: what Python's own reader raises or gets lost in is one sentence here."""
+"""TOML that others wrote: errors of Python's own reader are one sentence here."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""What a scene, its program and its array must agree on: parameters, and what is wanted."""
+"""Agreement of a scene, its program and its array: parameters and wanted outputs."""
 
 import inspect
 from collections.abc import Collection
@@ -23,7 +23,7 @@ PADS, NARROWEST = "pads", 3
 
 
 def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
-    """Return the program with the scene's parameters, and what its array knows of itself.
+    """Return the program with the scene's parameters, and the facts of its array.
 
     The array's rate goes to a program that takes one. Its pitch goes to one that counts in pitches
     and is given a length.

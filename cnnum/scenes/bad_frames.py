@@ -93,7 +93,7 @@ class BadFrames:
         t : float
             s, on the clock of the frames.
         error : CnnumError
-            What is wrong with it.
+            The fault of the frame.
         good : int
             Good frames so far.
         """

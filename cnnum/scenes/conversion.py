@@ -1,4 +1,4 @@
-"""From what a driver reads to what a program takes: only the channels that something reads."""
+"""From a driver's values to a program's input: only the channels that are read."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -28,11 +28,11 @@ class Conversion(Protocol):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What it can give."""
+        """The channels that it can give."""
         ...
 
     def reader(self, wanted: Sequence[str], *, checks: bool = True) -> Reader:
-        """Return what reads the wanted channels, and nothing else, from every frame.
+        """Return a reader of the wanted channels alone, for every frame.
 
         Parameters
         ----------
@@ -55,7 +55,7 @@ class AsRead:
     channels: tuple[str, ...]
 
     def reader(self, wanted: Sequence[str], *, checks: bool = True) -> Reader:
-        """Return what picks the wanted channels."""
+        """Return a function that picks the wanted channels."""
         values: Reader = _checked if checks else attrgetter("values")
         if tuple(wanted) == self.channels:
             return values
@@ -75,7 +75,7 @@ class ByCalibration:
         return FORCE_AXES
 
     def reader(self, wanted: Sequence[str], *, checks: bool = True) -> Reader:
-        """Return what computes the wanted strains."""
+        """Return a function that computes the wanted strains."""
         return StrainReader(self.calibration, tuple(wanted), checks=checks)
 
 
@@ -88,7 +88,7 @@ class ByArrayCalibration:
     channels: tuple[str, ...]
 
     def reader(self, wanted: Sequence[str], *, checks: bool = True) -> Reader:
-        """Return what computes the wanted channels; it looks for NaN and infinity always."""
+        """Return a function for the wanted channels; it always looks for NaN and infinity."""
         return CalibratedReader(self.calibration, self.shape, self.channels, wanted)
 
 
@@ -150,7 +150,7 @@ def _checked(frame: Frame) -> Floats:
 
 
 def unit_of(conversion: Conversion, driver: Driver) -> str:
-    """Return the unit of what a program sees: "strain" of bridges, else the driver's."""
+    """Return the unit of a program's input: "strain" of bridges, else the driver's."""
     if isinstance(conversion, ByArrayCalibration):
         return conversion.calibration.unit or driver.unit
     return "strain" if isinstance(conversion, ByCalibration) else driver.unit

@@ -46,7 +46,7 @@ class EventList(list[Event]):
         return tables.dataset(variables, {}, {})
 
     def _columns(self) -> dict[str, Any]:
-        """Return a column for each field; what an event does not have is NaN or empty."""
+        """Return a column for each field; a value that an event lacks is NaN or empty."""
         columns: dict[str, Any] = {}
         for name in (field.name for field in fields(Event)):
             values: list[Any] = [getattr(event, name) for event in self]

@@ -1,4 +1,4 @@
-"""Events: what is reported when a flag rises or falls, with where, which way and how much."""
+"""Events: reports of a flag that rises or falls, with where, which way and how much."""
 
 import math
 from collections.abc import Collection, Iterable, Mapping
@@ -36,7 +36,7 @@ class Event:
         Of a twist: +1 from x towards y, −1 the other way.
     after_gap : float or None
         s, of the first event of its flag after frames were lost or refused: how long the program
-        saw nothing, from frame to frame. What it remembers reaches over that gap; of several since
+        saw nothing, from frame to frame. Its memories reach over that gap; of several since
         the flag's last event, the longest.
     gap_end : float or None
         s, on the clock of the frames, when that gap ended.
@@ -55,7 +55,7 @@ class Event:
     unit: str | None = None
 
     def record(self) -> dict[str, object]:
-        """Return the event as a JSON object; what it does not have is left out."""
+        """Return the event as a JSON object; missing values are left out."""
         values: dict[str, object] = {
             "t": round(self.t, 6),
             "kind": self.kind,
@@ -182,8 +182,8 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
     ),
     "edge": (EventRule("edge", "edge_count", where=("edge_row", "edge_column")),),
 }
-"""What a scene can want as events: name to rules. Of slip, `tactile` reports the gross phase; a
-program that tells incipient slip has an output for it."""
+"""The events that a scene can want: name to rules. Of slip, `tactile` reports the gross phase; a
+program that detects incipient slip has an output for it."""
 
 
 def rules_that_fit(events: Iterable[str], outputs: Collection[str]) -> tuple[EventRule, ...]:

@@ -1,4 +1,4 @@
-"""What a frame's values can be: a frame with a value beyond that is a bad one."""
+"""The range of a frame's values: a frame with a value beyond it is a bad one."""
 
 from dataclasses import dataclass
 
@@ -17,7 +17,7 @@ UNITS: dict[str, tuple[float, str]] = {
 """By unit, the largest magnitude that a taxel can give, and why."""
 
 WHOLE = {"float32": 2.0**24, "float64": 2.0**53}
-"""By precision, the largest count up to which whole numbers are told apart."""
+"""By precision, the largest count up to which all whole numbers are exact."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,7 @@ def unit_range(unit: str, precision: str) -> FrameRange:
     if unit in UNITS:
         return FrameRange(*UNITS[unit], precision)
     if unit == "count":
-        why = f"beyond which {precision} does not tell whole numbers apart"
+        why = f"beyond which {precision} does not hold every whole number"
         return FrameRange(WHOLE[precision], why, precision)
     return FrameRange(HELD[precision] ** 0.5, f"whose square {precision} holds", precision)
 
@@ -110,11 +110,11 @@ def range_for(
     precision : "float32" or "float64"
         The engine's.
     given : float, optional
-        What the scene says; it stands above all else.
+        Limit in the scene; it stands above all else.
     full_scale : float, optional
-        What the driver says: no value of its array is larger.
+        Limit of the driver: no value of its array is larger.
     saturated : float
-        What a calibration says: the magnitude from which a value counts as saturated. The end of
+        Limit of the calibration: the magnitude from which a value counts as saturated. The end of
         the converter's range is taken to be within twice that.
     """
     if given is not None:

@@ -42,14 +42,14 @@ class FrameResult:
     frame : Frame
         As the driver read it.
     values : (rows, cols, channels read) float or None
-        What went to the program; None where the frame was bad or a repeat.
+        The program's input; None where the frame was bad or a repeat.
     outputs : dict of str to array
-        What came back; empty where the program did not run.
+        The program's outputs; empty where the program did not run.
     events : tuple of Event
     seconds : float
         From the frame in host memory to its events.
     error : CnnumError or None
-        What is wrong with a bad frame, which is passed over.
+        The fault of a bad frame, which is passed over.
     """
 
     number: int
@@ -63,16 +63,16 @@ class FrameResult:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FramePath:
-    """The way of a frame from host memory to its events; what one frame does not change is done.
+    """The way of a frame from host memory to its events; work that no frame changes is done.
 
     Attributes
     ----------
     read : callable
-        From a driver's frame to what the program takes.
+        From a driver's frame to the program's input.
     stream : Stream
     detector : EventDetector
     range : FrameRange
-        What a good frame holds.
+        The conditions on a good frame.
     dead : DeadCells or None
         Taxels that are not looked at.
     """
@@ -84,7 +84,7 @@ class FramePath:
     dead: DeadCells | None = None
 
     def step(self, number: int, frame: Frame) -> FrameResult:
-        """Return what comes of a frame; a bad one or a repeat leaves everything as it was.
+        """Return the results of a frame; a bad one or a repeat leaves everything as it was.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class FramePath:
         return FrameResult(number, frame, values, outputs, events, time.perf_counter() - started)
 
     def _flagged(self, number: int, frame: Frame) -> FrameResult | None:
-        """Return what comes of a frame that its driver flags as bad or as a repeat."""
+        """Return the result of a frame that its driver flags as bad or as a repeat."""
         if frame.quality & Quality.DROPPED_BEFORE:
             self.detector.miss()
         if frame.bad:
@@ -140,7 +140,7 @@ class Scene:
     plan : Plan
     rules : tuple of EventRule
     range : FrameRange
-        What a good frame holds.
+        The conditions on a good frame.
     dead : DeadCells or None
         Taxels whose values come from their neighbours.
     offered : tuple of str
@@ -163,13 +163,14 @@ class Scene:
     push: PushWatch
     bad: BadFrames = field(default_factory=BadFrames)
     _micros: Histogram = field(default_factory=Histogram)
+    _late: Histogram = field(default_factory=Histogram)  # µs from arrival to events
     _begun: int = 0
     _repeated: int = 0
     _longest_gap: float = 0.0
 
     @classmethod
     def of(cls, spec: SceneSpec, engine: Engine | None = None) -> "Scene":
-        """Open the array of a scene and compile its program for what the scene wants.
+        """Open the array of a scene and compile its program for the wanted events.
 
         Raises
         ------
@@ -199,7 +200,7 @@ class Scene:
         return cls(spec, used, driver, conversion, plan, rules, within, dead, tuple(outputs), push)
 
     def results(self) -> Iterator[FrameResult]:
-        """Yield every frame with what came of it, until the source ends or the caller stops."""
+        """Yield every frame with its results, until the source ends or the caller stops."""
         way = self.path()
         with self.driver:
             for number, frame in enumerate(self.driver.frames()):
@@ -220,6 +221,8 @@ class Scene:
         if moment.values is not None:
             self.push.look(moment.values)
             self._micros.add(1e6 * moment.seconds)
+            if moment.frame.monotonic_ns is not None:
+                self._late.add(1e-3 * (time.monotonic_ns() - moment.frame.monotonic_ns))
             self._longest_gap = way.detector.longest_gap
         elif moment.error is not None:
             frame = moment.frame
@@ -234,7 +237,7 @@ class Scene:
 
     @property
     def fields(self) -> tuple[str, ...]:
-        """Outputs of the program that the scene wants by name, besides events."""
+        """Outputs of the program that the scene wants by name, apart from events."""
         wanted = set(self.spec.wants)
         known = self.plan.schedule.outputs
         return tuple(n for n in known if n in wanted and n not in EVENT_RULES) or tuple(
@@ -242,7 +245,7 @@ class Scene:
         )
 
     def collect(self, frames: int | None = None) -> SceneRecord:
-        """Run the scene to its end, or for so many frames, and return its fields and events."""
+        """Run the scene to its end, or for a number of frames, and return its fields and events."""
         record = SceneRecord(self.fields)
         for moment in self.results():
             record.add(moment.number, moment.frame.time, moment.outputs, moment.events)
@@ -253,7 +256,7 @@ class Scene:
     def trace(self, number: int) -> tuple[TraceStep, ...]:
         """Return every operation of the program with its result on one frame of the scene.
 
-        The frames before it are run too, so that memories hold what they held.
+        The frames before it are run too, so that memories hold the same values.
 
         Raises
         ------
@@ -271,7 +274,7 @@ class Scene:
         raise SceneError(f"The scene '{self.spec.name}' has no frame {number}.")
 
     def summary(self) -> Summary:
-        """Return what has been seen so far."""
+        """Return the summary so far."""
         handed_on = self._micros.total
         return Summary(
             frames=self._begun,
@@ -282,6 +285,8 @@ class Scene:
             longest_gap=self._longest_gap,
             p50_us=self._micros.quantile(0.50),
             p99_us=self._micros.quantile(0.99),
+            arrival_p50_us=self._late.quantile(0.50) if self._late.total else None,
+            arrival_p99_us=self._late.quantile(0.99) if self._late.total else None,
         )
 
 
@@ -295,7 +300,7 @@ def _refuse_other_shape(frame: Frame, shape: Shape) -> None:
 
 
 def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: str) -> FrameRange:
-    """Return what a good frame of a scene holds."""
+    """Return the conditions on a good frame of a scene."""
     known = conversion.calibration if isinstance(conversion, ByCalibration) else None
     return range_for(
         driver.unit,
@@ -307,7 +312,7 @@ def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: s
 
 
 def _wants(spec: SceneSpec, outputs: Collection[str]) -> tuple[str, ...]:
-    """Return what a scene wants, by name where it wants everything."""
+    """Return the outputs that a scene wants, by name where it wants everything."""
     if EVERYTHING not in spec.wants:
         for want in spec.wants:
             if want not in EVENT_RULES and want not in outputs:

@@ -22,8 +22,8 @@ CLEAR = 20.0
 """Peak of a pull over the noise at rest: a touch, and no drift."""
 
 OUTWEIGHS = 2.0
-"""Peak of the pulls over that of the pushes. Beside a push under a cover, strain is a pull of 0.2
-times its peak; beside a pull along the skin, of as much as the push."""
+"""Peak of the pulls over that of the pushes. Around a push under a cover, strain is a pull of 0.2
+times its peak; around a pull along the skin, of as much as the push."""
 
 HELD = ("slip", "twist", "mindlin_slip", "grasp_code")
 """Programs that may begin with a held object: its release reads as a pull rightly."""
@@ -37,7 +37,7 @@ class PushWatch:
     program : Program
         With its parameters.
     channels : sequence of str
-        What the frames hold; nothing is done unless the normal load is among them.
+        The channels of the frames; nothing is done unless the normal load is among them.
     """
 
     __slots__ = ("_agreed", "_channel", "_count", "_name", "_push", "_rest", "_square", "said")
@@ -78,7 +78,7 @@ class PushWatch:
             logging.getLogger("cnnum").warning("%s", self.sentence())
 
     def sentence(self) -> str:
-        """Return what is said."""
+        """Return the message."""
         return (
             f"The normal load of the array falls where it is touched, as a pull: the parameter "
             f"'push' of program '{self._name}' is {self._push:g} and seems the wrong way round; "

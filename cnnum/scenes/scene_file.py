@@ -23,7 +23,7 @@ EVERYTHING = "everything"
 
 @dataclass(frozen=True, slots=True)
 class SceneSpec:
-    """What a scene file says.
+    """The content of a scene file.
 
     Attributes
     ----------
@@ -38,7 +38,7 @@ class SceneSpec:
     dead : tuple of (row, column)
         Taxels whose values come from their neighbours.
     calibration : str
-        "driver" (what the driver knows about its array), "none", or the path of a file.
+        "driver" (the driver's own knowledge of its array), "none", or the path of a file.
     scale : ArrayCalibration or None
         Gain, offset and tare of the raw values, where the scene says them.
     program : str

@@ -1,4 +1,4 @@
-"""What a scene gave, frame by frame: events and the fields that it wants, to keep and to save."""
+"""The results of a scene, frame by frame: events and wanted fields, to keep and to save."""
 
 from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
@@ -43,7 +43,7 @@ class SceneRecord:
         outputs: Mapping[str, Floats],
         events: Iterable[Event] = (),
     ) -> None:
-        """Take in what came of a frame; without outputs, its events alone."""
+        """Take in the results of a frame; without outputs, its events alone."""
         self.events.extend(events)
         if not outputs:
             return

@@ -1,4 +1,4 @@
-"""Units of what events report as their strength."""
+"""Units of the strength of events."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

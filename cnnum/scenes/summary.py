@@ -1,4 +1,4 @@
-"""What a scene came to: frames by what became of them, and how long they took."""
+"""The summary of a scene: frames by outcome, and their times."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from cnnum.drivers.driver import Counters
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What a scene came to: ``sent == handed_on + dropped + skipped + refused``.
+    """The summary of a scene: ``sent == handed_on + dropped + skipped + refused``.
 
     Attributes
     ----------
@@ -27,6 +27,8 @@ class Summary:
         between them; 0 where there was none.
     p50_us, p99_us : float
         Time from a frame in host memory to its events, µs, within 1 %.
+    arrival_p50_us, arrival_p99_us : float or None
+        Time from a frame's arrival at its port to its events, µs; None where none just came.
     """
 
     frames: int
@@ -37,6 +39,8 @@ class Summary:
     longest_gap: float
     p50_us: float
     p99_us: float
+    arrival_p50_us: float | None = None
+    arrival_p99_us: float | None = None
 
     @property
     def bad_frames(self) -> int:

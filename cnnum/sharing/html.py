@@ -1,4 +1,4 @@
-"""What a notebook shows of an object: its facts, and maps as small pictures."""
+"""The view of an object in a notebook: its facts, and maps as small pictures."""
 
 from collections.abc import Iterable, Sequence
 from html import escape

@@ -16,7 +16,7 @@ from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST, parse_toml
 
 KIND = "array calibration"
-"""Of a calibration file, beside that of bridge taxels."""
+"""Of a calibration file; bridge taxels have their own."""
 
 KEYS = ("offset", "gain", "unit", "tare")
 
@@ -28,7 +28,7 @@ Form = Literal["channels", "taxels", "matrix", "matrices"]
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
 class ArrayCalibration:
-    """What makes physical values of raw ones: value = gain · (raw − offset).
+    """The map from raw to physical values: value = gain · (raw − offset).
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ class ArrayCalibration:
             object.__setattr__(self, name, value)
 
     def form(self, shape: Shape, channels: int) -> Form:
-        """Return what the gain is, for an array of that shape.
+        """Return the gain for an array of that shape.
 
         Raises
         ------
@@ -172,7 +172,7 @@ def read_array_calibration(path: Path) -> ArrayCalibration | None:
     """
     try:
         table = parse_toml(read_text(path, most=LARGEST))
-    except (OSError, ValueError):  # whoever reads the other kind says what is wrong with it
+    except (OSError, ValueError):  # the reader of the other kind names the fault
         return None
     if table.get("kind") != KIND:
         return None

@@ -1,4 +1,4 @@
-"""From what taxels under a bumpy cover read to the load on every bump, by finite elements.
+"""From readings of taxels under a bumpy cover to the load on every bump, by finite elements.
 
 Each bump's load reaches the taxels of its neighbours too. The readings of all bumps are the loads
 filtered by the cover's 3×3 influence from bump to bump; this is that filter's inverse.
@@ -45,12 +45,12 @@ def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.
     -------
     (3, 3, 7, 7) float
         [load, reading, row, column], of (Q_x, Q_y, P) over E r² for strain and over r² for stress
-        and pads; readings as pushes: −ε or −σ of the three-axial taxels, and what `Pad` gives.
+        and pads; readings as pushes: −ε or −σ of the three-axial taxels, and the outputs of `Pad`.
 
     Raises
     ------
     PhysicsError
-        If the bumps stand too close for 7×7 weights to tell them apart to 2 %.
+        If the bumps stand too close for 7×7 weights to separate them to 2 %.
     """
     axis = np.arange(WAVES) - WAVES // 2
     influence = _influence(taxels, pitch, depth, spacing, axis)
@@ -65,7 +65,7 @@ def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.
     left[:, :, 0, 0] -= np.eye(3)
     if np.abs(left).max() > LEFT:
         raise PhysicsError(
-            f"Bumps {pitch:g} radii apart over taxels {depth:g} radii deep cannot be told apart: "
+            f"Bumps {pitch:g} radii apart over taxels {depth:g} radii deep cannot be separated: "
             f"{np.abs(left).max():.0%} of a load would be left, expected up to {LEFT:.0%}."
         )
     # templates correlate, and a filter's weights are met from the other side
@@ -77,7 +77,7 @@ def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.
 def bump_readings(
     loads: Array, taxels: Taxels, pitch: float, depth: float, spacing: float = 1.5
 ) -> Array:
-    """Return what the taxels of all bumps read, by summing over the bumps one by one.
+    """Return the readings of the taxels of all bumps, by summing over the bumps one by one.
 
     Parameters
     ----------

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.errors import ArrayError, PhysicsError
+from cnnum.safety.values import expect
 
 Array = NDArray[np.float64]
 
@@ -69,6 +70,11 @@ def vector(name: str, value: ArrayLike, length: int = 3) -> Array:
     return array
 
 
+def record(name: str, value: object, kind: type) -> None:
+    """Raise `PhysicsError` unless a value is a record of that kind, as `Grid` is one."""
+    expect(name, value, kind, PhysicsError)
+
+
 def scalar(name: str, value: Array) -> float:
     """Return the one number of `value`, or raise `ArrayError` if it has an axis."""
     if value.ndim != 0:
@@ -82,5 +88,5 @@ def _numbers(name: str, value: ArrayLike) -> Array:
         if array.dtype.kind not in "biuf":
             raise TypeError
         return array.astype(np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise PhysicsError(f"'{name}': expected real numbers, got {value!r:.60}.") from None

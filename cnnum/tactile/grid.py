@@ -9,7 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cnnum.arrays import as_shape
 from cnnum.errors import ArrayError
+from cnnum.safety.memory import refuse_on_host
 from cnnum.tactile.checks import Array, positive
 
 
@@ -88,17 +90,19 @@ def make_grid(shape: Sequence[int], spacing: float | tuple[float, float]) -> Gri
     Raises
     ------
     ArrayError
-        If `shape` is not two numbers above zero, or `spacing` not one number or two.
+        If `shape` is not two whole numbers from 1 up, or `spacing` not one number or two.
+    SizeError
+        If the machine has no room for a map of that shape.
     PhysicsError
         If a spacing is zero, negative or not finite.
     """
-    if len(shape) != 2:
-        raise ArrayError(f"'shape': expected (rows, cols), got {tuple(shape)}.")
+    rows, cols = as_shape(shape)
+    refuse_on_host("A map", (rows, cols), 8)
     sizes = positive("spacing", spacing)
     if sizes.shape not in {(), (2,)}:
         raise ArrayError(f"'spacing': expected one number or (dy, dx), got shape {sizes.shape}.")
     dy, dx = np.broadcast_to(sizes, (2,))
-    return Grid(int(shape[0]), int(shape[1]), float(dy), float(dx))
+    return Grid(rows, cols, float(dy), float(dx))
 
 
 def sharpened(cells: Array, axes: tuple[int, int]) -> Array:
@@ -107,7 +111,7 @@ def sharpened(cells: Array, axes: tuple[int, int]) -> Array:
     Spread evenly over its cells a traction is wider than it was, by a variance of h²/6 along each
     side h of a cell: a contact of four cells' radius reads 2 % too wide. Weights of −1/12, 7/6,
     −1/12 along each side take just that away, and leave an error of the order h⁴. The means of a
-    traction may be weighed so, or what each cell does to something else.
+    traction may be weighed so, or the effect of each cell on another quantity.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What taxels under a cover see of indenters with a known outline, by closed forms.
+"""Readings of taxels under a cover from indenters of known outline, by closed forms.
 
 The mean pressure of every indenter is 1. Signals are positive under a push: −σ_zz for stress, and
 −(2E/3) ε_zz for strain, so that the cover is (1 + kz) e^(−kz) for the one and kz e^(−kz) for the
@@ -8,11 +8,9 @@ other (ν = 0.5). Lengths are in any unit, the same for all.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol
 
 import numpy as np
-from scipy.interpolate import CubicSpline
-from scipy.special import j0, j1
 
 from cnnum.tactile.checks import Array, positive
 from cnnum.tactile.grid import make_grid
@@ -22,6 +20,9 @@ from cnnum.tactile.halfspace import (
     rectangle_strain,
     rectangle_stress,
 )
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 Reads = Literal["strain", "stress"]
 Pressure = Literal["uniform", "punch", "hertz"]
@@ -178,7 +179,7 @@ def taxels(shape: Sequence[int]) -> tuple[Array, Array]:
 
 
 def frame_under(indenter: Indenter, shape: Sequence[int], depth: float, reads: Reads) -> Array:
-    """Return what an array sees of an indenter whose lengths are in pitches, (rows, cols).
+    """Return an array's readings of an indenter whose lengths are in pitches, (rows, cols).
 
     Raises
     ------
@@ -196,8 +197,10 @@ def _reach(away: Array) -> float:
 
 
 @cache
-def _radial(pressure: Pressure, depth: float, reads: Reads, reach: float) -> CubicSpline:
+def _radial(pressure: Pressure, depth: float, reads: Reads, reach: float) -> "CubicSpline":
     """Return the signal over the distance from the axis, of a disc of radius 1, by its waves."""
+    from scipy.interpolate import CubicSpline
+
     inner: Array = np.arange(0.0, 1.0 + 6.0 * depth, min(0.05 * depth, 0.05))
     outer = np.asarray(np.geomspace(1.0 + 6.0 * depth, reach + 6.0 * depth + 1.0, 60))
     # waves turn slowly near the axis, where most of the places are
@@ -208,7 +211,9 @@ def _radial(pressure: Pressure, depth: float, reads: Reads, reach: float) -> Cub
 
 
 def _waves(pressure: Pressure, depth: float, reads: Reads, places: list[float]) -> list[float]:
-    """Return the signal at distances from the axis, the sum of what all waves bring there."""
+    """Return the signal at distances from the axis, the sum over all waves."""
+    from scipy.special import j0
+
     panels = int(np.ceil(FADED / depth * (places[-1] + 1.0) / (5.0 * np.pi))) + NODES
     nodes, weights = np.polynomial.legendre.leggauss(NODES)
     half = FADED / depth / panels / 2
@@ -222,6 +227,8 @@ def _spectrum(pressure: Pressure, k: Array) -> Array:
     """Return the Hankel transform of a pressure of mean 1 on the unit disc (Johnson, ch. 3)."""
     match pressure:
         case "uniform":
+            from scipy.special import j1
+
             return np.asarray(j1(k) / k)
         case "punch":
             return np.asarray(np.sin(k) / (2.0 * k))

@@ -1,7 +1,7 @@
 """Pads of one-axial pressure taxels under bumps, read as three-axial ones (dissertation 6.4.3).
 
 A sideways load on a bump presses one edge of it down and lifts the other: four taxels under a
-bump tell it from a normal load.
+bump distinguish it from a normal load.
 """
 
 from collections.abc import Sequence
@@ -66,7 +66,7 @@ class Pad:
             or cols.max() >= self.shape[1]
         ):
             raise ArrayError(
-                f"A bump lies beside the pad: expected corners within {self.shape[0]} rows and "
+                f"A bump lies outside the pad: expected corners within {self.shape[0]} rows and "
                 f"{self.shape[1]} columns, got up to ({rows.max()}, {cols.max()})."
             )
         object.__setattr__(self, "corners", corners.astype(np.intp))
@@ -170,7 +170,7 @@ class Pad:
         Parameters
         ----------
         pressure : (..., rows, cols) float
-            What the taxels read, compression positive.
+            Readings of the taxels, compression positive.
         wanted : sequence of str
             The channels to compute, in that order: "shear_x", "shear_y", "normal".
 

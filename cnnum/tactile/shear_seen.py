@@ -1,4 +1,4 @@
-"""What a pull on one cell does to an array: to the sum of its shear, and to its normal readings.
+"""Effect of a pull on one cell on an array: on the sum of shear and the normal readings.
 
 Cerruti's and Boussinesq's solutions, integrated over the cell.
 """
@@ -41,7 +41,7 @@ class ShearSeen:
 
 @cache
 def shear_seen(shape: tuple[int, int], depth: float) -> ShearSeen:
-    """Return what an array adds up to.
+    """Return the sum over an array.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def shear_seen(shape: tuple[int, int], depth: float) -> ShearSeen:
 
 @cache
 def pulled_normal(depth: float, reads: Reads, reach: int) -> Array:
-    """Return what normal readings see of a pull on a cell, as weights of a correlation.
+    """Return the normal readings of a pull on a cell, as weights of a correlation.
 
     Ahead of a pull the skin is squeezed along it and swells, behind it is stretched and sinks in;
     strain falls off with no more than the square of the distance.
@@ -90,7 +90,7 @@ def pulled_normal(depth: float, reads: Reads, reach: int) -> Array:
     depth : float
         Cover above the taxels, in pitches.
     reads : "strain" or "stress"
-        What taxels read, as in `cnnum.tactile.indenters`.
+        The measured quantity, as in `cnnum.tactile.indenters`.
     reach : int
         Cells to each side, up to `NEAR`.
 

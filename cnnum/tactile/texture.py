@@ -1,4 +1,4 @@
-"""Friction and roughness of what slides over a bump (dissertation 6.5)."""
+"""Friction and roughness of a surface that slides over a bump (dissertation 6.5)."""
 
 from dataclasses import dataclass
 
@@ -183,7 +183,7 @@ def _friction(signals: Array, threshold: float) -> tuple[Array, NDArray[np.bool_
 
 
 def _statistics(ratios: Array, touching: NDArray[np.bool_]) -> Texture:
-    """Return mean and relative deviation over the last axis, of what is in contact."""
+    """Return mean and relative deviation over the last axis, of the cells in contact."""
     count = np.count_nonzero(touching, axis=-1)
     mean = np.sum(ratios, axis=-1) / np.maximum(count, 1)
     gaps = np.where(touching, ratios - mean[..., np.newaxis], 0.0)

@@ -1,4 +1,4 @@
-"""Tell materials apart by friction and roughness, as in Fig. 6.19 of the dissertation."""
+"""Classify materials by friction and roughness, as in Fig. 6.19 of the dissertation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Classification:
-    """What a cross-validated classifier makes of samples.
+    """The results of a cross-validated classifier.
 
     Attributes
     ----------
@@ -58,12 +58,12 @@ class Classification:
 
     @property
     def accuracy(self) -> float:
-        """Share of samples that were told right."""
+        """Share of samples that were classified right."""
         return float(np.trace(self.confusion) / self.confusion.sum())
 
     @property
     def recall(self) -> Array:
-        """(classes,) float: share of each class that was told right."""
+        """(classes,) float: share of each class that was classified right."""
         return np.asarray(np.diag(self.confusion) / self.confusion.sum(axis=1))
 
 
@@ -154,7 +154,7 @@ def classify(
     labels : (n,) int
         Class of each, from 0.
     groups : (n,) int
-        What must not be torn apart.
+        The group of each sample; groups stay whole.
     names : sequence of str
         Of the classes.
     folds : int

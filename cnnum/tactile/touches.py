@@ -59,7 +59,7 @@ def _cover(cells: int, depth: float, reads: Reads, finer: int) -> SurfaceToDepth
 
 
 def readings(touch: Touch, cells: int, depth: float, reads: Reads, finer: int = FINER) -> Array:
-    """Return what a square array reads, (cells, cells, 3), tension positive.
+    """Return the readings of a square array, (cells, cells, 3), tension positive.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a cell at the rim sees where its neighbourhood leaves the array."""
+"""The values that a cell at the rim sees outside the array."""
 
 from dataclasses import dataclass
 from numbers import Real
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Shape
 from cnnum.errors import TemplateError
+from cnnum.safety.values import is_real
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +69,7 @@ def parse_boundary(value: float | str | Boundary) -> Boundary:
                 f"Unknown boundary {value!r:.60}: expected a number, 'zero-flux' or 'periodic'."
             )
         return _NAMED[value]
-    if not isinstance(cast(object, value), Real) or not np.isfinite(value):
+    if not is_real(value):
         raise TemplateError(
             "A boundary is a finite number (a fixed one), 'zero-flux' or 'periodic', got "
             f"{value!r:.60}."

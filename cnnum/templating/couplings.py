@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import TemplateError
+from cnnum.safety.values import is_real
 from cnnum.templating.function_tables import Table
 
 Quantity = Literal["x", "y", "u"]
@@ -84,7 +85,7 @@ class NonlinearCoupling:
     def __post_init__(self) -> None:
         object.__setattr__(self, "weights", kernel("Weights of a nonlinear coupling", self.weights))
         for quantity in (self.neighbour, self.centre):
-            if quantity not in ("x", "y", "u", None):
+            if not (quantity is None or str(quantity) in ("x", "y", "u")):
                 raise TemplateError(f"A coupling reads 'x', 'y' or 'u', got {quantity!r:.60}.")
         for part in ("to", "source", "centre_source"):
             object.__setattr__(self, part, place(part, getattr(self, part)))
@@ -108,7 +109,7 @@ class NonlinearCoupling:
 
     @property
     def static(self) -> bool:
-        """Whether it reads inputs alone, so that it is part of what drives the cells."""
+        """Whether it reads inputs alone, so that it is part of the cells' drive."""
         return self.neighbour == "u" and self.centre in ("u", None)
 
     @property
@@ -118,9 +119,9 @@ class NonlinearCoupling:
 
     @property
     def stiffness(self) -> float:
-        """A bound on what the coupling adds to a row of the Jacobian, centre and neighbours.
+        """A bound on the share of the coupling in a row of the Jacobian, centre and neighbours.
 
-        Steps have no slope; what they do is bounded by their values.
+        Steps have no slope; their effect is bounded by their values.
         """
         if self.static:
             return 0.0
@@ -158,7 +159,7 @@ class DelayedCoupling:
     B: Floats
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.delay) and self.delay > 0):
+        if not (is_real(self.delay) and self.delay > 0):
             raise TemplateError(f"A delay must be above 0 time constants, got {self.delay}.")
         for part in ("A", "B"):
             object.__setattr__(self, part, _delayed(part, getattr(self, part)))

@@ -36,16 +36,20 @@ class Table:
     points: tuple[tuple[float, float], ...]
 
     def __post_init__(self) -> None:
-        if self.interpolation not in ("constant", "linear"):
+        if str(self.interpolation) not in ("constant", "linear"):
             raise TemplateError(
                 f"A function table is 'constant' or 'linear', got {self.interpolation!r:.60}."
             )
-        places = [v for v, _ in self.points]
+        pairs = finite("points of a function table", self.points)
+        if pairs.ndim != 2 or pairs.shape[1] != 2:
+            raise TemplateError(
+                f"The points of a function table are pairs (argument, value), got {pairs.shape}."
+            )
+        places = pairs[:, 0].tolist()
         if not places or any(b <= a for a, b in pairwise(places)):
             raise TemplateError(
                 f"The points of a function table must have increasing arguments, got {places}."
             )
-        finite("points of a function table", self.points)
 
     @classmethod
     def of(cls, interpolation: str, points: Sequence[Sequence[float]]) -> "Table":

@@ -10,8 +10,9 @@ from functools import cache
 from importlib import resources
 from pathlib import Path
 from types import MappingProxyType
+from typing import cast
 
-from cnnum.errors import TemplateError, UnknownNameError
+from cnnum.errors import TemplateError, UnknownNameError, name_error
 from cnnum.templating.files import Entry, load_entry
 from cnnum.templating.template import Template
 
@@ -53,6 +54,8 @@ def template_path(name: str) -> Path:
     UnknownNameError
         If there is none; the sentence names the nearest ones.
     """
+    if not isinstance(cast(object, name), str):
+        raise name_error("template", name, template_names())
     key = name.lower()
     found = _files().get(key) or _aliases().get(key)
     if found is None:

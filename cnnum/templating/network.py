@@ -6,6 +6,7 @@ import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.boundary import halo_sources
+from cnnum.templating.reads import widened
 from cnnum.templating.template import Template
 
 
@@ -50,7 +51,7 @@ class LinearSystem:
     rates : (n,) float
         Diagonal of S: 1/τ of every cell's layer.
     rim : (n,) float
-        g: what virtual cells of a fixed boundary add through A.
+        g: the sum of virtual cells of a fixed boundary through A.
     """
 
     matrix: Floats
@@ -96,7 +97,7 @@ class Network:
         return LinearSystem((matrix - np.eye(self.states)) * rates[:, None], rates, rim)
 
     def rim(self) -> Floats:
-        """Return what virtual cells of a fixed boundary add through A, (layers, rows, cols)."""
+        """Return the sum of virtual cells of a fixed boundary through A, (layers, rows, cols)."""
         template, (rows, cols) = self.template, self.shape
         radius = template.A.shape[-1] // 2
         value = template.boundary.constant or 0.0
@@ -111,13 +112,9 @@ class Network:
     def fastest_rate(self) -> float:
         """Return a bound on |λ| of the array's Jacobian, in 1/time, whatever cells saturate.
 
-        Gershgorin: row sums of |A| plus the decay, where f' lies in [0, 1].
+        Gershgorin: row sums of |A| times the largest |f'|, plus the decay.
         """
         template = self.template
-        off = np.abs(template.A).sum(axis=(1, 2, 3))
-        for gain in template.gains:
-            weights = np.abs(template.A[gain.to, gain.source]).sum()
-            off[gain.to] += (gain.table.largest - 1.0) * weights if gain.table.largest > 1 else 0.0
-        for coupling in template.nonlinear:
-            off[coupling.to] += coupling.stiffness
+        off = template.output.steepest * np.abs(template.A).sum(axis=(1, 2, 3))
+        off += widened(template)
         return float(((1.0 + off) / template.tau).max())

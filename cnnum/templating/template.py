@@ -1,4 +1,4 @@
-"""A template: the numbers that tell every cell what to do, and all that travels with them.
+"""A template: the numbers that govern every cell, and all that travels with them.
 
 State equation (Chua & Yang 1988), per layer l, with ∗ a correlation (no kernel flip):
 
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Floats, digest, finite, frozen
 from cnnum.errors import TemplateError
 from cnnum.safety.names import checked_name
+from cnnum.safety.values import is_real
 from cnnum.sharing import html
 from cnnum.templating.boundary import Boundary, parse_boundary
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
@@ -24,6 +25,10 @@ from cnnum.templating.output_functions import OutputFunction, output_function
 
 Duration = float | Literal["settle"]
 Initial = float | Literal["input"]
+
+
+LEAST_TAU = 1e-150
+"""Of a time constant: rates below one over it, and their squares, are numbers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +43,7 @@ class Check:
 class Template:
     """A CNN template with its boundary, initial state and duration.
 
-    `dataclasses.replace` gives another one, of the same parts but for those it is told.
+    `dataclasses.replace` gives another one, of the same parts but for the given ones.
 
     Parameters
     ----------
@@ -68,7 +73,7 @@ class Template:
     delayed : DelayedCoupling, optional
     gains : sequence of Gain
     description, source : str
-        What it does, and where the numbers come from.
+        Its purpose, and the source of the numbers.
     check : Check, optional
         The closed form it is checked against.
 
@@ -154,6 +159,11 @@ class Template:
         object.__setattr__(self, "digest", digest(*self._physics()))
 
     def _check_initial(self) -> None:
+        if self.output.discrete and (self.tau != 1.0).any():
+            raise TemplateError(
+                f"Template '{self.name}' runs in discrete time, in which every step is the whole "
+                f"change: tau must be 1, got {self.tau.tolist()}."
+            )
         if self.initial == "input":
             if self.inputs not in (0, self.layers):
                 raise TemplateError(
@@ -223,7 +233,7 @@ class Template:
 
     @property
     def uncoupled(self) -> bool:
-        """Whether every cell decays on its own towards what drives it (A = 0)."""
+        """Whether every cell decays on its own towards its drive (A = 0)."""
         return not self.A.any() and self.plain
 
     @property
@@ -313,25 +323,27 @@ def _per_layer(template: str, part: str, value: float | Sequence[float], layers:
 
 
 def _positive(template: str, tau: Floats) -> Floats:
-    if (tau <= 0).any():
-        raise TemplateError(f"Template '{template}': tau must be positive, got {tau.tolist()}.")
+    if not (tau > LEAST_TAU).all():
+        raise TemplateError(
+            f"Template '{template}': tau must be positive, above {LEAST_TAU:g}, got {tau.tolist()}."
+        )
     return tau
 
 
 def _initial(template: str, value: Initial) -> Initial:
-    if value == "input":
+    if isinstance(value, str) and value == "input":
         return "input"
-    if isinstance(value, str) or not np.isfinite(value):
+    if not is_real(value):
         raise TemplateError(
-            f"Template '{template}': initial must be a finite number or 'input', got {value!r}."
+            f"Template '{template}': initial must be a finite number or 'input', got {value!r:.60}."
         )
     return float(value)
 
 
 def _duration(template: str, value: Duration) -> Duration:
-    if value == "settle":
+    if isinstance(value, str) and value == "settle":
         return "settle"
-    if isinstance(value, str) or not np.isfinite(value) or value < 0:
+    if not is_real(value) or value < 0.0:
         raise TemplateError(
             f"Template '{template}': duration must be a number of time constants from 0 up, or "
             f"'settle', got {value!r}."

@@ -1,4 +1,4 @@
-"""What a program costs on an array, before any hardware is chosen."""
+"""The cost of a program on an array, before any hardware is chosen."""
 
 import cnnum
 

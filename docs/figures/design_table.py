@@ -16,7 +16,7 @@ HEAD = """# Templates found again from their rules
 below is uncoupled, and its check is a local rule of 3×3 cells. The design sees that rule alone,
 never the published weights.
 
-* *examples*: neighbourhoods that the rule tells apart, cells that never decide left out.
+* *examples*: neighbourhoods that the rule distinguishes, cells that never decide left out.
 * *margin*: the least drive of a cell towards its colour. The weights that decide are scaled to the
   same sum of sizes.
 * *relative margin*: the margin over that sum. A mismatch of all weights below it flips no cell.

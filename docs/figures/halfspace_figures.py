@@ -72,7 +72,7 @@ def equilibrium_figure(rows: Sequence[Row]) -> Picture:
     cells = np.array([1.0, 3.0])
     left.plot(cells, 0.6 / cells**2, "k:", label="slope 2")
     left.set(xscale="log", yscale="log", xlabel="cells a unit of length (the taxels lie 2 deep)")
-    left.set(ylabel="largest error / largest $u_z$", title="What relaxes, against (4.9)")
+    left.set(ylabel="largest error / largest $u_z$", title="Relaxation, against (4.9)")
     left.set_xticks([1, 2, 3], ["1", "2", "3"])
     left.set_xticks([], minor=True)
     own = sorted((r for r in rows if r["cells"] == 1), key=lambda r: _number(r["poisson"]))
@@ -119,7 +119,7 @@ def inverse_figure(rows: Sequence[Row], maps: Sequence[tuple[str, Floats, float]
 
 
 def contacts(engine: Engine) -> list[tuple[str, Floats, float]]:
-    """Return pressure of three contacts at once, ε_zz with noise, and what comes back."""
+    """Return pressure of three contacts at once, ε_zz with noise, and the pressure found."""
     load = np.zeros((8, 8, 3))
     load[1:3, 1:3, 2], load[5:7, 4:7, 2], load[1, 6, 2] = 8e3, 6e3, 12e3
     strain = SurfaceToDepth((8, 8), PITCH, 1.0e-3, youngs_modulus=MODULUS)(load)

@@ -13,13 +13,14 @@ PAGE, PICTURE = ROOT / "docs" / "architecture.md", ROOT / "docs" / "house.svg"
 # A room may import from rooms on its own floor or below, never from above.
 FLOORS: list[dict[str, str]] = [
     {"errors": "every error, one sentence each"},
-    {"arrays": "number types, and the check of what comes in as an array"},
+    {"arrays": "number types, and the check of arrays from outside"},
     {"safety": "checked names and expressions, memory at hand, files written whole"},
     {"sharing": "objects as datasets, tables, HTML and plots"},
     {"frame": "one scan of a tactile array", "pictures": "pixels and picture files"},
     {"templating": "templates, couplings, boundaries, outputs, template files, the library"},
-    {"graph": "operations of a program, and what of them runs", "tactile": "closed forms"},
+    {"graph": "operations of a program, and their schedule", "tactile": "closed forms"},
     {"integrators": "methods as data, bounds, and the choice among them"},
+    {"embedded": "programs in whole numbers, their emulator, and C99"},
     {"engines": "opencl, numba and reference"},
     {"programs": "the language of analogic programs"},
     {"plan": "a compiled program", "stream": "frames in time"},
@@ -31,7 +32,7 @@ FLOORS: list[dict[str, str]] = [
     {"recordings": "files of frames that survive a fault"},
     {"drivers": "arrays, recordings, and the simulated array"},
     {"scenes": "scene files, and the path of a frame to its events"},
-    {"report": "the page of a scene, and its pictures"},
+    {"report": "the page of a scene, and its pictures", "live": "the live view in a browser"},
     {"lab": "benchmarks, scores, and the dissertation's figures"},
     {"cli": "the commands"},
     {"__init__": "the public names", "__main__": "`python -m cnnum`"},
@@ -113,7 +114,7 @@ def reduced(graph: dict[str, set[str]]) -> dict[str, set[str]]:
 def table() -> str:
     """Return the rooms as a table, the highest floor first."""
     graph = arrows()
-    lines = ["| room | what it holds | imports from |", "|---|---|---|"]
+    lines = ["| room | content | imports from |", "|---|---|---|"]
     for floor in reversed(FLOORS):
         for room, purpose in floor.items():
             others = sorted(graph[room] - {"errors", "arrays"}, key=lambda r: (-FLOOR[r], r))
@@ -138,6 +139,7 @@ PLACES = {
     "engines": (0, 8),
     "recordings": (3, 5),
     "tactile": (3, 7),
+    "embedded": (1, 9),
     "integrators": (0, 9),
     "graph": (1, 10),
     "templating": (1.5, 11),

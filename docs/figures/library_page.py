@@ -15,9 +15,10 @@ PAGE = Path(__file__).parents[1] / "template-library.md"
 HEAD = """# The template library
 
 {count} templates: the classic ones of the CNN Software Library, MatCNN, CNNSim and others, whose
-numbers were read in the named files, and those of this project. Each is one TOML file with its
-numbers, source, boundary, initial state, duration, what its input and state mean, the check that
-it must pass, and its measured figures.
+numbers were read in the named files, and those of this project. The numbers are the published
+ones, but for one sign each in HORSKELR and VERSKELB, whose notes say so. Each template is one TOML
+file with its numbers, source, boundary, initial state, duration, the meaning of input and state,
+the check that it must pass, and its measured figures.
 
 * `cnnum templates gallery` writes one searchable page with pictures of each along its run.
 * `cnnum templates check` runs every check on every engine; `NAMES` may be files and folders.
@@ -62,7 +63,7 @@ def _group(folder: str, entries: list[Entry]) -> str:
     return f"""
 ## {folder}
 
-| template | what it does | check | settles (τ) | margin |
+| template | purpose | check | settles (τ) | margin |
 |---|---|---|---|---|
 {rows}
 """

@@ -73,18 +73,18 @@ class Traced:
         return [n for n in self.graph.nodes if n.operation in [Input(name) for name in names]]
 
     def memory(self, name: str) -> list[Node]:
-        """Return what a memory of that name held, and what it holds then."""
+        """Return a memory's value by name, and its next value."""
         found = [m for m in self.graph.memories.values() if m.read.operation.name == name]
         return [node for memory in found for node in (memory.read, memory.store)]
 
     def held(self, fields: Iterable[Field]) -> list[Node]:
-        """Return maps that memories held, and what they hold then."""
+        """Return the maps of memories, and their next maps."""
         reads = [field.node for field in fields]
         stores = {m.read: m.store for m in self.graph.memories.values()}
         return [*reads, *(stores[read] for read in reads)]
 
     def run_by(self, *templates: str) -> list[Node]:
-        """Return what transients of these templates give."""
+        """Return the results of transients of these templates."""
         return [
             node
             for node in self.graph.nodes
@@ -164,7 +164,7 @@ def twist_flow() -> tuple[Traced, list[Drawn]]:
 
 
 def behind(traced: Traced, box: Box, others: Iterable[Box]) -> tuple[list[Box], str]:
-    """Return the boxes that a box reads, and what runs between them and it."""
+    """Return the boxes that a box reads, and the operations between them and it."""
     owner = {node: other for other in others if other is not box for node in other.nodes}
     stores = {memory.read: memory.store for memory in traced.graph.memories.values()}
     read: dict[str, Box] = {}
@@ -193,7 +193,7 @@ def _centre(box: Box) -> tuple[float, float]:
 
 
 def _bands(boxes: list[Box], width: float) -> Iterator[str]:
-    """Yield what lies behind rows that follow one another in the same group."""
+    """Yield the background of consecutive rows of the same group."""
     groups = {box.place[1]: box.group for box in boxes if box.group}
     for group, some in groupby(sorted(groups), key=lambda row: groups[row]):
         rows = list(some)

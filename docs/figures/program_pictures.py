@@ -1,7 +1,7 @@
 """Pictures of the tactile programs: `python -m docs.figures.program_pictures docs/programs`.
 
-All of them, or those named after the folder. Each shows what an array reads of a known load, and
-what a program makes of it.
+All of them, or those named after the folder. Each shows the readings of an array under a known
+load, and the results of a program.
 """
 
 import sys
@@ -147,7 +147,7 @@ def localize_picture() -> Any:
 
 
 def _compared(axis: Any, names: Sequence[str], true: Floats, found: Floats) -> None:
-    """Draw bars of what is true beside what was found, with their numbers."""
+    """Draw bars of true and found values, with their numbers."""
     for off, values, colour, label in (
         (-0.2, true, "0.72", "true"),
         (0.2, found, "#0a6ebd", "found"),
@@ -239,7 +239,7 @@ def grasp_code_picture() -> Any:
 
 
 def texture_picture() -> Any:
-    """Friction and roughness frame by frame of four materials, beside the whole recording's."""
+    """Friction and roughness frame by frame of four materials, and the whole recording's."""
     rng = np.random.default_rng(3)
     strokes = [rub(material, Stroke(frames=200), rng) for material in FOUR]
     still = 2.5e-3 * rng.normal(size=(20, 2, 2, 3))

@@ -13,7 +13,7 @@ from cnnum.programs.library import get_program
 from cnnum.programs.machine import FrameFields
 
 TRUE, FOUND = "0.8", "#0a6ebd"
-"""Colours of what is true, and of what a program says."""
+"""Colours of the truth, and of a program's outputs."""
 
 SCRIPT = (
     Phase("hold", 0.5),

@@ -29,7 +29,7 @@ class DataFileOptions:
     path : Path
         A .csv, .npy, .npz, .h5 or .hdf5 file.
     layout : Path, optional
-        The TOML file that names its columns and what they are (`DataLayout`); that of the same name
+        The TOML file that names its columns and their meaning (`DataLayout`); that of the same name
         with the suffix .toml unless given. A CSV file that `cnnum record` wrote needs none.
     """
 
@@ -44,7 +44,7 @@ class DataFileOptions:
         RecordingError
             If it cannot be read.
         CodecError
-            If it is not what the layout says; the sentence names the file and what is wrong.
+            If it does not fit the layout; the sentence names the file and the fault.
         SceneError
             If the layout is missing or wrong.
         UnknownNameError
@@ -69,7 +69,7 @@ class DataFileOptions:
         path = self.path.with_suffix(".toml") if self.layout is None else self.layout
         if not names_something(path):
             raise SceneError(
-                f"There is no layout '{path}', which says what '{self.path.name}' holds: write one "
+                f"There is no layout '{path}', which describes '{self.path.name}': write one "
                 f"with {EXAMPLE}."
             )
         return path
@@ -86,7 +86,7 @@ def _recording(path: Path, layout: DataLayout) -> Recording:
     times = held[layout.time].astype(float) * SECONDS[layout.time_unit] if layout.time else None
     rate = layout.rate or (rate_of(times) if times is not None and times.ndim == 1 else 0.0)
     if not rate:
-        raise CodecError(f"'{path}': the times '{layout.time}' tell no rate: give 'rate'.")
+        raise CodecError(f"'{path}': the times '{layout.time}' give no rate: set 'rate'.")
     return Recording(
         shaped(path, layout, held[VALUES]),
         rate=rate,
@@ -130,7 +130,7 @@ class DataFile(Closing):
 
     @property
     def counters(self) -> Counters:
-        """What has been seen so far."""
+        """The counts so far."""
         return self._counters
 
     def frames(self) -> Iterator[Frame]:

@@ -1,4 +1,4 @@
-"""What a small TOML says of a data file: where its numbers are, and what they are."""
+"""The layout of a data file in a small TOML: the place and meaning of its numbers."""
 
 import re
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ class DataLayout:
         Column or array of the times; empty where there is none.
     time_unit : "s", "ms", "us" or "ns"
     truth : tuple of str
-        Columns or arrays of what is known of every frame.
+        Columns or arrays of the ground truth of every frame.
     pads : int
         Pads that lie side by side in the columns.
     pitch : float, optional

@@ -29,7 +29,7 @@ WIDEST = 0.3
 
 
 class SimulatedArray(Closing):
-    """Frames of four bridge voltages a taxel, with the ground truth beside each.
+    """Frames of four bridge voltages a taxel, each with its ground truth.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class SimulatedArray(Closing):
 
     @property
     def counters(self) -> Counters:
-        """What has been handed on so far."""
+        """The counts so far."""
         return self._counters
 
     def close(self) -> None:
@@ -102,7 +102,7 @@ class SimulatedArray(Closing):
             first += len(chunk)
 
     def scans(self) -> Iterator[tuple[State, Truth]]:
-        """Yield the contact and the ground truth at every scan, without what the array reads."""
+        """Yield the contact and the ground truth at every scan, without the array's readings."""
         yield from self.follow(commands(self._options.script, self.rate))
 
     def follow(self, hand: Iterable[Command]) -> Iterator[tuple[State, Truth]]:

@@ -69,7 +69,7 @@ def flat_influence(layout: Layout, thickness: float, youngs_modulus: float) -> F
 
 
 def gathered(layout: Layout, kernel: Floats) -> Floats:
-    """Return what each taxel has of each cell, from what one cell does at every offset.
+    """Return the response of each taxel to each cell, from that of one cell at all offsets.
 
     Parameters
     ----------

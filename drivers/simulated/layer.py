@@ -1,20 +1,23 @@
 """The flat cover as a layer on a rigid base, for the same taxels and cells as `cover`.
 
-A layer is the half-space and what its base changes. The half-space's part is known in closed
+A layer is the half-space and the effect of its base. The half-space's part is known in closed
 form for a whole cell; the base's is as smooth as if its load were a thickness farther away, so
 that a table over the distance and a few points a cell give it.
 """
 
 from itertools import product
 from math import ceil, hypot
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.cover import Layout, flat_influence, gathered, offsets
 from cnnum.tactile.cover import FlatCover, LayerCover
 from cnnum.tactile.cover.axial import Profiles, to_components
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 STEPS = 24
 """Distances to a thickness in the table: a spline of h/24 is off by some 1e-6 of the peak."""
@@ -58,7 +61,7 @@ def layer_influence(
 
 
 def _base_kernel(layout: Layout, layer: LayerCover) -> Floats:
-    """Return what the base adds to the strain of one cell at every offset."""
+    """Return the base's share in the strain of one cell at every offset."""
     surface = layout.surface
     x, y = offsets(surface.cols, surface.dx), offsets(surface.rows, surface.dy)
     table = _base_profiles(layer, hypot(x[-1] + surface.dx, y[-1] + surface.dy))
@@ -69,7 +72,7 @@ def _base_kernel(layout: Layout, layer: LayerCover) -> Floats:
     return kernel * surface.cell_area
 
 
-def _at(table: CubicSpline, x: Floats, y: Floats) -> Floats:
+def _at(table: "CubicSpline", x: Floats, y: Floats) -> Floats:
     """Return the strain of unit forces along x, y and down, (y, x, load, component)."""
     away = np.stack(np.meshgrid(x, y), axis=-1)
     rows = np.moveaxis(table(np.hypot(away[..., 0], away[..., 1])), -1, 0)
@@ -77,8 +80,10 @@ def _at(table: CubicSpline, x: Floats, y: Floats) -> Floats:
     return to_components(profiles, away[..., None, :], np.eye(3))
 
 
-def _base_profiles(layer: LayerCover, farthest: float) -> CubicSpline:
+def _base_profiles(layer: LayerCover, farthest: float) -> "CubicSpline":
     """Return the five profiles of `Profiles` over the distance: layer less half-space."""
+    from scipy.interpolate import CubicSpline
+
     count = ceil(STEPS * farthest / layer.thickness) + 1
     distance = np.linspace(0.0, farthest, count)
     flat = FlatCover(layer.depth, layer.youngs_modulus, layer.poisson)

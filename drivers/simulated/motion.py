@@ -9,7 +9,7 @@ from cnnum.drivers.simulated.script import Phase
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """What the hand does from the scan before to this one.
+    """The hand's movement from the scan before to this one.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Command:
 
 
 RELAXED = 8.0
-"""Time constants in a "relax": what is left at its end is e⁻⁸ = 0.03 %."""
+"""Time constants in a "relax": the rest at its end is e⁻⁸ = 0.03 %."""
 
 
 def scans(phase: Phase, rate: float) -> int:
@@ -76,7 +76,7 @@ def largest_load(script: Sequence[Phase]) -> float:
 
 
 def _step(phase: Phase, count: int, rate: float) -> Command:
-    """Return what each scan of a phase moves; the load comes later."""
+    """Return the movement at each scan of a phase; the load comes later."""
     way = phase.speed * phase.duration / count
     path = (way * cos(phase.direction), way * sin(phase.direction))
     return Command(

@@ -1,10 +1,11 @@
-"""What the hand does, phase by phase."""
+"""The hand's movements, phase by phase."""
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Literal
+from typing import Literal, cast
 
 from cnnum.drivers.options import require
+from cnnum.errors import name_error
 
 Kind = Literal["press", "hold", "pull", "relax", "twist", "grip", "roll", "vibrate", "release"]
 
@@ -22,7 +23,7 @@ NEEDS: dict[Kind, tuple[str, ...]] = {
 """The amounts that a kind of phase cannot do without."""
 
 LEAST, MOST = 1e-9, 1e6
-"""Smallest amount besides 0, and largest: beyond them the squares of loads and radii overflow."""
+"""Smallest amount but 0, and largest: beyond them the squares of loads and radii overflow."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +81,8 @@ class Phase:
             value = getattr(self, name)
             require(name, abs(value) < MOST, f"within ±{MOST:g} rad", value)
         require("amplitude", self.amplitude < 1, "a share of the load below 1", self.amplitude)
+        if not isinstance(cast(object, self.kind), str) or self.kind not in NEEDS:
+            raise name_error("kind of phase", self.kind, NEEDS)
         used = NEEDS[self.kind]
         for name in used:
             value = getattr(self, name)

@@ -1,4 +1,4 @@
-"""What a scene can set about the simulated array."""
+"""The options of the simulated array."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -24,10 +24,10 @@ RANGES = {
 
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """What the driver "simulated" is told: the array, its cover, the sphere and the hand.
+    """Options of the driver "simulated": the array, its cover, the sphere and the hand.
 
     The default cover is 1 mm of the silicone that the dissertation computes with: thick enough
-    for taxels 1.5 mm apart to see whatever lies between them, thin enough to tell them apart.
+    for taxels 1.5 mm apart to see any contact between them, thin enough to separate them.
     The default sphere (Ø 50 mm) makes a contact of 5 mm at 1 N, three to four taxels wide.
 
     Attributes
@@ -74,7 +74,7 @@ class Settings:
         measured amplitude falls (dissertation, 4.3.2 and 4.3.3). Of a "layer" it is that of the
         half-space above the taxels: the same strain gives the same voltages.
     script : list of Phase
-        What the hand does.
+        The hand's movements.
     """
 
     seed: int = 0

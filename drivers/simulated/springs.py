@@ -25,7 +25,6 @@ Jäger, Arch. Appl. Mech. 65 (1995) 478; Lubkin, J. Appl. Mech. 18 (1951) 183.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ellipe, ellipkm1
 
 from cnnum.arrays import Floats
 from cnnum.drivers.simulated.motion import Command
@@ -185,5 +184,7 @@ class Springs:
 
 def _k_less_e(ratio: Floats) -> Floats:
     """Return K(k) - E(k) for k² = 1 - ratio²; `ellipkm1` takes ratio², exact for small ones."""
+    from scipy.special import ellipe, ellipkm1
+
     square = ratio * ratio
     return np.asarray(ellipkm1(square) - ellipe(1 - square), dtype=np.float64)

@@ -1,4 +1,4 @@
-"""What the simulation knows about a scan: the ground truth beside the frame."""
+"""The ground truth of a simulated scan."""
 
 from math import atan2, hypot
 

@@ -1,4 +1,4 @@
-"""Holes of objects: filled by a white wave that does not reach them, and told apart by logic."""
+"""Holes of objects: filled by a white wave that does not reach them, and found by logic."""
 
 from collections.abc import Mapping
 
@@ -15,8 +15,8 @@ def holes(frame: FrameFields) -> Mapping[str, Field]:
 
     Returns
     -------
-    filled : logic map of the objects with what they enclose.
-    holes : logic map of what they enclose alone.
+    filled : logic map of the objects with their holes.
+    holes : logic map of the holes alone.
     area : number of its cells.
     """
     picture = frame.channel("picture")

@@ -19,7 +19,7 @@ def thinning(frame: FrameFields, *, family: str = "SKELE") -> Mapping[str, Field
 
     Returns
     -------
-    picture : logic map of what is left.
+    picture : logic map of the skeleton.
     rounds : how often all eight elements were tried.
     """
     if family not in FAMILIES:

@@ -10,7 +10,7 @@ from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of, square
 from cnnum.templates.tactile.shared.pressure import Carries, pressed_of
 
 SHARE = 0.1
-"""Share of the peak pressure from which a taxel counts as touched: what is left of the cover's blur
+"""Share of the peak pressure from which a taxel counts as touched: the rest of the cover's blur
 stays below it."""
 
 
@@ -27,8 +27,8 @@ def contact(
 ) -> Mapping[str, Field]:
     """Contact and its loads.
 
-    The stream must begin without contact: its first frames say what rest is. The cover's blur is
-    taken off as in `edges`; of what strain cannot pass, the contact's own shape tells.
+    The stream must begin without contact: its first frames define rest. The cover's blur is
+    taken off as in `edges`; the contact's own shape gives the part that strain cannot pass.
 
     Parameters
     ----------
@@ -42,9 +42,9 @@ def contact(
     depth : float
         Cover above the taxels, in pitches.
     reads : "strain", "stress" or "force"
-        What the taxels read; "force" for taxels that each carry their own share of the load.
+        The measured quantity; "force" for taxels that each carry their own share of the load.
     normal_gain : float
-        Normal load over what the normal channel reads, in the shear channels' unit.
+        Normal load over the reading of the normal channel, in the shear channels' unit.
     unit : float
         Of the loads: 2/3 E pitch² for strain, pitch² for stress gives newtons.
 
@@ -82,7 +82,7 @@ def contact_of(
     normal_gain: float = 1.0,
     unit: float = 1.0,
 ) -> Mapping[str, Field]:
-    """Return the outputs of `contact` from what other programs share with it."""
+    """Return the outputs of `contact` from the fields shared with other programs."""
     frame, load = loads.frame, pressed_of(loads, share, depth, reads, normal_gain)
     whole = load.weight.sum()
     touches = load.touched.any()
@@ -101,7 +101,7 @@ def contact_of(
 
 
 def _kept(loads: Loads, touches: Field, value: Field) -> Field:
-    """Return a number while something touches, and afterwards what it was at last."""
+    """Return a number while something touches, and afterwards its last value."""
     memory = loads.frame.memory(scalar=True)
     now = where(touches, value, memory.value)
     memory.store(now)

@@ -1,10 +1,10 @@
-"""Edges of what presses on the skin: where its outline passes, between the taxels.
+"""Edges of the object on the skin: where its outline passes, between the taxels.
 
     deconvolution      unblur (7×7, made for the cover)          the load on the surface
-    surround           tactile_diffusion of that load            what is around a taxel
+    surround           tactile_diffusion of that load            the load around a taxel
     inhibition         load − half of the surround > 0           inside; its rim crosses links
     edge template      edge_step, turned to four sides           the fall to each neighbour
-    vote               tactile_diffusion of the sharp falls      what the links around say
+    vote               tactile_diffusion of the sharp falls      the answer of the links around
     decision           edge_latch, bistable cells                an edge, or a smooth contact
 
 Under a flat body the load ends within a cell; a sphere's pressure fades out over its radius. So the
@@ -53,7 +53,7 @@ VOTE, FIRM = 8.0, 0.006
 """Diffusion time of the votes, cells², and their excess that turns a cell, in peak loads."""
 
 WIDE = 7.0
-"""Least number of cells inside. What is narrower than three looks the same with and without an
+"""Least number of cells inside. A contact narrower than three looks the same with and without an
 edge."""
 
 PLACE = (-0.87, 0.14, 1.07, -0.44)
@@ -84,9 +84,9 @@ def edges(
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
     depth : float
-        Cover above the taxels, in pitches; up to 1 for what `docs/programs/edges.md` measures.
+        Cover above the taxels, in pitches; up to 1 in the measurements of `docs/programs/edges.md`.
     reads : "strain" or "stress"
-        What the taxels read.
+        The measured quantity.
     sharp : float
         Share of its fall that a load takes within a cell, from which its end is an edge: more
         finds fewer edges, and takes fewer smooth contacts for them.
@@ -98,7 +98,7 @@ def edges(
         `edge_column` (their centroid, cells), `edge_to_right`, `edge_to_below` (maps: how far from
         the taxel towards its right and lower neighbour the outline passes, 0 to 1 cell; −1 where
         it does not), `edge_load` (map: the load on the surface), `surround_inhibition` (how far
-        the normal reading falls below rest beside the contact, as a share of its peak).
+        the normal reading falls below rest next to the contact, as a share of its peak).
 
     Raises
     ------
@@ -113,7 +113,7 @@ def edges(
 def edges_of(
     loads: Loads, *, depth: float = DEPTH, reads: Reads = READS, sharp: float = SHARP
 ) -> Mapping[str, Field]:
-    """Return the outputs of `edges` from what other programs share with it."""
+    """Return the outputs of `edges` from the fields shared with other programs."""
     frame, noise = loads.frame, sqrt(loads.normal_noise)
     load = surface_load(_whole(loads), depth, reads)
     peak = load.max()
@@ -146,7 +146,7 @@ class _Link(NamedTuple):
 
 
 def _whole(loads: Loads) -> Field:
-    """Return the readings, of broken taxels what lies between their neighbours."""
+    """Return the readings, of broken taxels the mean of their neighbours."""
     known, around = loads.sound & loads.alive, get_template("between_neighbours")
     normal = where(known, loads.normal, 0.0)
     share = apply(around, input=where(known, 1.0, 0.0))
@@ -174,10 +174,10 @@ def _links(load: Field, inside: Field, least: Field, sharp: float) -> list[_Link
 
 
 def _decided(loads: Loads, links: list[_Link], peak: Field) -> Field:
-    """Return where the links around say that there is an edge; what is on the verge stays so."""
+    """Return where the links around say that there is an edge; links on the verge stay so."""
     memory = loads.frame.memory(logic=True)
     excess = sum((link.excess for link in links[1:]), start=links[0].excess)
-    # at the rim of the array nothing shows what lies beyond
+    # at the rim of the array no cell beyond is seen
     inner = np.pad(np.ones([side - 2 for side in loads.frame.shape]), 1)
     excess = excess * loads.frame.constant(inner)
     votes = apply(get_template("tactile_diffusion"), input=excess, duration=VOTE)

@@ -1,4 +1,4 @@
-"""The grasp code of Kis, Kovács and Szolgay (2006): one bit a shear component, and what it means.
+"""The grasp code of Kis, Kovács and Szolgay (2006): one bit a shear component, and its meaning.
 
 Two fingers hold an object, each with 2×2 three-axial taxels. The sign of both shear components of
 every taxel makes 2 · 4 · 2 = 16 bits, 65,536 codes. The fingers lie side by side on the frame, each
@@ -28,10 +28,10 @@ MOTIONS = ("slip", "twist", "tilt", "squeeze")
 def grasp_code(
     frame: FrameFields, *, push: float = PUSH, agree: float = AGREE
 ) -> Mapping[str, Field]:
-    """What the signs of the shear under two fingers tell of the grasp.
+    """The state of a grasp by the signs of the shear under two fingers.
 
-    In the grasp's axes, which are the first finger's, shear is split into what both fingers share
-    (the object moves) and what is opposite (they are pressed against each other).
+    In the grasp's axes, which are the first finger's, shear has a part that both fingers share
+    (the object moves) and the opposite part (they are pressed against each other).
 
     * slip: both fingers are pulled the same way, all taxels of a finger alike;
     * tilt: pulled opposite ways: the object turns about an axis across the fingers;
@@ -54,7 +54,7 @@ def grasp_code(
         `grasp_code` (0 to 65535: bit 8·finger + 2·taxel + axis, taxels row by row, set for a
         positive component), `code_known` (flag: contact on both fingers, and every bit clear of the
         noise), `grasp_slip`, `grasp_twist`, `grasp_tilt`, `grasp_squeeze` (flags, at most one),
-        `grasp_x`, `grasp_y` (unit vector of a slip, or of what the first finger is pulled along in
+        `grasp_x`, `grasp_y` (unit vector of a slip, or of the pull on the first finger in
         a tilt; 0 otherwise), `grasp_sense` (of a twist +1 from x to y; of a squeeze +1 outwards,
         which is growing; 0 otherwise).
 

@@ -60,12 +60,12 @@ def halfspace_equilibrium(
         All of them: the base lies at thickness · slabs / layers and does not move.
     tolerance : float
         Share of the displacements that may be left to come. Where the cover is nearly
-        incompressible, single precision cannot tell rates from roundings and refuses: ask for
+        incompressible, single precision cannot separate rates from roundings and refuses: ask for
         float64.
     method : str
         Integration method; "auto" takes Runge–Kutta–Chebyshev steps.
     match : bool
-        Take off the loads what the lattice fades too little of short waves on the way to the
+        Lower short waves of the loads, which the lattice fades too little on the way to the
         taxels; without, the answer is the lattice's own.
 
     Returns
@@ -88,7 +88,7 @@ def halfspace_equilibrium(
     lattice = ElasticLattice(slabs, depth_in_cells(thickness, pitch, cells) / layers, poisson)
     refuse_outside(layers=(layers, 1, slabs - 1))
     template = lattice.template()
-    # what is left to come is the rate where it rests, over that of the slowest wave
+    # the change left to come is the rate where it rests, over that of the slowest wave
     rest = tolerance * float((-spectrum(template, frame.shape).values.real).min())
     spec = RunSpec(method=method, rtol=rest, atol=rest, settle_limit=PATIENCE)
     loads = [frame.channel(c) for c in ("shear_x", "shear_y", "normal")]
@@ -103,7 +103,7 @@ def halfspace_equilibrium(
 def _read(
     relaxed: Applied, lattice: ElasticLattice, plane: int, cell: float, shear_modulus: float
 ) -> dict[str, Field]:
-    """Return what taxels on a plane see; states are displacements over cell / shear modulus."""
+    """Return strain or stress on the taxels' plane; states: displacements over cell / modulus."""
     numbers = {key: n for n, key in enumerate(lattice.forces())}
 
     def value(form: Form, factor: float = 1.0) -> Field:

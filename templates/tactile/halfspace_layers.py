@@ -45,7 +45,7 @@ def halfspace_layers(
     order : 2 or 4
         Of the error in the slabs: templates of 3×3 or of 5×5.
     tolerance : float
-        Of what the end of the stack throws back, as a share of the load.
+        Of the reflection at the end of the stack, as a share of the load.
     method : str
         How the layers come to rest: "auto" goes there without time steps where the engine can,
         "runge-kutta-chebyshev" relaxes.

@@ -41,13 +41,13 @@ def localize(
     Parameters
     ----------
     frame : FrameFields
-        One cell a bump: strain or stress of the taxel under it, or what `Pad` makes of a pad of
+        One cell a bump: strain or stress of the taxel under it, or the output of `Pad` for a pad of
         pressure taxels (with push = 1).
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.
     taxels : "strain", "stress" or "pad"
-        What the cells read.
+        The measured quantity.
     bump_pitch, bump_depth, bump_spacing : float
         From bump to bump, of the taxels below the bumps' feet, and between a pad's taxels, in
         bump radii.
@@ -68,7 +68,7 @@ def localize(
     Raises
     ------
     PhysicsError
-        If the bumps stand too close to be told apart.
+        If the bumps stand too close to be separated.
     ProgramError
         If the unit is not positive.
     """
@@ -95,7 +95,7 @@ def localize_of(
     share: float = SHARE,
     unit: float = 1.0,
 ) -> Mapping[str, Field]:
-    """Return the outputs of `localize` from what other programs share with it."""
+    """Return the outputs of `localize` from the fields shared with other programs."""
     if not unit > 0.0:
         raise ProgramError(f"'unit' must be above 0, got {unit}.")
     alone = unmix(taxels, *spacing)

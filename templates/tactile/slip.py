@@ -1,7 +1,7 @@
-"""Slip of what touches the skin or is held, from what every skin shows.
+"""Slip of an object on the skin or in the hand, by signs that every skin shows.
 
 Slip is a contact whose pattern moves and whose shear rearranges, under a shear load. It counts as
-far as it exceeds what a load that changes, or a shear that still grows, explains:
+far as it exceeds the effect of a load that changes, or of a shear that still grows:
 
     slip_strength = (moves² · loosens)^⅓ · ratio / (still + |trend| + swing · jolt + pull · grows)
 
@@ -16,6 +16,7 @@ from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import apply
+from cnnum.templates.tactile.shared.false_reports import SLIP, level_of
 from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads, length, mean, most
 from cnnum.templating.library import get_template
 
@@ -39,7 +40,7 @@ def slip(
     still: float = 0.25,
     pull: float = 0.75,
     swing: float = 0.3,
-    level: float = 0.28,
+    false_reports: float = 4.0,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
     """Slip of an object that is touched or held.
@@ -49,7 +50,7 @@ def slip(
     frame : FrameFields
         Strain, stress, signals or raw counts, several `pads` next to one another in the columns.
     push, shear_gain : float
-        −1 for strain and stress, which count tension as positive; +1 for what rises under a push.
+        −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
         Reading of the normal channel over that of a shear channel, under the same force.
     axes : bool
         Whether signs and directions of the axes are known: a slip then moves along its shear.
@@ -62,8 +63,8 @@ def slip(
     still, pull, swing : float, 1/s, none, none
         Slowest movement that counts, in contact sizes a second; weights of a shear that still
         grows, and of a load that swings.
-    level, hold_time : float, none, s
-        Strength from which slip is reported, until it is below half of that for that time.
+    false_reports, hold_time : float, 1/10 min, s
+        Accepted rate, which sets the level of a report; it ends once below half of that for a time.
 
     Returns
     -------
@@ -83,14 +84,14 @@ def slip(
     strength = strength * maximum(1.0 + along, 0.0) / ALONG if axes else strength
     _, x, y = most([(pad.ratio * pad.load, pad.x, pad.y) for pad in recent.pads])
     return {
-        "gross_slip": recent.latch(strength, level, hold_time),
+        "gross_slip": recent.latch(strength, level_of(false_reports, SLIP), hold_time),
         **recent.shown(slip_x=x, slip_y=y, slip_strength=strength),
     }
 
 
 def _read_outs(recent: RecentLoads, pad: Pad) -> list[Field]:
     """Return how the pattern moves, its shear loosens and grows, and the cosine to the shear."""
-    # templates: slopes of the load's pattern, and what its shear changes without the local mean
+    # templates: slopes of the load's pattern, and the change of its shear without the local mean
     now, old = recent.z / pad.load, recent.old_z / pad.before
     right, down = (apply(get_template(f"gradient_{axis}"), input=mean([now, old])) for axis in "xy")
     changes = [recent.per_s * (s - o) for s, o in zip(recent.shear, recent.old_shear, strict=True)]

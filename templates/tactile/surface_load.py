@@ -1,4 +1,4 @@
-"""The load on the surface of a cover from what taxels under it see."""
+"""The load on the surface of a cover from the signals of taxels under it."""
 
 import math
 from collections.abc import Mapping
@@ -33,10 +33,10 @@ def surface_load(
 ) -> Mapping[str, Field]:
     """Tractions all over the surface, any number of contacts at once.
 
-    What noise drowns is left out: the answer is smeared over the width of its point response.
+    Detail below the noise is left out: the answer is smeared over the width of its point response.
     A uniform pressure makes no strain in an incompressible half-space, so that a pressure is seen
-    by its edges, and what is fitted to them stands on a ground below 0. Nothing pulls where nothing
-    touches: in each round what is below 0 is taken off, and what is left of the strain fitted anew.
+    by its edges, and the fit to them stands on a ground below 0. Nothing pulls where nothing
+    touches: in each round the part below 0 is taken off, and the rest of the strain fitted anew.
 
     Parameters
     ----------
@@ -53,8 +53,8 @@ def surface_load(
         (Wiener's choice).
     drag : float
         The same of the tractions along each axis of the surface, over that of the pressures. Long
-        waves of pressure and of a pull along them strain the cover alike; this tells how to share
-        what is seen.
+        waves of pressure and of a pull along them strain the cover alike; `drag` shares out
+        the signal between them.
     reach : int
         Taxels, along each axis, over which a load is felt.
     tolerance : float
@@ -70,7 +70,7 @@ def surface_load(
     -------
     mapping
         `load_x`, `load_y`, `load_normal`: maps, Pa, a pressure counting as positive; `residual`:
-        RMS of what no load explains, in units of the noise.
+        RMS of the unexplained strain, in units of the noise.
 
     Raises
     ------
@@ -128,7 +128,7 @@ def _left(network: LoadNetwork, strain: list[Field], load: list[Field]) -> list[
 def _pushing(load: list[Field], least: float, holds: float) -> list[Field]:
     """Return a load that nowhere pulls, and drags by no more than friction holds.
 
-    What holds is the pressure above the noise. A threshold instead would let rounding decide about
+    The pressure above the noise holds. A threshold instead would let rounding decide about
     the whole of a drag.
     """
     x, y, normal = load

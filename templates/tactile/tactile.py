@@ -1,4 +1,4 @@
-"""All that a frame of a calibrated array tells, as one program that shares what it can."""
+"""All outputs of a calibrated array, as one program with shared fields."""
 
 from collections.abc import Mapping
 
@@ -26,12 +26,12 @@ def tactile(
     unit: float = 1.0,
     rate: float = 200.0,
     rest: float = 0.4,
-    level: float = 0.28,
-    turn: float = 0.1,
+    slip_false_reports: float = 4.0,
+    twist_false_reports: float = 0.3,
 ) -> Mapping[str, Field]:
     """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.
 
-    The stream must begin without contact: its first frames say what rest is.
+    The stream must begin without contact: its first frames define rest.
 
     Parameters
     ----------
@@ -43,11 +43,11 @@ def tactile(
     depth, reads
         See `edges` and `contact`.
     unit : float
-        See `contact`: what a unit of its loads is.
+        See `contact`: the unit of its loads.
     rate, rest : float, Hz, s
         Frames a second, and the time at the start without contact, for `slip` and `twist`.
-    level, turn : float
-        Strengths from which `slip` and `twist` report.
+    slip_false_reports, twist_false_reports : float, 1/10 min
+        Accepted rates, as `false_reports` of `slip` and `twist`.
 
     Returns
     -------
@@ -59,8 +59,8 @@ def tactile(
     skin = {"push": push, "rate": rate, "rest": rest}
     return {
         **contact_of(loads, depth=depth, reads=reads, unit=unit),
-        **slip.bind(**skin, level=level)(frame),
-        **twist.bind(**skin, turn=turn)(frame),
+        **slip.bind(**skin, false_reports=slip_false_reports)(frame),
+        **twist.bind(**skin, false_reports=twist_false_reports)(frame),
         **edges_of(loads, depth=depth, reads=reads),
         **localize_of(loads),
     }

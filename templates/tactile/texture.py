@@ -1,4 +1,4 @@
-"""Friction and roughness of what slides over the taxels, frame by frame (dissertation 6.5)."""
+"""Friction and roughness of a surface sliding over taxels, frame by frame (dissertation 6.5)."""
 
 from collections.abc import Mapping
 
@@ -25,7 +25,7 @@ def texture(
     window: int = WINDOW,
     ratio: float = 1.0,
 ) -> Mapping[str, Field]:
-    """Friction and roughness of what rubs each taxel, over the last frames.
+    """Friction and roughness of the surface on each taxel, over the last frames.
 
     Every taxel keeps its last frames in local memories; (6.3) and (6.4) are summed over them, mean
     first, so that a small scatter is not the difference of large sums.

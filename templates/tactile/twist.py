@@ -1,7 +1,7 @@
-"""Twist of what touches the skin or is held, from the curl of its shear.
+"""Twist of an object on the skin or in the hand, from the curl of its shear.
 
 The curl over the normal load must exceed the ratio of shear to normal load, else the contact is
-pulled. What the curl was when the load last changed is taken off: a press alone can show some.
+pulled. The curl at the load's last change is taken off: a press alone can show some.
 """
 
 from collections.abc import Mapping
@@ -10,6 +10,7 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply
+from cnnum.templates.tactile.shared.false_reports import TWIST, level_of
 from cnnum.templates.tactile.shared.recent_loads import RecentLoads, most
 from cnnum.templating.library import get_template
 
@@ -26,7 +27,7 @@ def twist(
     look: float = 0.08,
     floor: float = 240.0,
     still: float = 0.25,
-    turn: float = 0.1,
+    false_reports: float = 0.3,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
     """Twist of an object that is touched or held.
@@ -36,7 +37,7 @@ def twist(
     frame : FrameFields
         Strain, stress, signals or raw counts, several `pads` next to one another in the columns.
     push, shear_gain : float
-        −1 for strain and stress, which count tension as positive; +1 for what rises under a push.
+        −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
         Reading of the normal channel over that of a shear channel, under the same force.
     rate, rest : float, Hz, s
         Frames a second; time at the start without motion, which gives rest and noise.
@@ -46,8 +47,8 @@ def twist(
         Least load of a pad, in noise of its sum.
     still : float, 1/s
         Change of the load, as a share of it, above which a curl is the load's.
-    turn, hold_time : float, none, s
-        Strength from which a twist is reported, until it is below half of that for that time.
+    false_reports, hold_time : float, 1/10 min, s
+        Accepted rate, which sets the level of a report; it ends once below half of that for a time.
 
     Returns
     -------
@@ -67,7 +68,8 @@ def twist(
     row, column = ((weight * place).sum() / weight.sum() for place in (frame.row, frame.column))
     # decision
     strength, turned = most([(abs(each), each) for each in turns])
-    flag = recent.latch(where(strength > recent.ratio, strength, 0.0), turn, hold_time)
+    level = level_of(false_reports, TWIST)
+    flag = recent.latch(where(strength > recent.ratio, strength, 0.0), level, hold_time)
     return {
         "twist": flag,
         "twist_sense": where(flag, where(turned > 0.0, 1.0, -1.0), 0.0),
@@ -76,7 +78,7 @@ def twist(
 
 
 def _since(recent: RecentLoads, value: Field, changes: Field) -> Field:
-    """Return a number less what it was when the load last changed."""
+    """Return a number less its value at the load's last change."""
     memory = recent.frame.memory("curl at last change", scalar=True)
     then = where(recent.resting | changes, value, memory.value)
     memory.store(then)

@@ -36,7 +36,7 @@ def test_a_share_in_turns_is_not_moved_by_what_slows_a_turn(clock):
         return 100.0 / clock.slower
 
     found = timing.difference(
-        clock.call(1.0), clock.call(3.0), work=120.0, beside=peak, budget=100.0, runs=4
+        clock.call(1.0), clock.call(3.0), work=120.0, against=peak, budget=100.0, runs=4
     )
     assert asked == 12
     assert found.share == pytest.approx(0.6)

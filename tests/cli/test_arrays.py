@@ -38,6 +38,37 @@ def test_figures_find_dead_and_stuck_cells_and_the_noise():
         assert spread == pytest.approx(2.0, abs=0.2)
 
 
+def test_figures_find_noisy_cells_drift_and_the_way_of_an_axis():
+    rng = np.random.default_rng(2)
+    values = rng.normal(0.0, 1.0, (600, 3, 4, 3))
+    values[:, 0, 1, 1] *= 20.0
+    values[..., 2] += 0.1 * np.arange(600)[:, None, None] / 100.0  # 0.1 a second is 6 a minute
+    values[300:400, 2, 2, 0] -= 500.0
+    figures = ProbeFigures()
+    for n, one in enumerate(values):
+        figures.add(frame(n, one))
+    assert (0, 1, "shear_y") in figures.noisy
+    assert set(figures.noisy) <= {(0, 1, "shear_y"), (2, 2, "shear_x")}
+    # a slope over 6 s of noise 1: σ·√12/(T·√n)·60 = 1.4 a cell, less in the median of a dozen
+    assert figures.drift["normal"] == pytest.approx(6.0, abs=1.5)
+    by, row, col = figures.moved["shear_x"]
+    assert (row, col) == (2, 2)
+    assert by == pytest.approx(-500.0, abs=10.0)
+
+
+def test_probe_draws_what_it_found(call, records, tmp_path):
+    picture = tmp_path / "cells.png"
+    result = call("probe", "simulated", "--frames", 60, "--set", "shape=[3, 5]", "--json",
+                  "--picture", picture)  # fmt: skip
+    assert result.exit_code == 0, result.stderr
+    (record,) = records(result.stdout)
+    assert set(record["drift_per_min"]) == set(record["moved"]) == set(record["channels"])
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    refused = call("probe", "simulated", "--frames", 60, "--picture", tmp_path / "no" / "a.png")
+    assert refused.exit_code == 2
+    assert "cannot be written" in refused.stderr
+
+
 def test_figures_leave_out_repeats_bad_scans_and_few_of_them():
     figures, scans = ProbeFigures(), noisy(ENOUGH - 1)
     for scan in scans:

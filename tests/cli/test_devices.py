@@ -56,3 +56,26 @@ def test_a_device_that_runs_nothing(monkeypatch):
     device = choose_device(None)
     with pytest.raises(DeviceError, match="failed at 'first'"):
         measure(device)
+
+
+def test_a_device_gives_known_answers(call, records, opencl):
+    result = call("devices", "--self-test", "--device", opencl.device, "--json")
+    assert result.exit_code == 0, result.stdout
+    tested = [record for record in records(result.stdout) if "tests" in record]
+    assert {record["precision"] for record in tested} >= {"float32"}
+    assert all(record["passed"] and record["tests"] >= 10 for record in tested)
+
+
+def test_a_device_that_computes_wrong_numbers_is_caught(call, opencl, monkeypatch):
+    """A compiler that drops a product: kernels are built of another text."""
+    from cnnum.engines.opencl import executable
+
+    build = executable.build_program
+
+    def miscompiled(context, source, options=()):
+        return build(context, source.replace(" * ", " + ", 1), options)
+
+    monkeypatch.setattr(executable, "build_program", miscompiled)
+    result = call("devices", "--self-test")
+    assert result.exit_code == 1
+    assert "off by" in result.stdout

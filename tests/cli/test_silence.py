@@ -2,6 +2,7 @@
 
 import os
 import pty
+import resource
 import select
 import signal
 import subprocess
@@ -43,6 +44,27 @@ def test_compiling_is_said_at_once():
     text, seconds = on_a_terminal(["run", "demo", "--engine", "numba"], "compiling…")
     assert "compiling…" in text
     assert seconds < 3.0
+
+
+def test_a_second_start_prints_its_first_event_soon(tmp_path):
+    """Within 1.5 s on a machine at rest, most of it processor time; twice that here.
+
+    What was heavy was the import of these parts of SciPy, for a scene that calls none of them.
+    """
+    command = [sys.executable, "-X", "importtime", "-m", "cnnum", "run", "demo", "--frames", "99"]
+    place = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPYCACHEPREFIX": str(tmp_path)}
+    place.pop("PYTHONDONTWRITEBYTECODE", None)
+    subprocess.run(command, capture_output=True, check=True, timeout=WAIT, env=place)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    again = subprocess.run(
+        command, capture_output=True, check=True, timeout=WAIT, env=place, text=True
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert "contact" in again.stdout.splitlines()[0]
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 3.0
+    loaded = {line.split("|")[-1].strip() for line in again.stderr.splitlines()}
+    assert "cnnum.scenes.pipeline" in loaded
+    assert not loaded & {"scipy.signal", "scipy.stats", "scipy.ndimage", "matplotlib", "numba"}
 
 
 def test_the_list_of_templates_fits_eighty_columns_and_says_what_they_do():

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cnnum.drivers.codecs.open_protocol import scan_of
 from cnnum.drivers.sequence import FrameClock
 from cnnum.drivers.serial_packet import HEADER, MARKER, Geometry, Packet, encode
 from cnnum.drivers.serial_stream import StreamDecoder
@@ -134,7 +135,7 @@ def test_handed_on_and_dropped_add_up_over_the_wrap(first: int, kept: list[bool]
     numbered = [
         Packet(p.geometry, p.values, (first + p.sequence) % 2**32, p.time_us, 5000) for p in sent
     ]
-    frames = [clock.frame(p) for p in numbered]
+    frames = [clock.frame(scan_of(p)) for p in numbered]
     assert len(frames) + clock.dropped == len(kept)
     assert (clock.repeated, clock.gaps) == (0, 0)
     assert [f.sequence - frames[0].sequence for f in frames] == [p.sequence for p in sent]
@@ -144,7 +145,9 @@ def test_handed_on_and_dropped_add_up_over_the_wrap(first: int, kept: list[bool]
 def test_repeats_and_restarts_are_told_apart() -> None:
     clock = FrameClock()
     sequence = [10, 11, 11, 14, 2, 3]
-    frames = [clock.frame(Packet(SHAPE, packet(0).values, n, 5000 * n, 5000)) for n in sequence]
+    frames = [
+        clock.frame(scan_of(Packet(SHAPE, packet(0).values, n, 5000 * n, 5000))) for n in sequence
+    ]
     assert [int(f.quality) for f in frames] == [0, 0, 2, 1, 1, 0]
     assert [f.sequence for f in frames] == [10, 11, 11, 14, 15, 16]
     assert (clock.dropped, clock.repeated, clock.gaps) == (2, 1, 1)

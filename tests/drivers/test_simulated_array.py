@@ -324,3 +324,21 @@ def test_a_press_comes_down_at_a_constant_speed() -> None:
     depth = np.array([t["contact_radius"] ** 2 / 25e-3 for t in truths])
     np.testing.assert_allclose(depth, depth[-1] * np.arange(1, 101) / 100, rtol=1e-9)
     assert all(a < b for a, b in pairwise(depth))
+
+
+def test_turns_are_counted_from_each_touch() -> None:
+    again = (*SPIN, Phase("release", 0.05), *PRESS)
+    truths = [truth for _, truth in clean(script=again).scans()]
+    assert min(t["twist"] for t in truths) < -0.25
+    assert truths[-1]["twist"] == 0.0
+
+
+def test_a_contact_whose_rim_leaves_the_array_is_refused() -> None:
+    """Its centre is still inside."""
+    array = clean(start=(0.0, 0.0))
+    edge = float(array.surface.x_edges[-1])
+    radius = end(array).contact_radius
+    inside = clean(start=(edge - 1.01 * radius, 0.0))
+    assert len(list(inside.frames())) == inside.total_frames
+    with pytest.raises(PhysicsError, match="left the array"):
+        list(clean(start=(edge - 0.5 * radius, 0.0)).frames())

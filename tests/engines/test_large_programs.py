@@ -8,7 +8,7 @@ import cnnum
 from cnnum.engines.opencl import executable
 from cnnum.engines.opencl.large_arrays import strip_steps
 from cnnum.engines.opencl.lowering import kernel_source
-from cnnum.engines.opencl.transients import feedforward, state_equation, strategies
+from cnnum.engines.opencl.transients import feedforward, strategies
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.function_tables import Table
 
@@ -33,10 +33,7 @@ def layers():
     )  # fmt: skip
 
 
-RULES = [
-    (strip_steps, "lanes_fit"), (feedforward, "lanes_fit"), (feedforward, "sums_by_rows"),
-    (state_equation, "sums_by_rows"),
-]  # fmt: skip
+RULES = [(strip_steps, "lanes_fit"), (feedforward, "lanes_fit")]
 """What asks whether neighbours are to be read by vectors."""
 
 CASES = {

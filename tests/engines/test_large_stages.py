@@ -9,7 +9,7 @@ from cnnum.engines.opencl.large_arrays.strip_stages import stages_of
 from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
-from cnnum.integrators.schemes import ExponentialSteps, FixedSteps
+from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.tableau import TABLEAUX
 from cnnum.templating.template import Template
 
@@ -127,12 +127,13 @@ def test_stages_of_a_linear_cell_are_the_methods_growth(method):
     """
     tau, drive, x = 0.7, 0.4, 2.0
     if method in EXPONENTIAL_METHODS:
-        scheme = ExponentialSteps(EXPONENTIAL_METHODS[method], STEP, 1, settle=False)
+        tableau = EXPONENTIAL_METHODS[method].fixed(STEP, tau)
         growth = np.exp(-STEP / tau)
     else:
-        scheme = FixedSteps(TABLEAUX[method], STEP, 1, settle=False, last=STEP)
+        tableau = TABLEAUX[method]
         growth = TABLEAUX[method].growth(np.array([-STEP / tau + 0j]))[0].real
-    stages = stages_of(scheme, tau)
+    scheme = FixedSteps((tableau,), STEP, 1, settle=False, last=STEP)
+    stages = stages_of(scheme, 0, tau)
     places = [x] + [np.nan] * (stages.arrays - 1)
     for stage in stages.stages:
         d = stages.scale * (drive - places[stage.state])
@@ -146,12 +147,12 @@ def test_arrays_are_as_few_as_the_method_needs():
     """Heun: a stage's state and the sum; RK4: the state before too; Euler's states stay."""
     needed = {"euler": 1, "heun": 2, "rk4": 3, "bogacki-shampine": 3, "dormand-prince": 6}
     for name, arrays in needed.items():
-        scheme = FixedSteps(TABLEAUX[name], STEP, 1, settle=False, last=STEP)
-        assert stages_of(scheme, 1.0).arrays == arrays
+        scheme = FixedSteps((TABLEAUX[name],), STEP, 1, settle=False, last=STEP)
+        assert stages_of(scheme, 0, 1.0).arrays == arrays
 
 
 def test_stages_that_nothing_needs_are_left_out():
     """The last stage of a pair is the first of its next step: alone it changes nothing."""
     for name, count in {"heun": 2, "rk4": 4, "bogacki-shampine": 3, "dormand-prince": 6}.items():
-        scheme = FixedSteps(TABLEAUX[name], STEP, 1, settle=False, last=STEP)
-        assert len(stages_of(scheme, 1.0).stages) == count
+        scheme = FixedSteps((TABLEAUX[name],), STEP, 1, settle=False, last=STEP)
+        assert len(stages_of(scheme, 0, 1.0).stages) == count

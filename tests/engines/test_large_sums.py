@@ -5,7 +5,6 @@ import pytest
 
 from cnnum import program, transient
 from cnnum.engine import Engine
-from cnnum.engines.opencl.large_arrays import neighbourhood_sums
 from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
 from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
@@ -15,16 +14,16 @@ from cnnum.templating.template import Template
 RAMP = Table("linear", ((-1.0, -0.3), (0.4, 0.1), (1.1, 0.5)))
 
 CASES = {
-    # inputs, layers, radius, boundary of inputs, rows and columns, where rows are kept
-    "one input": (1, 1, 1, 0.3, (60, 47), "stack"),
-    "few columns": (1, 1, 1, "zero-flux", (90, 5), "whole"),
-    "two rows around": (2, 1, 2, "periodic", (37, 64), "stack"),
-    "more around than a vector": (1, 1, 9, "zero-flux", (70, 33), "scratch"),
-    "fewer columns than around": (1, 1, 3, "periodic", (150, 2), "stack"),
-    "one row": (1, 1, 2, "zero-flux", (1, 300), "whole"),
-    "layers": (2, 3, 1, 0.0, (33, 50), "stack"),
-    "layers of a whole plan": (2, 3, 1, "zero-flux", (33, 50), "whole"),
-    "wide rows": (2, 2, 1, "periodic", (33, 50), "scratch"),
+    # inputs, layers, radius, boundary of inputs, rows and columns, whether all cores share a sweep
+    "one input": (1, 1, 1, 0.3, (60, 47), True),
+    "few columns": (1, 1, 1, "zero-flux", (90, 5), False),
+    "two rows around": (2, 1, 2, "periodic", (37, 64), True),
+    "more around than a vector": (1, 1, 9, "zero-flux", (70, 33), True),
+    "fewer columns than around": (1, 1, 3, "periodic", (150, 2), True),
+    "one row": (1, 1, 2, "zero-flux", (1, 300), False),
+    "layers": (2, 3, 1, 0.0, (33, 50), True),
+    "layers of a plan in one kernel": (2, 3, 1, "zero-flux", (33, 50), False),
+    "wide rows": (2, 2, 1, "periodic", (33, 50), True),
 }
 
 
@@ -48,13 +47,11 @@ def program_of(template, spec):
 def test_drives_of_large_arrays_are_sums(name, monkeypatch):
     """Inputs, nonlinear ones, what was before a delay, and a bias, all of them into every layer.
 
-    Parts of a plan keep rows on the stack, or in scratch if they are long; a whole plan in scratch.
+    A plan is several kernels where all cores share a sweep, else one.
     """
-    inputs, layers, radius, edge, shape, kept = CASES[name]
-    if kept != "whole":
+    inputs, layers, radius, edge, shape, split = CASES[name]
+    if split:
         monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
-    if kept == "scratch":
-        monkeypatch.setattr(neighbourhood_sums, "STACK_BYTES", 0)
     rng = np.random.default_rng(list(CASES).index(name))
     k = 2 * radius + 1
     late = rng.normal(size=(layers, inputs, 3, 3))
@@ -74,22 +71,19 @@ def test_drives_of_large_arrays_are_sums(name, monkeypatch):
         plan(frames),
         Engine("reference").compile(states, shape, channels=channels)(frames),
     )
-    assert ("scalar near[" in plan.source) == (kept == "stack")
-    assert ("rows_near" in plan.source) == (kept != "stack")
+    assert ("void part_0" in plan.source) == split
     for layer in range(layers):
         expected = wanted[f"x{layer}"]
         # sums of at most 400 products of order 1
         assert np.abs(got[f"x{layer}"] - expected).max() <= 1e-13 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("kept", ["stack", "scratch", "whole"])
+@pytest.mark.parametrize("split", [True, False])
 @pytest.mark.parametrize("method", ["euler", "auto"])
-def test_rest_of_large_arrays_is_seen(method, kept, monkeypatch):
+def test_rest_of_large_arrays_is_seen(method, split, monkeypatch):
     """Cells that their neighbours hold rest after 40 time constants, and do not after 2."""
-    if kept != "whole":
+    if split:
         monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
-    if kept == "scratch":
-        monkeypatch.setattr(neighbourhood_sums, "STACK_BYTES", 0)
     feedback = [[0.0, 0.1, 0.0], [0.1, 0.3, 0.1], [0.0, 0.1, 0.0]]
     template = Template("resting", feedback, [[1.0]], 0.1, boundary="periodic", output="tanh")
     u = np.random.default_rng(1).uniform(-1, 1, (40, 33))

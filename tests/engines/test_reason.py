@@ -27,7 +27,7 @@ CASES = {
         Template("g", GROWING, initial="input", duration=2.0),
         {},
         "dormand-prince",
-        "evaluations of the rates, beside",
+        "evaluations of the rates, against",
     ),
     "asked": (
         Template("a", GROWING, initial="input", duration=2.0),

@@ -78,6 +78,46 @@ def test_thinning_is_that_of_its_elements(fast, family):
     np.testing.assert_array_equal(run(fast, thinning.bind(family=family), cells), wanted)
 
 
+def peeled(cells):
+    """MatCNN's eight steps by the rule of their words, the picture turned for each: until still.
+
+    A corner goes if the three neighbours around it are white and the two opposite sides black; a
+    side goes if its three neighbours are white, the one ahead is black, and so is one next to that.
+    """
+    while True:
+        before = cells
+        for step in range(8):
+            picture = np.pad(np.rot90(cells, step // 2), 1)
+            middle = slice(1, -1)
+            up, down, left, right = slice(0, -2), slice(2, None), slice(0, -2), slice(2, None)
+            nw, n, ne = (picture[up, c] for c in (left, middle, right))
+            sw, s, se = (picture[down, c] for c in (left, middle, right))
+            w, e = picture[middle, left], picture[middle, right]
+            corner = ~(nw | n | w) & e & s
+            side = ~(nw | n | ne) & s & (sw | se)
+            cells = np.rot90(
+                np.rot90(cells, step // 2) & ~(side if step % 2 else corner), -(step // 2)
+            )
+        if (cells == before).all():
+            return cells
+
+
+def test_matcnns_skeleton_is_that_of_corners_and_sides(fast):
+    cells = pictures(6)
+    wanted = np.stack([peeled(picture) for picture in cells])
+    np.testing.assert_array_equal(run(fast, thinning.bind(family="SKELE"), cells), wanted)
+
+
+def test_matcnns_skeleton_keeps_objects_and_holes(fast):
+    cells = pictures(7)
+    thinned = run(fast, thinning.bind(family="SKELE"), cells)
+    assert thinned.sum() < cells.sum()
+    for before, after in zip(cells, thinned, strict=True):
+        for black, around in ((True, np.ones((3, 3))), (False, None)):
+            count = [ndimage.label(np.pad(p, 1) == black, around)[1] for p in (before, after)]
+            assert count[0] == count[1]
+
+
 def test_an_unknown_family_is_named():
     with pytest.raises(UnknownNameError, match="family of templates 'SKELETON'"):
         Engine("reference").compile(thinning.bind(family="SKELETON"), SHAPE, channels=("picture",))

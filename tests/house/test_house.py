@@ -18,6 +18,7 @@ HEAVY = {
     "mcap": {"cnnum/recordings"},
     "zstandard": {"cnnum/recordings"},
     "lz4": {"cnnum/recordings"},
+    "websockets": {"drivers/transports", "cnnum/live"},
     "matplotlib": {"cnnum/report", "cnnum/lab"},
     "PIL": {"cnnum/pictures.py", "cnnum/report"},
     "numba": {"cnnum/engines/numba", "cnnum/lab/bench/peers"},

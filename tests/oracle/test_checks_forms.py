@@ -14,7 +14,10 @@ from cnnum.templating.boundary import PERIODIC, ZERO_FLUX, Boundary, halo_source
 from cnnum.templating.checks.analytic.cell import state_after, switching_time
 from cnnum.templating.checks.analytic.modes import modes
 from cnnum.templating.checks.digital.propagation import packed_runs
+from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import binary, gray
+from cnnum.templating.checks.registry import form_of
+from cnnum.templating.library import get_template
 
 BOUNDARIES = [ZERO_FLUX, PERIODIC, parse_boundary(0.0)]
 
@@ -134,3 +137,13 @@ def test_pictures_are_black_and_white_of_every_density_and_touch_the_frame() -> 
 def test_gray_pictures_reach_their_amplitude_and_no_more() -> None:
     pictures = gray(np.random.default_rng(0), (1, 7), 0.5)
     np.testing.assert_allclose(np.abs(pictures).max(axis=(1, 2)), 0.5)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_gray_inputs_keep_away_from_the_threshold(seed: int) -> None:
+    """A cell on the threshold stays there for ever, and one near it for long."""
+    template = get_template("THRESHOLD")
+    form, level = form_of(template), number(template, "threshold")
+    case = form.cases(template, np.random.default_rng(seed), (24, 24))
+    near = np.abs(case.pictures - level).min()
+    assert 0.05 - 1e-12 <= near < 0.06

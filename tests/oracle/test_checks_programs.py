@@ -20,11 +20,11 @@ WRONG = {
     "all-bits": {"push": 1.0},
     "friction-and-roughness": {"ratio": 0.5},
     "slip-strength": {"look": 0.1},
-    "slip-report": {"level": 0.4},
+    "slip-report": {"false_reports": 0.5},
     "slip-pads": {"pads": 1},
     "twist-strength": {"floor": 120.0},
-    "twist-report": {"turn": 0.4},
-    "slip-and-twist": {"level": 0.4},
+    "twist-report": {"floor": 1e5},
+    "slip-and-twist": {"slip_false_reports": 0.5},
 }
 """Parameters that make a program wrong for its form."""
 

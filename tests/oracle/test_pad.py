@@ -79,7 +79,7 @@ def test_any_layout_of_bumps() -> None:
 
 
 def test_what_does_not_fit_is_refused() -> None:
-    with pytest.raises(ArrayError, match="beside"):
+    with pytest.raises(ArrayError, match="outside"):
         Pad.from_centres((4, 4), [[3.5, 0.5]], spacing=1.0)
     with pytest.raises(ArrayError, match="No bump"):
         Pad.regular((1, 9))

@@ -147,3 +147,12 @@ def test_offsets_and_heat_add_up() -> None:
 def test_what_cannot_be_is_refused(build: object, error: type[Exception]) -> None:
     with pytest.raises(error):
         build()  # type: ignore[operator]
+
+
+def test_a_shear_across_changes_bridges_as_in_3_8() -> None:
+    """+F_y α_ts on the left, −F_y α_ts on the right, −F_x α_ts on top, +F_x α_ts at the bottom."""
+    bridge = Bridge(transversal=1e9)
+    half = 0.5 * bridge.piezoresistor.pi_44
+    s, t = bridge.shear, bridge.transversal
+    np.testing.assert_allclose(bridge.resistance_change([1, 0, 0]), half * np.array([-s, s, -t, t]))
+    np.testing.assert_allclose(bridge.resistance_change([0, 1, 0]), half * np.array([t, -t, s, -s]))

@@ -80,13 +80,14 @@ def templates(draw: Any) -> Template:
     per_layer = arrays(np.float64, layers, elements=NUMBERS)
     layer = st.integers(0, layers - 1)
     output = draw(st.sampled_from(sorted(OUTPUT_FUNCTIONS)))
+    times = arrays(np.float64, layers, elements=st.floats(1e-9, 1e9))
     starts = st.floats(-1.0, 1.0) if OUTPUT_FUNCTIONS[output].limited else NUMBERS
     return Template(
         draw(NAMES),
         A=draw(arrays(np.float64, (layers, layers, k, k), elements=NUMBERS)),
         B=draw(arrays(np.float64, (layers, inputs, m, m), elements=NUMBERS)) if inputs else None,
         z=draw(per_layer),
-        tau=draw(arrays(np.float64, layers, elements=st.floats(1e-9, 1e9))),
+        tau=1.0 if OUTPUT_FUNCTIONS[output].discrete else draw(times),
         boundary=draw(BOUNDARIES),
         input_boundary=draw(st.one_of(st.none(), BOUNDARIES)),
         initial=draw(st.one_of(starts, st.just("input")) if inputs in (0, layers) else starts),

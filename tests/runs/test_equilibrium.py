@@ -101,3 +101,12 @@ def test_a_saddle_is_left_by_a_run_that_is_kept_ready(engine):
     for _ in range(3):
         found = engine.run(SADDLE, state=np.zeros((8, 8)), duration="settle")
         np.testing.assert_allclose(found.state, 2.4, atol=3e-4)
+
+
+def test_an_equilibrium_beyond_a_corner_is_none():
+    """x' = −x/2 + 0.9 within the linear range would rest at 1.8, where the output is 1: 1.4."""
+    template = Template("beyond", [[0.5]], z=0.9)
+    state = np.full((1, 1, 1, 1), 0.5)
+    found = verdict(template, {}, state, rtol=1e-4, atol=1e-5, precision="float64")
+    assert not found.rests.any()
+    assert found.state.item() == 0.5

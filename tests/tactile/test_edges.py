@@ -21,7 +21,7 @@ from cnnum.lab.bench.programs.edge_errors import (
 )
 from cnnum.lab.bench.programs.edge_scenes import SHARP, SMOOTH
 from cnnum.lab.bench.programs.flat_punches import Polygon, punch_pressure, read_below, triangle
-from cnnum.lab.bench.programs.surround import GAPS, beside, hat
+from cnnum.lab.bench.programs.surround import GAPS, hat, lowering
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.templates.tactile.edges import edges
 
@@ -196,9 +196,9 @@ def test_edge_load_is_the_pressure(fast, run):
 
 def test_surround_of_bars_and_points():
     """Figures of docs/programs/edges.md, the hat by its own formula."""
-    shares = [beside(gap, "strain") for gap in GAPS]
+    shares = [lowering(gap, "strain") for gap in GAPS]
     assert [round(100 * share, 1) for share in shares] == [7.1, 4.5, 3.0, 1.5]
-    assert all(-0.004 < beside(gap, "stress") < 0.0 for gap in GAPS)
+    assert all(-0.004 < lowering(gap, "stress") < 0.0 for gap in GAPS)
     # Boussinesq at ν = 0.5, z = 1: σ_zz less the mean stress goes as 3/R⁵ − 1/R³
     away = np.linspace(0.0, 10.0, 200001)
     far = np.hypot(away, 1.0)

@@ -38,12 +38,13 @@ def four():
     return streams(np.random.default_rng(5), (6, 6))
 
 
-def both(**settings):
-    """Slip and twist in one program, which share what they start from."""
+def both(rates=None, **settings):
+    """Slip and twist in one program, which share what they start from; rates of false reports."""
 
     def fitting(part):
         known = inspect.signature(part.function).parameters
-        return part.bind(**{name: value for name, value in settings.items() if name in known})
+        bound = part.bind(**{name: value for name, value in settings.items() if name in known})
+        return bound.bind(false_reports=rates[part.name]) if rates else bound
 
     def slip_and_twist(frame):
         return {**fitting(slip)(frame), **fitting(twist)(frame)}
@@ -74,9 +75,10 @@ def test_every_frame_is_what_numpy_says(engine, run, four, which):
 
 @pytest.mark.parametrize("axes", [True, False])
 def test_two_pads_are_what_numpy_says(fast, run, four, axes):
-    frames = np.concatenate([four[:, SLIDES], four[:, TURNS]], axis=-2)
-    settings = replace(SETTINGS, pads=2, axes=axes, level=0.05, turn=0.05)
-    got = run(fast, both(**asdict(settings)), frames)
+    frames = np.concatenate([four[:, SLIDES], 0.7 * four[:, SLIDES, ::-1]], axis=-2)
+    settings = replace(SETTINGS, pads=2, axes=axes, level=0.2, turn=0.02)
+    rates = {"slip": 13.0, "twist": 4.0}
+    got = run(fast, both(rates, **asdict(settings)), frames)
     expected = played(frames, settings)
     agree(got, expected, ("gross_slip", "slip_strength", "twist", "twist_strength"))
     agree(got, expected, ("slip_x", "slip_y"), slice(PULL + 5, None))
@@ -207,3 +209,10 @@ def start(frame):
 def test_programs_inside_another_share_what_they_start_from():
     alone = sum(len(part.trace((4, 4)).memories) for part in (slip, twist))
     assert len(both().trace((4, 4)).memories) == alone - len(start.trace((4, 4)).memories)
+
+
+def test_a_curl_below_the_shear_is_no_twist(fast, run, four):
+    """However low the threshold: a slide has some curl, far below its shear."""
+    got = run(fast, both(**BOUND, turn=1e-4), four)
+    assert got["twist_strength"][PULL:, SLIDES].max() > 2e-4
+    assert not got["twist"][:, SLIDES].any()

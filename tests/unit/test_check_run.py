@@ -144,3 +144,10 @@ def test_pattern_is_read_row_by_row_from_the_north() -> None:
     check = Check("hit-or-miss", (("pattern", "#o./.../..#"),))
     cells = pattern(Template("t", A=[[0.0]], check=check), "pattern")
     assert cells.tolist() == [["#", "o", "."], [".", ".", "."], [".", ".", "#"]]
+
+
+def test_an_answer_just_beyond_the_tolerance_fails() -> None:
+    tolerance = run_check(COPY, Shifter(), repeats=0).tolerance
+    for factor, passed in ((0.9, True), (1.1, False)):
+        spoilt = Shifter(lambda answer, off=factor * tolerance: answer + off)
+        assert run_check(COPY, spoilt, repeats=0).passed is passed

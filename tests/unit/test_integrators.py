@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from scipy.integrate import RK23, RK45
 from scipy.linalg import expm
 
 from cnnum.errors import MethodError, UnknownNameError
@@ -274,3 +275,16 @@ def test_exponential_steps_tell_their_error(method, decay):
         wanted = abs(np.exp(z) - growth)
         assert told == pytest.approx(wanted, rel=0.02 if decay == 0.01 else 2.0)
         assert told >= wanted / 3.0
+
+
+@pytest.mark.parametrize(
+    ("ours", "theirs"), [(BOGACKI_SHAMPINE, RK23), (DORMAND_PRINCE, RK45)], ids=["bs", "dp"]
+)
+def test_pairs_have_the_published_coefficients(ours, theirs):
+    """SciPy typed them in on its own; its error is b̂ − b."""
+    stages = [[float(a) for a in row] for row in ours.a[:-1]]
+    for row, published in zip(stages, theirs.A, strict=True):
+        np.testing.assert_allclose(row, published[: len(row)], rtol=1e-15)
+    np.testing.assert_allclose([float(b) for b in ours.b[:-1]], theirs.B, rtol=1e-15)
+    signs = 1.0 if float(ours.error[0]) * theirs.E[0] > 0 else -1.0
+    np.testing.assert_allclose([signs * float(e) for e in ours.error], theirs.E, rtol=1e-15)

@@ -24,7 +24,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 def command() -> None:
     """Measure speed and error, and write picture, data and page of it.
 
-    Every benchmark says what it left out, and why.
+    Every benchmark names the cases that it leaves out, and why.
     """
 
 
@@ -61,7 +61,7 @@ def _report(
 ) -> int:
     """Print rows as they come, and write the report of those that came.
 
-    A string is something left out, None a step of which nothing is told, and a list are rows that
+    A string is something left out, None a step without a message, and a list are rows that
     come at once. Ctrl-C and SIGTERM end the benchmark, not the report.
     """
     output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
@@ -85,7 +85,7 @@ def _report(
 
 
 def _asked(name: str) -> str:
-    """Return the command as it was typed, but for what does not change what is measured."""
+    """Return the command as it was typed, but for options that do not change the measurement."""
     words, context = ["cnnum", "bench", name], click.get_current_context(silent=True)
     for option in [] if context is None else context.command.params:
         value = cast(click.Context, context).params.get(str(option.name))
@@ -189,7 +189,7 @@ def throughput(device: str | None, quick: bool, out: Path | None, as_json: bool)
 @click.option("--frames", default=20_000, type=click.IntRange(min=200), help="Frames a program.")
 @_options
 def latency(frames: int, device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
-    """One frame from host memory to host events, beside an empty launch with its copies."""
+    """One frame from host memory to host events, and an empty launch with its copies."""
     from cnnum.lab.bench.latency import OMISSIONS, measure_latency
 
     engine = _engine(device)
@@ -201,7 +201,7 @@ def latency(frames: int, device: str | None, quick: bool, out: Path | None, as_j
 @click.option("--rounds", default=8, type=click.IntRange(min=1), help="Times the frames are run.")
 @_options
 def scenes(rounds: int, device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
-    """What a frame costs a scene that wants one thing, beside the scene that wants everything."""
+    """Cost of a frame for a scene that wants one event, and for one that wants all."""
     from cnnum.lab.bench.scene_costs import OMISSIONS, SCENES, measure_scenes
 
     engine = _engine(device)
@@ -225,7 +225,7 @@ def compile_time(device: str | None, quick: bool, out: Path | None, as_json: boo
 @command.command("denormals")
 @_options
 def denormals(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
-    """What runs cost whose states and inputs decay below the smallest normal number."""
+    """Cost of runs whose states and inputs decay below the smallest normal number."""
     from cnnum.lab.bench.denormals import COUNT, measure_denormals
 
     engine = _engine(device)
@@ -236,7 +236,7 @@ def denormals(device: str | None, quick: bool, out: Path | None, as_json: bool) 
 @command.command("fusing")
 @_options
 def fusing(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
-    """Tactile programs with their linear operations fused, beside the same with nothing fused."""
+    """Tactile programs with their linear operations fused, and the same with nothing fused."""
     from cnnum.lab.bench.fusing import measure_fusing
 
     engine = _engine(device)

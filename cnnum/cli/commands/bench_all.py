@@ -1,4 +1,4 @@
-"""`cnnum bench all`: one benchmark after the other; what one lacks keeps none from running."""
+"""`cnnum bench all`: the benchmarks in turn; one that lacks a library does not stop the others."""
 
 from collections.abc import Mapping, Sequence
 
@@ -19,7 +19,7 @@ def run_all(
     options: Mapping[str, object],
     output: Output,
 ) -> int:
-    """Run benchmarks with the same options, tell which did not come to their end, return a code.
+    """Run benchmarks with the same options, name those that did not end, return a code.
 
     Parameters
     ----------

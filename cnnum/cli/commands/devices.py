@@ -1,4 +1,4 @@
-"""`cnnum devices`: OpenCL devices, what they reach, and which one is used."""
+"""`cnnum devices`: OpenCL devices, their speed, and which one is used."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,8 +19,18 @@ if TYPE_CHECKING:
 @click.command("devices")
 @click.option("--device", help="Part of the device's name: as for Engine(device=…).")
 @click.option("--measure/--no-measure", default=True, help="Time kernels (seconds a device).")
+@click.option("--self-test", "testing", is_flag=True, help="Hold devices to known answers.")
+@click.option("--arrays", is_flag=True, help="Show serial ports, and guess what is there.")
+@click.option("--port", "ports", multiple=True, help="A port more to listen at, with --arrays.")
 @json_option
-def command(device: str | None, measure: bool, as_json: bool) -> None:
+def command(
+    device: str | None,
+    measure: bool,
+    testing: bool,
+    arrays: bool,
+    ports: tuple[str, ...],
+    as_json: bool,
+) -> None:
     """Show OpenCL devices, try and measure each, and say which one would be used.
 
     Each first shows in a process of its own that it works; one that does not is listed as broken,
@@ -29,19 +39,31 @@ def command(device: str | None, measure: bool, as_json: bool) -> None:
     The peak counts a single-precision multiply-add as two operations and is that of the best of
     several kernels; the bandwidth counts bytes read and written by a copy. Both are the best of
     several runs just now: a busy machine shows less.
+
+    With --self-test nothing is measured: each device runs templates whose results are known, in
+    each of its precisions, and a wrong one ends it with exit code 1.
+
+    With --arrays it lists serial ports instead, listens for a moment at each, and names the
+    protocol that fits what it hears. Nothing is written to a port.
     """
+    if arrays:
+        _arrays(ports, as_json=as_json)
+        return
     from cnnum.engines.backend import open_backend
     from cnnum.errors import NoOpenCLError
 
     output = Output(as_json)
     try:
-        found = _tried(device, measure=measure, as_json=as_json)
+        found = _tried(device, measure=measure and not testing, as_json=as_json)
     except (NoOpenCLError, ImportError):  # without PyOpenCL there is no list of devices either
         found = []
     used = next((one for one in found if one.why), None)
+    wrong = False
     for one in found:
         output.record(_record(one))
         output.show(facts(_facts(one)), "")
+        if testing:
+            wrong |= not _passes(one, output)
     if used is None:
         # it says why, or raises where a device was asked for by its name
         host = open_backend(None, device, None)
@@ -51,10 +73,46 @@ def command(device: str | None, measure: bool, as_json: bool) -> None:
             facts([("CPU", host.device), ("used", f"yes, by the {host.name} engine: {why}")])
         )
 
+    if wrong:
+        raise SystemExit(1)
+
+
+def _passes(tried: "_Tried", output: Output) -> bool:
+    """Show how a device does in its self-test; one that does not work at all has failed it."""
+    from cnnum.cli.device_tests import self_test
+
+    if not tried.verdict.works:
+        return False
+    tested = self_test(tried.device)
+    for one in tested:
+        about = {"device": tried.device.name, "precision": one.precision, "tests": one.tests}
+        output.record({**about, "failed": list(one.failed), "passed": not one.failed})
+        said = f"all {one.tests} known answers" if not one.failed else "; ".join(one.failed)
+        output.show(facts([(one.precision, said)]), "")
+    return not any(one.failed for one in tested)
+
+
+def _arrays(ports: tuple[str, ...], *, as_json: bool) -> None:
+    """Show serial ports with a guess, and the protocols that are known."""
+    from cnnum.drivers.codecs.wire import protocol_names
+    from cnnum.drivers.guess import guesses
+    from cnnum.drivers.serial_port import serial_ports
+
+    output = Output(as_json)
+    for found in guesses(ports, serial_ports()):
+        port = found.port
+        said = f"{found.protocol}, {found.baud} baud: {found.said}" if found.baud else found.said
+        record = {"kind": "array", "port": port.path, "about": port.about, "usb": port.usb}
+        output.record(
+            {**record, "protocol": found.protocol, "baud": found.baud, "said": found.said},
+            f"{' '.join(filter(None, (port.path, port.about, port.usb)))}\n    {said}",
+        )
+    output.show(facts([("protocols", ", ".join(protocol_names()))]))
+
 
 @dataclass(frozen=True, slots=True)
 class _Tried:
-    """An OpenCL device and what it showed.
+    """An OpenCL device and its figures.
 
     Attributes
     ----------

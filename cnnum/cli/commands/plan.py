@@ -1,4 +1,4 @@
-"""`cnnum plan`: what a scene would run, what is left out and why."""
+"""`cnnum plan`: the operations of a scene, those left out and why."""
 
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @click.argument("scene")
 @set_option
 @engine_options
-@click.option("--ops", is_flag=True, help="List what runs by function; --json has every line.")
+@click.option("--ops", is_flag=True, help="List the operations by function; --json has every line.")
 @click.option("--source", is_flag=True, help="Print the text of the kernels instead.")
 @json_option
 def command(
@@ -30,7 +30,7 @@ def command(
     source: bool,
     as_json: bool,
 ) -> None:
-    """Show what SCENE would run for a frame, what is left out, and what that saves."""
+    """Show the operations of SCENE for a frame, those left out, and the saving."""
     from cnnum.scenes.pipeline import load_scene
 
     output = Output(as_json)
@@ -123,7 +123,7 @@ def _show(output: Output, scene: str, wants: tuple[str, ...], plan: "Explanation
 
 
 def _most(plan: "Explanation") -> tuple[tuple[str, str], ...]:
-    """Return the line of what loops at their limits take, where there are any."""
+    """Return the line on the cost of loops at their limits, where there are any."""
     if (plan.ops_most, plan.flops_most) == (plan.ops, plan.flops):
         return ()
     most = f"{plan.ops_most} operations, {quantity(plan.flops_most, 'flop')}"

@@ -1,6 +1,7 @@
-"""`cnnum probe`: what an array sends, and what is wrong with it."""
+"""`cnnum probe`: the frames that an array sends, and their faults."""
 
 from contextlib import suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
@@ -27,19 +28,26 @@ SHOWN = 12
 @click.option(
     "--seconds", type=click.FloatRange(min=0, min_open=True), help="Look for so long (5 s)."
 )
-@click.option("--frames", type=click.IntRange(min=1), help="Look at so many frames.")
+@click.option("--frames", type=click.IntRange(min=1), help="Look at this number of frames.")
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path, dir_okay=False),
+    metavar="FILE.png",
+    help="Draw rest, noise and drift of every cell.",
+)
 @json_option
 def command(
     source: str,
     settings: tuple[str, ...],
     seconds: float | None,
     frames: int | None,
+    picture: Path | None,
     as_json: bool,
 ) -> int:
-    """Look at what the array SOURCE (a driver's name, or a scene) sends.
+    """Look at the frames of the array SOURCE (a driver's name, or a scene).
 
-    As in: cnnum probe serial --set port=/dev/ttyACM0. Tells the rate, sync losses, bad and
-    dropped frames, noise, and cells that never change. Ctrl-C ends it with what was seen.
+    As in: cnnum probe serial --set port=/dev/ttyACM0. Shows the rate, sync losses, bad and
+    dropped frames, noise, and cells that never change. Ctrl-C ends it with the figures so far.
     """
     from cnnum.cli.probe_figures import ProbeFigures
 
@@ -55,6 +63,13 @@ def command(
             stopped = False
         output.record(_record(source, driver, figures))
         output.show(facts(_facts(source, driver, figures)))
+        if picture is not None and figures.scans:
+            from cnnum.report.probe_picture import draw
+
+            marks = [cell[:2] for cell in (*figures.dead, *figures.stuck, *figures.noisy)]
+            maps = {"rest": figures.rest, "noise": figures.deviation, "drift a min": figures.slope}
+            draw(picture, maps, figures.channels, driver.unit, marks)
+            click.echo(f"Written: {picture}", err=as_json)
     return 130 if stopped else 0
 
 
@@ -81,6 +96,12 @@ def _record(source: str, driver: "Driver", figures: "ProbeFigures") -> dict[str,
         "spread": figures.spread,
         "dead": figures.dead,
         "stuck": figures.stuck,
+        "noisy": figures.noisy,
+        "drift_per_min": figures.drift,
+        "moved": {
+            name: {"by": by, "where": (row, col)} for name, (by, row, col) in figures.moved.items()
+        },
+        "clock_drift_ppm": _clock_drift(driver),
     }
 
 
@@ -107,16 +128,39 @@ def _facts(source: str, driver: "Driver", figures: "ProbeFigures") -> list[tuple
             if spread
             else "too few frames",
         ),
+        ("drift", _drift(driver, figures)),
+        ("moved", _moved(driver, figures)),
         ("dead cells", _cells(figures, figures.dead)),
         ("stuck cells", _cells(figures, figures.stuck)),
+        ("noisy cells", _cells(figures, figures.noisy)),
     ]
+
+
+def _clock_drift(driver: "Driver") -> float | None:
+    """Return parts in a million that the host's clock gains on the device's, where both are."""
+    clock = getattr(driver, "clock", None)
+    return None if clock is None else round(1e6 * clock.drift, 1)
+
+
+def _drift(driver: "Driver", figures: "ProbeFigures") -> str:
+    parts = [f"{name} {number(value)}" for name, value in figures.drift.items()]
+    said = f"{', '.join(parts)} {driver.unit} a minute (median cell)" if parts else "too few frames"
+    clock = _clock_drift(driver)
+    return said if clock is None else f"{said}; the clocks {clock:g} ppm"
+
+
+def _moved(driver: "Driver", figures: "ProbeFigures") -> str:
+    parts = [
+        f"{name} {number(by)} at ({row}, {col})" for name, (by, row, col) in figures.moved.items()
+    ]
+    return f"{', '.join(parts)} ({driver.unit}, the furthest of any cell)"
 
 
 def _cells(figures: "ProbeFigures", cells: "list[Cell]") -> str:
     from cnnum.cli.probe_figures import ENOUGH
 
     if figures.scans < ENOUGH:
-        return f"not told from {figures.scans} new scans: at least {ENOUGH} are needed"
+        return f"unknown from {figures.scans} new scans: at least {ENOUGH} are needed"
     shown = ", ".join(f"({row}, {col}) {channel}" for row, col, channel in cells[:SHOWN])
     more = f" and {len(cells) - SHOWN} more" if len(cells) > SHOWN else ""
     return f"{len(cells)}: {shown}{more}" if cells else "none"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     "--set", "settings", multiple=True, metavar="KEY=VALUE", help="An option of the driver."
 )
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after so long.")
-@click.option("--frames", type=click.IntRange(min=1), help="Stop after so many frames.")
+@click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
 @click.option("--force", is_flag=True, help="Replace FILE if it is there.")
 @json_option
 def command(
@@ -39,7 +39,7 @@ def command(
 ) -> int:
     """Record the frames of the array SOURCE (a driver's name, or a scene) to FILE.
 
-    FILE ends in .mcap (also for Foxglove), .npz (NumPy) or .csv. Frames are on the
+    FILE ends in .mcap (also for Foxglove), .npz (NumPy), .h5 (HDF5) or .csv. Frames are on the
     disk within a second, whatever happens; `cnnum recover` makes a whole file of one that was cut
     off. It ends by itself, by Ctrl-C, or because the array went away.
     """
@@ -58,7 +58,7 @@ def command(
         finally:
             with undisturbed():
                 outcome = recorder.finish()
-            if outcome.frames:  # also where the array went away: what is kept is said
+            if outcome.frames:  # also where the array went away: the kept frames are counted
                 _report(Output(as_json), outcome, driver)
             if outcome.problem:
                 raise RecordingError(outcome.problem)

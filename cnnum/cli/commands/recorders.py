@@ -1,4 +1,4 @@
-"""What `cnnum record` writes to: a journal at first, then the file that was asked for."""
+"""The file of `cnnum record`: a journal at first, then the wanted format."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,7 +26,7 @@ class Outcome:
     frames, lost : int
         Those that are kept, and those that had come and are not.
     problem : str
-        What went wrong, in a sentence; empty where nothing did.
+        The error in a sentence; empty where there is none.
     """
 
     file: Path
@@ -105,7 +105,7 @@ class Recorder:
         return Outcome(self._target if gone else journal.path, kept, lost, problem)
 
     def _place(self, to_mcap: bool) -> str:
-        """Put the file in its place; return what went wrong."""
+        """Put the file in its place; return the error."""
         path, target = self._journal.path, self._target
         try:
             if to_mcap:

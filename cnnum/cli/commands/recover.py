@@ -1,4 +1,4 @@
-"""`cnnum recover`: a whole recording of what is left of one."""
+"""`cnnum recover`: a whole recording from the remains of one."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ def command(file: Path, out: Path | None, force: bool, as_json: bool) -> int:
     """Make a whole recording OUT of all chunks of FILE that are whole.
 
     FILE is a .mcap file of `cnnum record`, cut off or damaged in any place; it stays as it is.
-    OUT ends in .mcap, .npz or .csv; unless given it is FILE with `.recovered.mcap` at its end.
+    OUT ends in .mcap, .npz, .h5 or .csv; unless given it is FILE with `.recovered.mcap` at its end.
     """
     from cnnum.recordings.export import export, suffix_of
     from cnnum.recordings.place import taken

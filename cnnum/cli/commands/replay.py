@@ -20,12 +20,12 @@ DEFAULT = "demo"
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--scene",
-    help="What to look for, and how: a scene's file or name. Counts need one; else 'demo'.",
+    help="A scene's file or name, which says what to look for. Counts need one; else 'demo'.",
 )
 @set_option
 @engine_options
 @save_option
-@click.option("--frames", type=click.IntRange(min=1), help="Stop after so many frames.")
+@click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
 @json_option
 def command(
     file: Path,
@@ -36,12 +36,15 @@ def command(
     precision: str | None,
     save: Path | None,
     frames: int | None,
+    speed: float,
+    begin: float | None,
+    end: float | None,
     as_json: bool,
 ) -> int:
-    """Run a scene's program over the recording FILE, as fast as it goes.
+    """Run a scene's program over the recording FILE, as fast as it goes or at a pace.
 
-    FILE is what `cnnum record` wrote, a CSV, NumPy or HDF5 file of your own with its layout, or the
-    folder of a uSkin trial. Only the array of the scene is replaced: its program and what it wants
+    FILE is a recording of `cnnum record`, a CSV, NumPy or HDF5 file with its layout, or the
+    folder of a uSkin trial. Only the array of the scene is replaced: its program and its events
     stay.
     """
     refuse_unwritable(save)
@@ -54,6 +57,10 @@ def command(
         if scene is None:
             scene = _usual_scene(file, array, given)
         loaded = load_scene(scene, changes={"array": array} | given)
+        if speed or begin is not None or end is not None:
+            from cnnum.drivers.paced import Paced
+
+            loaded.driver = Paced(loaded.driver, speed, begin, end)
     saver = FieldSaver(save, loaded)
     return follow(loaded, Output(as_json), frames=frames, watch=saver.add, keep=saver.write)
 

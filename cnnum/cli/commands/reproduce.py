@@ -1,4 +1,4 @@
-"""`cnnum reproduce`: the dissertation's numbers and figures, and ours beside them."""
+"""`cnnum reproduce`: the dissertation's numbers and figures, and ours."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @set_option
 @engine_options
 @save_option
-@click.option("--frames", type=click.IntRange(min=1), help="Stop after so many frames.")
+@click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
 @click.option(
     "--trace",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -47,7 +47,7 @@ def command(
 ) -> int:
     """Run SCENE (a TOML file, or the name of a scene of the package) and print its events.
 
-    Ctrl-C (or SIGTERM, SIGHUP) ends it with the summary of what was seen.
+    Ctrl-C (or SIGTERM, SIGHUP) ends it with the summary.
     """
     changes = scene_changes(settings, engine, device, precision)
     refuse_unwritable(save, trace)

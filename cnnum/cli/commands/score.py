@@ -74,7 +74,7 @@ def command(
 ) -> int:
     """Score slip and twist where the truth is known.
 
-    The suite "families" draws scenes by seed: how an object is pulled, what touches, the cover,
+    The suite "families" draws scenes by seed: how an object is pulled, its kind, the cover,
     the taxels, and holding without slip. The suite "recordings" plays the data sets in the folder
     that CNNUM_RECORDINGS names: uskin_grasp, and a clone of tactile_prediction_flat_dataset.
     """

@@ -140,7 +140,7 @@ def _planned(
     method: str,
     repeats: int,
 ) -> tuple[list[_Job], list[_LeftOut]]:
-    """Return what is to be run, and what is not."""
+    """Return the checks to run, and those left out."""
     from cnnum.programs.library import get_program
     from cnnum.templating.checks import run_check
     from cnnum.templating.checks.program_registry import checked_programs, program_forms
@@ -232,5 +232,5 @@ def _figure(value: float | None) -> str:
 
 
 def _notes(results: "list[CheckResult]") -> list[str]:
-    """Return what differs from the measured figures, a line each."""
+    """Return the differences from the measured figures, a line each."""
     return [f"{one.template} on {one.engine}: {one.note}." for one in results if one.note]

@@ -1,4 +1,4 @@
-"""`cnnum templates design`: a template from its specification, or what is to know of one."""
+"""`cnnum templates design`: a template from its specification, or the figures of one."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 )
 @json_option
 def design(name: str, engine: str, weights: bool, output: Path, as_json: bool) -> None:
-    """Design the templates of the specification NAME, or show what a designer asks of a template.
+    """Design the templates of the specification NAME, or show a template's figures for designers.
 
     A specification is a TOML file with a table [design]: a rule, or examples. Its templates are
     written as files of the library, with their proof. Of a template, of the library or a file: its

@@ -88,7 +88,7 @@ def _write_transient(
 
 
 def _words(entry: "Entry") -> dict[str, object]:
-    """Return what the file says about a template, and what was measured of it."""
+    """Return the facts of a template's file, and its measured figures."""
     measured = entry.measured
     return {
         "input": entry.about.input,
@@ -102,9 +102,12 @@ def _words(entry: "Entry") -> dict[str, object]:
 
 
 def _known(entry: "Entry") -> list[tuple[str, str]]:
+    from cnnum.templating.checks.measuring import unsettled
+
     about, measured = entry.about, entry.measured
     times = measured.settle if measured else ()
     margin = measured.margin if measured else None
+    known = measured is not None and entry.template.check is not None
     lines = [
         ("input", about.input),
         ("state", about.state),
@@ -112,6 +115,7 @@ def _known(entry: "Entry") -> list[tuple[str, str]]:
         ("experimental", " ".join(about.experimental.split())),
         ("published boundary", about.published_boundary),
         ("settles within", ", ".join(f"{n}×{n}: {number(t)} τ" for n, t in times)),
+        ("no settle time", unsettled(entry.template) if known and not times else ""),
         ("margin of the bias", "" if margin is None else number(margin)),
     ]
     return [(label, text) for label, text in lines if text]

@@ -41,7 +41,7 @@ class NumbaBackend:
         return f"{cores()} core(s) of the host"
 
     def told(self, template: Template, solver: Solver) -> Solver:
-        """Return the solver as it is: its scheme is what runs."""
+        """Return the solver as it is: its scheme runs."""
         return solver
 
     def build(self, schedule: Schedule, solvers: Solvers) -> NumbaExecutable:

@@ -1,7 +1,9 @@
-"""What a cell does with its neighbours: outputs, weighted sums, function tables."""
+"""The arithmetic of a cell with its neighbours: outputs, weighted sums, function tables."""
 
 import math
 from typing import Any
+
+import numpy as np
 
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.compiling import compiled, inlined
@@ -33,8 +35,94 @@ def respond(response: Any, state: Reals, output: Reals) -> None:
 
 
 @inlined
+def _of_one(what: Any, a: Any) -> Any:
+    if what == codes.NEGATE:
+        return -a
+    if what == codes.EXP:
+        return math.exp(a)
+    if what == codes.FABS:
+        return abs(a)
+    if what == codes.LOG:
+        return math.log(a)
+    if what == codes.SQRT:
+        return math.sqrt(a)
+    return math.tanh(a) if what == codes.TANH_OF else a
+
+
+@inlined
+def _of_two(what: Any, a: Any, b: Any) -> Any:
+    if what == codes.ADD:
+        return a + b
+    if what == codes.SUBTRACT:
+        return a - b
+    if what == codes.MULTIPLY:
+        return a * b
+    if what == codes.DIVIDE:
+        return a / b
+    if what == codes.POW:
+        return a**b
+    return max(a, b) if what == codes.FMAX else min(a, b)
+
+
+@inlined
+def _holds(what: Any, a: Any, b: Any) -> Any:
+    if what == codes.LESS:
+        return a < b
+    if what == codes.NOT_MORE:
+        return a <= b
+    if what == codes.MORE:
+        return a > b
+    if what == codes.NOT_LESS:
+        return a >= b
+    return (a == b) == (what == codes.EQUAL)
+
+
+@compiled
+def interpret(steps: Any, state: Reals, output: Reals) -> None:
+    """Set y = f(x) by the rows of an expression."""
+    stack: Any = np.zeros((len(steps), state.size), state.dtype)
+    top = -1
+    for step in range(len(steps)):
+        what = int(steps[step, 0])
+        if what <= codes.TAKE_NUMBER:
+            top += 1
+            for i in range(state.size):
+                stack[top, i] = state[i] if what == codes.TAKE_STATE else steps[step, 1]
+        elif what <= codes.REAL:
+            for i in range(state.size):
+                stack[top, i] = _of_one(what, stack[top, i])
+        elif what <= codes.POW:
+            top -= 1
+            for i in range(state.size):
+                stack[top, i] = _of_two(what, stack[top, i], stack[top + 1, i])
+        elif what <= codes.OTHER:
+            top -= 1
+            for i in range(state.size):
+                stack[top, i] = 1 if _holds(what, stack[top, i], stack[top + 1, i]) else 0
+        else:
+            top -= 2
+            first, second, third = stack[top], stack[top + 1], stack[top + 2]
+            for i in range(state.size):
+                if what == codes.WITHIN:
+                    first[i] = min(max(first[i], second[i]), third[i])
+                else:
+                    first[i] = second[i] if first[i] != 0 else third[i]
+    for i in range(state.size):
+        output[i] = stack[0, i]
+
+
+@compiled
+def show(plan: Plan, state: Reals, output: Reals) -> None:
+    """Set y = f(x) of the plan's own function."""
+    if plan.settings[0].response == codes.EXPRESSION:
+        interpret(plan.formula, state, output)
+    else:
+        respond(plan.settings[0].response, state, output)
+
+
+@inlined
 def largest(found: Reals, column: Any) -> Any:
-    """Return the largest number of a column of what bands found."""
+    """Return the largest number of a column of the bands' findings."""
     return found[:, column].max()
 
 

@@ -8,24 +8,20 @@ from cnnum.arrays import Floats
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.records import Real, Reals
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
-from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
+from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 from cnnum.integrators.solver import Solver
-from cnnum.integrators.tableau import Row
-from cnnum.templating.template import Template
+from cnnum.integrators.tableau import Explicit, Row
 
 
-def tableaux(template: Template, solver: Solver) -> Floats:
+def tableaux(solver: Solver) -> Floats:
     """Return (layers or 1, rows, stages) numbers, whose rows `codes` names."""
     scheme = solver.scheme
     if isinstance(scheme, FixedSteps):
-        tableau = scheme.tableau
-        return _rows(tableau.a, weights=tableau.b)[np.newaxis]
+        return np.array([_fixed(one) for one in scheme.tableaux])
     if isinstance(scheme, AdaptiveSteps):
         found = [_rows(one.a, errors=one.error, parts=one.truncation) for one in scheme.tableaux]
         return np.array(found)
-    if isinstance(scheme, ExponentialSteps):
-        return _exponential(scheme, template.tau)
-    # one stage of no step says what the slopes are
+    # one stage of no step gives the slopes
     return np.zeros((1, codes.STAGES + 1, 2))
 
 
@@ -40,24 +36,9 @@ def _rows(
     return rows
 
 
-def _exponential(scheme: ExponentialSteps, tau: Floats) -> Floats:
-    """Return exponential steps as those of a tableau of every layer's own.
-
-    The coupling is N = x + τk, and what is kept of x is 1 − first, so that
-
-        a = x + first·τk₀,   x⁺ = x + (1 + second)(a − x) + second·τ(k₁ − k₀)
-
-    and a cell whose rate is 0 stays to the bit.
-    """
-    _, first, second = scheme.method.weights(scheme.step, tau)
-    rows = np.zeros((len(tau), codes.STAGES + scheme.method.stages, scheme.method.stages))
-    first, second_slope = first * tau / scheme.step, second * tau / scheme.step
-    if scheme.method.order == 1:
-        rows[:, codes.WEIGHTS, 0] = first
-        return rows
-    rows[:, codes.STAGES + 1, 0] = first
-    rows[:, codes.CARRIED, 0] = 1.0 + second
-    rows[:, codes.WEIGHTS, 0], rows[:, codes.WEIGHTS, 1] = -second_slope, second_slope
+def _fixed(tableau: Explicit) -> Floats:
+    rows = _rows(tableau.a, weights=tableau.b)
+    rows[codes.CARRIED, 0] = tableau.carried
     return rows
 
 

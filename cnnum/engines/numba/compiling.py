@@ -1,8 +1,8 @@
 """How the functions of this room are compiled, and which of them are kept on disk.
 
 Only functions that Python calls are kept, each with all that it calls in it (`keeping.py`). Their
-last parameter is `ROOM`, a number of the contents of this room: what they call may lie in another
-file. It is part of what they are found by.
+last parameter is `ROOM`, a number of the contents of this room: their callees may lie in another
+file. It is part of their key.
 """
 
 import zlib

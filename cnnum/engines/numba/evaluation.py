@@ -34,7 +34,7 @@ ORDERED: Mapping[str, Callable[[Reals], Floats]] = {"sum": sums}
 than a frame."""
 
 Answers = dict[str, Reals]
-"""What a transient or a loop gives, by the name that a `Pick` asks for."""
+"""Results of a transient or a loop, by the name in a `Pick`."""
 
 
 @dataclass(slots=True, eq=False)
@@ -69,7 +69,7 @@ class Evaluation:
         values: dict[int, Reals],
         dead: Mapping[int, Sequence[int]] | None = None,
     ) -> None:
-        """Fill in the values of nodes, in their order; after a node, forget what is dead."""
+        """Fill in the values of nodes, in their order; after a node, forget dead values."""
         answers: dict[int, Answers] = {}
         for node in nodes:
             if node.index not in values:
@@ -131,7 +131,7 @@ class Evaluation:
     def _turn(
         self, loop: Loop, carried: Sequence[Reals], captured: Sequence[Reals]
     ) -> tuple[list[Reals], NDArray[np.bool_]]:
-        """Run a loop's body once; return what the values become, and the frames that go on."""
+        """Run a loop's body once; return the next values, and the frames that go on."""
         values: dict[int, Reals] = {}
         for node in loop.parameters:
             assert isinstance(node.operation, Parameter)

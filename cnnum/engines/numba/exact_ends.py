@@ -27,7 +27,7 @@ class ExactEnd:
     ----------
     scheme : Exact
     rounding : float
-        What rounding leaves of its exactness, as a part of the largest number in it.
+        Its rounding error, as a part of the largest number in it.
     """
 
     scheme: Exact

@@ -45,7 +45,7 @@ class NumbaExecutable(HostExecutable):
     def evaluate(self, values: dict[int, Reals], batch: int) -> None:
         """Fill in the values of all nodes, and forget those that nothing reads any more."""
         evaluation = Evaluation(batch, self.dtype, self.runners)
-        # what overflows is infinite on every engine; the plan refuses it where it comes out
+        # overflow is infinite on every engine; the plan refuses it where it comes out
         with np.errstate(all="ignore"):
             evaluation.run(self.schedule.nodes, values, self.dead)
         refuse_unfinished(evaluation.unfinished)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from cnnum.engines.numba import codes
-from cnnum.engines.numba.cells import add, bend, copy, couple, respond
+from cnnum.engines.numba.cells import add, bend, copy, couple, show
 from cnnum.engines.numba.compiling import ROOM, compiled, kept
 from cnnum.engines.numba.records import Batch, Frame, Plan, Reals
 from cnnum.engines.numba.stages import evaluate_once, rests
@@ -27,7 +27,7 @@ def _prepare(plan: Plan, batch: Batch, frame: Any, gains: Reals) -> Reals:
     copy(batch.state[frame], work[codes.MOVED])
     copy(batch.drive[frame], work[codes.DRIVE])
     copy(batch.pace[frame % len(batch.pace)], work[codes.PACE])
-    respond(settings.response, work[codes.STATE], work[codes.OUTPUT])
+    show(plan, work[codes.STATE], work[codes.OUTPUT])
     if settings.scheme == codes.KNOWN:
         return work
     copy((batch.previous if len(batch.previous) else batch.inputs)[frame], work[codes.INPUT])
@@ -42,7 +42,7 @@ def _prepare(plan: Plan, batch: Batch, frame: Any, gains: Reals) -> Reals:
 
 @compiled
 def _drive(plan: Plan, kind: Any, gains: Reals, work: Reals, total: Reals) -> None:
-    """Add what inputs drive."""
+    """Add the drive of inputs."""
     for band in range(len(plan.bands)):
         layer, lo, hi = plan.bands[band]
         start = lo - layer * plan.settings[0].size
@@ -57,7 +57,7 @@ def run_frames(
 ) -> None:
     """Run frames one after the other; with `spread` the bands of each lie on all cores.
 
-    Frames of a scheme without steps are at their end before, and are told whether all is at rest.
+    Frames of a scheme without steps are at their end before, and learn whether all is at rest.
     """
     settings = plan.settings[0]
     for frame in range(start, end):
@@ -73,12 +73,12 @@ def run_frames(
             evaluate_once(plan, now, settings.duration, spread)
             figures[2] = 1.0 if rests(plan, now, spread) else 0.0
         copy(work[codes.STATE], batch.state[frame])
-        respond(settings.response, batch.state[frame], batch.output[frame])
+        show(plan, batch.state[frame], batch.output[frame])
 
 
 @kept
 def drive_frames(plan: Plan, batch: Batch, start: Any, end: Any, room: int = ROOM) -> None:
-    """Add to the drives of frames what linear couplings make of their inputs."""
+    """Add to the drives of frames the sums of linear couplings over their inputs."""
     gains = np.ones(plan.settings[0].layers ** 2 + 1, batch.state.dtype)
     for frame in range(start, end):
         for band in range(len(plan.bands)):

@@ -1,6 +1,6 @@
 """Compiled functions, kept from one process to the next.
 
-Numba's own cache trusts what it reads: a damaged file of it ends every run, and two processes that
+Numba's own cache trusts its files: a damaged file of it ends every run, and two processes that
 compile at once can mix up their files. Here each compiled form of a function is an entry of the
 cache of cnnum, found by all that it depends on, and used only if it is whole.
 """
@@ -26,7 +26,7 @@ SHELF = Shelf("numba", "NUMBA_CACHE_DIR")
 
 
 class KeptForms(NullCache):
-    """What Numba asks before it compiles a function, and hands each compiled form to.
+    """The cache that Numba asks before it compiles a function, and fills afterwards.
 
     Parameters
     ----------

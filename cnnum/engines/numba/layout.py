@@ -1,4 +1,4 @@
-"""How maps lie in memory, each with a rim of virtual cells around it, and what the rims copy."""
+"""How maps lie in memory, each with a rim of virtual cells around it, and the rims' sources."""
 
 from dataclasses import dataclass
 
@@ -52,7 +52,7 @@ class Layout:
         return blocks[:, :, r : r + rows, r : r + cols]
 
     def fill_rims(self, maps: Reals, boundary: Boundary) -> None:
-        """Let the rims of all maps copy what a boundary says."""
+        """Set the rims of all maps by a boundary."""
         to, source = self.rim(boundary)
         blocks = maps.reshape(len(maps), maps.shape[1] // self.size, self.size)
         blocks[:, :, to] = blocks[:, :, source]

@@ -12,10 +12,10 @@ from cnnum.integrators.schemes import (
     MAX_STEPS,
     AdaptiveSteps,
     ChebyshevSteps,
-    ExponentialSteps,
     FixedSteps,
 )
 from cnnum.integrators.solver import Solver
+from cnnum.templating.reads import lag
 from cnnum.templating.template import Template
 
 
@@ -34,10 +34,11 @@ def method_settings(template: Template, solver: Solver, dtype: Real) -> dict[str
     scheme = solver.scheme
     if isinstance(scheme, FixedSteps):
         return settings | _fixed(template, scheme)
-    if isinstance(scheme, ExponentialSteps):
-        return settings | _exponential(scheme)
-    if isinstance(scheme, AdaptiveSteps | ChebyshevSteps):
-        return settings | _adaptive(scheme)
+    if isinstance(scheme, AdaptiveSteps):
+        own = {"scheme": codes.ADAPTIVE, "stages": scheme.tableau.stages}
+        return settings | _controlled(scheme) | own
+    if isinstance(scheme, ChebyshevSteps):
+        return settings | _controlled(scheme) | _chebyshev(scheme)
     # there are no steps, but one stage says whether all is at rest
     return settings | {"scheme": codes.KNOWN, "stages": 1, "step": 1.0}
 
@@ -45,45 +46,27 @@ def method_settings(template: Template, solver: Solver, dtype: Real) -> dict[str
 def _fixed(template: Template, scheme: FixedSteps) -> dict[str, Any]:
     return {
         "scheme": codes.FIXED,
-        "stages": scheme.tableau.stages,
+        "stages": scheme.stages,
         "count": scheme.count,
         "step": scheme.step,
         "last": scheme.last,
         "error": LOST,
-        "lag": round(template.delayed.delay / scheme.step) if template.delayed else 0,
+        "lag": lag(template, scheme.step),
     }
 
 
-def _exponential(scheme: ExponentialSteps) -> dict[str, Any]:
+def _controlled(scheme: AdaptiveSteps | ChebyshevSteps) -> dict[str, Any]:
     return {
-        "scheme": codes.FIXED,
-        "stages": scheme.method.stages,
-        "count": scheme.count,
-        "step": scheme.step,
-        "last": scheme.step,
-        "error": LOST,
+        "step": scheme.first_step,
+        "count": MAX_STEPS,
+        "longest": scheme.control.longest,
+        "exponent": -1.0 / scheme.control.order,
+        "caution": scheme.control.caution,
+        "least": scheme.control.least,
     }
 
 
-def _adaptive(scheme: AdaptiveSteps | ChebyshevSteps) -> dict[str, Any]:
-    steps = {"step": scheme.first_step, "count": MAX_STEPS}
-    if isinstance(scheme, AdaptiveSteps):
-        return steps | {
-            "scheme": codes.ADAPTIVE,
-            "stages": scheme.tableau.stages,
-            "longest": scheme.longest,
-            "exponent": -1.0 / scheme.tableau.order,
-            "caution": 0.9,
-            "least": 0.2,
-        }
-    stable = chebyshev_method(MAX_STAGES).real_stability
-    return steps | {
-        "scheme": codes.CHEBYSHEV,
-        "stages": 2,
-        "longest": stable / scheme.fastest,
-        "exponent": -1.0 / 3.0,
-        "caution": 0.8,
-        "least": 0.1,
-        "most": MAX_STAGES,
-        "reach": scheme.fastest * (MAX_STAGES**2 - 1) / stable,
-    }
+def _chebyshev(scheme: ChebyshevSteps) -> dict[str, Any]:
+    reach = (MAX_STAGES**2 - 1) / chebyshev_method(MAX_STAGES).real_stability
+    own = {"scheme": codes.CHEBYSHEV, "stages": 2, "most": MAX_STAGES}
+    return own | {"reach": scheme.fastest * reach}

@@ -6,7 +6,7 @@ import numba
 import numpy as np
 
 from cnnum.engines.numba import codes
-from cnnum.engines.numba.cells import add, bend, copy, couple, respond
+from cnnum.engines.numba.cells import add, bend, copy, couple, respond, show
 from cnnum.engines.numba.compiling import compiled_parallel, inlined, merged
 from cnnum.engines.numba.records import Frame, Plan, Reals
 
@@ -15,7 +15,7 @@ from cnnum.engines.numba.records import Frame, Plan, Reals
 def _combine(
     plan: Plan, layer: Any, row: Any, work: Reals, step: Any, lo: Any, total: Reals
 ) -> None:
-    """Add to `total` what a row of the tableau makes of the slopes of a step."""
+    """Add to `total` the sum of a tableau's row over the slopes of a step."""
     own = min(layer, len(plan.tableau) - 1)
     for stage in range(plan.settings[0].stages):
         weight = plan.tableau[own, row, stage]
@@ -25,7 +25,7 @@ def _combine(
 
 @inlined
 def _move(plan: Plan, work: Reals, layer: Any, stage: Any, step: Any, lo: Any, hi: Any) -> None:
-    """Set the state at a stage and what it puts out."""
+    """Set the state at a stage and its outputs."""
     moved = work[codes.MOVED, lo:hi]
     if plan.settings[0].scheme == codes.CHEBYSHEV and stage > 0:
         _recur(plan, work, stage - 1, step, lo, hi)
@@ -34,7 +34,7 @@ def _move(plan: Plan, work: Reals, layer: Any, stage: Any, step: Any, lo: Any, h
         _combine(plan, layer, codes.STAGES + stage, work, step, lo, moved)
         if plan.settings[0].limited:
             respond(codes.CLAMP, moved, moved)
-    respond(plan.settings[0].response, moved, work[codes.OUTPUT, lo:hi])
+    show(plan, moved, work[codes.OUTPUT, lo:hi])
 
 
 @inlined

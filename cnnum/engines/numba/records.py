@@ -1,4 +1,4 @@
-"""What the compiled functions take: few arrays, of the same types for every template.
+"""The arguments of the compiled functions: few arrays, of the same types for every template.
 
 Maps lie one after the other, each with a rim around it, all flat: a neighbour is at a fixed
 distance. Cells of a rim are cells that never move, as their pace is 0.
@@ -40,7 +40,7 @@ SETTINGS = np.dtype(
         ("reach", "f8"),
         ("most", "i8"),
         ("duration", "f8"),
-        # steps that are taken at most, the delay in steps, what is said of the error
+        # steps that are taken at most, the delay in steps, the kind of error estimate
         ("count", "i8"),
         ("lag", "i8"),
         ("error", "f8"),
@@ -63,7 +63,7 @@ TAP = np.dtype(
         ("offset", "i8"),
         ("weight", "f8"),
         ("gain", "i8"),
-        # of a nonlinear coupling: what it reads of the neighbour and of the centre, and where that
+        # of a nonlinear coupling: its reads of the neighbour and of the centre, and where that
         # lies; the sign of the argument; whether it is multiplied by it; the function
         ("neighbour", "i8"),
         ("centre", "i8"),
@@ -89,7 +89,7 @@ class Plan(NamedTuple):
     ----------
     settings : (1,) SETTINGS
     tableau : (layers or 1, 4 + stages + parts, stages) float64
-        b, c, b − b̂, what is carried, the rows of a, and those of the truncation error's parts.
+        b, c, b − b̂, the carried part, the rows of a, and those of the truncation error's parts.
     taps : (taps,) TAP
     first : (6, layers + 1) int
         Where the taps of every kind into each layer begin.
@@ -103,6 +103,8 @@ class Plan(NamedTuple):
         Pieces of the layers that are worked on at a time: layer, first place, place after the last.
     chebyshev : (rows, 4) float
         In row s · most + j back1, back2, rate and start of stage j of s.
+    formula : (operations, 2) float64
+        An output function without a compiled form, as `codes` names them; else none.
     """
 
     settings: Any
@@ -115,6 +117,7 @@ class Plan(NamedTuple):
     rim: Ints
     bands: Ints
     chebyshev: Reals
+    formula: NDArray[np.float64]
 
 
 class Batch(NamedTuple):
@@ -151,7 +154,7 @@ class Frame(NamedTuple):
     gains : (layers² + 1,) float
         Gain of every pair of layers, and the 1 of couplings that have none.
     found : (bands, 4) float
-        Of every band: error in units of the tolerance, what a step adds to the error of the state,
+        Of every band: error in units of the tolerance, a step's share in the error of the state,
         change in units of the tolerance, largest rate.
     """
 

@@ -1,4 +1,4 @@
-"""A stage of a step: the state there, what the rims show, and the slopes."""
+"""A stage of a step: the state there, the rims, and the slopes."""
 
 from typing import Any
 
@@ -11,7 +11,7 @@ from cnnum.engines.numba.records import Frame, Plan, Reals
 
 @inlined
 def _fill_rims(plan: Plan, maps: Reals) -> None:
-    """Let the rims of all maps copy what the boundary says; a constant rim never changes."""
+    """Set the rims of all maps by the boundary; a constant rim never changes."""
     for layer in range(plan.settings[0].layers):
         start = layer * plan.settings[0].size
         for cell in range(plan.rim.shape[1]):
@@ -29,7 +29,7 @@ def _set_gains(plan: Plan, gains: Reals, time: Any) -> None:
 
 @inlined
 def _recall(plan: Plan, work: Reals, stage: Any, step: Any, number: Any) -> None:
-    """Find the outputs a delay ago; what was before the start is what was there at the start."""
+    """Find the outputs a delay ago; those before the start are those at the start."""
     output, past, settings = work[codes.OUTPUT], work[codes.PAST], plan.settings[0]
     ring, lag = work[codes.SLOPES + settings.stages :], settings.lag
     if number == codes.AT_REST:

@@ -97,7 +97,7 @@ class Couplings:
 
 
 def packed(kind: np.dtype[Any], records: Iterator[dict[str, Any]] | list[Any]) -> NDArray[Any]:
-    """Return records as an array; what a record does not say is 0."""
+    """Return records as an array; fields missing from a record are 0."""
     listed = list(records)
     array = np.zeros(len(listed), kind)
     for place, record in enumerate(listed):

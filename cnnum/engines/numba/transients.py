@@ -81,7 +81,7 @@ class TransientRunner:
         state, drive, pace = map(self.layout.inner, (frames.state[own], frames.drive[own], pace))
         duration, figures = self.plan.settings[0]["duration"], frames.figures[own]
         figures[:] = [duration, 0.0, 1.0, 0.0, 0.0]
-        # what overflows is infinite, as it is on every engine
+        # overflow is infinite, as it is on every engine
         with np.errstate(all="ignore"):
             figures[:, 3] = end.reach(state, drive, pace == 0.0)
 

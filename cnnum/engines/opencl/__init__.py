@@ -44,7 +44,7 @@ class OpenCLBackend:
         return self._device.label
 
     def told(self, template: Template, solver: Solver) -> Solver:
-        """Return the solver as it is: its scheme is what runs."""
+        """Return the solver as it is: its scheme runs."""
         return solver
 
     def build(self, schedule: Schedule, solvers: Solvers) -> OpenCLExecutable:

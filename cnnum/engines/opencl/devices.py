@@ -24,7 +24,7 @@ take 0.5 to 0.9 of the time that they take with 4 MiB (Intel Xeon, Skylake, shar
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Device:
-    """An OpenCL device with what chooses between devices."""
+    """An OpenCL device with the figures that choose between devices."""
 
     platform: str
     platform_version: str
@@ -80,7 +80,7 @@ def list_devices() -> tuple[Device, ...]:
     Raises
     ------
     NoOpenCLError
-        If there is none, and the sentence says what to install; or none since a fork.
+        If there is none, and the sentence names the package to install; or none since a fork.
     """
     refuse_after_fork()
     note_opencl()

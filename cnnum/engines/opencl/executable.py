@@ -16,11 +16,11 @@ from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
 from cnnum.engines.opencl.lowering.storage import Tables
+from cnnum.engines.opencl.runtime.device_trouble import build_failure, run_failure
 from cnnum.engines.opencl.runtime.host_exchange import Exchange, exchanges
 from cnnum.engines.opencl.runtime.launch_runner import LaunchArrays, LaunchRunner
 from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.runtime.single_frame import OneFrame
-from cnnum.errors import NotSupportedError
 from cnnum.graph.schedule import Schedule
 from cnnum.safety.memory import refuse_beyond
 
@@ -65,7 +65,7 @@ class _Arrays:
 class OpenCLExecutable:
     """Runs a schedule as one kernel launch a batch; large arrays as a row of launches.
 
-    Threads take turns: what a launch reads and writes belongs to the plan.
+    Threads take turns: the buffers of a launch belong to the plan.
 
     Attributes
     ----------
@@ -145,12 +145,12 @@ class OpenCLExecutable:
             return self._no_memory[alone]
 
     def queue_for(self, batch: int) -> cl.CommandQueue:
-        """Return where so many frames run."""
+        """Return the place of a number of frames."""
         alone = self.lanes_for(batch) == 1 and batch * self.schedule.cells <= WIDE_CELLS
         return self.own if alone and self.own is not None else self.queue
 
     def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
-        """Return what memories hold, as the host sees it."""
+        """Return the values of memories, as the host sees it."""
         assert isinstance(memory, SharedArray)
         with self._turn:
             memory.pull(self.queue_for(batch))
@@ -187,11 +187,14 @@ class OpenCLExecutable:
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
     ) -> dict[str, Floats]:
-        """Hand frames over, launch once, read what is wanted."""
+        """Hand frames over, launch once, read the wanted outputs."""
         assert isinstance(memory, SharedArray)
         refuse_after_fork()
         with self._turn:
-            return self._run(frames, memory, first=first)
+            try:
+                return self._run(frames, memory, first=first)
+            except cl.Error as error:
+                raise run_failure(error, self.queue) from error
 
     def run_large(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
@@ -199,7 +202,10 @@ class OpenCLExecutable:
         """Let kernels read and write the host's arrays where the device can, None elsewhere."""
         refuse_after_fork()
         with self._turn:
-            return self._run_large(maps, lead)
+            try:
+                return self._run_large(maps, lead)
+            except cl.Error as error:
+                raise run_failure(error, self.queue) from error
 
     def _run(
         self, frames: NDArray[np.floating], memory: SharedArray, *, first: bool
@@ -221,7 +227,7 @@ class OpenCLExecutable:
                 built.parted.run(arrays.scratch, arrays.between, batch)
             arrays.output.pull(queue)
         except BaseException:
-            queue.finish()  # after Ctrl-C nobody frees what a kernel still writes to
+            queue.finish()  # after Ctrl-C no memory is freed that a kernel still writes to
             raise
         return self._unpack(built.text, arrays.output.host.reshape(batch, -1))
 
@@ -281,7 +287,7 @@ class OpenCLExecutable:
         return self._texts[lanes]
 
     def _kernel(self, lanes: int, *, alone: bool) -> _Built:
-        """Return what is built for so many frames side by side, or for few small ones."""
+        """Return the kernels for a number of frames side by side, or for few small ones."""
         key = (lanes, alone and self.own is not None)
         if key not in self._kernels:
             queue = self.own if key[1] and self.own else self.queue
@@ -292,7 +298,7 @@ class OpenCLExecutable:
         try:
             program = build_program(queue.context, text.source, [QUIET, FLUSH])
         except cl.RuntimeError as error:
-            raise NotSupportedError(f"The OpenCL compiler refused a plan: {error}") from error
+            raise build_failure(text.source, error, queue.device) from error
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
         data = cl.Buffer(queue.context, flags, hostbuf=text.data)
         exchange = Exchange(queue, program, self.dtype)

@@ -44,7 +44,7 @@ class ReferenceExecutable(HostExecutable):
 
     def evaluate(self, values: dict[int, Values], batch: int) -> None:
         """Fill in the values of all nodes."""
-        # what overflows is infinite on every engine; the plan refuses it where it comes out
+        # overflow is infinite on every engine; the plan refuses it where it comes out
         with np.errstate(all="ignore"):
             self._evaluate(self.schedule.nodes, cast(dict[int, Floats], values), {}, batch)
 
@@ -161,11 +161,11 @@ class ReferenceBackend:
     def __init__(self, device: str | None, precision: str | None) -> None:
         if device is not None:
             raise DeviceError(f"The reference engine runs on the host, got device={device!r:.60}.")
-        if precision not in (None, "float64"):
+        if not (precision is None or str(precision) == "float64"):
             raise name_error("precision", str(precision), ("float64",))
 
     def told(self, template: Template, solver: Solver) -> Solver:
-        """Return the solver, whose reason tells where it is solved finely instead."""
+        """Return the solver, whose reason says where it is solved finely instead."""
         words = instead(template, solver)
         return replace(solver, reason=f"{solver.reason}; here {words}") if words else solver
 

@@ -6,7 +6,7 @@ Shampine & Verwer, J. Comput. Appl. Math. 88 (1998) 315-326, section 2.2).
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,12 +14,11 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.reference.equation import StateEquation
-from cnnum.engines.reference.march import combined, limited
+from cnnum.engines.reference.march import limited, weighted
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_for
 from cnnum.integrators.estimate import LOST, ROUNDINGS, SAFETY, SMALLEST_RATE, error_growth
 from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
-from cnnum.integrators.tableau import Row
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,9 +29,9 @@ class Trial:
     ----------
     state, rate : (layers, rows, cols) float
     off : (layers, rows, cols) float
-        What the method itself estimates, which sets the length of steps.
+        The method's own estimate, which sets the length of steps.
     added : (layers, rows, cols) float
-        What it adds to the error of the run.
+        Its share in the error of the run.
     """
 
     state: Floats
@@ -48,38 +47,19 @@ class _Pair:
     equation: StateEquation
     drive: Floats
     scheme: AdaptiveSteps
-    caution = 0.9
-    least = 0.2
-
-    @property
-    def exponent(self) -> float:
-        return -1.0 / self.scheme.tableau.order
-
-    @property
-    def longest(self) -> float:
-        return self.scheme.longest
 
     def trial(self, x: Floats, rate: Floats, time: float, h: float) -> Trial:
         layers = [self.scheme.of(layer) for layer in range(len(x))]
         stages, moved = [rate], x
         for number in range(1, layers[0].stages):
-            ahead = _weighted([one.a[number] for one in layers], stages)
+            ahead = weighted([one.a[number] for one in layers], stages, x)
             moved = limited(self.equation, x + h * ahead)
             at = time + float(sum(layers[0].a[number])) * h
             stages.append(self.equation.rate(self.drive, moved, None, at))
         parts = zip(*(one.truncation for one in layers), strict=True)
-        added = [np.abs(h * _weighted(rows, stages)) for rows in parts]
-        off = np.abs(h * _weighted([one.error for one in layers], stages))
+        added = [np.abs(h * weighted(rows, stages, x)) for rows in parts]
+        off = np.abs(h * weighted([one.error for one in layers], stages, x))
         return Trial(moved, stages[-1], off, np.sum(added, axis=0))
-
-
-def _weighted(rows: Sequence[Row], stages: list[Floats]) -> Floats:
-    """Return the sum of the rates of a step's stages, weighted by a row for each layer."""
-    sums = [
-        combined(row, [rates[layer] for rates in stages], stages[0][layer])
-        for layer, row in enumerate(rows)
-    ]
-    return np.array(sums)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -89,13 +69,6 @@ class _Chebyshev:
     equation: StateEquation
     drive: Floats
     scheme: ChebyshevSteps
-    caution = 0.8
-    least = 0.1
-    exponent = -1.0 / 3.0
-
-    @property
-    def longest(self) -> float:
-        return chebyshev_method(MAX_STAGES).real_stability / self.scheme.fastest
 
     def trial(self, x: Floats, rate: Floats, time: float, h: float) -> Trial:
         method = chebyshev_method(min(stages_for(h * self.scheme.fastest), MAX_STAGES))
@@ -108,11 +81,11 @@ class _Chebyshev:
         return Trial(now, last, off, off)
 
 
-def _steps(equation: StateEquation, scheme: AdaptiveSteps | ChebyshevSteps) -> _Pair | _Chebyshev:
-    drive = equation.drive()
-    if isinstance(scheme, AdaptiveSteps):
-        return _Pair(equation, drive, scheme)
-    return _Chebyshev(equation, drive, scheme)
+_TRIALS: dict[type, Callable[..., _Pair | _Chebyshev]] = {
+    AdaptiveSteps: _Pair,
+    ChebyshevSteps: _Chebyshev,
+}
+"""What takes the steps of a scheme."""
 
 
 def march_adaptive(
@@ -125,13 +98,13 @@ def march_adaptive(
     MethodError
         If the end is not reached within `MAX_STEPS`.
     """
-    steps = _steps(equation, scheme)
+    steps, control = _TRIALS[type(scheme)](equation, equation.drive(), scheme), scheme.control
     slowest, growth = float(equation.template.tau.max()), error_growth(equation.template)
     x, time, error, h, end = equation.start(), 0.0, 0.0, scheme.first_step, solver.duration
     rate, taken = equation.rate(steps.drive, x, None, time), 0
     while time < end * (1.0 - 1e-6):
         refuse_unfinished(np.array([taken == MAX_STEPS]))
-        h, taken = min(h, steps.longest, end - time), taken + 1
+        h, taken = min(h, control.longest, end - time), taken + 1
         trial = steps.trial(x, rate, time, h)
         size = np.maximum(np.abs(x), np.abs(trial.state))
         worst = float((trial.off / (solver.atol + solver.rtol * size)).max())
@@ -141,8 +114,8 @@ def march_adaptive(
             change = np.abs(slowest * rate) / (solver.atol + solver.rtol * np.abs(x))
             if scheme.settle and float(change.max()) <= 1.0:
                 break
-        longer = steps.caution * max(worst, 1e-10) ** steps.exponent
-        h *= min(max(longer, steps.least), 5.0)
+        longer = control.caution * max(worst, 1e-10) ** (-1.0 / control.order)
+        h *= min(max(longer, control.least), 5.0)
     return x, time, taken, SAFETY * error
 
 

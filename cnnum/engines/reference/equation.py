@@ -22,7 +22,7 @@ _Places = NDArray[np.int64]
 """Of every neighbour that a coupling sees and every cell: (neighbours, rows, cols)."""
 
 _Through = Callable[[Floats], Floats]
-"""Outputs, (layers, rows, cols), to what they add to the rates."""
+"""Outputs, (layers, rows, cols), to their sum in the rates."""
 
 MOST_STATES = 256
 """Cells of all layers up to which a coupling is a matrix: one product takes some microseconds, a
@@ -38,7 +38,7 @@ _NDIMAGE_MODES: dict[str, _Mode] = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Given:
-    """What one frame gives to a transient.
+    """The maps of one frame for a transient.
 
     Attributes
     ----------
@@ -87,7 +87,7 @@ class StateEquation:
         return np.full((template.layers, *self.shape), float(template.initial))
 
     def drive(self) -> Floats:
-        """Return what of the rates does not change while the transient runs, delays apart."""
+        """Return the constant part of the rates during the transient, without delays."""
         template, given = self.template, self.given
         total = np.zeros((template.layers, *self.shape)) + template.z[:, np.newaxis, np.newaxis]
         if given.inputs is not None:
@@ -98,7 +98,7 @@ class StateEquation:
         return total if given.bias is None else total + given.bias
 
     def delayed_drive(self, *, before: bool) -> Floats | float:
-        """Return what delayed inputs add, while they are still those before the start, or after."""
+        """Return the sum of delayed inputs, before the start or after it."""
         delayed, given = self.template.delayed, self.given
         if delayed is None or given.inputs is None:
             return 0.0
@@ -133,9 +133,9 @@ class StateEquation:
         return _correlated(kernels, inputs, boundary, boundary.constant)
 
     def _through(self, kernels: Floats) -> _Through:
-        """Return what kernels make of outputs: a matrix of what they make of each, if it is small.
+        """Return the sum of kernels over outputs: as a matrix, if it is small.
 
-        What the virtual cells of a fixed boundary add is the same whatever the outputs are.
+        The sum of the virtual cells of a fixed boundary does not depend on the outputs.
         """
         boundary, edge = self.template.boundary, self._edge("y")
         layers, states = kernels.shape[1], kernels.shape[1] * self.shape[0] * self.shape[1]
@@ -149,7 +149,7 @@ class StateEquation:
         return lambda y: (matrix @ y.ravel()).reshape(still.shape) + still
 
     def _edge(self, quantity: str) -> float | None:
-        """Return what virtual cells of a fixed boundary show."""
+        """Return the outputs of virtual cells of a fixed boundary."""
         if quantity == "u":
             return self.template.input_boundary.constant
         state = self.template.boundary.constant
@@ -196,7 +196,7 @@ def _correlated(kernels: Floats, maps: Floats, boundary: Boundary, edge: float |
     for to in range(kernels.shape[0]):
         for source in range(kernels.shape[1]):
             if kernels[to, source].any():
-                # SciPy spells the type out by its name unless it is told
+                # SciPy spells the type out by its name unless it is given
                 total[to] += correlate(
                     maps[source], kernels[to, source], np.float64, mode=mode, cval=edge or 0.0
                 )

@@ -1,11 +1,14 @@
 """Fixed steps of an explicit method in NumPy, taken as they were asked for."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.engines.reference.equation import StateEquation
 from cnnum.integrators.choice import FixedSteps, Solver
 from cnnum.integrators.tableau import Row
+from cnnum.templating.reads import lag
 
 
 def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[Floats, float, int]:
@@ -13,21 +16,25 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
     x = equation.start()
     history = [equation.outputs(x)]
     delayed = equation.template.delayed
-    lag = round(delayed.delay / scheme.step) if delayed else 0
+    late = lag(equation.template, scheme.step)
     fixed = equation.drive()
     slowest = float(equation.template.tau.max())
     time = 0.0
+    layers = [scheme.of(layer) for layer in range(len(x))]
+    carried = np.array([one.carried for one in layers])[:, np.newaxis, np.newaxis]
     for number in range(scheme.count):
         step = scheme.last if number == scheme.count - 1 else scheme.step
-        drive = fixed + equation.delayed_drive(before=number < lag)
+        drive = fixed + equation.delayed_drive(before=number < late)
         stages: list[Floats] = []
-        for row in scheme.tableau.a:
-            c = float(sum(row))
-            past = _seen(history, number - lag, c * step / scheme.step) if delayed else None
-            moved = limited(equation, x + step * combined(row, stages, x))
+        moved = x
+        for rows in zip(*(one.a for one in layers), strict=True):
+            c = float(sum(rows[0]))
+            past = _seen(history, number - late, c * step / scheme.step) if delayed else None
+            moved = limited(equation, x + step * weighted(rows, stages, x))
             stages.append(equation.rate(drive, moved, past, time + c * step))
         change = np.abs(slowest * stages[0]) / (solver.atol + solver.rtol * np.abs(x))
-        x = limited(equation, x + step * combined(scheme.tableau.b, stages, x))
+        ahead = step * weighted([one.b for one in layers], stages, x)
+        x = limited(equation, x + carried * (moved - x) + ahead)
         history.append(equation.outputs(x))
         time += step
         if solver.settle and float(change.max()) <= 1.0:
@@ -41,11 +48,12 @@ def _seen(history: list[Floats], step: int, part: float) -> Floats:
     return before + part * (after - before)
 
 
-def combined(weights: Row, stages: list[Floats], like: Floats) -> Floats:
-    """Return the sum of the slopes of a step, weighted by a row of a tableau."""
+def weighted(rows: Sequence[Row], stages: Sequence[Floats], like: Floats) -> Floats:
+    """Return the sum of the slopes of a step's stages, weighted by a row for each layer."""
     total = np.zeros_like(like)
-    for weight, stage in zip(weights, stages, strict=True):
-        total += float(weight) * stage
+    for layer, row in enumerate(rows):
+        for weight, slope in zip(row, stages, strict=True):
+            total[layer] += float(weight) * slope[layer]
     return total
 
 

@@ -17,13 +17,13 @@ from scipy.integrate import DOP853, DenseOutput, OdeSolution, Radau
 from cnnum.arrays import Floats
 from cnnum.engines.reference.adaptive import march_adaptive
 from cnnum.engines.reference.equation import Given, StateEquation
-from cnnum.engines.reference.exponential import march_exponential
 from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
 from cnnum.integrators.propagator import Decay
-from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, ExponentialSteps, FixedSteps
+from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.templating.network import Network
+from cnnum.templating.reads import jumps
 from cnnum.templating.template import Template
 
 PRECISION = 1e-10
@@ -56,7 +56,7 @@ Past = Callable[[float], Floats]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Answer:
-    """The end of a transient, and what is known of its error."""
+    """The end of a transient, and the estimate of its error."""
 
     state: Floats
     time: float
@@ -78,7 +78,7 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
         return _decayed(equation, solver)
     if _stepped(template, solver):
         return _marched(equation, solver)
-    if _jumps(template) and isinstance(scheme, FixedSteps):
+    if jumps(template) and isinstance(scheme, FixedSteps):
         finer = replace(
             scheme, step=scheme.step / FINER, count=scheme.count * FINER, last=scheme.last / FINER
         )
@@ -89,10 +89,10 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
 
 
 def instead(template: Template, solver: Solver) -> str:
-    """Return in words what is done instead of the solver's scheme; nothing where it is taken."""
+    """Return in words the method in place of the solver's scheme; empty where it runs."""
     if isinstance(solver.scheme, Decay) or _stepped(template, solver):
         return ""
-    if _jumps(template) and isinstance(solver.scheme, FixedSteps):
+    if jumps(template) and isinstance(solver.scheme, FixedSteps):
         return f"in steps 1/{FINER} as long"
     return f"solved to {PRECISION:g} by adaptive steps of Dormand-Prince 8(5,3), or Radau IIA"
 
@@ -102,18 +102,12 @@ def _stepped(template: Template, solver: Solver) -> bool:
     return isinstance(solver.scheme, Stepping) and (solver.asked or template.output.discrete)
 
 
-def _jumps(template: Template) -> bool:
-    return any(coupling.jumps for coupling in template.nonlinear)
-
-
 def _marched(equation: StateEquation, solver: Solver) -> Answer:
     """Take the solver's own steps."""
     scheme = solver.scheme
     if isinstance(scheme, FixedSteps):
         return Answer(*march(equation, solver, scheme), math.inf)
-    if isinstance(scheme, ExponentialSteps):
-        return Answer(*march_exponential(equation, solver, scheme), math.inf)
-    assert isinstance(scheme, AdaptiveSteps | ChebyshevSteps)
+    assert not isinstance(scheme, Exact)
     return Answer(*march_adaptive(equation, solver, scheme))
 
 
@@ -191,7 +185,7 @@ def _to_the_end(equation: StateEquation, solver: Solver, precision: float) -> An
     """Run to the end; to equilibrium in stretches that double."""
     answer = Answer(equation.start(), 0.0, 0, math.inf)
     drive = equation.drive()
-    # settled well below the tolerance that is asked for, so that what is left does not count
+    # settled well below the tolerance that is asked for, so that the rest does not count
     strict = replace(solver, rtol=1e-3 * solver.rtol, atol=1e-3 * solver.atol)
     stretch = 4.0 if solver.settle else solver.duration
     end = LATEST if solver.settle and isinstance(solver.scheme, Exact) else solver.duration

@@ -1,4 +1,4 @@
-"""A time for a whole benchmark, shared out evenly over its cases; what does not fit is named."""
+"""A time for a whole benchmark, shared out evenly over its cases; others are named."""
 
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -6,7 +6,7 @@ from typing import TypeVar
 
 Row = TypeVar("Row")
 Task = tuple[str, Callable[[], Row | None]]
-"""The name of a row, and what measures it."""
+"""The name of a row, and its measurement."""
 
 
 def shared_out(
@@ -16,8 +16,8 @@ def shared_out(
 ) -> Iterator[Row | str | None]:
     """Yield the rows of all cases, as they are measured.
 
-    A case may take an equal share of the time that is left, so that what one does not need is
-    there for those that follow, and what one takes too much is shared by all of them.
+    A case may take an equal share of the time that is left, so that the rest of one is
+    there for those that follow, and an overrun of one is shared by all of them.
 
     Parameters
     ----------

@@ -37,7 +37,7 @@ def _line(axes: Axes, x: Sequence[float], y: Sequence[float], name: str, style: 
 
 
 def bars(rows: Sequence[Row], label: Sequence[str], value: str, title: str) -> Picture:
-    """Return one horizontal bar a row; what all rows have in common is told once, above."""
+    """Return one horizontal bar a row; the common part of all rows stands once, above."""
     figure: Picture = Figure(figsize=(8, 1.2 + 0.36 * len(rows)), layout="constrained")
     axes: Axes = figure.add_subplot()
     common = [key for key in label[1:] if len({str(row[key]) for row in rows}) == 1]
@@ -70,7 +70,7 @@ def latency(rows: Sequence[Row]) -> Picture:
 
 
 def scenes(rows: Sequence[Row]) -> Picture:
-    """Return what a frame costs each scene."""
+    """Return the cost of a frame for each scene."""
     return bars(rows, ["case", "device"], "p50_us", "µs a frame, median")
 
 
@@ -103,7 +103,7 @@ UNITS = {
     "layers": "layers",
     "taxel grid": "taxel grid; batch of 1024",
 }
-"""What grows along each panel of `scaling`."""
+"""The quantity along each panel of `scaling`."""
 
 
 def scaling(rows: Sequence[Row]) -> Picture:

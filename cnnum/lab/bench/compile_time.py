@@ -1,4 +1,4 @@
-"""How long a plan takes to build: from nothing, and from what is kept."""
+"""How long a plan takes to build: from nothing, and from the cache."""
 
 import os
 import subprocess

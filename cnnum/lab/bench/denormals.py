@@ -1,4 +1,4 @@
-"""What numbers next to zero cost: states and inputs that decay below the smallest normal number."""
+"""Cost of numbers next to zero: states and inputs that decay below the smallest normal number."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -37,12 +37,12 @@ class Denormals:
     spread : float
         Of the first, s.
     error, ordinary_error : float
-        Largest difference of what both come to from the reference engine's, over the largest of
+        Largest difference of both results from the reference engine's, over the largest of
         the latter. Next to zero it is 1 where a device takes denormals as 0, up to 2 where an
         output is -1 for nothing (places of edges), and anything above where steps follow an
         absolute tolerance: both are of a truth that is almost nothing.
     absolute_error : float or None
-        The same difference next to zero as it is, beside an absolute tolerance of 1e-5 where steps
+        The same difference next to zero as it is, against an absolute tolerance of 1e-5 where steps
         follow their error. None of a program, whose outputs have units of their own.
     error_of_start : float
         That over the largest state that the run begins with; of a program, over the largest value
@@ -124,7 +124,7 @@ def near_zero(ordinary: Floats, least: float) -> tuple[Floats, Floats]:
 
 LINEAR = 2.0**-20
 """A least number at which all of a run lies within the linear range, for truths: there states are
-as large as what they come from, and float64 has all its digits."""
+as large as their terms, and float64 has all its digits."""
 
 
 def case_truths(case: Case) -> tuple[Floats, Floats]:

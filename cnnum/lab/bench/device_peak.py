@@ -1,4 +1,4 @@
-"""The peak of a device, measured again and again beside figures that are given as shares of it."""
+"""The peak of a device, measured again with each figure that is a share of it."""
 
 import math
 from collections.abc import Callable
@@ -24,7 +24,7 @@ class PeakMeter:
         self.best, self.kernel = (math.nan if self._name is None else 0.0), ""
 
     def measure(self, times: int = 1) -> None:
-        """Measure all kernels so many times."""
+        """Measure all kernels a number of times."""
         if self._name is None:
             return
         from cnnum.engines.opencl.runtime.peak_measurement import measure
@@ -36,7 +36,7 @@ class PeakMeter:
                 self.best, self.kernel = found.flops, found.kernel
 
     def turn(self) -> Callable[[], float]:
-        """Return what runs the best kernel once, some 20 ms, and tells its operations a second.
+        """Return a function that runs the best kernel once, some 20 ms, for operations a second.
 
         It runs here, not in a process of its own, for it has run in one: `measure` comes first.
         """

@@ -1,4 +1,4 @@
-"""Errors of what benchmarks time, against the reference engine: no loose answer wins a figure."""
+"""Errors of timed runs, against the reference engine: no loose answer wins a figure."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -30,7 +30,7 @@ Answer = dict[str, Floats]
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """An error, and what it is an error against.
+    """An error, and its reference.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ def truths(
     size: float = 1.0,
     needs: Sequence[str] | None = None,
 ) -> list[Answer]:
-    """Return what the reference engine makes of a program on the first frames of `touch`.
+    """Return the reference engine's results of a program on the first frames of `touch`.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def truths(
     seconds : float
         After which no further frame begins; one always does.
     size : float
-        What the frames are multiplied with.
+        Factor of the frames.
     needs : sequence of str, optional
         Outputs; all unless given.
     """
@@ -96,9 +96,9 @@ def stream_error(
     ----------
     plan : Plan
     true : list of dict
-        What `truths` returns.
+        The results of `truths`.
     size : float
-        What the frames are multiplied with.
+        Factor of the frames.
     over : list of dict, optional
         Answers whose largest values are to be divided by; the truth unless given.
     """

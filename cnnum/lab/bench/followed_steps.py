@@ -77,7 +77,7 @@ def frames(
 
 
 def sample(count: int, batch: int) -> Iterator[Known]:
-    """Yield so many networks, each with a batch of frames."""
+    """Yield a number of networks, each with a batch of frames."""
     rng, engine = np.random.default_rng(SEED), Engine("numba", precision="float64")
     for _ in range(count):
         template = network(rng)

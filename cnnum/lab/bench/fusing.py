@@ -1,4 +1,4 @@
-"""What the fusing of linear operations saves: plans beside the same plans with nothing fused."""
+"""The saving of fused linear operations: plans against the same plans with nothing fused."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -51,7 +51,7 @@ class Fusing:
 
 
 def measure_fusing(engine: Engine, *, quick: bool = False) -> Iterator[Fusing | str]:
-    """Yield a row a tactile program, array and batch; words for what is not fused."""
+    """Yield a row a tactile program, array and batch; words for cases that are not fused."""
     budget = 0.3 if quick else 2.0
     for shape in SHAPES[:1] if quick else SHAPES:
         for name in program_names("tactile"):

@@ -1,4 +1,4 @@
-"""The way of one frame, from host memory to host events, beside an empty launch with its copies."""
+"""The way of one frame, from host memory to host events, and of an empty launch with its copies."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -39,7 +39,7 @@ OMISSIONS = (
     "Their errors are those of their checks, against closed forms.",
     "Batches and other arrays: frames are single ones of 8×8×3.",
 )
-"""What is not measured, and why."""
+"""Cases that are not measured, and why."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class Subject:
 
 
 BOTH = Subject("slip and twist", "tactile", ("slip", "twist"))
-"""What a scene takes that wants both events."""
+"""The cost of a scene that wants both events."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +89,13 @@ class Latency:
     tail : float
         p99 over p50.
     empty_tail, own_tail : float
-        The same of the two launches that do nothing, in the same turns: what the machine adds.
+        The same of the two launches that do nothing, in the same turns: the share of the machine.
     frames, events : int
         Measured, and reported of them.
     error : float
         Of a contact's frames, largest of the outputs, each over its largest value.
     truth : str
-        What the error is against: the reference engine, or a closed form.
+        Reference of the error: the reference engine, or a closed form.
     """
 
     case: str
@@ -118,7 +118,7 @@ class Latency:
 
 
 def subjects() -> tuple[Subject, ...]:
-    """Return what is measured: every tactile program, and the one of slip and twist together."""
+    """Return the cases: every tactile program, and the one of slip and twist together."""
     return (*(Subject(name, name) for name in program_names("tactile")), BOTH)
 
 

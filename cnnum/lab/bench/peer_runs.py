@@ -1,4 +1,4 @@
-"""The peers on the same work to the same measured error, beside this engine."""
+"""The peers on the same work to the same measured error as this engine."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -17,7 +17,7 @@ from cnnum.runs.result import Result
 from cnnum.templating.library import get_template
 
 TRIAL_STEP = 0.02
-"""Euler's error is proportional to the step, so one trial tells which step meets an error."""
+"""Euler's error is proportional to the step, so one trial gives the step that meets an error."""
 
 TOLERANCES = tuple(10.0**-n for n in range(2, 11))
 WITHIN = tuple(10.0 ** (n / 4) for n in (3, 2, 1))

@@ -60,7 +60,7 @@ def write_data(
     rows : sequence of mapping
     device : str
     omissions : sequence of str
-        What was left out, and why.
+        The cases left out, and why.
     """
     here = Environment.here(device)
     tree = {

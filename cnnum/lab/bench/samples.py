@@ -1,4 +1,4 @@
-"""What benchmarks run on: templates with all weights in use, and maps of a fixed seed."""
+"""Inputs of benchmarks: templates with all weights in use, and maps of a fixed seed."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,7 @@ def frames(batch: int, shape: Shape, channels: int = 3) -> NDArray[np.float32]:
 
 
 TOUCHED = 82
-"""First frame of `touch` with a contact: programs take up to 80 to learn what rest is."""
+"""First frame of `touch` with a contact: programs take up to 80 to learn the rest level."""
 
 
 def touch(count: int = TOUCHED + 10, shape: Shape = (8, 8)) -> NDArray[np.float32]:

@@ -19,12 +19,12 @@ WORK = 1.5e8
 """Updates by nine weights that a timed run takes at most; a larger case takes fewer steps."""
 
 TIME_S = 110.0
-"""s for all places; what is left is shared out evenly, so that builds and slow places use up
+"""s for all places; the rest is shared out evenly, so that builds and slow places use up
 time of later ones. Three turns are taken at each place however little is left, and a run ends
 within three minutes on a machine that is not busy with others' work."""
 
 MOST_S = 3.0
-"""s a place at most: more turns do not tell more."""
+"""s a place at most: more turns add nothing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Scaling:
     Attributes
     ----------
     case : str
-        What grows.
+        The growing quantity.
     device : str
     shape : (rows, cols)
     batch, radius, layers : int
@@ -79,7 +79,7 @@ class Point:
 
 
 BASE = Point("array", (64, 64))
-"""What other arrays are compared with: from here to 2048² a cell shall take the same time within
+"""The reference of other arrays: from here to 2048² a cell shall take the same time within
 1.5 times."""
 
 

@@ -1,4 +1,4 @@
-"""What is left out, as time: scenes that want one thing beside the scene that wants everything."""
+"""The saving in time: scenes that want one event against the scene that wants all."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -54,7 +54,7 @@ class SceneCost:
     frames : int
         Measured.
     error : float
-        Largest difference of the answers from what the reference engine makes of the frames in the
+        Largest difference of the answers from the reference engine's results on the frames in the
         scene that wants everything, each over its largest; in frames whose flags agree.
     flips : int
         Frames of which a flag, or one of a taxel, is not the reference engine's.
@@ -112,18 +112,18 @@ def measure_scenes(
 
 
 def opened_scene(name: str, engine: Engine) -> Scene:
-    """Return the scene that wants what the named one does, on the array of `WHOLE`."""
+    """Return the scene with the wants of the named one, on the array of `WHOLE`."""
     wants = list(read_scene(name).wants)
     return load_scene(WHOLE, engine=engine, changes={"wants": wants})
 
 
 def compared(frames: Sequence[Frame], every: int) -> list[Frame]:
-    """Return a stream of the first frames, which are of rest, and one of so many after them."""
+    """Return a stream of the first frames, which are of rest, and one of a number after them."""
     return [*frames[:REST], *frames[REST::every]]
 
 
 def answers(scene: Scene, frames: Sequence[Frame]) -> list[Answer]:
-    """Return what a scene's program makes of a stream of frames; of bad ones nothing."""
+    """Return the outputs of a scene's program on a stream of frames; none of bad ones."""
     way = scene.path()
     moments = [way.step(number, frame) for number, frame in enumerate(frames)]
     return [moment.outputs for moment in moments if moment.values is not None]

@@ -1,4 +1,4 @@
-"""Cell updates a second on a device, and what share of its own arithmetic that is."""
+"""Cell updates a second on a device, and their share of its own arithmetic."""
 
 import math
 import statistics
@@ -43,7 +43,7 @@ class Throughput:
     shape : (rows, cols)
     batch : int
     cell_updates_per_s : float
-        Of the steps alone: what more steps of the same launch take.
+        Of the steps alone: the time of more steps in the same launch.
     host_to_host_per_s : float
         With copies and conversions, at the larger number of steps.
     flops : float
@@ -178,7 +178,7 @@ def _measure(
         short,
         long,
         work=cells * 2.0 * case.steps * a_cell,
-        beside=peak,
+        against=peak,
         budget=budget,
     )
     rate = cells * 2 * case.steps / found.more

@@ -39,7 +39,7 @@ TURN_S = 0.05
 
 
 def seconds_of(call: Call, count: int = 1) -> float:
-    """Return the wall time of a call, s: the mean of so many, one after the other."""
+    """Return the wall time of a call, s: the mean of a series."""
     begin = time.perf_counter()
     for _ in range(count):
         call()
@@ -96,8 +96,8 @@ class Difference:
     long : Timing
         Of the longer one.
     share : float
-        Median over the turns of ``work / more / beside``, what was done a second beside what else
-        was measured in the same turn; NaN if nothing was.
+        Median over the turns of ``work / more / against``, the work a second over the rate that
+        was measured in the same turn; NaN without one.
     """
 
     more: float
@@ -110,7 +110,7 @@ def difference(
     long: Call,
     *,
     work: float = math.nan,
-    beside: Callable[[], float] | None = None,
+    against: Callable[[], float] | None = None,
     budget: float = 2.0,
     runs: int = 15,
 ) -> Difference:
@@ -120,9 +120,9 @@ def difference(
     ----------
     short, long : callable
     work : float
-        What the long call does more.
-    beside : callable, optional
-        Tells the rate that ``work`` a second is held to. It is asked before each call of a turn and
+        Work that the long call does more.
+    against : callable, optional
+        Returns the rate for ``share``. It is asked before each call of a turn and
         after the last, and the mean counts: on a shared machine rates change by the second.
     budget : float
         s after which no further turn begins.
@@ -133,7 +133,7 @@ def difference(
     long()
     until = time.perf_counter() + budget
     turns: list[tuple[float, float, float]] = []
-    rate = beside or (lambda: math.nan)
+    rate = against or (lambda: math.nan)
     while len(turns) < runs and (len(turns) < 3 or time.perf_counter() < until):
         rates = [rate()]
         first = seconds_of(short)

@@ -39,7 +39,7 @@ QUICK = (
     *(Rung(name, dt=0.01) for name in ("euler", "rk4")),
 )
 QUICK_PLACES = (("opencl", "float32"), ("numba", "float64"))
-"""Engine and precision of a quick round: the first that is there. Building kernels is what takes
+"""Engine and precision of a quick round: the first that is there. Building kernels takes
 its time, and Numba's first build takes half a minute."""
 
 QUICK_TIME_S = 45.0
@@ -59,20 +59,20 @@ OMISSIONS = (
     "least; building its kernel is not counted.",
     f"An error of 0 is drawn at {LEAST:g}: the axis has no 0.",
 )
-"""What no run shows, and why."""
+"""Cases that no run shows, and why."""
 
 PROGRAM_OMISSIONS = (
     "A tactile program runs a stream with a contact, of as many frames as the reference engine "
     f"gets through in {REFERENCE_S:g} s (1 s with --quick): time and error are of the same frames, "
     "and its error is the largest of the outputs, flags among them, each over its largest value. "
     "Its rungs run every transient by one method; programs without transients have one row, and so "
-    f"has '{WHOLE}', which runs what the others run. Where all transients are exact by themselves, "
-    "what is chosen for them is called the propagator.",
+    f"has '{WHOLE}', which runs the operations of the others. Where all transients are exact "
+    "by themselves, the method chosen for them is called the propagator.",
     f"{', '.join(SLOW_REFERENCE)}: a frame takes the reference engine more than ten seconds, and "
     "the Numba engine up to a minute. They run on OpenCL alone, and time and error are those of "
     "their checks' frames, against closed forms.",
 )
-"""What runs of tactile programs do not show, and why."""
+"""Cases that runs of tactile programs do not show, and why."""
 
 CASE_OMISSIONS = (
     "Black-and-white templates are left out, DELAYED_WAVE among them: their answer is a decision, "
@@ -85,16 +85,16 @@ CASE_OMISSIONS = (
 
 
 def omissions(names: Sequence[str], *, quick: bool = False) -> tuple[str, ...]:
-    """Return what a run of these cases does not show, and why."""
+    """Return the omissions of a run of these cases, and why."""
     everything, programs = cases(), program_names("tactile")
-    told = OMISSIONS + (PROGRAM_OMISSIONS if any(name in programs for name in names) else ())
+    texts = OMISSIONS + (PROGRAM_OMISSIONS if any(name in programs for name in names) else ())
     missing = [name for name in everything if name not in names]
     if not missing:
-        return told + CASE_OMISSIONS
+        return texts + CASE_OMISSIONS
     if not quick:
-        return told
+        return texts
     return (
-        *told,
+        *texts,
         f"--quick does not run {', '.join(missing)}; it has fewer rungs, and one engine "
         "in one precision: building kernels takes longest, Numba's first half a minute.",
     )
@@ -134,7 +134,7 @@ def engines_here(device: str | None, *, quick: bool = False) -> tuple[Engine, ..
 
 
 def cases(*, quick: bool = False) -> tuple[str, ...]:
-    """Return the names of what is measured: templates, then programs."""
+    """Return the names of the cases: templates, then programs."""
     if quick:
         return QUICK_CASES
     return (*(template.name for template in wave_templates()), *program_names("tactile"))
@@ -173,7 +173,7 @@ def measure_cases(
     Yields
     ------
     WorkPrecision, str or None
-        None for what an engine refuses; a sentence for what there was no time for.
+        None for a refused case; a sentence for one that there was no time for.
     """
     limit = (QUICK_TIME_S if quick else inf) if seconds is None else seconds
     return shared_out(names, partial(_tasks, engines=engines, quick=quick), limit)

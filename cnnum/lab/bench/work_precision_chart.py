@@ -54,7 +54,7 @@ def work_precision(rows: Sequence[Row]) -> Picture:
 
 
 def _height(lines: int, places: int) -> float:
-    """Return the height of so many panels and of the names above them, inches."""
+    """Return the height of a number of panels and of the names above them, inches."""
     return 0.5 + 2.15 * lines + 0.25 * -(-len(STYLES) // _columns(places))
 
 
@@ -75,7 +75,7 @@ def _point(row: Row) -> tuple[float, float]:
 
 def _methods(axes: Axes, rows: Sequence[Row]) -> None:
     for method, (colour, marker) in STYLES.items():
-        # along its rungs, not along the time, so that a curve shows what a smaller step brings
+        # along its rungs, not along the time, so that a curve shows the gain of a smaller step
         points = [_point(row) for row in rows if row["method"] == method]
         if points:
             x, y = zip(*points, strict=True)

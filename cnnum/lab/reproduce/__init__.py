@@ -1,4 +1,4 @@
-"""Every number and figure of the dissertation that a model can give, beside the published one.
+"""Every number and figure of the dissertation that a model can give, with the published one.
 
 An `Item` is one published result and the function that computes ours; `run` makes a `Row` of
 it; `write_report` puts the rows and the figures on one page.

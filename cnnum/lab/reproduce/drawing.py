@@ -21,7 +21,7 @@ INK = "#010203"
 """Stands for the page's own colour of text; no other colour here is like it."""
 
 PALETTE = ("#0a6ebd", "#d1590b", "#2a8c5a", "#8a4fbf", "#b8860b", "#c03a72")
-"""Told apart with any common colour vision; the page lightens them on dark paper."""
+"""Distinct with any common colour vision; the page lightens them on dark paper."""
 
 HOT = LinearSegmentedColormap.from_list(
     "pushed", ("#0b3f8c", "#3f8fd6", "#f4f5f7", "#eb8a3e", "#8f2f06")
@@ -239,6 +239,6 @@ def _for_page(svg: str, title: str) -> str:
 
 
 def _lowered(text: re.Match[str]) -> str:
-    """Return a text element with what follows an underscore set lower."""
+    """Return a text element where the text after an underscore is set lower."""
     low = r'\1<tspan dy="2.5" font-size="75%">\2</tspan><tspan dy="-2.5">&#8203;</tspan>'
     return text[1] + re.sub(SUBSCRIPT, low, text[2]) + text[3]

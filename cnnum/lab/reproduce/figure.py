@@ -1,4 +1,4 @@
-"""What a figure shows, as data: panels of curves, maps, dots and arrows, without any drawing."""
+"""A figure as data: panels of curves, maps, dots and arrows, without any drawing."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -115,7 +115,7 @@ class Panel:
     depth : bool
         The vertical axis runs down.
     marks : sequence of (float, str)
-        Vertical lines and what they mark.
+        Vertical lines and their labels.
     reach : float or None
         Both axes end at ± this.
     ticks : sequence of str
@@ -145,7 +145,7 @@ class Figure:
         The figure of the dissertation that it is to be compared with.
     title : str
     caption : str
-        What is shown, and what is compared with what.
+        The content, and the comparison.
     panels : sequence of Panel
     """
 

@@ -43,7 +43,7 @@ def write_page(
     figures : sequence of str
         Names of the figures to draw.
     advance : callable
-        Told each figure's name once it is drawn.
+        Called with each figure's name once it is drawn.
 
     Returns
     -------
@@ -106,9 +106,9 @@ def _head(rows: Sequence[Row]) -> str:
         "<h1>The elastic cover and the taxel, reproduced</h1>"
         '<p class="lead">Every number and figure of G. Vásárhelyi’s dissertation “The Design of '
         "Tactile Sensors and their Elastic Cover” (Pázmány Péter Catholic University, "
-        "Budapest 2007) that a model can give, with ours beside it.</p>"
+        "Budapest 2007) that a model can give, with ours next to it.</p>"
         '<p class="soft">Each check states how far it may be off, and why. Where a figure has no '
-        "digits, the row says what is compared: a zero, an extremum, a slope. Real covers and "
+        "digits, the row names the comparison: a zero, an extremum, a slope. Real covers and "
         "sensors deviate from any half-space; those rows are comparisons, and cannot pass.</p>"
         f'<div class="tiles">{tiled}</div>{_contents(rows)}'
     )

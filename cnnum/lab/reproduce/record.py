@@ -1,4 +1,4 @@
-"""What a row of the table is made of: a published number, ours, and how far apart they may be."""
+"""The parts of a row of the table: a published number, ours, and how far apart they may be."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,11 +22,11 @@ class Item:
     name : str
         Short, unique: "W", "table-3.I-Fz".
     title : str
-        What it is, in a few words.
+        Its name, in a few words.
     source : str
         Table, figure, equation or section of the dissertation.
     expected : float or (float, float)
-        The published number, or what the published equation gives; a range for "within".
+        The published number, or the value of the published equation; a range for "within".
     compute : callable
         Returns ours, in the same unit.
     tolerance : float
@@ -36,14 +36,14 @@ class Item:
     unit : str
         Of the numbers; "" where they have none.
     rule : str
-        What the error is: "absolute" |got − expected|, "relative" that over |expected|, "within"
-        the distance from the range, "at least" and "at most" what is missing or too much.
+        Kind of error: "absolute" |got − expected|, "relative" that over |expected|, "within"
+        the distance from the range, "at least" and "at most" the part missing or too much.
     kind : str
         "check", or "comparison" where the model is not meant to give the number.
     figure : str or None
         Name of the figure that shows it.
     printed : callable or None
-        Of an erratum: what the formula gives as it is printed.
+        Of an erratum: the value of the formula as it is printed.
     """
 
     name: str
@@ -102,7 +102,7 @@ class Row:
     passed : bool or None
         None for a comparison, and where it was not run.
     printed : float or None
-        Of an erratum: what the printed formula gives.
+        Of an erratum: the value of the printed formula.
     missing : str
         Why it was not run; "" where it was.
     """

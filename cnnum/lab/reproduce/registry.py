@@ -46,12 +46,12 @@ def item_names() -> tuple[str, ...]:
 
 
 def beginnings() -> tuple[str, ...]:
-    """Return what names begin with: kinds and chapters, "fig-4"."""
+    """Return the beginnings of names: kinds and chapters, "fig-4"."""
     return tuple(dict.fromkeys(name.split(".")[0] for name in item_names()))
 
 
 def figure_makers() -> dict[str, Callable[[], Figure]]:
-    """Return what makes each figure, by name."""
+    """Return the maker of each figure, by name."""
     return {name: make for chapter in CHAPTERS for name, make in chapter.figures.items()}
 
 

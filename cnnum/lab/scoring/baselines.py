@@ -1,4 +1,4 @@
-"""The simplest scores of slip, and a regression on features: what a program has to beat."""
+"""The simplest scores of slip, and a regression on features: the baselines of a program."""
 
 from collections.abc import Sequence
 from importlib import import_module

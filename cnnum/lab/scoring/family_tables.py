@@ -59,7 +59,7 @@ Advance = Callable[[str], object]
 
 @dataclass(frozen=True, slots=True)
 class Scenes:
-    """Scenes of all families, with what the programs say of them.
+    """Scenes of all families, with the programs' outputs.
 
     Attributes
     ----------
@@ -72,7 +72,7 @@ class Scenes:
     answers: Mapping[str, Sequence[Answers]]
 
     def verdicts(self, family: str) -> list[Verdict]:
-        """Return what the reports in a family's scenes are worth."""
+        """Return the scores of the reports in a family's scenes."""
         pairs = zip(self.trials[family], self.answers[family], strict=True)
         return [judge(trial, answers) for trial, answers in pairs]
 
@@ -98,7 +98,7 @@ def drawn(count: int, seed: int, advance: Advance) -> dict[str, list[Trial]]:
 
 
 def _drawn(name: str, count: int, seed: int, advance: Advance = str) -> list[Trial]:
-    """Return a family's scenes; by name, since what makes them cannot go to another process."""
+    """Return a family's scenes; by name, since their maker cannot go to another process."""
     arrays, family = Arrays(), next(one for one in FAMILIES if one.name == name)
     made = [family.make(arrays, name, n) for n in range(seed, seed + count)]
     advance(name)
@@ -121,7 +121,7 @@ def _workers() -> Generator[ProcessPoolExecutor]:
 
 
 def played(subject: Subject, trials: Mapping[str, Sequence[Trial]]) -> Scenes:
-    """Return what the programs say of scenes."""
+    """Return the programs' outputs of scenes."""
     flat = [trial for ones in trials.values() for trial in ones]
     answers = iter(subject.play(flat))
     return Scenes(trials, {name: [next(answers) for _ in ones] for name, ones in trials.items()})

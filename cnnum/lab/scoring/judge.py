@@ -1,4 +1,4 @@
-"""What a trial's reports are worth: found or not, after how much sliding, and false ones."""
+"""Scores of a trial's reports: found or not, after how much sliding, and false ones."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ class Verdict:
 
 
 def judge(trial: Trial, answers: Mapping[str, Floats], flags: Flags | None = None) -> Verdict:
-    """Return what the reports of slip are worth.
+    """Return the scores of the reports of slip.
 
     Parameters
     ----------

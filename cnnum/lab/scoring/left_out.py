@@ -38,7 +38,7 @@ NOTE = (
 
 @dataclass(frozen=True, slots=True)
 class Choice:
-    """Constants, and what every family comes to with them.
+    """Constants, and the results of every family with them.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class Choice:
 def choices(
     engine: Engine, trials: Mapping[str, Sequence[Trial]], advance: Callable[[str], object]
 ) -> list[Choice]:
-    """Return all constants of the grid, with what families of scenes come to."""
+    """Return all constants of the grid, with the results of families of scenes."""
     found = list[Choice]()
     names = [family.name for family in FAMILIES if family.kind != "twist"]
     some = {name: trials[name] for name in names}

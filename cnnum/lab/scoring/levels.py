@@ -1,4 +1,4 @@
-"""A threshold is a rate of false alarms: what each level finds, and what it reports falsely."""
+"""A threshold is a rate of false alarms: the found slips of each level, and its false reports."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import FOUND, Scenes
 from cnnum.lab.scoring.judge import NEAR, judge
 from cnnum.lab.scoring.measures import median, per_ten_minutes, share
-from cnnum.lab.scoring.subject import default, reports
+from cnnum.lab.scoring.subject import reports, shipped_level
 from cnnum.lab.scoring.table import Column, Row, Table
 
 LEVELS = (0.15, 0.20, 0.25, 0.28, 0.32, 0.36, 0.40, 0.45, 0.50, 0.60)
@@ -31,7 +31,7 @@ NOTE = (
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a family comes to at one level.
+    """The results of a family at one level.
 
     Attributes
     ----------
@@ -51,7 +51,7 @@ class Outcome:
 
 
 def outcome(scenes: Scenes, family: str, level: float) -> Outcome:
-    """Return what a family comes to at a level of `slip_strength`."""
+    """Return the results of a family at a level of `slip_strength`."""
     pairs = zip(scenes.trials[family], scenes.answers[family], strict=True)
     verdicts = [judge(t, a, reports(a["slip_strength"], level, t.rate)) for t, a in pairs]
     slides = [one for one in verdicts if one.slides]
@@ -67,7 +67,7 @@ def outcome(scenes: Scenes, family: str, level: float) -> Outcome:
 
 def level_table(scenes: Scenes) -> Table:
     """Return one row a level."""
-    levels = sorted({*LEVELS, default("level")})
+    levels = sorted({*LEVELS, shipped_level()})
     rows = [_row(scenes, level) for level in levels]
     return Table("levels", "Level against false reports", NOTE, COLUMNS, rows)
 

@@ -48,7 +48,7 @@ def latched(values: Floats, on: float, off: float, frames: int) -> Flags:
     ----------
     values : (frames,) float
     on, off : float
-        What is not above `off` is low.
+        A value that is not above `off` is low.
     frames : int
         Low frames before the one in which the flag goes off.
 

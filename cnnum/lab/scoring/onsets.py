@@ -9,7 +9,7 @@ from cnnum.arrays import Floats
 from cnnum.lab.scoring.judge import judge
 from cnnum.lab.scoring.levels import LEVELS
 from cnnum.lab.scoring.measures import median, per_ten_minutes, share
-from cnnum.lab.scoring.subject import Answers, default, reports
+from cnnum.lab.scoring.subject import Answers, reports, shipped_level
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.lab.scoring.trial import Flags, Trial, runs
 
@@ -87,7 +87,7 @@ def report_table(groups: Mapping[str, tuple[Sequence[Trial], Sequence[Answers]]]
 def recorded_levels(trials: Sequence[Trial], answers: Sequence[Answers]) -> Table:
     """Return one row a level, all trials together."""
     rows: list[Row] = []
-    for level in sorted({*LEVELS, default("level")}):
+    for level in sorted({*LEVELS, shipped_level()}):
         said = [
             {**a, "gross_slip": reports(a["slip_strength"], level, t.rate).astype(np.float64)}
             for t, a in zip(trials, answers, strict=True)

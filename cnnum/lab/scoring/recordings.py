@@ -41,7 +41,7 @@ Scores = dict[str, list[Floats]]
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """Real trials, with what the program says of them.
+    """Real trials, with the program's outputs.
 
     Attributes
     ----------
@@ -89,7 +89,7 @@ def read(root: Path, objects: tuple[str, ...] | None, advance: Advance) -> list[
 
 
 def score_table(engine: Engine, recorded: Recorded) -> Table:
-    """Return the areas under the curve of the program and of what it has to beat."""
+    """Return the areas under the curve of the program and of its baselines."""
     rows = _shipped(recorded)
     rows |= {name: _change(recorded, *how) for name, how in CHANGES.items()}
     if recorded.flat:

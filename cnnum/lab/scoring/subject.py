@@ -16,6 +16,8 @@ from cnnum.lab.scoring.measures import latched
 from cnnum.lab.scoring.trial import Flags, Trial
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
+from cnnum.templates.tactile.shared.false_reports import SLIP as SLIP_LEVELS
+from cnnum.templates.tactile.shared.false_reports import level_of
 from cnnum.templates.tactile.shared.recent_loads import HOLD
 
 SLIP, TWIST = "slip", "twist"
@@ -35,6 +37,11 @@ Answers = dict[str, Floats]
 def default(name: str) -> float:
     """Return the value of a parameter of the slip program, as shipped."""
     return float(inspect.signature(get_program(SLIP).function).parameters[name].default)
+
+
+def shipped_level() -> float:
+    """Return the level of `slip_strength` from which the shipped program reports slip."""
+    return level_of(default("false_reports"), SLIP_LEVELS)
 
 
 def reports(strength: Floats, level: float, rate: float) -> Flags:
@@ -71,7 +78,7 @@ class Subject:
     twists: bool = True
 
     def play(self, trials: Sequence[Trial]) -> list[Answers]:
-        """Return what the programs say of every frame of every trial, one array an output.
+        """Return the programs' outputs of every frame of every trial, one array an output.
 
         Raises
         ------
@@ -99,7 +106,7 @@ class Subject:
     def _one(self, name: str, outputs: tuple[str, ...], trials: Sequence[Trial]) -> list[Answers]:
         """Return the outputs of one program, all trials side by side.
 
-        A trial that is over repeats its last frame; what comes of it is dropped.
+        A trial that is over repeats its last frame; its outputs are dropped.
         """
         program = _bound(get_program(name), {**trials[0].setting, **self.constants})
         plan = self.engine.compile(program, trials[0].shape, outputs, channels=FORCE_AXES)
@@ -122,7 +129,7 @@ def _side_by_side(trials: Sequence[Trial], longest: int) -> Iterator[Any]:
 
 
 def _bound(program: Program, known: Mapping[str, float | bool]) -> Program:
-    """Return the program with what it takes of the known parameters."""
+    """Return the program with those of the known parameters that it takes."""
     takes = inspect.signature(program.function).parameters
     return program.bind(**{name: known[name] for name in known if name in takes})
 

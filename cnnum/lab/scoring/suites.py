@@ -1,4 +1,4 @@
-"""The suites, put together: what is asked for becomes tables."""
+"""The suites, put together: a request becomes tables."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ Advance = Callable[[str], object]
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What is to be scored.
+    """A request for scores.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A table of results: rows of numbers, and what they should reach."""
+"""A table of results: rows of numbers, and their aims."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -21,9 +21,9 @@ class Column:
     digits : int
         After the point.
     least, most : float, optional
-        The aim: what numbers should reach, or stay under.
+        The aim that numbers should reach, or stay under.
     explains : bool
-        Whether it says more of what the first column names.
+        Whether it says more of the thing that the first column names.
     """
 
     key: str

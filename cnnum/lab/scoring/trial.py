@@ -1,4 +1,4 @@
-"""A trial: frames of one array, with what was true of each."""
+"""A trial: frames of one array, with the truth of each."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ class Trial:
     Attributes
     ----------
     family : str
-        What it is judged with: a family of scenes, or an object.
+        The group of its score: a family of scenes, or an object.
     name : str
         For people.
     rate : float, Hz
@@ -40,7 +40,7 @@ class Trial:
     rows : (frames,) int
         Row of the log that each frame came from.
     setting : mapping
-        What a program has to know of the array, as its parameters.
+        Facts of the array for a program, as its parameters.
     """
 
     family: str

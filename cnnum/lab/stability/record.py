@@ -34,7 +34,7 @@ class Solved:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """A network or program that is hard to run, with what is known of its answer.
+    """A network or program that is hard to run, with the known facts of its answer.
 
     Attributes
     ----------
@@ -42,7 +42,7 @@ class Case:
         Unique; a method other than "auto" follows after a space.
     family : "stiff", "marginal", "extreme" or "precision"
     title : str
-        What is hard about it.
+        The difficulty.
     solve : callable
         Runs it on an engine.
     truth : callable
@@ -89,12 +89,12 @@ class Row:
     error : float
         Largest difference from the truth; NaN unless solved.
     estimate : float
-        What the result stated.
+        The error that the result stated.
     tolerance : float
     seconds : float
     passed : bool
     why : str
-        Why that tolerance, or the sentence of what was raised.
+        Why that tolerance, or the sentence of the raised error.
     """
 
     case: str
@@ -112,7 +112,7 @@ class Row:
 
     @property
     def share(self) -> float:
-        """The error as a share of what is allowed; 0 where none is made."""
+        """The error as a share of the tolerance; 0 where none is made."""
         return self.error / self.tolerance if self.error > 0.0 else 0.0
 
     def record(self) -> dict[str, object]:

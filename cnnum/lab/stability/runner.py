@@ -90,7 +90,7 @@ def run_case(case: Case, engine: Engine) -> Row:
         spent, sentence = time.perf_counter() - begun, str(error)
         passed = case.may_refuse(sentence)
         return _row(case, engine.name, engine.precision, "refused", spent, sentence, passed=passed)
-    except Exception as error:  # a raw error is what the suite looks for
+    except Exception as error:  # the suite looks for raw errors
         spent, sentence = time.perf_counter() - begun, f"{type(error).__name__}: {error}"
         return _row(case, engine.name, engine.precision, "failed", spent, sentence)
     return _compared(case, engine, solved, time.perf_counter() - begun)

@@ -24,7 +24,7 @@ FAINT = 0.12
 
 @dataclass(frozen=True, slots=True)
 class MapScale:
-    """What a colour and an arrow's length stand for, the same in all pictures of a report.
+    """The scale of colours and of arrows' lengths, the same in all pictures of a report.
 
     Attributes
     ----------
@@ -52,7 +52,7 @@ def frame_picture(record: SceneRecord, frame: int, scale: MapScale, label: str) 
     """Return a frame as an SVG element of equal squares, seen from above.
 
     The solid circle is the true contact, the dashed one the true stick region; the same lines
-    around cells are what the program made of them.
+    around cells are the program's results.
     """
     rows, cols = record.shape
     parts = [

@@ -1,4 +1,4 @@
-"""What charts are made of: scales, ticks and a few SVG elements as text."""
+"""The parts of charts: scales, ticks and a few SVG elements as text."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -69,7 +69,7 @@ _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 def power_of_ten(value: float) -> str:
-    """Return "10⁻³", or "5·10⁻³" of what is no power of ten."""
+    """Return "10⁻³", or "5·10⁻³" where it is no power of ten."""
     exponent = floor(log10(value) + 1e-9)
     factor = round(value / 10.0**exponent)
     return ("10" if factor == 1 else f"{factor}·10") + str(exponent).translate(_SUPERSCRIPT)
@@ -92,7 +92,7 @@ def micros(value: float) -> str:
 
 
 def plain(value: float, digits: int = 3) -> str:
-    """Return a number with so many digits, a true minus and no exponent."""
+    """Return a number with a count of digits, a true minus and no exponent."""
     if value == 0 or not isfinite(value):
         return "0" if value == 0 else "–"
     places = max(0, digits - 1 - floor(log10(abs(value))))

@@ -1,4 +1,4 @@
-"""The story of a scene in time: what happened, what was reported, and the loads and radii."""
+"""The story of a scene in time: true events, reported ones, and the loads and radii."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -65,7 +65,7 @@ def timeline(record: SceneRecord, verdicts: tuple[Verdict, ...], width: float) -
 
 
 def panels(record: SceneRecord) -> tuple[Panel, ...]:
-    """Return what the ground truth knows of loads and radii."""
+    """Return the loads and radii of the ground truth."""
     truth = record.truth
     found: list[Panel] = []
     if "normal_force" in truth:

@@ -1,6 +1,6 @@
 """Contacts of a rigid body with the cover: pressure, partial slip, twist, and their maps.
 
-Loads grow monotonically from zero; pressure and tractions are what acts on the cover, z into it.
+Loads grow monotonically from zero; pressure and tractions act on the cover, z into it.
 On maps, columns run along x and rows along y, the origin in the middle.
 """
 

@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
 from cnnum.tactile.grid import Grid
 
@@ -59,6 +60,7 @@ def twist_average(grid: Grid, centre: tuple[float, float], radius: float) -> Arr
 
 
 def _corners(grid: Grid, centre: tuple[float, float]) -> tuple[Array, Array]:
+    checks.record("grid", grid, Grid)
     x, y = np.broadcast_arrays(grid.x_edges - centre[0], grid.y_edges[:, None] - centre[1])
     return x, y
 

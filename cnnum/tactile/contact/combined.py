@@ -9,7 +9,6 @@ everywhere (exact for rigid sliding, up to the cells' midpoints).
 import math
 
 import numpy as np
-from scipy.optimize import brentq
 
 from cnnum.tactile.checks import Array
 
@@ -83,6 +82,8 @@ def sliding_shear(direction: Array, ratio: float, limit: Array, arm: Array, size
         return shear(low)
     if excess(high) >= 0:
         return shear(high)
+    from scipy.optimize import brentq
+
     return shear(float(brentq(excess, low, high, xtol=1e-12)))
 
 

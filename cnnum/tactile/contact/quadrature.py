@@ -1,6 +1,7 @@
 """Average any traction inside a circular contact over the cells of a grid, to high order."""
 
 from collections.abc import Callable
+from typing import cast
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
@@ -22,7 +23,7 @@ def cell_average(
     """Return the averages over the cells of a field that lives inside a circle.
 
     Each cell is cut by the circle, its sides are set to x = a sin φ, y = √(a² - x²) sin θ,
-    which takes a root (or its inverse) at the rim out of the integrand, and what is left is
+    which takes a root (or its inverse) at the rim out of the integrand, and the rest is
     summed by Gauss points between the places where the circle crosses the cell. A field that
     is smooth inside comes back to about 1e-8 of its peak, and so does the total load; a kink
     inside leaves some 1e-3 in the cells that it crosses.
@@ -53,7 +54,8 @@ def cell_average(
     ArrayError
         If there is no node.
     """
-    if nodes < 1:
+    checks.record("grid", grid, Grid)
+    if not isinstance(cast(object, nodes), int) or nodes < 1:
         raise ArrayError(f"'nodes': expected 1 or more, got {nodes}.")
     a = checks.scalar("radius", checks.positive("radius", radius))
     x = np.clip((grid.x_edges - centre[0]) / a, -1.0, 1.0)

@@ -20,14 +20,14 @@ Regime = Literal["none", "stick", "partial", "sliding"]
 
 @dataclass(frozen=True, slots=True)
 class ContactState:
-    """What a sphere's contact does.
+    """The figures of a sphere's contact.
 
     Parameters
     ----------
     contact_radius : float, m
         Radius a of the contact, 0 without load.
     stick_radius : float, m
-        Radius c of what sticks; under force and torque together the smaller of the two taken
+        Radius c of the stick zone; under force and torque together the smaller of the two taken
         alone, an upper bound.
     peak_pressure : float, Pa
         Pressure at the centre.
@@ -97,7 +97,7 @@ def sphere_traction(
     friction : float
         Coefficient of friction μ; 0 for a slippery sphere, infinity for one that cannot slip.
     centre : (x, y) float, m
-        Where the sphere touches; what lies outside the map is left out.
+        Where the sphere touches; parts outside the map are left out.
     tangential : (Q_x, Q_y) float, N
         Tangential force on the surface; from μP on the contact slides and carries μP.
     torque : float, N m
@@ -216,7 +216,7 @@ def _missing(centre: float, a: float, edges: Array) -> int:
 
 
 def _shares(loads: _Load, a: float) -> tuple[float, float]:
-    """Return force and torque over what makes each slide alone, at most 1."""
+    """Return force and torque over the limits at which each slides alone, at most 1."""
     limit = float(sliding_torque(loads.normal, a, loads.friction))
     pull = loads.pull / (loads.friction * loads.normal)
     return min(pull, 1.0), min(abs(loads.torque) / limit, 1.0)
@@ -235,11 +235,13 @@ def _checked(
 ) -> _Load:
     q_x, q_y = checks.vector("tangential", tangential, 2)
     x, y = checks.vector("centre", centre, 2)
-    grip = math.inf if friction == math.inf else float(checks.not_negative("friction", friction))
+    grip = math.inf
+    if friction != math.inf:
+        grip = checks.scalar("friction", checks.not_negative("friction", friction))
     return _Load(
-        normal=float(checks.not_negative("load", load)),
+        normal=checks.scalar("load", checks.not_negative("load", load)),
         tangential=(float(q_x), float(q_y)),
-        torque=float(checks.finite("torque", torque)),
+        torque=checks.scalar("torque", checks.finite("torque", torque)),
         friction=grip,
         centre=(float(x), float(y)),
     )

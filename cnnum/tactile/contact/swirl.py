@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 
+from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
 from cnnum.tactile.grid import Grid
 
@@ -43,6 +44,7 @@ def swirl_average(
     (rows, cols, 2) float, Pa
         Averages of (q_x, q_y); positive traction turns x towards y.
     """
+    checks.record("grid", grid, Grid)
     x, y = grid.x_edges - centre[0], grid.y_edges - centre[1]
     cols, rows = _window(x, max(radii)), _window(y, max(radii))
     x, y = x[cols.start : cols.stop + 1], y[rows.start : rows.stop + 1]

@@ -13,7 +13,7 @@ from cnnum.tactile.contact.normal import Hertz, inverse_root
 
 @dataclass(frozen=True, slots=True)
 class PartialSlip:
-    """Where a sphere sticks and what it pulls, under a tangential force that only grew.
+    """Stick zone and traction of a sphere, under a tangential force that only grew.
 
     The traction points along the force everywhere (Cattaneo, Mindlin), which is exact for
     ν = 0 and the field's usual approximation else; normal and tangential loads do not couple,
@@ -74,6 +74,7 @@ def partial_slip(
     ----------
     Johnson, Contact Mechanics, 7.28-7.30; Ciavarella (1998), Jäger (1998).
     """
+    checks.record("contact", contact, Hertz)
     share = slip_share(load, tangential, friction)
     return PartialSlip(
         contact_radius=contact.contact_radius,
@@ -113,6 +114,7 @@ def tangential_displacement(
     ----------
     Johnson, Contact Mechanics, 7.40.
     """
+    checks.record("contact", contact, Hertz)
     share = slip_share(load, tangential, friction)
     softness = checks.positive("compliance", compliance)
     whole = 3 * checks.positive("friction", friction) * checks.positive("load", load)

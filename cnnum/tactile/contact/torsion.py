@@ -16,9 +16,8 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebfit, chebpts1, chebval
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
-from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
+from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
 from cnnum.tactile.contact.normal import inverse_root
@@ -139,6 +138,8 @@ class TorsionSlip:
 
     def _share(self, rho: Array) -> Array:
         """Return the traction over the sliding one at `rho` <= c, in Lubkin's closed form."""
+        from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
+
         a, c = self.contact_radius, self.stick_radius
         sine = a / c * np.sqrt((c - rho) * (c + rho) / ((a - rho) * (a + rho)))
         angle = np.arcsin(np.minimum(sine, 1.0))
@@ -180,7 +181,7 @@ class TorsionSlip:
 
         At full sliding (c = 0) the closed form diverges as log(1/c): infinity is returned.
         """
-        stiffness = float(checks.positive("shear_modulus", shear_modulus))
+        stiffness = checks.scalar("shear_modulus", checks.positive("shear_modulus", shear_modulus))
         if self.stick_radius == 0:
             return math.inf
         low, high = math.log(self.stick_radius), math.log(self.contact_radius)
@@ -217,11 +218,16 @@ def torsion_slip(load: float, radius: float, torque: float, friction: float) -> 
     ----------
     Lubkin, J. Appl. Mech. 18 (1951) 183; Johnson, Contact Mechanics, 7.5.
     """
-    force = float(checks.positive("load", load))
-    a = float(checks.positive("radius", radius))
-    limit = float(sliding_torque(force, a, friction))
-    share = float(checks.not_negative("torque", torque)) / limit
-    peak = float(checks.positive("friction", friction)) * 3 * force / (2 * math.pi * a * a)
+    force = checks.scalar("load", checks.positive("load", load))
+    a = checks.scalar("radius", checks.positive("radius", radius))
+    rub = checks.scalar("friction", checks.positive("friction", friction))
+    limit = float(sliding_torque(force, a, rub))
+    if not (limit > 0.0 and a * a > 0.0):
+        raise PhysicsError(
+            f"A load of {force:g} N on a radius of {a:g} m holds no torque that is a number."
+        )
+    share = checks.scalar("torque", checks.not_negative("torque", torque)) / limit
+    peak = rub * 3 * force / (2 * math.pi * a * a)
     return TorsionSlip(a, a * stick_ratio(share), peak)
 
 
@@ -231,6 +237,8 @@ def stick_ratio(share: float) -> float:
         return 1.0
     if share >= 1:
         return 0.0
+    from scipy.optimize import brentq
+
     return float(brentq(lambda c: _torque_share(c) - share, 0.0, 1.0, xtol=1e-14, rtol=1e-13))
 
 
@@ -242,4 +250,6 @@ def _torque_share(c: float) -> float:
 
 
 def _elliptic(ratio: Array) -> Array:
+    from scipy.special import ellipe
+
     return np.asarray(ellipe(1 - ratio * ratio), dtype=np.float64)

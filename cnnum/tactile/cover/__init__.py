@@ -3,7 +3,7 @@
 `FlatCover` is the half-space, `LayerCover` a layer on a rigid base, `RidgeCover`, `HairCover` and
 `BumpCover` the shapes that emerge from a cover; all answer as `Cover` says. Any of them may creep
 (`StandardLinearSolid`, `creep_step`). `compare` says how far flat models get from measured
-covers, `plane_figures` what the dissertation's own bump model gives. The bump's coefficients ship
+covers, `plane_figures` the data of the dissertation's own bump model. The bump's coefficients ship
 with the package; `cnnum.tactile.cover.fem` works them out anew.
 """
 

@@ -8,7 +8,7 @@ from cnnum.tactile.checks import Array
 
 
 class Profiles(NamedTuple):
-    """What a unit load on the axis does at the distances asked for, each (...).
+    """Response to a unit load on the axis at given distances, each (...).
 
     `pushed_*` under a load into the material; `dragged_*` under one sideways, towards θ = 0:
     the zz and rz parts go with cos θ, the tz part with sin θ.

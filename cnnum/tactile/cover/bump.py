@@ -1,10 +1,10 @@
 """The cover with hemispherical bumps, by the coefficients that finite elements gave."""
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks, halfspace
@@ -12,6 +12,9 @@ from cnnum.tactile.checks import Array
 from cnnum.tactile.cover.axial import Profiles, to_components
 from cnnum.tactile.cover.protocol import arguments
 from cnnum.tactile.cover.tables import STRETCH, BumpTables, load_tables
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 COUPLE = 0.25
 """Half the distance between the forces of a bump's moment seen from afar, bump radii."""
@@ -58,13 +61,16 @@ class BumpCover:
     origin: tuple[float, float] = (0.0, 0.0)
     rigid_base: bool = False
     tables: BumpTables = field(default_factory=load_tables, repr=False, compare=False)
-    _spline: CubicSpline = field(init=False, repr=False, compare=False)
+    _spline: "CubicSpline" = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         checks.positive("youngs_modulus", self.youngs_modulus)
-        radius = float(checks.positive("bump_radius", self.bump_radius))
+        radius = checks.scalar("bump_radius", checks.positive("bump_radius", self.bump_radius))
         checks.vector("origin", self.origin, 2)
-        if self.pitch is not None and float(checks.positive("pitch", self.pitch)) < 2 * radius:
+        if (
+            self.pitch is not None
+            and checks.scalar("pitch", checks.positive("pitch", self.pitch)) < 2 * radius
+        ):
             raise PhysicsError(
                 f"'pitch': expected at least the bumps' diameter, {2 * radius:g} m, "
                 f"got {self.pitch:g}."
@@ -108,9 +114,11 @@ class BumpCover:
             return np.broadcast_to(origin, load.shape)
         return np.asarray(origin + self.pitch * np.rint((load - origin) / self.pitch))
 
-    def _at_depth(self) -> CubicSpline:
+    def _at_depth(self) -> "CubicSpline":
         """Return the seven profiles over the stretched distance, times (1 + depth)²."""
-        tables, depth = self.tables, float(checks.positive("depth", self.depth))
+        from scipy.interpolate import CubicSpline
+
+        tables, depth = self.tables, checks.scalar("depth", checks.positive("depth", self.depth))
         low, high = tables.depths[0], tables.depths[-1]
         place = depth / self.bump_radius
         if not low * (1 - 1e-9) <= place <= high * (1 + 1e-9):

@@ -1,4 +1,4 @@
-"""How far each model of a flat cover gets from what was measured on real ones.
+"""The error of each model of a flat cover against measurements on real ones.
 
 A comparison, not a check: no model here reproduces the measured numbers.
 """
@@ -8,8 +8,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import j0, j1
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
@@ -55,6 +53,8 @@ class Model:
 
     def curves(self, thickness: float) -> tuple[Curve, Curve]:
         """Return the normal and the shear signal of a unit force over the distance, m."""
+        from scipy.special import j0, j1
+
         k, weight = _points(thickness)
         blur = math.prod((_disc(k * radius) for radius in self.spread), start=np.ones_like(k))
         normal, shear = self.waves(k, thickness)
@@ -89,7 +89,7 @@ class Merit:
 
 @dataclass(frozen=True, slots=True)
 class ComparisonRow:
-    """One number of one model beside the measured one.
+    """One number of one model, with the measured one.
 
     Attributes
     ----------
@@ -130,7 +130,7 @@ def layer_stress(k: Array, thickness: float) -> tuple[Array, Array]:
 def layer_strain(k: Array, thickness: float, *, height: float = 50e-6) -> tuple[Array, Array]:
     """Return Gε_zz and Gε_kz/i in a layer, a little (m) above its rigid base, ν = 0.5.
 
-    On the base itself ε_zz is zero: what a taxel there senses as strain has to come from above.
+    On the base itself ε_zz is zero: the strain that a taxel there senses comes from above.
     """
     waves = layer_waves(k, max(thickness - height, 0.0), thickness=thickness)
     return waves.strain_p, waves.along_p / 2
@@ -162,14 +162,15 @@ def merit(model: Model, thickness: float) -> Merit:
     PhysicsError
         If the thickness is not positive and finite.
     """
-    size = float(checks.positive("thickness", thickness))
+    checks.record("model", model, Model)
+    size = checks.scalar("thickness", checks.positive("thickness", thickness))
     normal, shear = model.curves(size)
     scale = size + sum(model.spread)
     x = np.linspace(0, 6 * scale, 201)
     signal = -normal(x)
     low = _top(-signal)
     peak = float(signal[0])
-    # a dip of less than a thousandth would not be seen beside the noise of any taxel
+    # a dip of less than a thousandth would not be seen in the noise of any taxel
     dips = low > 1e-3 * peak
     return Merit(
         width=2 * _first_zero(normal, x, signal) if dips else math.nan,
@@ -203,7 +204,7 @@ def compare(
     References
     ----------
     Vásárhelyi, dissertation (2007), 4.3.3 and Fig. 4.13, 4.16. The last row is β_ns = 1.46
-    times the half-space's 25√5/24: what was measured before any model entered.
+    times the half-space's 25√5/24: the measured value before any model entered.
     """
     if len(set(thicknesses)) < 2:
         raise PhysicsError(f"Expected two thicknesses or more, got {len(set(thicknesses))}.")
@@ -247,10 +248,14 @@ def _points(thickness: float) -> tuple[Array, Array]:
 
 def _disc(reach: Array) -> Array:
     """Return the transform of the mean over a disc, 2 J1(ka)/(ka)."""
+    from scipy.special import j1
+
     return np.asarray(2 * j1(reach) / reach)
 
 
 def _first_zero(normal: Curve, x: Array, signal: Array) -> float:
+    from scipy.optimize import brentq
+
     after = int(np.flatnonzero(signal <= 0)[0])
     return float(brentq(lambda at: float(normal(np.asarray(at))), x[after - 1], x[after]))
 

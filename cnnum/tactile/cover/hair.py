@@ -20,9 +20,9 @@ class HairCover:
 
     The model is statics: the rod takes the traction that the flat cover has on the plane of its
     top face, and hands force and moment on to its foot on the taxel, where pressure is linear
-    and shear uniform. What its side takes is left out, and so is the stress that its stiffness
+    and shear uniform. The load on its side is left out, and so is the stress that its stiffness
     draws. A shear force on top thus presses one side of the foot and lifts the other: the
-    difference that a three-axial taxel reads as shear. Taxels beside the foot see the flat
+    difference that a three-axial taxel reads as shear. Taxels outside the foot see the flat
     cover.
 
     Attributes
@@ -70,7 +70,7 @@ class HairCover:
         return 4 * self.length / self.radius
 
     def caught(self, load_at: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:
-        """Return what the rod hands on to its foot.
+        """Return the force and moment of the rod on its foot.
 
         Parameters
         ----------
@@ -95,22 +95,22 @@ class HairCover:
     def stress(self, load_at: ArrayLike, taxel_at: ArrayLike, force: ArrayLike) -> Array:
         """Return σ_xz, σ_yz, σ_zz at taxels, (..., 3) Pa."""
         _, taxel, _ = arguments(load_at, taxel_at, force)
-        beside = FlatCover(self.depth, self.youngs_modulus, self.poisson)
+        outside = FlatCover(self.depth, self.youngs_modulus, self.poisson)
         return np.where(
             self._under(taxel),
             self._foot(load_at, taxel, force),
-            beside.stress(load_at, taxel_at, force),
+            outside.stress(load_at, taxel_at, force),
         )
 
     def strain(self, load_at: ArrayLike, taxel_at: ArrayLike, force: ArrayLike) -> Array:
         """Return ε_xz, ε_yz, ε_zz at taxels, (..., 3): uniaxial under the foot."""
         _, taxel, _ = arguments(load_at, taxel_at, force)
-        beside = FlatCover(self.depth, self.youngs_modulus, self.poisson)
+        outside = FlatCover(self.depth, self.youngs_modulus, self.poisson)
         softness = np.array([1 + self.poisson, 1 + self.poisson, 1.0]) / self.youngs_modulus
         return np.where(
             self._under(taxel),
             softness * self._foot(load_at, taxel, force),
-            beside.strain(load_at, taxel_at, force),
+            outside.strain(load_at, taxel_at, force),
         )
 
     def _foot(self, load_at: ArrayLike, taxel: Array, force: ArrayLike) -> Array:

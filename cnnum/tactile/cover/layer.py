@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.special import j0, j1
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
@@ -51,10 +50,10 @@ class LayerCover:
     taxel_depth: float | None = None
 
     def __post_init__(self) -> None:
-        checks.positive("thickness", self.thickness)
+        checks.scalar("thickness", checks.positive("thickness", self.thickness))
         checks.positive("youngs_modulus", self.youngs_modulus)
         checks.poisson_ratio(self.poisson)
-        checks.positive("taxel_depth", self.depth)
+        checks.scalar("taxel_depth", checks.positive("taxel_depth", self.depth))
         if self.depth > self.thickness:
             raise PhysicsError(
                 f"'taxel_depth': expected at most the thickness, {self.thickness:g} m, "
@@ -111,6 +110,8 @@ def _waves_and_weights(farthest: float, depth: float) -> tuple[Array, Array]:
 
 def _hankel(waves: LayerWaves, k: Array, weight: Array, distance: Array) -> Array:
     """Return the seven profiles at distances: inverse transforms of the waves, (7, n)."""
+    from scipy.special import j0, j1
+
     measure = k * weight / (2 * math.pi)
     reach = k[:, None] * distance
     zero, one = j0(reach), j1(reach)

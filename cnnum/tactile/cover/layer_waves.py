@@ -23,7 +23,7 @@ from cnnum.tactile.checks import Array
 Complex = NDArray[np.complex128]
 
 SLOWEST = 1e-6
-"""Least kh worked with; below it the layer does what it does at k = 0, to 1e-12."""
+"""Least kh worked with; below it the layer behaves as at k = 0, to 1e-12."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ class _Pair:
 def layer_waves(
     k: ArrayLike, depth: ArrayLike, *, thickness: ArrayLike, poisson: ArrayLike = 0.5
 ) -> LayerWaves:
-    """Return what a bonded layer does to a wave of traction.
+    """Return the response of a bonded layer to a wave of traction.
 
     Parameters
     ----------
@@ -243,7 +243,7 @@ def _waves(
 
 
 def _turned(along: Array, across: Array, x: Array, y: Array) -> list[list[Array]]:
-    """Return the rows of what is `along` the unit vector (x, y) and `across` it."""
+    """Return the rows of the components `along` the unit vector (x, y) and `across` it."""
     split = along - across
     mixed = split * x * y
     return [[across + split * x * x, mixed], [mixed, across + split * y * y]]

@@ -1,4 +1,4 @@
-"""The plane model of the dissertation's bump, as shipped: what Fig. 6.9–6.14 show."""
+"""The plane model of the dissertation's bump, as shipped: the data of Fig. 6.9–6.14."""
 
 from dataclasses import dataclass
 
@@ -21,7 +21,7 @@ INDENTATION = 50e-6
 class PlaneFigures:
     """Plane stress, Ø 0.4 mm on 4 × 2 mm, ν = 0.499, under a rigid plate that does not slip.
 
-    First axis of pairs: pressed down by 50 µm; dragged sideways by 50 µm with what touches then.
+    First axis of pairs: pressed down by 50 µm; dragged sideways by 50 µm with the contact of then.
     Second axis of pairs: the component along x, then along z.
 
     Attributes

@@ -1,4 +1,4 @@
-"""What every cover answers: a load on its top, and what a taxel under it sees."""
+"""The interface of every cover: a load on its top, and the response at a taxel."""
 
 from typing import Protocol
 
@@ -10,11 +10,11 @@ from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
 
 COMPONENTS = ("xz", "yz", "zz")
-"""What a taxel sees of stress or strain, in this order."""
+"""Components of stress or strain at a taxel, in this order."""
 
 
 class Cover(Protocol):
-    """A cover: what a concentrated load on its top does at taxel depth.
+    """A cover: the response at taxel depth to a concentrated load on its top.
 
     Loads superpose. Places are (x, y) in the plane of the surface; the axes are those of
     `cnnum.tactile.halfspace`.

@@ -17,7 +17,7 @@ STRIPS = 8
 class RidgeCover:
     """A ridge along y over the middle, with flat cover under it; see `protocol.Cover`.
 
-    The model is statics. Only the ridge is touched; a load beside it rests on its edge. Across,
+    The model is statics. Only the ridge is touched; a load next to it rests on its edge. Across,
     the ridge hands on force and moment (a shear force acts at its height) as a traction that is
     linear over the foot's width; along, the load has spread by `spread` to each side when it
     reaches the foot, and moves on as over a flat cover. So it is direction-selective, as in
@@ -75,7 +75,7 @@ class RidgeCover:
         return self._summed(load_at, taxel_at, force, strain=True)
 
     def traction(self, load_at: ArrayLike, force: ArrayLike) -> tuple[Array, Array]:
-        """Return the cells of the foot and what they carry.
+        """Return the cells of the foot and their loads.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The influence of a bump on what taxels under it see, worked out by finite elements."""
+"""The influence of a bump on the taxels under it, computed by finite elements."""
 
 import math
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from importlib import resources
 import numpy as np
 
 from cnnum.errors import ArrayError
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, finite
 
 DEPTHS = (0.5, 0.75, 1.0, 1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0)
 """Depths of the taxels under the surface, in bump radii."""
@@ -28,7 +28,7 @@ PROFILES = 7
 
 @dataclass(frozen=True, slots=True)
 class BumpTables:
-    """Stress for unit force and radius, and strain for unit modulus besides, at ν = 0.5.
+    """Stress for unit force and radius, and also strain for unit modulus, at ν = 0.5.
 
     Attributes
     ----------
@@ -46,9 +46,9 @@ class BumpTables:
     rigid_base: Array
 
     def __post_init__(self) -> None:
-        wanted = (len(self.depths), PROFILES, STRETCH.size)
+        wanted = (np.size(finite("depths", self.depths)), PROFILES, STRETCH.size)
         for name in ("half_space", "rigid_base"):
-            shape = np.shape(getattr(self, name))
+            shape = finite(name, getattr(self, name)).shape
             if shape != wanted:
                 raise ArrayError(f"'{name}': expected shape {wanted}, got {shape}.")
 

@@ -5,12 +5,15 @@ incompressible), the stress under given tractions is the elastic one, and the st
 elastic strain of each instant run through the creep of the material.
 """
 
+import math
+import operator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.errors import PhysicsError
+from cnnum.errors import ArrayError, PhysicsError
+from cnnum.safety.memory import refuse_on_host
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
 
@@ -44,7 +47,7 @@ class StandardLinearSolid:
 
     def __post_init__(self) -> None:
         for name in ("instant_modulus", "relaxed_modulus", "creep_time"):
-            checks.positive(name, getattr(self, name))
+            checks.scalar(name, checks.positive(name, getattr(self, name)))
         if self.relaxed_modulus > self.instant_modulus:
             raise PhysicsError(
                 "'relaxed_modulus': expected at most the instant one, "
@@ -78,7 +81,7 @@ class StandardLinearSolid:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Creep:
-    """What a creeping cover remembers between samples.
+    """The memory of a creeping cover between samples.
 
     Attributes
     ----------
@@ -98,14 +101,29 @@ class Creep:
 
 
 def at_rest(shape: tuple[int, ...]) -> Creep:
-    """Return the memory of a cover that was never loaded."""
-    return Creep(np.zeros(shape), np.zeros(shape))
+    """Return the memory of a cover that was never loaded.
+
+    Raises
+    ------
+    ArrayError
+        If the shape is none of an array.
+    SizeError
+        If the machine has no room for it.
+    """
+    try:
+        sides = tuple(operator.index(side) for side in shape)
+    except TypeError:
+        sides = (-1,)
+    if min(sides, default=0) < 0:
+        raise ArrayError(f"'shape': expected whole numbers from 0 up, got {shape!r:.60}.")
+    refuse_on_host("The memory of a cover", (math.prod(sides), 1), 16)
+    return Creep(np.zeros(sides), np.zeros(sides))
 
 
 def creep_step(
     solid: StandardLinearSolid, before: Creep, elastic: ArrayLike, time_step: float
 ) -> Creep:
-    """Return the memory one sample on; its `strain` is what taxels see.
+    """Return the memory one sample on; its `strain` is that at the taxels.
 
     Exact for a load that changes linearly between samples, at any time step: one exponential.
 
@@ -123,8 +141,10 @@ def creep_step(
     PhysicsError
         If the time step is not positive, or a strain not finite.
     """
+    checks.record("solid", solid, StandardLinearSolid)
+    checks.record("before", before, Creep)
     now = checks.finite("elastic", elastic)
-    ratio = float(checks.positive("time_step", time_step)) / solid.creep_time
+    ratio = checks.scalar("time_step", checks.positive("time_step", time_step)) / solid.creep_time
     gain = solid.instant_modulus / solid.relaxed_modulus - 1
     lost = -np.expm1(-ratio)  # 1 - e^{-Δt/τ}
     slope = now - before.elastic

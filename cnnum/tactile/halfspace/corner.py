@@ -11,14 +11,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.special import xlogy
 
 from cnnum.tactile.checks import Array
 
 
 @dataclass(frozen=True, slots=True)
 class Corner:
-    """Distances from one corner of the rectangle to the point, and what is made of them.
+    """Distances from one corner of the rectangle to the point, and functions of them.
 
     Parameters
     ----------
@@ -80,6 +79,8 @@ def ratio(a: Array, b: Array) -> Array:
 
 
 def _xlogy(a: Array, b: Array) -> Array:
+    from scipy.special import xlogy
+
     return np.asarray(xlogy(a, b), dtype=np.float64)
 
 

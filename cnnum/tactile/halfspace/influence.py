@@ -1,4 +1,4 @@
-"""What a unit load does to the half-space, written once for points, rectangles and waves.
+"""Response of the half-space to a unit load, written once for points, rectangles and waves.
 
 Every component of displacement, stress and strain is a sum of a few harmonic functions of the
 place, times the load. A point load takes the functions themselves, a uniform rectangle their
@@ -29,7 +29,7 @@ Influence = Callable[[str, str], Array]
 AXES = "xyz"
 COMPONENTS = ("xx", "yy", "zz", "yz", "xz", "xy")
 
-# (component, load): sign and name of the function; what is absent is zero
+# (component, load): sign and name of the function; absent ones are zero
 _C = {
     ("xx", "x"): (1, "W_xyy"),
     ("xx", "y"): (1, "W_yyy"),

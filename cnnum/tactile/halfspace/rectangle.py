@@ -242,5 +242,5 @@ def _refuse_outline(place: tuple[Array, Array, Array], sides: tuple[float, float
     if np.any((z == 0) & (on_x | on_y)):
         raise PhysicsError(
             "A point lies on the surface at the outline of the loaded rectangle, where the "
-            "stress jumps: expected points beside it or below the surface."
+            "stress jumps: expected points outside it or below the surface."
         )

@@ -7,7 +7,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import fft
 
 from cnnum.errors import ArrayError, UnknownNameError, name_error
 from cnnum.tactile import checks
@@ -18,7 +17,7 @@ from cnnum.tactile.halfspace.influence import AXES, COMPONENTS
 from cnnum.tactile.halfspace.rectangle import parity, rectangle_functions
 
 TAXEL = ("xz", "yz", "zz")
-_CHUNK_BYTES = 1e6  # what is in work at once stays in the cache
+_CHUNK_BYTES = 1e6  # the working set stays in the cache
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +63,8 @@ class SurfaceToDepth:
     _padded: tuple[int, int] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        from scipy import fft
+
         _check_components(self.components)
         object.__setattr__(self, "components", tuple(self.components))
         grid = make_grid(self.shape, self.spacing)
@@ -102,6 +103,8 @@ class SurfaceToDepth:
         return result.reshape(*load.shape[:-1], len(self.components))
 
     def _convolve(self, frames: Array) -> Array:
+        from scipy import fft
+
         rows, cols = self.shape
         loads = np.ascontiguousarray(np.moveaxis(frames, -1, 0))
         waves = fft.rfft2(loads, s=self._padded)

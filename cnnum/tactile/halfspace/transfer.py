@@ -1,4 +1,4 @@
-"""The half-space as a spatial filter: what it does to a traction of one wave vector.
+"""The half-space as a spatial filter: its response to a traction of one wave vector.
 
 A traction q exp(i(k_x x + k_y y)) gives stress of the same wave vector; the factors between
 them are here. k = |k| and depth z meet as kz alone, in three shapes: the harmonic extension
@@ -123,11 +123,11 @@ def strain_transfer(
     """
     modulus = checks.positive("youngs_modulus", youngs_modulus)
     ratio = checks.poisson_ratio(poisson)
-    shape = np.broadcast_shapes(
-        *(np.shape(part) for part in (kx, ky, depth, youngs_modulus, poisson))
+    kx, ky, depth = (
+        checks.finite(name, part) for name, part in (("kx", kx), ("ky", ky), ("depth", depth))
     )
+    shape = np.broadcast_shapes(*(np.shape(part) for part in (kx, ky, depth, modulus, ratio)))
     factors = np.broadcast_to(stress_transfer(kx, ky, depth), (*shape, 3, 3)).copy()
-    kx, ky = checks.finite("kx", kx), checks.finite("ky", ky)
     k = np.hypot(kx, ky)
     ex, ey = _direction(kx, ky, k)
     fade = 2 * ratio * np.exp(-k * checks.not_negative("depth", depth))

@@ -15,7 +15,7 @@ from cnnum.tactile.grid import Grid, make_grid
 from cnnum.tactile.inverse.noise import NORMAL_95, Noise, shear_and_normal
 from cnnum.tactile.inverse.pushing import pushing_only
 
-_PRIORS = (1e-3, 1e9)  # likely tractions, from far under the noise to far over what taxels bear
+_PRIORS = (1e-3, 1e9)  # likely tractions, from far under the noise to far over a taxel's limit
 _STEPS = 84
 
 
@@ -28,10 +28,10 @@ class SurfaceLoad:
     traction : (..., rows, cols, loads) float, Pa
         The wanted ones of (q_x, q_y, p).
     regularisation : (...) float, Pa
-        RMS traction that was taken as likely before looking: what is finer or weaker than
+        RMS traction that was taken as likely before looking: detail finer or weaker than
         noise / regularisation was left out.
     residual : (...) float
-        RMS of what the map does not explain, in units of the noise; well above 1, the frame is
+        RMS of the unexplained signal, in units of the noise; well above 1, the frame is
         not that of tractions on this map.
     """
 
@@ -55,7 +55,7 @@ class LoadMap:
     depth : float, m
     youngs_modulus : float, Pa
     noise : float or (float, float)
-        RMS of the shear and the normal strain; above 0, for it sets how much can be told.
+        RMS of the shear and the normal strain; above 0, for it sets the resolution.
     loads : sequence of str
         Tractions to look for: "shear_x", "shear_y", "normal".
     channels : sequence of str
@@ -165,9 +165,9 @@ class LoadMap:
         return self.shape[0] * self.shape[1]
 
     def noise_error(self, regularisation: float) -> Array:
-        """Return the half-width that holds what noise does to each cell in 95 % of cases.
+        """Return the half-width that holds the noise of each cell in 95 % of cases.
 
-        What the regularisation smooths away is not in it: see `resolution`.
+        Detail that the regularisation smooths away is not in it: see `resolution`.
 
         Parameters
         ----------
@@ -200,7 +200,7 @@ class LoadMap:
         return np.asarray(np.sqrt(area).reshape(*self.shape, len(self.loads)), dtype=np.float64)
 
     def _kept(self, prior: Array) -> Array:
-        """Return (frames, k) Tikhonov filter factors; an infinite prior keeps what is there."""
+        """Return (frames, k) Tikhonov filter factors; an infinite prior keeps the signal."""
         strength = (prior[:, np.newaxis] * self._sizes) ** 2
         return np.asarray(strength / (1.0 + strength), dtype=np.float64)
 

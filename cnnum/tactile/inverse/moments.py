@@ -11,7 +11,7 @@ _COLLINEAR = 1e-9  # spread across a line, as a share of that along it, that is 
 
 
 def force_from_moments(offsets: ArrayLike, moments: ArrayLike, *, depth: float) -> Array:
-    """Return the load (Q, R, F) from what three or more taxels at one depth see of it.
+    """Return the load (Q, R, F) from the signals of three or more taxels at one depth.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What friction says about a load that taxels on one line leave open in one direction."""
+"""The bounds of friction on a load that taxels on one line leave open in one direction."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from cnnum.tactile.checks import Array
 def inside_cone(
     force: Array, error: Array, line: Array | None, spot: Array, friction: float
 ) -> tuple[Array, Array]:
-    """Return the load in the middle of what is possible, and an error that spans it.
+    """Return the load in the middle of the possible ones, and an error that spans it.
 
     Parameters
     ----------

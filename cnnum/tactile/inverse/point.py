@@ -26,7 +26,7 @@ class PointLoad:
     force : (...) float, N
         F, if the load is normal.
     moment : (...) float, N m
-        Qx + Ry + Fz (5.8), all that one taxel can tell of a load in three directions.
+        Qx + Ry + Fz (5.8), all that one taxel can see of a load in three directions.
     inside : (...) bool
         Nearer than √2 z, where the normal strain is negative (always true for stress).
     seen : (...) bool
@@ -180,7 +180,7 @@ def locate_stress(
     Returns
     -------
     PointLoad
-        Without singular ring; not seen only where σ_zz is nothing beside the shear.
+        Without singular ring; unseen only where σ_zz is negligible against the shear.
 
     Raises
     ------
@@ -260,7 +260,7 @@ def _linear_errors(
 def _curvature(
     s: Array, n: Array, radius: Array, z: float, force: Array, noise: list[Array]
 ) -> tuple[Array, Array]:
-    """Return what the bend of the inverse adds to the errors: second differences over the noise.
+    """Return the errors from the bend of the inverse: second differences over the noise.
 
     Infinite where the noise reaches signals that no load at a finite distance makes (s = 0
     under n < 0): far out, a taxel cannot bound how far.

@@ -1,4 +1,4 @@
-"""How fine a load map can be: the cover is a low-pass, and what falls under the noise is lost."""
+"""How fine a load map can be: the cover is a low-pass, and waves under the noise are lost."""
 
 from typing import Any, cast
 
@@ -34,7 +34,7 @@ def resolution_limit(
         Of the amplitude of the wave that the cover hands on best (kz = 1 for strain, uniform for
         stress), which n taxels know √(n/2) better than one does; above 1.
     quantity : {"strain", "stress"}
-        What the taxels measure.
+        The measured quantity.
     pitch : (...) float, m
         Of the taxels.
 

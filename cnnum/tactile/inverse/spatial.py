@@ -33,7 +33,7 @@ class SpatialLoad:
         Radius that holds the true place in 95 % of cases, for the given noise.
     force_error : (..., 3) float, N
         Half-width that holds each component in 95 % of cases. Where the taxels leave a direction
-        open (all on one line), it also spans what the friction cone allows; infinite if it
+        open (all on one line), it also spans the friction cone; infinite if it
         allows any.
     residual : (...) float
         RMS strain that the load does not explain: far above the noise, it is not one point load.

@@ -39,7 +39,7 @@ class Bridge:
     yield_stress : float, Pa
         Of silicon.
     largest_force : float, N
-        On bare silicon; sensors broke at 5 to 10 mN, below what their yield stress allows.
+        On bare silicon; sensors broke at 5 to 10 mN, below the limit of their yield stress.
 
     References
     ----------
@@ -125,7 +125,7 @@ class Bridge:
         Parameters
         ----------
         voltages : (..., 4) float, V
-            Before the amplifier; what no force explains (a mismatch of opposite pairs) is
+            Before the amplifier; a part that no force explains (a mismatch of opposite pairs) is
             left out in the least-squares sense.
 
         Returns

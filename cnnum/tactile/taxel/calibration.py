@@ -1,5 +1,6 @@
 """The way back: amplified bridge voltages to signals (4.14) and strain (4.15)."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import CalibrationError, CnnumError
 from cnnum.frame import FORCE_AXES
+from cnnum.safety.values import is_real
 from cnnum.tactile.taxel import calibration_file
 from cnnum.tactile.taxel.readout import Heat, frame_times
 from cnnum.tactile.taxel.signals import COMBINE, SIDES, rows_of, trailing
@@ -18,7 +20,7 @@ from cnnum.tactile.taxel.signals import COMBINE, SIDES, rows_of, trailing
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Calibration:
-    """What turns the voltages of an array into strain at its taxels.
+    """The map from the voltages of an array to strain at its taxels.
 
     Attributes
     ----------
@@ -29,8 +31,8 @@ class Calibration:
     offsets : (4,) or (rows, cols, 4) float, V
         Of the bridges without load, warm, at time 0.
     cross : (3, 3) or (rows, cols, 3, 3) float
-        Signals read = cross · signals of an ideal taxel; its diagonal holds what one taxel is
-        more sensitive than the next.
+        Signals read = cross · signals of an ideal taxel; its diagonal is one taxel's
+        sensitivity over another's.
     drift : (4,) or (rows, cols, 4) float, V/s
         Of the offsets.
     heat : Heat
@@ -149,7 +151,7 @@ class Calibration:
         return self._decode(volts, self.strain_weights(wanted), time)
 
     def strain_weights(self, wanted: Sequence[str] = FORCE_AXES) -> Floats:
-        """Return what a volt of each bridge adds to the wanted strain rows, (4.15).
+        """Return the share of a volt of each bridge in the wanted strain rows, (4.15).
 
         Returns
         -------
@@ -170,7 +172,7 @@ class Calibration:
         return bool(self.heat.amplitude != 0.0 or self.drift.any())
 
     def wander(self, time: ArrayLike) -> Floats:
-        """Return what time has added to the offsets, V.
+        """Return the drift of the offsets until then, V.
 
         Parameters
         ----------
@@ -195,7 +197,7 @@ class Calibration:
         return -self.alpha_normal * np.array([self.beta_ns, self.beta_ns, 1.0])
 
     def strain_noise(self, volts: float) -> tuple[float, float]:
-        """Return what a white noise on each bridge is in strain, shear and normal.
+        """Return white noise of the bridges as strain, shear and normal.
 
         Parameters
         ----------
@@ -224,7 +226,7 @@ class Calibration:
         return np.asarray(np.einsum("...ij,...j->...i", kept, clean), dtype=np.float64)
 
     def _wander(self, time: ArrayLike, used: NDArray[np.intp]) -> Floats:
-        """Return what time has added to the offsets of the used bridges, V."""
+        """Return the drift of the offsets of the used bridges, V."""
         wander = self.heat.at(time)
         if self.drift.any():
             wander = wander + self.drift[..., used] * frame_times(time)
@@ -278,8 +280,9 @@ class Calibration:
 
 
 def _positive(name: str, value: float) -> None:
-    if not value > 0.0 or (name != "limit" and not np.isfinite(value)):
-        raise CalibrationError(f"'{name}' must be a positive number, got {value}.")
+    endless = name == "limit" and isinstance(value, float) and value == math.inf
+    if not (endless or (is_real(value) and value > 0.0)):
+        raise CalibrationError(f"'{name}' must be a positive number, got {value!r:.60}.")
 
 
 def _per_taxel(name: str, value: ArrayLike, tail: tuple[int, ...]) -> Floats:

@@ -20,11 +20,11 @@ _NUMBERS = ("alpha_normal", "beta_ns", "limit", "depth")
 _ARRAYS = ("offsets", "drift", "cross")
 _HEAT = ("amplitude", "time_constant")
 KEYS = (*_NUMBERS, *_ARRAYS, "heat")
-"""What a calibration file holds."""
+"""The content of a calibration file."""
 
 
 def save(path: Path, values: Mapping[str, Any]) -> None:
-    """Write the values of a calibration beside their place, then move them there in one step.
+    """Write the values of a calibration next to their place, then move them there in one step.
 
     Raises
     ------

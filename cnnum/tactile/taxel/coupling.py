@@ -1,4 +1,4 @@
-"""What the elastic cover hands on to a taxel: the strain at its foot to the force on silicon."""
+"""Coupling of the elastic cover to a taxel: the strain at its foot to the force on silicon."""
 
 from dataclasses import dataclass, field
 from math import pi
@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import PhysicsError
+from cnnum.safety.values import is_real
 from cnnum.tactile.taxel.bridge import Bridge
 from cnnum.tactile.taxel.signals import apply_matrix, trailing
 
@@ -36,7 +37,7 @@ class Coupling:
     cross: Floats = field(default_factory=lambda: np.eye(3))
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.shear < np.inf and 0.0 < self.normal < np.inf):
+        if not all(is_real(one) and one > 0.0 for one in (self.shear, self.normal)):
             raise PhysicsError(
                 "A coupling needs positive finite stiffnesses, got "
                 f"shear {self.shear} and normal {self.normal}."

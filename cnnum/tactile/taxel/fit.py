@@ -5,7 +5,6 @@ from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import optimize
 
 from cnnum.arrays import Floats
 from cnnum.errors import CalibrationError
@@ -18,7 +17,7 @@ from cnnum.tactile.taxel.signals import COMBINE
 _DEPTHS = np.geomspace(
     20e-6, 20e-3, 31
 )  # m, any cover; 1.26 apart, inside the width of the minimum
-_WEAK = 1e-4  # a strain component this small beside the normal one was not excited by the scan
+_WEAK = 1e-4  # a strain component this small against the normal one was not excited by the scan
 _ILL = 1e8  # condition of the scan beyond which its answer is rounding
 
 
@@ -33,7 +32,7 @@ class CalibrationFit:
     depth : float, m
         Thickness of the half-space cover that explains the scan best, or as given.
     residual : float, V
-        RMS of what the fit leaves; near the noise if the model holds.
+        RMS of the fit's residual; near the noise if the model holds.
     field : ReceptiveField or None
         W, A and β_ns by (4.20), where the scan has a line across a taxel.
     """
@@ -58,7 +57,7 @@ def fit_calibration(
 ) -> CalibrationFit:
     """Return the calibration that explains a scan of point loads best.
 
-    For one thickness of the cover the voltages are linear in what is sought: offsets, drift,
+    For one thickness of the cover the voltages are linear in the unknowns: offsets, drift,
     and a gain for each strain component (4.16). Least squares over all points replaces reading
     β_ns off two extrema (4.20), and gives the cross sensitivity with it.
 
@@ -110,7 +109,7 @@ def fit_calibration(
 
 
 def _heat(scan: Scan, depth: float) -> Heat | None:
-    """Return the transient common to all bridges: the mean of what each shows alone."""
+    """Return the transient common to all bridges: the mean over the bridges."""
     if "heat" not in scan.extras:
         return None
     found, _ = _solve(scan, depth)
@@ -118,7 +117,7 @@ def _heat(scan: Scan, depth: float) -> Heat | None:
 
 
 def _solve(scan: Scan, depth: float) -> tuple[Floats, float]:
-    """Return (taxels, 3 + extras, 4) coefficients and the sum of squares of what they leave."""
+    """Return (taxels, 3 + extras, 4) coefficients and the sum of squares of the residual."""
     found: list[Floats] = []
     squares = 0.0
     for i in range(scan.taxel_count):
@@ -147,6 +146,8 @@ def _best_depth(scan: Scan) -> float:
             "The scan does not determine the thickness of the cover: expected one between "
             f"{_DEPTHS[1]:.3g} m and {_DEPTHS[-2]:.3g} m; pass 'depth', or scan more places."
         )
+    from scipy import optimize
+
     bounds = (grid[best - 1], grid[best + 1])
     result = cast(
         Any,
@@ -167,7 +168,7 @@ def _check(scan: Scan, depth: float, found: Floats) -> None:
     along_x, along_y = _excited(scan, depth)
     if not (along_x or along_y):
         raise CalibrationError(
-            "The scan has no shear strain: expected loads beside the taxels' centres; "
+            "The scan has no shear strain: expected loads off the taxels' centres; "
             "scan a line or a field."
         )
     kept = [j for j, used in enumerate((along_x, along_y, True)) if used]

@@ -1,4 +1,4 @@
-"""From bridge voltages to what the computer reads: amplifier, offsets, heat, noise, converter."""
+"""From bridge voltages to the computer's readings: amplifier, offsets, heat, noise, converter."""
 
 from dataclasses import dataclass, field
 
@@ -71,7 +71,7 @@ def frame_times(time: ArrayLike) -> Floats:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Reading:
-    """What came out of the converter, with what cannot be trusted in it.
+    """The output of the converter, with flags for untrusted values.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ _DEGREE = 4  # enough for 1e-3 of the height over that range, and still averages
 
 @dataclass(frozen=True, slots=True)
 class ReceptiveField:
-    """What (4.17)–(4.20) call for.
+    """The figures of (4.17)–(4.20).
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""A scan of known point loads: what the calibration is fitted to."""
+"""A scan of known point loads: the data of a calibration."""
 
 from dataclasses import dataclass, replace
 
@@ -24,7 +24,7 @@ class Scan:
         Nothing saturated.
     shape : (rows, cols) int
     extras : tuple of str
-        What the background is made of: "offset", "drift", "heat".
+        Parts of the background: "offset", "drift", "heat".
     background : (n, len(extras)) float
     heat_time : float, s
     limit : float, V
@@ -170,7 +170,7 @@ def _taxels(taxels: ArrayLike | None, shape: tuple[int, int]) -> Floats:
 def _background(
     count: int, times: ArrayLike | None, heat_time: float | None
 ) -> tuple[tuple[str, ...], Floats]:
-    """Return the names and the (n, k) columns of what is there without load."""
+    """Return the names and the (n, k) columns of the background without load."""
     names, columns = ["offset"], [np.ones(count)]
     if times is not None:
         t = finite("times", times)

@@ -1,4 +1,4 @@
-"""A whole taxel array, forward: strain under the cover to what the computer reads."""
+"""A whole taxel array, forward: strain under the cover to the computer's readings."""
 
 from dataclasses import dataclass, field
 

@@ -1,4 +1,4 @@
-"""The audit of boundaries: what becomes of a template's answer with another rim."""
+"""The audit of boundaries: a template's answer with another rim."""
 
 from dataclasses import dataclass, replace
 

@@ -12,6 +12,7 @@ from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.running import Engine, Result, run_case
 from cnnum.templating.files.measured import Measured
+from cnnum.templating.reads import autonomous
 from cnnum.templating.template import Template
 
 SHAPE: Shape = (8, 8)
@@ -106,8 +107,10 @@ def _before_first(wrong: list[bool]) -> float:
 
 def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
     """Return when all outputs are within 0.01 of their end, a fortieth of the run too late."""
-    if template.delayed is not None or template.gains or template.output.discrete:
+    if template.output.discrete:
         return None
+    # a run that knows its past or its clock cannot be cut into parts
+    from_start = not autonomous(template)
     form, case = form_of(template), _case(template, shape)
     if case.duration is not None:
         return None  # the check stops it on its way
@@ -118,11 +121,24 @@ def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
     goal, step = np.asarray(whole.output), end / _CHUNKS
     last, now = 0, case if template.inputs else replace(case, input=None, state=_start(case))
     for n in range(1, _CHUNKS):
-        passed = _run(template, engine, form, replace(now, duration=step))
+        part = replace(case, duration=n * step) if from_start else replace(now, duration=step)
+        passed = _run(template, engine, form, part)
         now = replace(now, state=np.asarray(passed.state, dtype=np.float64))
         if not (np.abs(np.asarray(passed.output) - goal) <= NEAR).all():
             last = n
     return (last + 1) * step if last < _CHUNKS - 1 else None
+
+
+def unsettled(template: Template) -> str:
+    """Return why a template that was measured has no settle time, in a sentence."""
+    if template.output.discrete:
+        return f"It runs in steps, for {template.duration} time constants."
+    duration = _case(template, SHAPE).duration
+    if duration is not None:
+        return f"Its check stops it on its way, after {duration:.3g} τ."
+    if template.duration == "settle":
+        return "A cell is still on its way when the longest run ends."
+    return f"It is still on its way after {template.duration:g} τ."
 
 
 def _start(case: Case) -> Floats:
@@ -134,7 +150,7 @@ def _run(template: Template, engine: Engine, form: ClosedForm, case: Case) -> Re
 
 
 def drift(template: Template, result: Result, measured: Measured) -> str:
-    """Return how a template differs from what was measured of it, in a sentence; empty if not.
+    """Return how a template differs from its measured figures, in a sentence; empty if not.
 
     Parameters
     ----------
@@ -154,7 +170,7 @@ def drift(template: Template, result: Result, measured: Measured) -> str:
 
 
 def shifted(template: Template, engine: Engine, measured: Measured) -> str:
-    """Return how margin or settle time differ from what was measured, in a sentence; empty if not.
+    """Return how margin or settle time differ from the measured ones, in a sentence; empty if not.
 
     A margin is right if nine tenths of it flip no cell, and 1.3 times it flips one.
     """

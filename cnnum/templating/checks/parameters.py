@@ -43,7 +43,7 @@ def text(template: Template, name: str) -> str:
 
 
 def choice(template: Template, name: str, choices: Mapping[str, T]) -> T:
-    """Return what a textual parameter stands for.
+    """Return the value of a textual parameter.
 
     Raises
     ------

@@ -14,7 +14,7 @@ DENSITIES = (0.0, 0.15, 0.35, 0.5, 0.7, 1.0)
 def binary(rng: np.random.Generator, shape: Shape) -> Floats:
     """Return black-and-white pictures, speckled and blobby ones, of several densities.
 
-    Nothing keeps the objects away from the frame, so many of them touch it.
+    Nothing keeps the objects away from the frame, and many of them touch it.
 
     Returns
     -------
@@ -30,11 +30,11 @@ def binary(rng: np.random.Generator, shape: Shape) -> Floats:
 
 
 def gray(rng: np.random.Generator, shape: Shape, amplitude: float = 0.95) -> Floats:
-    """Return gray pictures within ±amplitude: one of noise, two smooth, one of a single cell.
+    """Return gray pictures within ±amplitude: noise, two smooth ones, a single cell, an empty one.
 
     Returns
     -------
-    (4, rows, cols) float
+    (5, rows, cols) float
     """
     noise = rng.uniform(-1.0, 1.0, (3, *shape))
     smooth = ndimage.gaussian_filter(noise[1:], (0.0, 1.0, 1.0), mode="reflect")
@@ -42,7 +42,13 @@ def gray(rng: np.random.Generator, shape: Shape, amplitude: float = 0.95) -> Flo
     point[0, rng.integers(shape[0]), rng.integers(shape[1])] = 1.0
     pictures = np.concatenate([noise[:1], smooth, point])
     peaks = np.max(np.abs(pictures), axis=(-2, -1), keepdims=True)
-    return np.asarray(amplitude * pictures / peaks, dtype=np.float64)
+    drawn = np.asarray(amplitude * pictures / peaks, dtype=np.float64)
+    return with_even(drawn, -amplitude)
+
+
+def with_even(pictures: Floats, level: float) -> Floats:
+    """Return pictures (pictures, ..., rows, cols) and one more, with that level in every cell."""
+    return np.concatenate([pictures, np.full_like(pictures[:1], level)])
 
 
 def as_picture(cells: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]) -> Floats:

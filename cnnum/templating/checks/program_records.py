@@ -1,4 +1,4 @@
-"""What a program's check is made of: frames whose answer is known, and how far outputs are off."""
+"""The parts of a program's check: frames of known answer, and the error of outputs."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -13,14 +13,14 @@ Outputs = Mapping[str, Floats]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ProgramCase:
-    """Frames that a program is run on, and what its answer should be.
+    """Frames that a program is run on, and the right answer.
 
     Attributes
     ----------
     frames : (frames, [batch,] rows, cols, channels) float
         One stream, or several side by side.
     expected : mapping
-        What the form's `error` compares the outputs with.
+        The reference of the form's `error`.
     parameters : mapping
         Keyword parameters of the program.
     """
@@ -55,7 +55,7 @@ class ProgramForm:
     tolerance_reason : str
         Why it is not smaller.
     summary : str
-        What the answer is.
+        Description of the answer.
     engines : tuple of str
         Those that come to an answer within a minute.
     left_out : str

@@ -13,7 +13,7 @@ from cnnum.templating.checks.records import CheckResult
 
 
 class Stream(Protocol):
-    """What a check asks of a stream."""
+    """A stream as a check uses it."""
 
     def push(self, frame: Floats, /) -> Mapping[str, Floats]:
         """Run the program on the next frame."""
@@ -21,7 +21,7 @@ class Stream(Protocol):
 
 
 class Plan(Protocol):
-    """What a check asks of a plan."""
+    """A plan as a check uses it."""
 
     def stream(self, batch: Sequence[int] = ()) -> Stream:
         """Return a stream of frames."""
@@ -29,7 +29,7 @@ class Plan(Protocol):
 
 
 class Program(Protocol):
-    """What a check asks of a program."""
+    """A program as a check uses it."""
 
     def bind(self, **parameters: object) -> Any:
         """Return the program with its parameters set."""
@@ -37,7 +37,7 @@ class Program(Protocol):
 
 
 class Compiler(Protocol):
-    """What a check asks of an engine."""
+    """An engine as a check uses it."""
 
     @property
     def name(self) -> str:
@@ -73,7 +73,7 @@ def run_program_check(
     program : Program
         The one that the form names.
     engine : Engine
-        What has a name, a precision and `compile`.
+        Object with a name, a precision and `compile`.
     seed : int
         Of the noise and the places drawn.
     shape : (rows, cols)

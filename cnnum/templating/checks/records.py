@@ -1,4 +1,4 @@
-"""What a check is made of: a case, a closed form that answers it, and the result."""
+"""The parts of a check: a case, the closed form that answers it, and the result."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ DIGITAL_TOLERANCE = 0.01
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Case:
-    """What an engine is run on; None where the template has its own.
+    """The input of an engine; None where the template has its own.
 
     Attributes
     ----------
@@ -88,13 +88,13 @@ class ClosedForm:
     tolerance_reason : str
         Why it is not smaller.
     summary : str
-        What the answer is.
+        Description of the answer.
     needs : tuple of str
         Parameters that a template must give it.
     takes : tuple of str
-        Parameters that a template may give it besides.
+        Parameters that a template may give it, too.
     compares : "output" or "state"
-        What of a run is compared.
+        The compared parts of a run.
     rtol : float
         Asked of the engine, and a tenth of it as the absolute error of a step; smaller than an
         engine's own where the errors of steps are never forgotten and add up.
@@ -137,7 +137,7 @@ class CheckResult:
     settle : float or None
         Time constants until the outputs rest, on 8×8 cells, where it was measured.
     note : str
-        How the run differs from what was measured; empty where it does not.
+        How the run differs from the measured figures; empty where it does not.
     """
 
     template: str

@@ -16,7 +16,7 @@ from cnnum.templating.files.measured import Measured
 from cnnum.templating.template import Template
 
 _SLOW = 0.5
-"""Runs of so many seconds are timed once: what compiling adds to them counts little."""
+"""Seconds; longer runs are timed once, since compiling is a small part of them."""
 
 
 def run_check(
@@ -37,7 +37,7 @@ def run_check(
     template : Template
         Its check names the closed form.
     engine : Engine
-        What has a name, a precision and `run`.
+        Object with a name, a precision and `run`.
     seed : int
         Of the random pictures.
     shape : (rows, cols)

@@ -1,4 +1,4 @@
-"""What a check asks of an engine, and the run of a case on one."""
+"""An engine as a check uses it, and the run of a case on one."""
 
 from typing import Protocol
 
@@ -11,7 +11,7 @@ from cnnum.templating.template import Duration, Template
 
 
 class Result(Protocol):
-    """What a check reads of a run."""
+    """A run as a check reads it."""
 
     @property
     def output(self) -> ArrayLike:
@@ -40,7 +40,7 @@ class Result(Protocol):
 
 
 class Engine(Protocol):
-    """What a check asks of an engine."""
+    """An engine as a check uses it."""
 
     @property
     def name(self) -> str:

@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cnnum.templating.reads import autonomous
 from cnnum.templating.template import Template
 
 
 @dataclass(frozen=True, slots=True)
 class StabilityClass:
-    """What is known of a template's transients.
+    """The class of a template's transients.
 
     Attributes
     ----------
@@ -28,7 +29,7 @@ def stability_class(template: Template) -> StabilityClass:
     """Return the first class that a template belongs to, the plainest one first."""
     if template.output.discrete:
         return StabilityClass("unknown", "It runs in discrete time, in which cells may alternate.")
-    if template.delayed is not None or template.gains:
+    if not autonomous(template):
         return StabilityClass("unknown", "No theorem here covers delays or gains in time.")
     if not all(coupling.static for coupling in template.nonlinear):
         return StabilityClass("unknown", "No theorem here covers couplings nonlinear in the state.")

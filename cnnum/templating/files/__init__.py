@@ -7,6 +7,7 @@ from pathlib import Path
 from cnnum.errors import TemplateError, TemplateFileError
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST
+from cnnum.safety.values import as_path
 from cnnum.templating.files import matcnn_format, tem_format
 from cnnum.templating.files.cnnsim_format import CNNSIM
 from cnnum.templating.files.entry import Entry, FileFormat
@@ -33,7 +34,7 @@ __all__ = [
 
 
 def load_template(path: str | PathLike[str]) -> Template:
-    """Return the template that a file describes; its suffix tells the format.
+    """Return the template that a file describes; its suffix gives the format.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def load_entry(path: str | PathLike[str]) -> Entry:
     TemplateFileError, TemplateError
         As `load_template`.
     """
-    source = Path(path)
+    source = as_path(path, TemplateFileError)
     form = _format(source)
     return form.read(_content(source), str(source))
 
@@ -107,7 +108,7 @@ def save_template(
     ----------
     template : Template
     path : path
-        Its suffix tells the format; an existing file is replaced.
+        Its suffix gives the format; an existing file is replaced.
     aliases : iterable of str
         Other names that the library finds it by.
 
@@ -131,7 +132,7 @@ def save_entry(entry: Entry, path: str | PathLike[str]) -> None:
     TemplateError
         If the suffix is unknown.
     NotSupportedError
-        If the format cannot say what the template has.
+        If the format cannot hold a part of the template.
     """
     target = Path(path)
     form = _format(target)

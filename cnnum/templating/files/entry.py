@@ -1,4 +1,4 @@
-"""What a template file holds, and what a file format can do."""
+"""The content of a template file, and the abilities of a file format."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,7 @@
 """MatCNN's `temlib.m`: records of matrices NAME_A, NAME_B and NAME_I, and tables of functions.
 
 NAME_Aa, NAME_Bb and NAME_Dd are weights of a nonlinear A, B or D, and NAME_a, NAME_b, NAME_d its
-table [interp n x1 y1 … xn yn], for D with a code at the end: the digits say what neighbour and
+table [interp n x1 y1 … xn yn], for D with a code at the end: the digits give the neighbour and
 cell give (1 = u, 2 = x, 3 = y), and a third digit before them that the difference is a factor.
 The argument is neighbour less centre.
 """
@@ -34,7 +34,7 @@ def read_all(content: str, file: str) -> tuple[Entry, ...]:
     Raises
     ------
     TemplateError
-        Names the file, the line, and what was expected there.
+        Names the file, the line, and the expected text.
     """
     code = _COMMENT.sub("", content)
     records = dict[str, Fields]()

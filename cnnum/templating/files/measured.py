@@ -37,7 +37,7 @@ class Measured:
 
 
 def read_measured(file: str, key: str, value: object) -> Measured:
-    """Return what the table [measured] says.
+    """Return the values of the table [measured].
 
     Raises
     ------

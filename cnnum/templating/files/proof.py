@@ -1,6 +1,7 @@
-"""What a designed template was proved and measured to do, as the table [proof] of its file.
+"""Proofs and measurements of a designed template, as the table [proof] of its file.
 
-`cnnum templates design` writes it. A change of the weights by hand makes it void: the digest tells.
+`cnnum templates design` writes it. A change of the weights by hand makes it void, as its digest
+differs.
 """
 
 from dataclasses import dataclass

@@ -39,7 +39,7 @@ def read_all(content: str, file: str) -> tuple[Entry, ...]:
     Raises
     ------
     TemplateError
-        Names the file, the line, and what was expected there.
+        Names the file, the line, and the expected text.
     """
     text = words(content, file)
     parts = read_parts(text)
@@ -82,7 +82,7 @@ def _initial(said: str) -> Initial:
 
 
 def _physics(text: Words, part: Part) -> dict[str, Any]:
-    """Return A, B, z, and what is nonlinear or delayed."""
+    """Return A, B, z, and the nonlinear and delayed couplings."""
     blocks = [(n, block) for n, layer in part.layers.items() for block in layer.blocks]
     layers = max([part.count, *(n + 1 for n in part.layers)])
     inputs = max((b.source + 1 for _, b in blocks if b.part.endswith("B")), default=0)

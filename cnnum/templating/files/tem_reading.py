@@ -53,7 +53,7 @@ class Block:
 
 @dataclass(slots=True)
 class Layer:
-    """What a file says of one layer."""
+    """One layer of a file."""
 
     blocks: list[Block] = field(default_factory=list[Block])
     z: float = 0.0
@@ -84,7 +84,7 @@ def read_parts(text: Words) -> list[Part]:
     Raises
     ------
     TemplateError
-        Names the file, the line, and what was expected there.
+        Names the file, the line, and the expected text.
     """
     parts = [Part()]
     while text.left:

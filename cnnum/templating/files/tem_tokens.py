@@ -1,4 +1,4 @@
-"""The words of a `.tem` file with their lines, and what its comments say about start and rim."""
+"""The words of a `.tem` file with their lines, and its comments on start and rim."""
 
 import re
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ class Words:
         For error messages.
     tokens : list of Token
     header : dict
-        What the comments say, by lower-case key: function, temlibname, cnnmodel, and of the
+        Values in the comments, by lower-case key: function, temlibname, cnnmodel, and of the
         setting input, inistate, boundary.
     """
 
@@ -66,7 +66,7 @@ class Words:
         Raises
         ------
         TemplateError
-            If there is none; names what was expected.
+            If there is none; names the expected one.
         """
         token = self.peek()
         if not self.left:

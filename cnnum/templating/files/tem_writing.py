@@ -133,7 +133,7 @@ def _scaled(coupling: NonlinearCoupling, weight: float) -> Table:
 
 
 def _refuse(template: Template) -> None:
-    """Refuse what the format has no words for."""
+    """Refuse features that the format has no words for."""
     steps = [c for c in template.nonlinear if c.reversed_sign]
     wrong = {
         "a time constant other than 1": bool((template.tau != 1.0).any()),

@@ -43,7 +43,7 @@ _DELAYED: Mapping[str, Reader] = {"delay": number, "A": matrix, "B": matrix}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Delay:
-    """The table [delayed]; what it leaves out is zero, of a size that the template knows."""
+    """The table [delayed]; missing kernels are zero, of a size that the template knows."""
 
     delay: float
     A: Floats | None
@@ -95,7 +95,7 @@ def gains(file: str, key: str, value: object) -> tuple[Gain, ...]:
 
 
 def delayed(file: str, key: str, value: object) -> Delay:
-    """Return what the table [delayed] says.
+    """Return the values of the table [delayed].
 
     Raises
     ------

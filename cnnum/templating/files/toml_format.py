@@ -1,4 +1,4 @@
-"""Templates as TOML: what the library is written in.
+"""Templates as TOML: the format of the library.
 
 Keys: name, A, B, z, tau, boundary, input_boundary, initial, duration, output, description, source,
 aliases; the words about it: input, state, tags, experimental, published_boundary; the tables

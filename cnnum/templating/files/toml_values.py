@@ -1,4 +1,4 @@
-"""What a value of a TOML template must be: one reader a kind of value."""
+"""Values of a TOML template: one reader a kind of value."""
 
 from typing import cast
 
@@ -188,5 +188,5 @@ def check(file: str, key: str, value: object) -> Check:
 
 
 def wrong(file: str, key: str, expected: str, value: object) -> TemplateError:
-    """Return the error that a key is not what was expected."""
+    """Return the error that a key has not the expected value."""
     return TemplateError(f"'{file}': the key '{key}' must be {expected}, got {value!r:.60}.")

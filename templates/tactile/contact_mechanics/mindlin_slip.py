@@ -1,8 +1,8 @@
 """Incipient slip of a sphere by Cattaneo and Mindlin's law, where friction and cover are known.
 
 The disc that sticks has the share c/a = (1 − Q/μP)^⅓ of the contact's radius. The law holds for a
-sphere on a deep elastic cover, under a normal load that stays. What shows that it does not hold:
-a pressure that is not Hertz's, a pull beyond what friction holds, and a slide at another pull.
+sphere on a deep elastic cover, under a normal load that stays. Signs that it does not hold:
+a pressure that is not Hertz's, a pull beyond friction's limit, and a slide at another pull.
 """
 
 from collections.abc import Mapping
@@ -26,8 +26,8 @@ WIDE = 1.82
 
 FLATNESS, PEAK = (1.395, 1.53), (0.55, 0.65)
 """Of a pressure: fourth moment over the second's square, and peak · π · second moment over load.
-Hertz's has 10/7 and 0.6. Wherever they lie on the taxels, spheres that are wide enough have 1.39 to
-1.5 and 0.57 to 0.63; rigid flat punches have less than 1.4, thin layers below 1.35 or above 2."""
+Hertz's has 10/7 and 0.6. Spheres that are wide enough have 1.39 to 1.5 and 0.57 to 0.63; rigid flat
+punches have less than 1.4, thin layers below 1.35 or above 2 (`docs/calibration.md`)."""
 
 STEADY = 0.15
 """s for which a pressure must be Hertz's before the law is trusted."""
@@ -49,11 +49,11 @@ def mindlin_slip(
     reads: Reads = READS,
     rate: float = 200.0,
     rest: float = 0.4,
-    level: float = 0.28,
+    false_reports: float = 4.0,
 ) -> Mapping[str, Field]:
     """Incipient and gross slip of a sphere, and how much of its contact sticks.
 
-    The stream must begin without contact: its first frames say what rest is.
+    The stream must begin without contact: its first frames define rest.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def mindlin_slip(
         Coefficient of friction μ.
     push, depth, reads
         As in `contact`.
-    rate, rest, level
+    rate, rest, false_reports
         As in `slip`, which gives the gross phase.
 
     Returns
@@ -82,7 +82,7 @@ def mindlin_slip(
     refuse_outside(friction=(friction, 1e-6, 1e6))
     loads = loads_of(frame, push)
     pressed = pressed_of(loads, SHARE, depth, reads, 1.0)
-    slides = slip.bind(push=push, rate=rate, rest=rest, level=level)(frame)
+    slides = slip.bind(push=push, rate=rate, rest=rest, false_reports=false_reports)(frame)
     gross = slides["gross_slip"]
     pull = sqrt(square(pressed.x) + square(pressed.y))
     used = where(loads.contact, pull / (friction * maximum(pressed.normal, 1e-30)), 0.0)
@@ -116,10 +116,10 @@ def _hertz(loads: Loads, pressed: Pressed) -> Field:
 
 
 def _contradicted(frame: FrameFields, used: Field, gross: Field, steady: Field) -> Field:
-    """Return a flag: the last pull that told was not the one that friction holds.
+    """Return a flag: the last conclusive pull was not at friction's limit.
 
-    More than friction holds is one such, and so is a slide at less. A touch that begins does not
-    tell: its load is next to nothing.
+    A pull beyond that limit is one such, and so is a slide below it. A touch that begins is
+    not conclusive: its load is next to nothing.
     """
     memory = frame.memory("contradicted", scalar=True, logic=True)
     peak = frame.memory("largest pull of the slide", scalar=True)

@@ -1,4 +1,4 @@
-"""The load on the surface, from what the taxels under the cover read of it."""
+"""The load on the surface, from readings of the taxels under the cover."""
 
 from collections.abc import Sequence
 from typing import get_args
@@ -16,7 +16,7 @@ DEPTH = 0.5
 """Pitches of cover above the taxels: 0.8 mm over taxels 1.5 mm apart, about."""
 
 READS: Reads = "strain"
-"""What a calibrated array gives (dissertation, 4.3.2)."""
+"""The quantity of a calibrated array (dissertation, 4.3.2)."""
 
 
 def unblur(depth: float = DEPTH, reads: Reads = READS) -> Template:

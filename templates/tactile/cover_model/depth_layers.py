@@ -11,7 +11,7 @@ and where slabs begin to be twice as thick, with c = cosh(kd) and C = cosh(2kd),
     (1 + 2C) F_j = 2c F_{j−1} + F_{j+1}.
 
 With k² = −Laplacian, the series of cosh to k² is a 3×3 template, to k⁴ a 5×5 one: the error falls
-as d² or d⁴. Each row is divided by what its own layer weighs at most, which makes it the
+as d² or d⁴. Each row is divided by the largest weight of its own layer, which makes it the
 equilibrium of a CNN layer.
 """
 
@@ -51,7 +51,7 @@ class Stack:
     slabs : tuple of float
         Thicknesses from the surface down, cells; below the last one nothing moves.
     taxels : int
-        The plane of the taxels: so many slabs are above it, all of them of one thickness, as is
+        The number of slabs above the plane of the taxels, all of one thickness, as is
         the one below.
     order : 2 or 4
         Of the error in the slabs' thickness.
@@ -154,7 +154,7 @@ class LayerExtension:
         slab = self.stack.slabs[0]
         slope = (self.above - self.below) * (0.5 / slab)
         if self.stack.order > 2:
-            # sinh(kd)/kd = 1 + (kd)²/6 is what a central difference makes of a slope
+            # sinh(kd)/kd = 1 + (kd)²/6 is the factor of a central difference on a slope
             slope = slope + slab * slab / 6 * _laplacian(slope)
         return slope + self.mean
 

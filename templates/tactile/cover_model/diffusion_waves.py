@@ -5,7 +5,7 @@ mixture of the other (subordination), for instance
 
     exp(−kz) = ∫₀^∞ z/(2√π t^{3/2}) exp(−z²/4t) exp(−k²t) dt,
 
-so that what taxels under a cover see is one diffusion, read out again and again as it runs. The
+so the signal of taxels under a cover is one diffusion, read out again and again as it runs. The
 integral is a sum over times that grow by a constant factor (the trapezoidal rule in ln t, whose
 error falls exponentially with their number); diffusion from each to the next is the exact linear
 template.
@@ -70,7 +70,7 @@ class Times:
 def read_out_times(depth: float, shape: tuple[int, int], tolerance: float) -> Times:
     """Return times for a cover `depth` cells thick on an array of that shape.
 
-    They span what the weights and the fading of the slowest wave leave above the tolerance, and
+    They span the range where weights and the slowest wave are above the tolerance, and
     lie as close as it takes to keep every filter within it on all waves of the lattice. The mean,
     which never fades, is known without.
 

@@ -23,7 +23,7 @@ INPUTS = ("q_x", "q_y", "p")
 
 
 class Form:
-    """A sum of weighted neighbours: what a difference makes of displacements and tractions."""
+    """A sum of weighted neighbours: a difference of displacements and tractions."""
 
     __slots__ = ("terms",)
 

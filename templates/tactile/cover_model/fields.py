@@ -1,7 +1,7 @@
 """Stress and strain under a cover from the harmonic extensions of the load on its surface.
 
-Two programs make the extensions, by diffusion waves and by layers of depth; what follows from them
-is the same, and stands here.
+Two programs make the extensions, by diffusion waves and by layers of depth. The derived fields
+are the same, and stand here.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from cnnum.templating.template import Template
 
 
 class Extension(Protocol):
-    """What one map of the surface load u becomes at the depth z of the taxels."""
+    """One map of the surface load u, at the depth z of the taxels."""
 
     def harmonic(self) -> Field:
         """Return exp(−kz) u."""

@@ -1,4 +1,4 @@
-"""What a lattice fades too little of short waves, taken off the loads on it.
+"""The weak fading of short waves on a lattice, made up for in its loads.
 
 A wave of number k fades with depth as exp(−kz). On a lattice of cells of 1 it fades as exp(−κz),
 
@@ -18,7 +18,7 @@ WAVES = 48
 
 
 def fading_error(k_x: Floats, k_y: Floats, depth: float, slab: float) -> Floats:
-    """Return what waves fade more in depth than on the lattice.
+    """Return the ratio by which waves fade more in depth than on the lattice.
 
     Parameters
     ----------
@@ -42,14 +42,14 @@ def matched(depth: float, slab: float) -> Template:
     turn = np.asarray(2.0 * np.pi * np.fft.fftfreq(WAVES), dtype=np.float64)
     k_x, k_y = np.meshgrid(turn, turn)
     wanted = fading_error(k_x, k_y, depth, slab).ravel()
-    # half of what reaches the depth: errors of short waves count less, but do
+    # half of the waves that reach the depth: errors of short waves count less, but do
     weight = np.exp(-0.5 * depth * np.hypot(k_x, k_y)).ravel()
     cosines = np.cos(k_x), np.cos(k_y)
     shapes = np.stack(
         [np.ones(weight.size), (cosines[0] + cosines[1]).ravel(), (cosines[0] * cosines[1]).ravel()]
     )
-    middle, beside, across = np.linalg.lstsq((weight * shapes).T, weight * wanted, rcond=None)[0]
-    side, corner = beside / 2.0, across / 4.0
+    middle, edge, across = np.linalg.lstsq((weight * shapes).T, weight * wanted, rcond=None)[0]
+    side, corner = edge / 2.0, across / 4.0
     weights = [[corner, side, corner], [side, middle, side], [corner, side, corner]]
     return Template(
         f"matched to {depth:g} cells", [[0.0]], weights, boundary="periodic", output="linear"

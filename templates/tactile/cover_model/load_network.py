@@ -1,12 +1,12 @@
 """The cover undone by a network: three layers whose equilibrium is regularised least squares.
 
-K is what uniform loads on cells do to each taxel (Love, Cerruti). Of all loads q on an endless
-surface that explain the taxels' signals s, the likely one is
+K is the response of each taxel to uniform loads on cells (Love, Cerruti). Of all loads q on an
+endless surface that explain the taxels' signals s, the likely one is
 
     q = P Kᵀ r,        dr/dt = s − K P Kᵀ r − μ r
 
-at rest (Tikhonov; P says how large a drag is likely beside a pressure). r lives on the taxels, and
-K P Kᵀ is a template: what two taxels share depends on how they lie to each other alone. A zero
+at rest (Tikhonov; P says how large a drag is likely against a pressure). r lives on the taxels, and
+K P Kᵀ is a template: the coupling of two taxels depends on how they lie to each other alone. A zero
 boundary makes the finite array exact.
 """
 
@@ -97,7 +97,7 @@ class LoadNetwork:
         return self.likely * float(np.sqrt((np.abs(passed) ** 2).sum(-1).mean()))
 
     def template(self) -> Template:
-        """Return the CNN; its input is strain over noise, its state what `back` reads."""
+        """Return the CNN; its input is strain over noise, its state the input of `back`."""
         forward = self._forward()
         A = -np.array([[_shared(one, other) for other in forward] for one in forward])
         B = np.eye(3)[:, :, None, None]
@@ -117,7 +117,7 @@ class LoadNetwork:
 
 
 def _shared(one: Floats, other: Floats) -> Floats:
-    """Return what two strains share, by how their taxels lie to each other."""
+    """Return the coupling of two strains, by how their taxels lie to each other."""
     products: Floats = fftconvolve(one, other[:, ::-1, ::-1], axes=(-2, -1))
     return np.asarray(products.sum(axis=0))
 

@@ -1,6 +1,6 @@
-"""What the tactile programs start from: loads above rest, the noise measured at rest, the contact.
+"""The first step of the tactile programs: loads above rest, noise at rest, the contact.
 
-The first frames of a stream say what rest is. While nothing touches, rest and noise are followed
+The first frames of a stream define rest. While nothing touches, rest and noise are followed
 slowly, so that an offset or its drift never becomes a load; while something touches, both are kept.
 """
 
@@ -28,20 +28,20 @@ the noise has 14 times the mean; a sound one, known from 16 frames, exceeds 5 on
 
 ASTRAY = 8.0
 """Rest of a taxel, over the typical one or the noise, above which it is broken: 5.4 standard
-deviations of what calibration leaves. A bridge that is stuck stands anywhere in the range."""
+deviations of the calibration's residual. A bridge that is stuck stands anywhere in the range."""
 
 BREAK = 300.0
 """Change of a taxel's normal load from one frame to the next, over its neighbours' and the noise,
-as powers, above which it breaks. A contact is felt under a cover by several taxels: in 176 scenes
-with whole taxels, up to 200 frames a second (tuning seeds), 1 in 100 exceeds 200, and one 300."""
+as powers, above which it breaks: several taxels feel a contact under a cover. `docs/calibration.md`
+has the scenes that it was set by."""
 
 TINY = 1e-30
 
 ROUNDING = 1e-6
-"""Least noise, as a share of the largest raw value: what float32 leaves of a perfect sensor."""
+"""Least noise, as a share of the largest raw value: the rounding of float32 on a perfect sensor."""
 
 PUSH = -1.0
-"""Sign of strain and stress under a push: what a calibrated array gives."""
+"""Sign of strain and stress under a push, as of a calibrated array."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class Loads:
         Flag.
     sound, healthy : Field
         Logic maps: taxels whose noise is no outlier in the normal axis, and in any. Only sound ones
-        tell where a contact is, only healthy ones what acts on it.
+        locate a contact, only healthy ones measure its load.
     alive : Field
         Logic map: taxels that read something, be it noise at rest.
     """
@@ -77,13 +77,13 @@ class Loads:
 
 
 def loads_of(frame: FrameFields, push: float) -> Loads:
-    """Return a frame's loads above rest, and what is measured with them.
+    """Return a frame's loads above rest, and the measures with them.
 
     Parameters
     ----------
     frame : FrameFields
     push : float
-        What turns a channel's sign into that of a load: −1 for strain and stress, which count
+        Factor from a channel's sign to that of a load: −1 for strain and stress, which count
         tension as positive, +1 for signals and counts that rise under a push.
     """
     age = frame.memory(scalar=True)
@@ -157,7 +157,7 @@ def square(value: Field) -> Field:
 
 
 class _Noise:
-    """Variance of one reading, from what changes from frame to frame at rest.
+    """Variance of one reading, from the changes from frame to frame at rest.
 
     Attributes
     ----------

@@ -47,7 +47,7 @@ def patches_of(frame: FrameFields, inside: Field, weight: Field) -> Patches:
 def _labels(inside: Field, number: Field, cells: int) -> Field:
     """Let the largest number of each patch spread over it, a cell a turn.
 
-    Numbers are whole; what transients make of them is near enough to tell them apart.
+    Numbers are whole; the results of transients are near enough to separate them.
     """
 
     def spread(label: Field) -> Field:

@@ -20,35 +20,35 @@ from cnnum.templates.tactile.shared.loads import LIFT, Loads, square
 from cnnum.templating.library import get_template
 
 Carries = Literal["strain", "stress", "force"]
-"""What taxels read; "force" is each taxel's own share of the load."""
+"""The measured quantity; "force" is each taxel's own share of the load."""
 
 LEVEL = 0.1
 """Threshold of the template `contact_threshold`."""
 
 SEEN = 0.05
-"""Share of the largest squared strain from which a taxel tells where the pull acts, at first."""
+"""Share of the largest squared strain from which a taxel counts as pulled, at first."""
 
 CLEAR = 3.0
 """The same in standard deviations of the noise."""
 
 ROUNDS = 2
 """Times that the pull is laid out and taken off. After one, contacts wider than the cover is thick
-carry up to 40 % too little; after two, what is left is that of no pull at all."""
+carry up to 40 % too little; after two, the error is that of no pull at all."""
 
 AROUND = 1
-"""Cells around a narrow contact in which part of its load comes back: a hollow beside a peak."""
+"""Cells around a narrow contact in which part of its load comes back: a hollow next to a peak."""
 
 NARROW, WIDE = 12.0, 24.0
 """Taxels touched up to which that counts in full, and from which not at all: around wide contacts
-what is left of a pull is more than the hollow. They are radii of 2 and of 2.8 cells."""
+the rest of a pull is more than the hollow. They are radii of 2 and of 2.8 cells."""
 
 NOTHING = 1e-30
-"""What sums of loads are kept above, so that no contact divides by 0."""
+"""Least sum of loads, so that no contact divides by 0."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pressed:
-    """What presses on the skin.
+    """The pressure on the skin.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Pressed:
 def pressed_of(
     loads: Loads, share: float, depth: float, reads: Carries, normal_gain: float
 ) -> Pressed:
-    """Return what presses on the skin, from its readings.
+    """Return the pressure on the skin, from its readings.
 
     Raises
     ------
@@ -119,10 +119,10 @@ def _carried(loads: Loads, normal: Field, noise: Field, share: float) -> Pressed
 
 
 def _under_cover(loads: Loads, normal: Field, noise: Field, cover: _Cover) -> Pressed:
-    """Return what presses on a cover: the pull's shape and the pressure's find one another.
+    """Return the pressure on a cover: its shape and the pull's are found in turns.
 
     In an incompressible cover a pull strains the skin as a pressure behind it would, so
-    that one map cannot be told from the other. What can: the sum of the shear is the pull, and
+    that one map looks like the other. But the sum of the shear is the pull, and
     it acts where the pressure does.
     """
     gained = noise_gain(cover.depth, cover.reads) * noise
@@ -171,7 +171,7 @@ def _pulled(
     depth, reads, reach = cover.depth, cover.reads, max(array) - 1
     kernels = [("pulled", pulled_normal(depth, reads, min(reach, NEAR)), shape)]
     if reach > NEAR:
-        block = filter_template("block", np.ones((BLOCK, BLOCK)), "Sums what is around a cell.")
+        block = filter_template("block", np.ones((BLOCK, BLOCK)), "Sums the cells around a cell.")
         spread = apply(block, input=shape)
         kernels.append(("pulled far", pulled_far(depth, reads, reach), spread))
     parts: list[Field] = []
@@ -184,11 +184,11 @@ def _pulled(
 
 
 def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Field, Field]:
-    """Return the tangential loads: the whole array's shear, for what lies beyond the array.
+    """Return the tangential loads: the whole array's shear, with the part beyond the array.
 
     Shear strain and stress add up to the load on an endless array. On this one a cell's load adds
-    up to a share that its place tells; the pressure's own shear, which cancels on an endless array,
-    is taken off. Shear is taken to be spread as the pressure is.
+    up to a share that depends on its place; the pressure's own shear, which
+    cancels on an endless array, is taken off. Shear is taken to be spread as the pressure is.
     """
     seen = shear_seen(loads.frame.shape, depth)
     found: list[Field] = []
@@ -203,17 +203,17 @@ def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Fiel
 
 
 def _missed(pressure: Field, weight: Field, touched: Field, cover: _Cover) -> Field:
-    """Return by how much a load is larger than what the taxels touched hold of it.
+    """Return the factor of a load over its part on the touched taxels.
 
     Strain passes no mean, so the pressure comes back on a ground below 0, the lower the wider the
     contact; and a load between taxels, or narrower than one, comes back too high, in a hollow of
-    its own. What the filter makes of a load of this shape, on the taxels touched and around them,
-    beside what is found there, says how much.
+    its own. The filter's result on a load of this shape, on the taxels touched and around them,
+    against the found one, gives the factor.
     """
     kernel = left_kernel(cover.depth, cover.reads)
-    left = filter_template(f"left {cover.reads} {cover.depth:g}", kernel, "What unblur leaves.")
+    left = filter_template(f"left {cover.reads} {cover.depth:g}", kernel, "The residual of unblur.")
     size = 2 * AROUND + 1
-    box = filter_template(f"around {AROUND}", np.ones((size, size)), "Counts what is around.")
+    box = filter_template(f"around {AROUND}", np.ones((size, size)), "Counts the cells around.")
     near = apply(box, input=where(touched, 1.0, 0.0)) > 0.5
     narrow = minimum(maximum((WIDE - touched.count()) / (WIDE - NARROW), 0.0), 1.0)
     share = where(touched, 1.0, where(near, narrow, 0.0))

@@ -1,4 +1,4 @@
-"""Loads above rest, now and a moment ago, and latches: what `slip` and `twist` share."""
+"""Loads above rest, now and a moment ago, and latches, shared by `slip` and `twist`."""
 
 from collections.abc import Callable
 from math import ceil, exp
@@ -15,12 +15,12 @@ from cnnum.templating.library import get_template
 
 FAST = 0.02  # s, time constant of the smoothing
 HOLD = 0.5  # share of its level below which a report may end
-ROUNDING, TINY = 1e-6, 1e-12  # least noise over what is read at rest; least load, in its unit
+ROUNDING, TINY = 1e-6, 1e-12  # least noise over the reading at rest; least load, in its unit
 Sums = Callable[[Field], Field]
 
 
 class Pad(NamedTuple):
-    """Read-outs of one pad; `total` sums over it, `inner` without its cells beside another pad."""
+    """Read-outs of one pad; `total` sums over it, `inner` without its cells next to another pad."""
 
     total: Sums
     inner: Sums
@@ -78,7 +78,7 @@ class RecentLoads:
         return channel - rest
 
     def _leaky(self, value: Field, time: float) -> tuple[Field, Field]:
-        """Return a map that follows another one with a time constant, and what it was before."""
+        """Return a map that follows another one with a time constant, and its value before."""
         memory, duration = self.frame.memory(), 1.0 / (self.rate * time)
         now = apply(get_template("leaky_cell"), input=value, state=memory.value, duration=duration)
         memory.store(now)
@@ -120,7 +120,7 @@ def most(values: list[tuple[Field, ...]]) -> tuple[Field, ...]:
 
 
 def _sums(frame: FrameFields, pads: int) -> list[tuple[int, Sums, Sums]]:
-    """Return for each pad its cells, a sum over them, and one without those beside another pad."""
+    """Return for each pad its cells, a sum over them, and one without those next to another pad."""
     rows, cols = frame.shape
     if pads < 1 or cols % pads:
         raise ProgramError(f"{cols} columns cannot be divided among 'pads' = {pads}.")

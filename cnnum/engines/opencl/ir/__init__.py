@@ -1,1 +1,1 @@
-"""What a kernel does, as records: expressions, statements, and the printer of OpenCL C."""
+"""Kernels as records: expressions, statements, and the printer of OpenCL C."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 
 class Expression:
-    """What has a value; operands may be whole numbers of Python, too."""
+    """An expression with a value; operands may be whole numbers of Python, too."""
 
     __slots__ = ()
 
@@ -70,7 +70,7 @@ Operand = Expression | int
 
 @dataclass(frozen=True, slots=True)
 class Name(Expression):
-    """A variable or an array; what it means depends on where it stands."""
+    """A variable or an array; its meaning depends on its place."""
 
     text: str
 
@@ -117,7 +117,7 @@ class Component(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Call(Expression):
-    """What a function of the kernel gives."""
+    """The result of a function of the kernel."""
 
     function: str
     arguments: tuple[Expression, ...]
@@ -134,7 +134,7 @@ class Binary(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Negative(Expression):
-    """What has the other sign."""
+    """The operand with the other sign."""
 
     value: Expression
 
@@ -167,7 +167,7 @@ def operand(value: Operand) -> Expression:
 
 
 def call(function: str, *arguments: Operand) -> Call:
-    """Return what a function gives."""
+    """Return the result of a function."""
     return Call(function, tuple(operand(argument) for argument in arguments))
 
 
@@ -209,7 +209,7 @@ def after(start: Expression, at: Operand) -> Expression:
 
 
 def shifted(expression: Expression, offset: int) -> Expression:
-    """Return an expression of the cell that stands so many after `i`."""
+    """Return an expression of the cell that stands at a distance after `i`."""
     if expression == CELL:
         return CELL + offset
     if isinstance(expression, Element):

@@ -1,6 +1,6 @@
 """Expressions that lower rooms hold as text, such as output functions, as records.
 
-`cnnum.safety.expressions` says what they are made of. Python's own parser reads them.
+`cnnum.safety.expressions` lists their parts. Python's own parser reads them.
 """
 
 import ast
@@ -27,7 +27,7 @@ _LITERAL = re.compile(r"(?<![\w.])[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?f?")
 Values = dict[str, Expression]
 
 Reader = Callable[[Values], Expression]
-"""What makes an expression of the values of its variables."""
+"""The maker of an expression of the values of its variables."""
 
 
 def formula(text: str, **values: Expression) -> Expression:
@@ -55,7 +55,7 @@ def _reader_of(text: str) -> Reader:
 
 
 def _reader(node: ast.expr, literals: dict[str, str]) -> Reader:
-    """Return what reads a part of a text, whose literals have names."""
+    """Return a reader of a part of a text, whose literals have names."""
     if isinstance(node, ast.Name):
         name, word = node.id, Constant(literals.get(node.id, node.id))
         return lambda values: values.get(name, word)

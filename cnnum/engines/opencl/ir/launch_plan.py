@@ -1,4 +1,4 @@
-"""What the host does to run a plan for large arrays: launches, steps by strips, and rounds."""
+"""The host's part in a plan for large arrays: launches, steps by strips, and rounds."""
 
 import math
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ class Strips:
     levels : int
         Of them a launch takes, where there is more than one strip.
     most : int
-        Strips of an array that are high enough for so many levels.
+        Strips of an array that are high enough for a number of levels.
     alone : bool
         Whether a single strip needs nothing from beyond its end, so that one launch takes all.
     begins, ends : bool
@@ -55,13 +55,13 @@ class Strips:
         return f"{self.kernel}_alone(mine, {first}, {levels or self.count}, {self.ends:d});"
 
     def pieces(self, batch: int, units: int) -> int:
-        """Return into how many strips each array of a batch is parted on so many cores."""
+        """Return into how many strips each array of a batch is parted on a number of cores."""
         if self.alone and batch >= units:
             return 1
         return max(1, min(self.most, 2 * units // batch))
 
     def launches(self, pieces: int) -> int:
-        """Return the launches for an array in so many strips."""
+        """Return the launches for an array in a number of strips."""
         moves = (self.first is not None) + self.ends
         if pieces == 1 and self.alone:
             return moves + (self.count > 0)
@@ -90,7 +90,7 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class Rounds:
-    """What the host repeats.
+    """The steps that the host repeats.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ LaunchStep = Launch | Steps | Rounds
 
 @dataclass(frozen=True, slots=True)
 class LaunchPlan:
-    """What the host does for a batch.
+    """The steps of the host for a batch.
 
     Attributes
     ----------
@@ -131,7 +131,7 @@ class LaunchPlan:
     partials: int
 
     def launches(self, units: int) -> int:
-        """Return the launches a frame on so many cores; of rounds that frames end, one round.
+        """Return the launches a frame on a number of cores; of rounds that frames end, one round.
 
         Where frames say how many levels they take, all of them are counted.
         """

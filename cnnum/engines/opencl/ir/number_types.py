@@ -26,9 +26,9 @@ class NumberType:
     huge : str
         The largest number.
     suffix : str
-        What literals end with.
+        The suffix of literals.
     pragma : str
-        What a kernel says before it uses the type.
+        The line of a kernel before it uses the type.
     """
 
     dtype: np.dtype[np.floating]

@@ -1,4 +1,4 @@
-"""Statements of a kernel, as records: what lowering leaves, and what passes and printers read."""
+"""Statements of a kernel, as records: lowering's output, the input of passes and printers."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -16,14 +16,14 @@ from cnnum.engines.opencl.ir.launch_plan import Strips
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """A comment on what follows."""
+    """A comment on the next statements."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Declare:
-    """New variables of a type, and what they begin with.
+    """New variables of a type, and their first values.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Sweep:
         `i` of values, `r` of rows, `q` of cells of rims.
     count : int
     body : tuple of Statement
-        Rounds write to places of their own; what they take in together, they accumulate.
+        Rounds write to places of their own; common results are accumulated.
     """
 
     variable: Name
@@ -118,7 +118,7 @@ class Loop:
     body : tuple of Statement
     start, step : int
     hint : str
-        What compilers are asked to do with it: a line before it.
+        A request to compilers: a line before it.
     """
 
     variable: Name
@@ -138,12 +138,12 @@ class Counted:
     variable : Name
     start : int
     end : int or Name
-        Of a name, what it is when the rounds begin.
+        Of a name, its value when the rounds begin.
     running : Name or None
         A number; rounds end where it is 0, in all lanes.
     body : tuple of Statement
     hint : str
-        What compilers are asked to do with it: a line before it.
+        A request to compilers: a line before it.
     """
 
     variable: Name
@@ -155,7 +155,7 @@ class Counted:
 
     @property
     def condition(self) -> Expression:
-        """What holds before every round."""
+        """The condition before every round."""
         below = self.variable < self.end
         return below if self.running is None else below & call("ANY_LANE", self.running)
 

@@ -1,4 +1,4 @@
-"""What statements read, declare and take in together."""
+"""The reads, declarations and common results of statements."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
@@ -19,7 +19,7 @@ from cnnum.engines.opencl.ir.statements import (
 
 @dataclass(frozen=True, slots=True)
 class Uses:
-    """What statements do with the names of what is around them.
+    """The use of outer names by statements.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class Uses:
 
 
 def uses(statements: tuple[Statement, ...]) -> Uses:
-    """Return what statements do with the names of what is around them."""
+    """Return the use of outer names by statements."""
     everything = list(_records(statements))
     own = set(declared(everything))
     names = (record.text for record in everything if isinstance(record, Name))

@@ -2,7 +2,7 @@
 
 A row is cut into as many pieces as a vector has lanes, and a lane takes a piece: neighbours left
 and right of a vector of cells are the vectors before and after it, so that every vector that is
-loaded is aligned. Only at the ends of a row do lanes need what the lane beside them has.
+loaded is aligned. Only at the ends of a row do lanes need values of the next lane.
 """
 
 from dataclasses import dataclass
@@ -76,7 +76,7 @@ class RowLayout:
         return (self.layers * self.span // self.width | 1) * self.width
 
     def loaded(self, array: str, source: int, row: int, col: int, start: str = "p") -> str:
-        """Return the expression of the cells so many rows and columns from those at `start`."""
+        """Return the expression of the cells some rows and columns from those at `start`."""
         offsets = row * self.pitch + source * self.span + col * self.width
         return f"*(__global const vec *)({array} + {offsets} + {start})"
 
@@ -137,7 +137,7 @@ class RowLayout:
         ]
 
     def _virtual(self, col: int, constant: str | None) -> str:
-        """Return a virtual cell beside the row."""
+        """Return a virtual cell next to the row."""
         if constant is not None:
             return constant
         source = np.pad(np.arange(self.cols), self.radius, mode=self.boundary.pad_mode)

@@ -54,7 +54,7 @@ from cnnum.integrators.chebyshev import MAX_STAGES
 from cnnum.integrators.schemes import AdaptiveSteps
 
 CONTROLS, MAXIMA = Name("strip_control"), Name("strip_maxima")
-"""What the plan's body says to the strips, and what they found."""
+"""The registers between the plan's body and the strips."""
 
 STAGES, LEVELS, AT = Name("stages"), Name("levels"), Name("at")
 """Of a step; a variable of loops."""
@@ -62,7 +62,7 @@ STAGES, LEVELS, AT = Name("stages"), Name("levels"), Name("at")
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What is a method's own in steps that may be refused.
+    """The parts that depend on the method in steps that may be refused.
 
     In expressions `{name}` is how far the array `name` is from the first.
 
@@ -83,7 +83,7 @@ class Trial:
     levels : int
         Of a step, at most.
     begin, tell, advance : list of Statement
-        What sets the control: before all steps, before each, and after each.
+        Statements that set the control: before all steps, before each, and after each.
     count : str
         Levels that a frame takes of at most `most` after those that are `done`.
     told : Name or None
@@ -172,7 +172,7 @@ def chebyshev_attempts(text: TransientBuilder, table: int) -> Attempt:
 
 
 def _changed_places() -> list[Statement]:
-    """Return the statements that take a step over: what it leaves is what the next begins with."""
+    """Return the statements that take a step over: its end is the begin of the next."""
     state, rates, even, odd = (Name(name) for name in ("state", "rates", "even", "odd"))
     changed = (STAGES % 2).differs(0)
     taken = (
@@ -232,7 +232,7 @@ def _attempt(text: TransientBuilder, trial: Trial) -> Attempt:
 
 
 def _forget(maxima: int, most: int, layout: RowLayout) -> list[str]:
-    """Return the text by which a strip forgets what it found in the step before."""
+    """Return the text by which a strip forgets its findings in the step before."""
     return [
         f"for (int n = 0; done == 0 && n < {len(FIGURES)}; ++n) {{",
         f"    const int own = {maxima} + (n * {most} + piece) * {layout.width};",
@@ -242,7 +242,7 @@ def _forget(maxima: int, most: int, layout: RowLayout) -> list[str]:
 
 
 def _gathered(each: int) -> list[Statement]:
-    """Return the statements that make one number of what all strips found in so many lanes."""
+    """Return the statements that make one number of the findings of all strips and lanes."""
     judge = [
         Accumulate(Name(figure), "greater", MAXIMA[Integer(n * each) + CELL])
         for n, figure in enumerate(FIGURES)

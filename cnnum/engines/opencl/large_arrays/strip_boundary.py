@@ -1,4 +1,4 @@
-"""The kernel text of virtual cells around strips, and of what is padded by them beside outputs."""
+"""The kernel text of virtual cells around strips, and of padded arrays but outputs."""
 
 from collections.abc import Mapping
 
@@ -9,7 +9,7 @@ from cnnum.engines.opencl.large_arrays.lane_rows import rim_text
 from cnnum.engines.opencl.large_arrays.strip_couplings import STATES
 from cnnum.engines.opencl.large_arrays.strip_rows import NEW_STATES
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import has_history, pads_states
+from cnnum.templating.reads import reads_states
 
 OUTPUTS = ("strip_even", "strip_odd")
 """Arrays of outputs after an even and an odd number of levels."""
@@ -18,15 +18,15 @@ SEEN = ("strip_states_even", "strip_states_odd")
 """The same of states, where couplings read those of neighbours."""
 
 LATER = "strip_later"
-"""The array of what drives the cells once a delay is over."""
+"""The array of the cells' drive once a delay is over."""
 
 _SUFFIX = "_of_states"
 
 
 def padded_arrays(text: TransientBuilder) -> tuple[str, ...]:
-    """Return the arrays that couplings want beside outputs."""
-    seen = SEEN if pads_states(text) else ()
-    later = (LATER,) if has_history(text) else ()
+    """Return the arrays that couplings want apart from outputs."""
+    seen = SEEN if reads_states(text.template) else ()
+    later = (LATER,) if text.has_history else ()
     return (*seen, *later)
 
 
@@ -37,9 +37,9 @@ def by_turns(offsets: Mapping[str, int], names: tuple[str, str]) -> str:
 
 
 def reads(text: TransientBuilder, driven: str) -> list[str]:
-    """Return the declarations of what a level reads and writes, beside outputs."""
+    """Return the declarations of the arrays of a level, apart from outputs."""
     lines = [f"__global const scalar *const driven = {driven};"]
-    if pads_states(text):
+    if reads_states(text.template):
         lines += [
             f"__global const scalar *const {STATES} = states_of(x, number);",
             f"__global scalar *const {NEW_STATES} = states_of(x, number + 1);",
@@ -49,14 +49,14 @@ def reads(text: TransientBuilder, driven: str) -> list[str]:
 
 def first_states(text: TransientBuilder) -> list[str]:
     """Return the text that sets, for a row, the states that couplings read first."""
-    return ["copy_lanes(states_of(x, 0) + p, x + p);"] if pads_states(text) else []
+    return ["copy_lanes(states_of(x, 0) + p, x + p);"] if reads_states(text.template) else []
 
 
 def rim_texts(
     text: TransientBuilder, layout: RowLayout, offsets: Mapping[str, int]
 ) -> dict[str, str]:
-    """Return the kernel text's names that say what is done about virtual cells."""
-    seen, fixed = pads_states(text), text.template.boundary.constant
+    """Return the kernel text's names that set the treatment of virtual cells."""
+    seen, fixed = reads_states(text.template), text.template.boundary.constant
     shown = None if fixed is None else float(text.template.output.numpy(np.asarray(fixed)))
     rims = rim_text(text, layout, "", shown)
     if seen:

@@ -2,7 +2,7 @@
 
 Level 0 makes Y₁ of Y₀ = x; level j makes Y_{j+1} in the place of Y_{j−1}; level s judges Y_s, and
 leaves its rates in the place of Y_{s−1}. So two arrays hold the states of all stages, those of even
-number and those of odd, and beside them two hold what a step begins with. A step that is taken over
+number and those of odd, and two more hold the begin of a step. A step that is taken over
 changes which array is which. That, how many stages there are and with what coefficients stands in
 an array that the plan's body sets.
 """
@@ -15,10 +15,10 @@ from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
 from cnnum.integrators.chebyshev import MAX_STAGES
 
 ARRAYS = ("strip_0", "strip_1", "strip_2", "strip_3")
-"""What holds states and rates: at first x, k0, then the stages."""
+"""The arrays of states and rates: at first x, k0, then the stages."""
 
 STEP, STAGES_AT, STATE, RATES, EVEN, ODD, ROWS = range(7)
-"""What the array of control begins with: h; the stages; the numbers of the arrays of x, of its
+"""The head of the array of control: h; the stages; the numbers of the arrays of x, of its
 rates, and of stages of even and odd number; then the method's rows of 4 numbers."""
 
 PLACES = ("state", "rates", "odd", "now", "old", "before")
@@ -29,7 +29,7 @@ CONTROL = ROWS + 4 * MAX_STAGES
 
 
 def chebyshev_cases(rows: Rows, most: int, block: int) -> list[str]:
-    """Return the text of all levels of so many rows; `most` strips keep what they find."""
+    """Return the text of all levels of a number of rows; `most` strips keep their findings."""
     offsets = rows.offsets[ARRAYS[1]]
     rows = replace(rows, offsets={**rows.offsets, **{name: name for name in PLACES}})
     every, own = rows.block(block), tuple(-scale for scale in rows.scales)

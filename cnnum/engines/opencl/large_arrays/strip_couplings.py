@@ -1,4 +1,4 @@
-"""The kernel text of what the cells of a strip's rows add up from their neighbours.
+"""The kernel text of the neighbourhood sums in a strip's rows.
 
 An output that is loaded serves all the cells of the block that it is a neighbour of.
 """
@@ -9,15 +9,15 @@ from itertools import product
 
 import numpy as np
 
-from cnnum.arrays import Floats
 from cnnum.engines.opencl.ir.expressions import Constant, Expression, Name
 from cnnum.engines.opencl.ir.statements import add
 from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
-from cnnum.engines.opencl.transients.dependencies import delays_outputs
+from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name
 from cnnum.engines.opencl.transients.stencil_sums import shares_products, weighted_terms
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
 from cnnum.templating.function_tables import Table
 from cnnum.templating.network import Tap, taps
+from cnnum.templating.reads import delays_outputs
 
 FROM, PAST, NEXT, PART, STATES = "from", "past", "next", "part", "states"
 """Variables of the kernel: the outputs of the level before; those a delay before it, those of the
@@ -42,7 +42,7 @@ class Through:
     value : callable
         The expression of an output.
     factor : str
-        What their weights come with: nothing, or a vector times.
+        The factor of their weights: nothing, or a vector times.
     taps : tuple of tuple of Tap
         Of each layer.
     """
@@ -68,7 +68,7 @@ class Kept:
 
     @property
     def begin(self) -> list[str]:
-        """What stands before the row's first vector."""
+        """The statements before the row's first vector."""
         radius = self._radius
         return [
             f"vec {self.value(*at, col)} = {self._made(*at, col, 'start')};"
@@ -78,7 +78,7 @@ class Kept:
 
     @property
     def load(self) -> list[str]:
-        """What reads the vectors that come next."""
+        """The reads of the next vectors."""
         radius = self._radius
         return [
             f"const vec {self.value(*at, radius)} = {self._made(*at, radius, 'p')};"
@@ -87,7 +87,7 @@ class Kept:
 
     @property
     def move(self) -> list[str]:
-        """What stands after all that is done with a vector."""
+        """The statements after those of a vector."""
         radius = self._radius
         return [
             f"{self.value(*at, col)} = {self.value(*at, col + 1)};"
@@ -136,7 +136,7 @@ def coupled(
     state : str
         The array of states.
     between : bool
-        Whether what is delayed lies between the outputs of two steps.
+        Whether the delayed time lies between the outputs of two steps.
     kept : Kept, optional
         Outputs, where arrays hold states alone.
     """
@@ -145,14 +145,6 @@ def coupled(
         f"vec {at.sum} = {rows.cells('driven', at)} + {rows.vector(own[at.layer])} * {states[at]};"
         for at in block
     ]
-    return lines + fed_back(rows, block, between=between, kept=kept)
-
-
-def fed_back(
-    rows: Rows, block: list[At], *, between: bool = False, kept: Kept | None = None
-) -> list[str]:
-    """Return the text that adds what cells give each other to the sums of a block."""
-    lines = list[str]()
     for through in _throughs(rows, between, kept):
         lines += _added(rows, block, through)
     for at in block:
@@ -160,31 +152,6 @@ def fed_back(
             if not coupling.static and coupling.to == at.layer:
                 lines += _nonlinear(rows, coupling, at)
     return lines
-
-
-def given(rows: Rows, at: At, weights: Floats, name: Callable[[int], str]) -> list[str]:
-    """Return the text that adds weighted inputs, those in the arrays of that name, to a row's sum.
-
-    Parameters
-    ----------
-    rows : Rows
-    at : At
-    weights : (layers, inputs, k, k) float
-    name : callable
-        Of an input's array.
-    """
-
-    def value(source: int, row: int, col: int) -> str:
-        return _loaded(rows, f"{rows.base} + {rows.offsets[name(source)]}")(0, row, col)
-
-    found = tuple(taps(weights, layer) for layer in range(rows.text.layers))
-    return _added(rows, [at], Through(value, "", found)) if found[at.layer] else []
-
-
-def static_sums(rows: Rows, at: At) -> list[str]:
-    """Return the text that adds nonlinear couplings of inputs alone to a row's sum."""
-    found = (c for c in rows.text.template.nonlinear if c.static and c.to == at.layer)
-    return [line for coupling in found for line in _nonlinear(rows, coupling, at)]
 
 
 def _added(rows: Rows, block: list[At], through: Through) -> list[str]:
@@ -211,10 +178,10 @@ def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
     )
     found = [Through(now, "", steady)]
     found += [
-        Through(now, f"(vec)({rows.gain(k)}) * ", chosen(gain.to, gain.source))
+        Through(now, f"(vec)({gain_name(k).text}) * ", chosen(gain.to, gain.source))
         for k, gain in enumerate(gains)
     ]
-    if text.template.delayed is not None and delays_outputs(text):
+    if text.template.delayed is not None and delays_outputs(text.template):
         past = _mixed(rows) if between else _loaded(rows, PAST)
         late = tuple(taps(text.template.delayed.A, layer) for layer in layers)
         found.append(Through(past, "", late))
@@ -306,7 +273,7 @@ def _nonlinear(rows: Rows, coupling: NonlinearCoupling, at: At) -> list[str]:
 def _quantity(rows: Rows, name: Quantity, source: int, row: int, col: int) -> str:
     """Return the expression of a cell's state, output or input."""
     if name == "u":  # every input is an array of its own
-        array, source = f"{rows.base} + {rows.offsets[inputs_of(source)]}", 0
+        array, source = f"x + {rows.offsets[inputs_of(source)]}", 0
     else:
         array = FROM if name == "y" else STATES
     return _loaded(rows, array)(source, row, col)

@@ -1,6 +1,6 @@
 """The kernel text that judges a step strip by strip: the largest of each figure in its cells.
 
-Every strip keeps what it finds in each lane, and the plan's body makes one number of them.
+Every strip keeps its findings in each lane, and the plan's body makes one number of them.
 """
 
 import numpy as np
@@ -13,7 +13,7 @@ CELLS = "strip_cells"
 """The array of which numbers of a row are cells."""
 
 FIGURES = ("worst", "added", "speed", "change")
-"""What is found of a step: the largest of each in all cells."""
+"""The findings of a step: the largest of each in all cells."""
 
 
 def judged(rows: Rows, most: int, each: list[str]) -> list[str]:
@@ -23,9 +23,9 @@ def judged(rows: Rows, most: int, each: list[str]) -> list[str]:
     ----------
     rows : Rows
     most : int
-        Strips that keep what they find.
+        Strips that keep their findings.
     each : list of str
-        What it does between.
+        Statements in between.
     """
     size, first = rows.layout.width, rows.offsets["strip_maxima"]
     places = [
@@ -44,7 +44,7 @@ def figures(rows: Rows, error: str, left_out: str, rate: str, states: tuple[str,
     ----------
     rows : Rows
     error, left_out : str
-        Expressions: what the step's estimate is, and what it adds to the error that is followed.
+        Expressions: the step's estimate, and its share in the error that is followed.
     rate : str
         The variable of the rates at the step's end.
     states : (str, str)
@@ -69,7 +69,7 @@ def figures(rows: Rows, error: str, left_out: str, rate: str, states: tuple[str,
 
 
 def _most(rows: Rows, name: str, found: str) -> str:
-    """Return the statement that keeps the larger number; what is no cell has none."""
+    """Return the statement that keeps the larger number; lanes without a cell have none."""
     if CELLS not in rows.offsets:
         return f"{name} = greatest({name}, {found});"
     cells = f"*(__global const vec *)(x + {rows.offsets[CELLS]} + p - start)"

@@ -18,9 +18,7 @@ from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
 from cnnum.engines.opencl.large_arrays.strip_stages import Stages
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import has_history
-from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.schemes import ExponentialSteps
+from cnnum.integrators.schemes import FixedSteps
 
 BARE = ("standard", "linear", "full-range")
 """Outputs that cost less to make than to keep."""
@@ -29,7 +27,7 @@ BARE = ("standard", "linear", "full-range")
 def keeps_states(text: TransientBuilder, moments: Moments, layers: tuple[Stages, ...]) -> bool:
     """Return whether steps need nothing but states."""
     template = text.template
-    simple = not moments.uneven and not moments.keeps and not has_history(text)
+    simple = not moments.uneven and not moments.keeps and not text.has_history
     linear = all(coupling.static for coupling in template.nonlinear)
     whole = len(layers[0].stages) == 1 and layers[0].stages[0].whole
     return (
@@ -37,9 +35,7 @@ def keeps_states(text: TransientBuilder, moments: Moments, layers: tuple[Stages,
     )
 
 
-def state_steps(
-    text: TransientBuilder, scheme: FixedSteps | ExponentialSteps, scales: tuple[float, ...]
-) -> None:
+def state_steps(text: TransientBuilder, scheme: FixedSteps, scales: tuple[float, ...]) -> None:
     """Append the statement that stands for the steps, and keep their kernel with the tables."""
     layout = row_layout(text)
     offsets = declare_arrays(text, layout, ())

@@ -1,7 +1,7 @@
 """Inputs that the cells of large arrays go on reading, in lanes."""
 
 from cnnum.engines.opencl.ir.expressions import Name
-from cnnum.engines.opencl.ir.statements import Sweep, Verbatim
+from cnnum.engines.opencl.ir.statements import Assign, Sweep, Verbatim
 from cnnum.engines.opencl.large_arrays.lane_rows import (
     OWN,
     lane_text,
@@ -9,16 +9,17 @@ from cnnum.engines.opencl.large_arrays.lane_rows import (
     row_layout,
     size_of,
 )
-from cnnum.engines.opencl.large_arrays.neighbourhood_sums import Seen
+from cnnum.engines.opencl.large_arrays.strip_couplings import inputs_of
 from cnnum.engines.opencl.text import filled, owned
-from cnnum.engines.opencl.transients.builder import ROW, TransientBuilder
+from cnnum.engines.opencl.transients.builder import NOW, ROW, TransientBuilder
 
 
-def keep_rows(text: TransientBuilder, seen: Seen) -> None:
-    """Append the array of that name, and what brings all rows to their lanes in it, for strips."""
-    layout, array = row_layout(text, seen.boundary), Name(seen.name)
+def keep_rows(text: TransientBuilder, number: int) -> None:
+    """Append the array of an input, and the sweep of its rows to their lanes, for strips."""
+    boundary = text.template.input_boundary
+    layout, array = row_layout(text, boundary), Name(inputs_of(number))
     text.array(array, size_of(text, layout))
-    source = lane_text(text, layout) + rim_text(text, layout, "", seen.fixed)
+    source = lane_text(text, layout) + rim_text(text, layout, "", boundary.constant)
     types, kind = text.tables.types, "rows in lanes"
     known = [key for key in types if key.startswith(kind)]
     key = f"{kind} {source}"
@@ -30,8 +31,8 @@ def keep_rows(text: TransientBuilder, seen: Seen) -> None:
         width=layout.width,
         last=max(0, layout.vectors - layout.width),
         cols=text.shape[1],
-        value=seen.values[0],
-        to=Name(seen.name),
+        value=[Assign(NOW, text.operands.inputs[number])],
+        to=array,
         place=f"ROW{suffix}(row)",
         vec=f"vec{suffix}",
         keep_lanes=f"keep_lanes{suffix}",

@@ -19,11 +19,11 @@ from cnnum.engines.opencl.large_arrays.strip_couplings import inputs_of
 from cnnum.engines.opencl.large_arrays.strip_rows import HELD
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented, owned
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import inputs_read
 from cnnum.engines.opencl.transients.feedforward import constant_drive
+from cnnum.templating.reads import moving_inputs
 
 LEVELS = 32
-"""Stages of steps a launch, at most: what is missing between strips grows with them. Euler's steps
+"""Stages of steps a launch, at most: the gap between strips grows with them. Euler's steps
 of 512×512 cells take four fifths of the time that they take with 8 (AMD EPYC)."""
 
 LEAST_LEVELS = 8
@@ -47,7 +47,7 @@ HELD_CELLS = Name("held")
 """The array that is 1 where a mask holds a cell, as cells lie elsewhere."""
 
 DRIVE = "strip_w"
-"""The array of what drives the cells."""
+"""The array of the cells' drive."""
 
 _OWN = (
     *OWN,
@@ -60,28 +60,28 @@ _OWN = (
 
 @dataclass(frozen=True, slots=True)
 class StripText:
-    """What is a scheme's own in the kernel.
+    """The parts of a kernel that depend on the scheme.
 
     Attributes
     ----------
     offsets : mapping of str to int
         How far every array is from the first, which holds the states.
     scales : tuple of float
-        What the drive of each layer comes with.
+        The factor of each layer's drive.
     case : str
         The expression of the case that is the level `number`.
     cases : callable
-        The text of all cases of so many rows.
+        The text of all cases of a number of rows.
     clear : list of str
-        What the first strip sets before all else.
+        Settings of the first strip before all else.
     rest : list of str
-        What is set in a row with its states.
+        Settings in a row with its states.
     begin : list of str
-        What a strip does before it takes levels.
+        Steps of a strip before it takes levels.
     outputs : str
         The expression of the outputs after `level` levels.
     again : list of str
-        What takes a row back to where levels began, if anything ever does.
+        Steps that take a row back to the begin of the levels, if any.
     end : str
         Where the states are in the end, from where they were.
     count : str
@@ -89,7 +89,7 @@ class StripText:
     ahead : str
         The expression of the levels before those that a launch counts.
     driven : str
-        That of what drives the cells at the level `number`.
+        That of the cells' drive at the level `number`.
     """
 
     offsets: Mapping[str, int]
@@ -121,7 +121,7 @@ def declare_arrays(
     names = tuple(dict.fromkeys((*names, *padded_arrays(text), DRIVE, *OUTPUTS)))
     for name in names:
         text.array(Name(name), size)
-    first, given = text.arena.places[names[0]], [inputs_of(n) for n in inputs_read(text)]
+    first, given = text.arena.places[names[0]], [inputs_of(n) for n in moving_inputs(text.template)]
     return {name: text.arena.places[name] - first for name in (*names, *given)}
 
 

@@ -16,7 +16,7 @@ LENGTH, MOVED, BEGINS = range(3)
 
 
 def pair_cases(rows: Rows, scheme: AdaptiveSteps, most: int, block: int) -> list[str]:
-    """Return the text of all stages of so many rows; `most` strips keep what they find."""
+    """Return the text of all stages of a number of rows; `most` strips keep their findings."""
     last, lines = scheme.tableau.stages - 1, list[str]()
     every, own = rows.block(block), tuple(-scale for scale in rows.scales)
     control = rows.offsets["strip_control"]
@@ -77,7 +77,7 @@ def _rate(rows: Rows, stage: int, at: At) -> list[str]:
 
 
 def _loaded(rows: Rows, weights: list[Row], stage: int, at: At) -> list[str]:
-    """Return the text that loads what is weighted, but for the stage's own rate."""
+    """Return the text that loads the weighted rates, but for the stage's own rate."""
     wanted = [n for n in range(stage) if any(n < len(row) and row[n] for row in weights)]
     return [f"const vec k{n} = {rows.array(f'strip_k{n}', at)};" for n in wanted]
 
@@ -88,7 +88,7 @@ def _combination(rows: Rows, weights: Row) -> str:
 
 
 def _judge(rows: Rows, tableau: Pair, at: At) -> list[str]:
-    """Return the text that takes a row into the worst error of a step, and what its end is."""
+    """Return the text that takes a row into the worst error of a step, and its end."""
     last = tableau.stages - 1
     parts = [
         f"magnitude(h * ({_combination(rows, d)}))" for d in (*tableau.truncation, tableau.error)

@@ -1,13 +1,12 @@
-"""The kernel text of what is kept of the rows of a strip, and read of them, a vector at a time."""
+"""The kernel text of stores to the rows of a strip and reads of them, a vector at a time."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
-from cnnum.engines.opencl.large_arrays.row_vectors import PlainRows
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import pads_states
+from cnnum.templating.reads import reads_states
 
 HELD = "strip_held"
 """The array that is 1 where a mask holds a cell, else 0."""
@@ -24,43 +23,36 @@ class At(NamedTuple):
 
     @property
     def sum(self) -> str:
-        """The name of the sum of what its cells are coupled to."""
+        """The name of the sum of its cells' couplings."""
         return f"s{self.layer}_{self.row}"
 
 
 @dataclass(frozen=True, slots=True)
 class Rows:
-    """Writes what a few rows do.
+    """Writes the statements of a few rows.
 
     Attributes
     ----------
     text : TransientBuilder
-    layout : RowLayout or PlainRows
+    layout : RowLayout
     scales : tuple of float
-        What the couplings and the drive of each layer come with.
+        The factor of each layer's couplings and drive.
     offsets : mapping of str to int or str
         Numbers from the array of states to each of the arrays that are kept, or the name of the
         variable that holds them.
-    base : str
-        The variable that holds the first array.
     """
 
     text: TransientBuilder
-    layout: RowLayout | PlainRows
+    layout: RowLayout
     scales: tuple[float, ...]
     offsets: Mapping[str, int | str]
-    base: str = "x"
-
-    def gain(self, number: int) -> str:
-        """Return the variable of what a coupling that varies in time comes with."""
-        return f"gain{number}" if self.base == "x" else f"{self.base}_gain{number}"
 
     def case(
         self, number: int, lines: list[str], head: Sequence[str] = (), tail: Sequence[str] = ()
     ) -> list[str]:
         """Return the text that takes a vector after the other of the rows from `start` on.
 
-        What stands in `head` comes before all of them, what stands in `tail` after.
+        Those in `head` come before all of them, those in `tail` after.
         """
         width = self.layout.width
         end = f"start + {self.layout.vectors * width}"
@@ -105,7 +97,7 @@ class Rows:
         limited = self.text.template.output.limited
         lines = [f"{state} = shown({state}, one);"] if limited else []
         lines.append(f"{place} = {state if limited else f'shown({state}, one)'};")
-        if pads_states(self.text):
+        if reads_states(self.text.template):
             lines.append(f"*(__global vec *)({NEW_STATES} + {self.place(at)}) = {state};")
         return lines
 

@@ -1,6 +1,6 @@
 """Steps of a fixed length until nothing changes, by strips: a launch takes several of them.
 
-Each step keeps, by strip and lane, whether a rate at its start is more than what counts as none. If
+Each step keeps, by strip and lane, whether a rate at its start is above the limit of rest. If
 the first step that saw no such rate is amid a launch, the launch is taken again from where it
 began, up to that step's end.
 """
@@ -40,8 +40,7 @@ from cnnum.engines.opencl.large_arrays.strip_error import CELLS, mark_cells
 from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS
-from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.schemes import ExponentialSteps
+from cnnum.integrators.schemes import FixedSteps
 
 BEFORE = "strip_before"
 """The array of the states with which a launch began."""
@@ -59,18 +58,18 @@ TAKEN, LEVELS, AT, K, ANY = (Name(name) for name in ("taken", "levels", "at", "k
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """What watches steps.
+    """The watch over steps.
 
     Attributes
     ----------
     rows : Rows
-        With places for what is kept here.
+        With places for the kept rates.
     stages : int
         Of a step.
     steps : int
         A launch takes; an even number of levels, so that outputs are where the next begins.
     strips : int
-        That keep what they see, at most.
+        That keep their findings, at most.
     factors : tuple of float
         Of each layer: of d, so that it is the rate times the longest τ.
     """
@@ -94,7 +93,7 @@ class Watch:
 
     @property
     def head(self) -> list[str]:
-        """What comes before a step's first stage takes its rows."""
+        """The statements before a step's first stage takes its rows."""
         return [f"vec change = *(__global const vec *)({self.own});"]
 
     @property
@@ -107,7 +106,7 @@ class Watch:
         rows, solver = self.rows, self.rows.text.solver
         rate = f"{rows.vector(self.factors[at.layer])} * magnitude({at.sum})"
         none = f"{rows.vector(solver.atol)} + {rows.vector(solver.rtol)} * magnitude({state})"
-        rests = f"{rate} <= {none}"  # which is not so of what is NaN
+        rests = f"{rate} <= {none}"  # which is false of NaN
         if CELLS in rows.offsets:
             cells = f"*(__global const vec *)(x + {rows.offsets[CELLS]} + p - start)"
             rests = f"({rests}) | ({cells} < one)"
@@ -117,7 +116,7 @@ class Watch:
         ]
 
     def clear(self) -> list[str]:
-        """Return what the first strip sets before all else."""
+        """Return the settings of the first strip before all else."""
         size = self.steps * self.each
         lines = [f"for (int n = 0; piece == 0 && n < {size}; ++n) {{"]
         lines += [f"    x[{self.rows.offsets[CHANGES]} + n] = 0;", "}"]
@@ -126,7 +125,7 @@ class Watch:
         return lines
 
     def begin(self) -> list[str]:
-        """Return the text by which a strip forgets what it saw in the launch before."""
+        """Return the text by which a strip forgets its findings of the launch before."""
         width = self.rows.layout.width
         own = f"{self.rows.offsets[CHANGES]} + n * {self.each} + piece * {width}"
         return [
@@ -152,9 +151,8 @@ class Watch:
         """Levels that a frame takes of at most `most` after those that are `done`."""
         return f"min(most, (int)x[{self.rows.offsets[CONTROL]}] - done)"
 
-    def body(self, scheme: FixedSteps | ExponentialSteps, strips: Strips) -> list[Statement]:
+    def body(self, scheme: FixedSteps, strips: Strips) -> list[Statement]:
         """Return the statements that launch the kernel until nothing changes."""
-        method = scheme.tableau if isinstance(scheme, FixedSteps) else scheme.method
         about = f"at most {scheme.count} steps of {scheme.step:g}, until nothing changes any more"
         levels = replace(strips, begins=False, ends=False)
         count = Cast("int", STEPS)
@@ -174,7 +172,7 @@ class Watch:
         )
         begun = ((RUNNING, ONE), (STEPS, ZERO), (SETTLED, ZERO))
         return [
-            Note(f"// {method.name}, by strips: {about}"),
+            Note(f"// {scheme.name}, by strips: {about}"),
             Declare("real", begun),
             Assign(CONTROLS[2], ZERO),
             StripSteps(replace(strips, count=0, ends=False)),
@@ -183,7 +181,7 @@ class Watch:
         ]
 
     def _find_end(self) -> list[Statement]:
-        """Return what finds the first step at whose start nothing changes, which is the last."""
+        """Return the search for the first step at whose start nothing changes, the last one."""
         ends = Cast("int", CONTROLS[1]) * self.rows.layout.width
         seen = SEEN[AT * self.each + K]
         strips = Loop(K, ends, (Accumulate(ANY, "fmax", seen),))
@@ -203,19 +201,19 @@ def watch(
     stages: int,
     scales: tuple[float, ...],
 ) -> Watch:
-    """Declare what watches steps of so many stages, and return it.
+    """Declare the watch over steps of a number of stages, and return it.
 
     Parameters
     ----------
     text : TransientBuilder
     layout : RowLayout
     offsets : dict of str to int
-        Of the arrays that are kept; what is declared here is added.
+        Of the arrays that are kept; those declared here are added.
     size : (int, int)
         Levels a launch, and strips.
     stages : int
     scales : tuple of float
-        What w + A ∗ y − s is multiplied by in each layer's d.
+        The factor of w + A ∗ y − s in each layer's d.
     """
     steps = max(1, size[0] // stages)
     if steps * stages % 2:

@@ -19,7 +19,7 @@ def sum_cases(
     moments: Moments,
     watch: Watch | None = None,
 ) -> list[str]:
-    """Return the text of all stages of so many rows; layers differ in their factors alone.
+    """Return the text of all stages of a number of rows; layers differ in their factors alone.
 
     The first stage is the one that is watched.
     """

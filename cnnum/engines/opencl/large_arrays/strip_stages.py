@@ -1,4 +1,4 @@
-"""What a stage of a step does to the cells of a strip: a few sums, each kept in an array.
+"""A stage of a step on the cells of a strip: a few sums, each kept in an array.
 
 With d = (h/τ)(w + A ∗ f(s) − s), s the state of the stage, an explicit Runge–Kutta method's next
 state is x + Σ_j a_ij d_j, and the step ends at x + Σ_i b_i d_i. Every such sum is kept from its
@@ -7,11 +7,8 @@ first term on, so that no d outlives its stage. Exponential steps are sums of th
 
 from dataclasses import dataclass
 
-import numpy as np
-
-from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.schemes import ExponentialSteps
-from cnnum.integrators.tableau import ButcherTableau, Row
+from cnnum.integrators.schemes import FixedSteps
+from cnnum.integrators.tableau import Explicit, Row
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +32,7 @@ class Sum:
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """One evaluation of the couplings, and what it is added to.
+    """One evaluation of the couplings, and its target.
 
     Attributes
     ----------
@@ -61,7 +58,7 @@ class Stages:
     Attributes
     ----------
     scale : float
-        What w + A ∗ y − s is multiplied by in d.
+        The factor of w + A ∗ y − s in d.
     stages : tuple of Stage
         The step begins and ends in array 0.
     """
@@ -75,31 +72,38 @@ class Stages:
         return 1 + max(one.place for stage in self.stages for one in stage.sums)
 
 
-def stages_of(scheme: FixedSteps | ExponentialSteps, tau: float) -> Stages | None:
+def stages_of(scheme: FixedSteps, layer: int, tau: float) -> Stages | None:
     """Return the stages of a scheme's steps, None where they are not sums of this form."""
-    if isinstance(scheme, FixedSteps):
-        stages = _runge_kutta(scheme.tableau)
-        return Stages(scheme.step / tau, stages) if stages else None
-    _, first, second = (float(w[0]) for w in scheme.method.weights(scheme.step, np.array([tau])))
-    return Stages(first, _exponential(scheme.method.order, first, second))
+    tableau = scheme.of(layer)
+    if tableau.stages == 1:
+        return Stages(scheme.move(layer, tau), (ALONE,))
+    if tableau.carried:
+        # d comes with the first stage's weight, so that its sum is the state of the next
+        first = scheme.step * float(tableau.a[1][0]) / tau
+        return Stages(first, _carried(tableau)) if tableau.stages == 2 else None
+    stages = _runge_kutta(tableau)
+    return Stages(scheme.step / tau, stages) if stages else None
 
 
-def _exponential(order: int, first: float, second: float) -> tuple[Stage, ...]:
-    """Return a = x + d, and x⁺ = a + second · (N(a) − N(x)) with N = s + d/first.
+ALONE = Stage(0, (Sum(0, ((0, 1.0),), 1.0),))
+"""The stage that is the whole step."""
 
-    What is added to a is kept by itself: at a limit it is then exactly 0, and a state stays there.
+
+def _carried(tableau: Explicit) -> tuple[Stage, Stage]:
+    """Return a = x + d, and x⁺ = a + (carried − 1)(a − x) + Σ b_i k_i.
+
+    The increment of a is kept by itself: at a limit it is then exactly 0, and a state stays there.
     """
-    if order == 1:
-        return (Stage(0, (Sum(0, ((0, 1.0),), 1.0),)),)
-    slope = second / first
-    begun = Sum(0, ((1, second), (0, -second)), -slope)
+    first, more = float(tableau.a[1][0]), tableau.carried - 1.0
+    before, after = (float(weight) / first for weight in tableau.b)
+    begun = Sum(0, ((1, more), (0, -more)), before)
     return (
         Stage(0, (Sum(1, ((0, 1.0),), 1.0), begun)),
-        Stage(1, (Sum(0, ((1, 1.0), (0, 1.0)), slope),)),
+        Stage(1, (Sum(0, ((1, 1.0), (0, 1.0)), after),)),
     )
 
 
-def _runge_kutta(tableau: ButcherTableau) -> tuple[Stage, ...]:
+def _runge_kutta(tableau: Explicit) -> tuple[Stage, ...]:
     """Return the stages that the step's end needs; none where one does not see that before it."""
     count = 1 + max(i for i, b in enumerate(tableau.b) if b)
     rows = [*tableau.a[:count], tableau.b[:count]]  # row i is complete after stage i − 1

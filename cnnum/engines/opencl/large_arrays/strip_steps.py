@@ -1,4 +1,4 @@
-"""Steps of large arrays by strips of rows: which can be, and what they keep in arrays."""
+"""Steps of large arrays by strips of rows: the possible ones, and their arrays."""
 
 from dataclasses import replace
 
@@ -20,14 +20,12 @@ from cnnum.engines.opencl.large_arrays.strip_stage_sums import array_of, sum_cas
 from cnnum.engines.opencl.large_arrays.strip_stages import Stages, stages_of
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import has_history
 from cnnum.engines.opencl.transients.feedforward import LATER, W
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
 from cnnum.engines.opencl.transients.step_control import STEPS, Figures
-from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
-from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
+from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 
-Steps = FixedSteps | ExponentialSteps | AdaptiveSteps | ChebyshevSteps
+Steps = FixedSteps | AdaptiveSteps | ChebyshevSteps
 
 
 def strips_fit(text: TransientBuilder, scheme: Steps) -> bool:
@@ -37,30 +35,30 @@ def strips_fit(text: TransientBuilder, scheme: Steps) -> bool:
 
 def _repeats(scheme: Steps) -> bool:
     """Return whether all steps are alike, and of stages that strips can take."""
-    if isinstance(scheme, AdaptiveSteps | ChebyshevSteps):
+    if not isinstance(scheme, FixedSteps):
         return True
-    return scheme.count > 0 and stages_of(scheme, 1.0) is not None
+    return scheme.count > 0 and stages_of(scheme, 0, 1.0) is not None
 
 
-def _layers(text: TransientBuilder, scheme: FixedSteps | ExponentialSteps) -> tuple[Stages, ...]:
+def _layers(text: TransientBuilder, scheme: FixedSteps) -> tuple[Stages, ...]:
     """Return the stages of a step, by layer."""
-    found = (stages_of(scheme, float(tau)) for tau in text.template.tau)
+    found = (stages_of(scheme, layer, float(tau)) for layer, tau in enumerate(text.template.tau))
     return tuple(stages for stages in found if stages is not None)
 
 
-def states_suffice(text: TransientBuilder, scheme: FixedSteps | ExponentialSteps) -> bool:
+def states_suffice(text: TransientBuilder, scheme: FixedSteps) -> bool:
     """Return whether steps need nothing but states."""
     layers = _layers(text, scheme)
     return keeps_states(text, Moments(text, scheme, len(layers[0].stages)), layers)
 
 
-def state_strips(text: TransientBuilder, scheme: FixedSteps | ExponentialSteps) -> Figures:
+def state_strips(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append steps that keep states alone, and return the figures of the run."""
     state_steps(text, scheme, tuple(one.scale for one in _layers(text, scheme)))
     return fixed_figures(text, scheme.count, settle=False)
 
 
-def strip_steps(text: TransientBuilder, scheme: FixedSteps | ExponentialSteps) -> Figures:
+def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, keep their kernel with the tables, and return the figures of the run."""
     layers = _layers(text, scheme)
     stages, arrays = len(layers[0].stages), layers[0].arrays
@@ -72,7 +70,7 @@ def strip_steps(text: TransientBuilder, scheme: FixedSteps | ExponentialSteps) -
     seen = watch(text, layout, offsets, size, stages, scales) if scheme.settle else None
     moments = Moments(text, scheme, stages, seen.before if seen else "0")
     outputs = moments.keep_outputs(offsets, size_of(text, layout), seen.steps if seen else 0)
-    if has_history(text):
+    if text.has_history:
         text.over_cells(
             [add(later, w) for later, w in zip(text.each(LATER), text.each(W), strict=True)]
         )

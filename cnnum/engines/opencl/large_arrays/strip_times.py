@@ -1,4 +1,4 @@
-"""When the levels of large arrays' steps are, and what they read of earlier ones.
+"""When the levels of large arrays' steps are, and their reads of earlier ones.
 
 Couplings may vary in time. Delayed ones read the outputs with which the step a delay ago began:
 a ring of arrays keeps those of all steps since, and delayed inputs change when the delay is over.
@@ -12,17 +12,16 @@ from cnnum.engines.opencl.ir.expressions import Constant, Name
 from cnnum.engines.opencl.large_arrays.strip_boundary import LATER, OUTPUTS, by_turns
 from cnnum.engines.opencl.large_arrays.strip_couplings import NEXT, PART, PAST
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import delays_outputs, has_history
 from cnnum.engines.opencl.transients.nonlinear_couplings import gains
-from cnnum.integrators.choice import FixedSteps
-from cnnum.integrators.schemes import ExponentialSteps
+from cnnum.integrators.schemes import FixedSteps
+from cnnum.templating.reads import delays_outputs, lag
 
 RING = "strip_ring"
 """The outputs with which the last steps began."""
 
 
 def gain_lines(text: TransientBuilder, since: str) -> list[str]:
-    """Return the text that finds what varies in time, at a time since the start."""
+    """Return the text that finds the varying factors, at a time since the start."""
     return text.tables.printer.lines(gains(text, Constant(since)))
 
 
@@ -33,7 +32,7 @@ class Moments:
     Attributes
     ----------
     text : TransientBuilder
-    scheme : FixedSteps or ExponentialSteps
+    scheme : FixedSteps
     stages : int
         Of a step: as many levels.
     before : str
@@ -41,26 +40,24 @@ class Moments:
     """
 
     text: TransientBuilder
-    scheme: FixedSteps | ExponentialSteps
+    scheme: FixedSteps
     stages: int
     before: str = "0"
 
     @property
     def lag(self) -> int:
         """The delay in steps; 0 where there is none."""
-        delayed = self.text.template.delayed
-        return 0 if delayed is None else round(delayed.delay / self.scheme.step)
+        return lag(self.text.template, self.scheme.step)
 
     @property
     def keeps(self) -> bool:
         """Whether outputs of earlier steps are kept."""
-        return delays_outputs(self.text)
+        return delays_outputs(self.text.template)
 
     @property
     def share(self) -> float:
         """The last step's length, in steps."""
-        scheme = self.scheme
-        return scheme.last / scheme.step if isinstance(scheme, FixedSteps) else 1.0
+        return self.scheme.last / self.scheme.step
 
     @property
     def uneven(self) -> bool:
@@ -68,7 +65,7 @@ class Moments:
         return not math.isclose(self.share, 1.0, rel_tol=1e-9)
 
     def head(self, stage: int) -> list[str]:
-        """Return what a stage knows of its moment, before it takes its rows."""
+        """Return the statements on a stage's moment, before it takes its rows."""
         text, steps = self.text, f"const int steps = number / {self.stages} + {self.before};"
         lines, last = list[str](), ""
         if self.uneven:
@@ -87,25 +84,24 @@ class Moments:
         return [steps, *lines] if lines else []
 
     def between(self, stage: int) -> bool:
-        """Return whether what is delayed lies between the outputs of two steps."""
+        """Return whether the delayed time lies between the outputs of two steps."""
         return self.keeps and self.uneven and self._place(stage) != 0.0
 
     def _place(self, stage: int) -> float:
         """Return when a stage is, in steps since its step's begin."""
-        scheme = self.scheme
-        return float(sum(scheme.tableau.a[stage])) if isinstance(scheme, FixedSteps) else 0.0
+        return float(sum(self.scheme.tableau.a[stage]))
 
     def _outputs(self, name: str, late: int) -> str:
         level = f"max(steps + {late} - {self.lag}, 0) * {self.stages}"
         return f"__global const scalar *const {name} = outputs_of(x, {level});"
 
     def keep_outputs(self, offsets: dict[str, int], size: int, again: int) -> str:
-        """Declare what keeps outputs of earlier steps, and return where those of a `level` are.
+        """Declare the ring that keeps outputs of earlier steps, and return the place of a `level`.
 
         Parameters
         ----------
         offsets : dict of str to int
-            How far arrays are from the first; what is declared here is added.
+            How far arrays are from the first; those declared here are added.
         size : int
             Numbers of an array.
         again : int
@@ -114,7 +110,7 @@ class Moments:
         turns = by_turns(offsets, OUTPUTS)
         if not self.keeps:
             return turns
-        # a level writes while one before it, a few rows ahead, reads what is a delay old
+        # a level writes while one before it, a few rows ahead, reads outputs a delay old
         slots, first = self.lag + 2 + again, next(iter(offsets))
         self.text.array(Name(RING), slots * size)
         offsets[RING] = self.text.arena.places[RING] - self.text.arena.places[first]
@@ -127,14 +123,14 @@ class Moments:
         return f"{self.before} * {self.stages}"
 
     def driven(self, offsets: Mapping[str, int]) -> str:
-        """Return the expression of what drives the cells at the level `number`."""
-        if not has_history(self.text):
+        """Return the expression of the cells' drive at the level `number`."""
+        if not self.text.has_history:
             return "w"
         return f"number + {self.ahead} < {self.lag * self.stages} ? w : x + {offsets[LATER]}"
 
     def later(self, offsets: Mapping[str, int], scale: str) -> list[str]:
         """Return the text that sets a row's drive of later, which comes with a scale."""
-        if not has_history(self.text):
+        if not self.text.has_history:
             return []
         later = f"mine + {self.text.arena.places['later']} + cell"
         return [f"to_lanes(x + {offsets[LATER]} + p, {later}, {scale});"]

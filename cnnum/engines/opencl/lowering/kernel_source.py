@@ -40,13 +40,13 @@ steps two thirds; of 512×512 fixed steps took as long."""
 
 @dataclass(frozen=True, slots=True)
 class Form:
-    """What a plan's kernels are.
+    """The kinds of a plan's kernels.
 
     Attributes
     ----------
     name, reason : str
     fits : callable
-        Whether a plan of so many cells can be of this form.
+        Whether a plan of a number of cells can be of this form.
     private : bool
         Whether arrays are private to a work item.
     split : bool
@@ -83,13 +83,13 @@ FORMS = (
 
 
 def form_of(cells: int) -> Form:
-    """Return the form of a plan for so many cells."""
+    """Return the form of a plan for a number of cells."""
     return next(form for form in FORMS if form.fits(cells))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KernelSource:
-    """A plan's kernel and what its buffers hold.
+    """A plan's kernel and the content of its buffers.
 
     Attributes
     ----------

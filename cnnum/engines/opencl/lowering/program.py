@@ -108,7 +108,7 @@ class Lowering:
         self._flush()
 
     def over_cells(self, body: Sequence[Statement], maps: int = 1) -> None:
-        """Run the body for every cell `i` of so many maps."""
+        """Run the body for every cell `i` of a number of maps."""
         if body:
             self.body.append(sweep(CELL, maps * self.schedule.cells, body))
 

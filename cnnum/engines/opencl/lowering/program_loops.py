@@ -23,7 +23,7 @@ CHANGED = Name("changed")
 
 
 def lower_loop(lowering: "Lowering", node: Node, loop: Loop, picks: list[Node]) -> None:
-    """Append a loop and give its picks the names of what it leaves."""
+    """Append a loop and give its picks the names of its results."""
     start, *rest = node.arguments
     tag = f"l{node.index}"
     running, count = Name(f"{tag}_running"), Name(f"{tag}_count")
@@ -53,7 +53,7 @@ def _kept(loop: Loop) -> tuple[Node, ...]:
 
 
 def _begin(lowering: "Lowering", carried: dict[int, Node], initial: list[Node]) -> None:
-    """Append the carried values, set to what they are at first."""
+    """Append the carried values, set to their first values."""
     for place, node in carried.items():
         value = lowering.values.read(initial[place])
         if node.scalar:

@@ -2,7 +2,7 @@
 
 A sum that runs through the cells one by one waits four cycles for each of them, and as compilers
 may not change its order, they work out all that shares its loop one cell at a time. Every kernel of
-a plan sums up in the same order, so that a frame's results do not depend on those beside it.
+a plan sums up in the same order, so that a frame's results do not depend on its neighbours.
 """
 
 from cnnum.engines.opencl.ir.expressions import Binary, Call, Expression, Integer, Name
@@ -31,12 +31,12 @@ def chains(cells: int) -> int:
 
 
 def rounds(function: ReduceOp) -> bool:
-    """Return whether the order matters: what others read out is one of the numbers."""
+    """Return whether the order matters: the result of others is one of the numbers."""
     return function is SUM
 
 
 def chained(tables: Tables, function: ReduceOp, count: int, cells: int) -> str:
-    """Return the name of the kernel's function that reads one number out of so many.
+    """Return the name of the kernel's function that reads one number out of many.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def chained(tables: Tables, function: ReduceOp, count: int, cells: int) -> str:
 
 
 def step(function: ReduceOp, total: Expression, value: Expression) -> Expression:
-    """Return what a total is once it has taken in a value."""
+    """Return a total after one more value."""
     return formula(function.step, total=total, a=value)
 
 
@@ -84,7 +84,7 @@ def taken_in(function: ReduceOp, total: Name, value: Expression) -> Accumulate:
 
 
 def begun(function: ReduceOp) -> Expression:
-    """Return what a total is before the first value."""
+    """Return a total before the first value."""
     return formula(function.start)
 
 

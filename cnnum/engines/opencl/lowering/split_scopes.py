@@ -1,4 +1,4 @@
-"""What the names of a plan's statements mean where every sweep is a kernel of its own."""
+"""Scopes of the names of a plan's statements where every sweep is a kernel of its own."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -63,18 +63,18 @@ Meaning = Register | GlobalArray | Fixed
 
 @dataclass(slots=True)
 class Scope:
-    """What names mean between two braces, and around them."""
+    """The scope of names between two braces, and around them."""
 
     outer: "Scope | None" = None
     meanings: dict[str, Meaning] = field(default_factory=dict[str, Meaning])
 
     def find(self, name: str) -> Meaning | None:
-        """Return what a name means, None if it is no name of the plan."""
+        """Return the meaning of a name, None if it is no name of the plan."""
         if name in self.meanings:
             return self.meanings[name]
         return None if self.outer is None else self.outer.find(name)
 
     def found(self, names: Iterable[str]) -> dict[str, Meaning]:
-        """Return what names mean, those alone that are the plan's."""
+        """Return the meanings of names, those alone that are the plan's."""
         meanings = {name: self.find(name) for name in names}
         return {name: meaning for name, meaning in meanings.items() if meaning is not None}

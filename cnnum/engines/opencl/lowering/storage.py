@@ -65,7 +65,7 @@ class Arena:
         return self._top
 
     def release(self, mark: int) -> None:
-        """Give back what was handed out since the mark."""
+        """Give back the storage handed out since the mark."""
         self._top = mark
 
     def keep_all(self) -> None:
@@ -112,7 +112,7 @@ class Tables:
 
     @property
     def printer(self) -> OpenCLPrinter:
-        """What writes records in the kernel's type."""
+        """The printer of records in the kernel's type."""
         return OpenCLPrinter(number_type(self.dtype))
 
     def halo(
@@ -203,7 +203,7 @@ class Values:
         return self._values[node.index]
 
     def variable(self, node: Node) -> Name | Element:
-        """Return what holds a node's value and can get another one."""
+        """Return the variable of a node's value, which can be assigned."""
         value = self._values[node.index]
         assert isinstance(value, Name | Element)
         return value

@@ -23,7 +23,7 @@ PIECES = 32
 """Work items that share an array."""
 
 TAKEN = {"float32": "float", "float64": "double"}
-"""What is read as the host has it; other numbers are converted first."""
+"""Number types that are read as they are; other numbers are converted first."""
 
 Places = Mapping[str, tuple[slice, tuple[int, ...]]]
 
@@ -129,7 +129,7 @@ class Exchange:
         return results | numbers, finite and not seen.host.any()
 
     def _unseen(self, batch: int) -> SharedArray:
-        """Return the counts of what was not finite, each 0 as yet."""
+        """Return the counts of numbers that are not finite, each 0 as yet."""
         if batch not in self._seen:
             self._seen.clear()
             size = batch * PIECES
@@ -141,7 +141,7 @@ class Exchange:
         return cl.Buffer(self.queue.context, flags | cl.mem_flags.USE_HOST_PTR, hostbuf=array)
 
     def _let_see(self, buffer: cl.Buffer) -> None:
-        """Let the host see what was written to its memory: nothing is copied where it is one."""
+        """Let the host see writes to its memory: nothing is copied where it is one."""
         size = buffer.size
         seen, _ = cl.enqueue_map_buffer(
             self.queue, buffer, cl.map_flags.READ, 0, (size,), np.dtype(np.uint8), is_blocking=False

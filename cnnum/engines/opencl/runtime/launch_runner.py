@@ -13,7 +13,7 @@ from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array
 
 @dataclass(slots=True, eq=False)
 class LaunchArrays:
-    """What the parts of a batch keep between them.
+    """The shared state of the parts of a batch.
 
     Attributes
     ----------
@@ -45,7 +45,7 @@ class LaunchRunner:
     _kernels: dict[str, cl.Kernel] = field(default_factory=dict[str, cl.Kernel])
 
     def new_arrays(self, batch: int) -> LaunchArrays:
-        """Return what so many frames need."""
+        """Return the needs of a number of frames."""
         context, share = self.queue.context, shares_memory(self.queue.device)
         size = max(1, batch * self.parts.partials) * self.dtype.itemsize
         return LaunchArrays(
@@ -117,7 +117,7 @@ class _Run:
             self.play(rounds.parts)
 
     def _register(self, place: int) -> np.ndarray[tuple[int, ...], np.dtype[np.floating]]:
-        """Return what a register holds in each frame, once all before it is done."""
+        """Return the value of a register in each frame, once all before it is done."""
         self.arrays.registers.pull(self.plan.queue)
         return self.arrays.registers.host[place * self.batch : (place + 1) * self.batch]
 

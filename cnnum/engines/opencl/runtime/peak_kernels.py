@@ -1,4 +1,4 @@
-"""Kernels that show what a device can do, and their timing on it."""
+"""Kernels that show the speed of a device, and their timing on it."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -66,7 +66,7 @@ class Arithmetic:
 
 
 def vector_type(width: int) -> str:
-    """Return the OpenCL type of so many single-precision numbers."""
+    """Return the OpenCL type of a number of single-precision numbers."""
     return "float" if width == 1 else f"float{width}"
 
 
@@ -94,7 +94,7 @@ class Bench:
         return max(rate() for _ in range(repeats))
 
     def rate(self, arithmetic: Arithmetic) -> Callable[[], float]:
-        """Return what runs the kernel for about `RUN_S` and tells its operations a second."""
+        """Return a function that runs the kernel about `RUN_S`, for operations a second."""
         kernel = self._kernel(arithmetic, "arithmetic")
         items, group = self._items(arithmetic.width)
         start = np.repeat(np.array([0.999, 0.001, 0.5], np.float32), arithmetic.width)

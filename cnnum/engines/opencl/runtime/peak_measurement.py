@@ -1,6 +1,6 @@
-"""What a device really does: its peak of multiply-adds and its bandwidth.
+"""The measured speed of a device: its peak of multiply-adds and its bandwidth.
 
-The kernels run in a process of their own, which says before each what it tries: some OpenCL
+The kernels run in a process of their own, which names each before its try: some OpenCL
 compilers end the whole process on a kernel that they cannot build, and that shall cost that
 kernel and no more. The peak is that of the best kernel, because compilers differ.
 """
@@ -25,7 +25,7 @@ COPY_WIDTHS = (4, 16)
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What a device reached, each the best of several runs of several kernels.
+    """The figures of a device, each the best of several runs of several kernels.
 
     Attributes
     ----------
@@ -81,7 +81,7 @@ def measure(device: Device, *, budget: float = 3.5) -> Figures:
 
 
 def _child(place: int, budget: float) -> str:
-    """Return what the measuring process said before it ended, however it ended."""
+    """Return the output of the measuring process before it ended, however it ended."""
     return run_child(__spec__.name, [str(place), str(budget)], PATIENCE_S).said
 
 
@@ -97,7 +97,7 @@ def _lines(text: str) -> tuple[str, list[tuple[str, str, float]]]:
 
 
 def _attempts(device: Device, budget: float) -> Iterator[tuple[str, str, float]]:
-    """Yield what is tried and then what came of it."""
+    """Yield each try and then its outcome."""
     until, bench = time.perf_counter() + budget, Bench(device)
     for width in COPY_WIDTHS:
         label = f"copy of {width} numbers a work item"

@@ -2,7 +2,7 @@
 
 PoCL trusts its folder: a damaged kernel in it ends the process, or gives wrong numbers. So PoCL
 never sees a folder that outlives its process: `program_cache.py` keeps what PoCL builds, and lays
-out for it what is known to be whole.
+out for it the files known to be whole.
 """
 
 import atexit

@@ -22,7 +22,7 @@ BUILD = "OpenCL 3.0 PoCL 3.0-rc2  Linux, Release, RELOC, LLVM 14.0.6, SLEEF, DIS
 """Version of the wheel's platform."""
 
 LIBRARY = "libpocl-21062cec.so"
-"""The wheel's library; the digits are a checksum of what is in it."""
+"""The wheel's library; the digits are a checksum of its content."""
 
 UNKNOWN = "generic"
 

@@ -1,9 +1,9 @@
 """Built programs, kept from one process to the next.
 
-PoCL builds in two turns: a program, and a kernel when it is first launched. What both leave in
+PoCL builds in two turns: a program, and a kernel when it is first launched. The files of both in
 PoCL's folder (`pocl_folder.py`) is kept as one entry, and laid out there before the program is
 built again. Of other drivers the program's binary is kept, unless they have a cache of their own.
-PyOpenCL's caches are switched off: it loads what is damaged, and fails where it cannot write.
+PyOpenCL's caches are switched off: it loads damaged files, and fails where it cannot write.
 """
 
 import atexit
@@ -40,7 +40,7 @@ _LOCK = threading.Lock()
 
 @dataclass(slots=True)
 class _Laid:
-    """What PoCL's folder holds of one program: its folders, and the files that are kept of it."""
+    """The part of PoCL's folder for one program: its folders, and the files that are kept of it."""
 
     folders: frozenset[Path]
     kept: frozenset[str]
@@ -59,7 +59,7 @@ def switch_off_pyopencl_caches() -> None:
 
 
 def build_kept(context: cl.Context, source: str, options: Sequence[str]) -> cl.Program:
-    """Return a built program, from what is kept of it where something is.
+    """Return a built program, from its kept files where there are any.
 
     Raises
     ------
@@ -154,7 +154,7 @@ def _keep_soon() -> None:
 
 
 def keep_programs() -> None:
-    """Keep what PoCL has built since the last time."""
+    """Keep the files that PoCL has built since the last time."""
     folder = work_folder()
     if folder is None:
         return

@@ -1,4 +1,4 @@
-"""Memory for results: a block is used again once nobody holds what was in it."""
+"""Memory for results: a block is used again once no array of it is held."""
 
 import sys
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from cnnum.arrays import Floats
 
 OWN = 2
-"""References to a block of which nobody has an array: its keeper's, and the one that asks."""
+"""References to a block without an array: its keeper's, and the one that asks."""
 
 
 @dataclass(slots=True, eq=False)
@@ -22,7 +22,7 @@ class KeptBlock:
     _block: Floats | None = None
 
     def take(self, size: int) -> Floats:
-        """Return so many numbers, whatever they are, that no other array shares."""
+        """Return a number of uninitialised numbers that no other array shares."""
         kept = self._block
         if kept is not None and kept.size == size:
             del kept

@@ -54,7 +54,7 @@ def working_devices() -> tuple[Device, ...]:
 
 
 def devices_named(name: str | None) -> list[Device]:
-    """Return the devices of that name, whether they work or not; what promises most comes first.
+    """Return the devices of that name, whether they work or not; the most promising comes first.
 
     Raises
     ------

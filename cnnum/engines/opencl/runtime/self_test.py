@@ -120,7 +120,7 @@ def _expected(dtype: np.dtype[np.floating], width: int) -> NDArray[np.floating]:
 
 
 def _complaint(text: str) -> str:
-    """Return the line of a build log that says what is wrong."""
+    """Return the line of a build log that names the error."""
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     errors = [line for line in lines if "error" in line.lower() or "unknown" in line.lower()]
     return (errors[-1:] or lines[:1] or ["no reason given"])[0][:LONGEST]

@@ -16,9 +16,9 @@ class SharedArray:
     Attributes
     ----------
     host : (n,) float
-        What the host writes before `push`, and reads after `pull`.
+        The array that the host writes before `push`, and reads after `pull`.
     argument : SVM or Buffer
-        What a kernel takes.
+        The argument of a kernel.
     copied : Buffer or None
         None where the memory is the same, so that nothing has to be copied.
     """
@@ -28,12 +28,12 @@ class SharedArray:
     copied: cl.Buffer | None
 
     def push(self, queue: cl.CommandQueue) -> None:
-        """Let the device see what the host wrote."""
+        """Let the device see the host's writes."""
         if self.copied is not None:
             cl.enqueue_copy(queue, self.copied, self.host, is_blocking=False)
 
     def pull(self, queue: cl.CommandQueue) -> None:
-        """Wait for the device, and let the host see what it wrote."""
+        """Wait for the device, and let the host see its writes."""
         if self.copied is None:
             queue.finish()
         else:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.forks import LOST, refuse_after_fork
+from cnnum.engines.opencl.runtime.device_trouble import run_failure
 from cnnum.engines.opencl.runtime.shared_arrays import SharedArray
 
 ONE_ITEM = (1,)
@@ -21,7 +22,7 @@ class OneFrame:
     ----------
     queue : CommandQueue
     kernel : Kernel
-        Nobody else sets its arguments.
+        No other object sets its arguments.
     input, output, memory : SharedArray
     data, scratch : Buffer
     shape : (rows, cols, channels read)
@@ -93,8 +94,10 @@ class OneFrame:
         try:
             cl.enqueue_nd_range_kernel(self._queue, self._kernel, ONE_ITEM, ONE_ITEM)
             self._output.pull(self._queue)
+        except cl.Error as error:
+            raise run_failure(error, self._queue) from error
         except BaseException:
-            self._queue.finish()  # after Ctrl-C nobody frees what a kernel still writes to
+            self._queue.finish()  # after Ctrl-C no memory is freed that a kernel still writes to
             raise
         self.packed = packed = self._taken.astype(np.float64)
         if packed[-1] != 0.0:

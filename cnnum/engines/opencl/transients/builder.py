@@ -29,6 +29,7 @@ from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
 from cnnum.integrators.choice import Solver
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import Tap
+from cnnum.templating.reads import delays_inputs
 from cnnum.templating.template import Template
 
 ROW, COL, RIM = Name("r"), Name("c"), Name("q")
@@ -101,6 +102,11 @@ class TransientBuilder:
     def pitch(self) -> int:
         """Distance from one row to the next in a padded layer."""
         return self.shape[1] + 2 * self.radius
+
+    @property
+    def has_history(self) -> bool:
+        """Whether delayed inputs were others before the start."""
+        return delays_inputs(self.template) and bool(self.operands.previous)
 
     def literal(self, value: float) -> str:
         """Return the text of a number of the kernel's type."""

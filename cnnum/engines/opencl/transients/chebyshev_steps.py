@@ -94,17 +94,13 @@ def _controlled(
     attempt = attempts(text, text.tables.data(_coefficients()))
     with text.aside() as first_rates:
         first(text, X, lambda at, _: [Assign(K0[at], RATE)], Instant())
-    longest = Number(chebyshev_method(MAX_STAGES).real_stability / scheme.fastest)
+    longest = Number(scheme.control.longest)
     left = Number(text.solver.duration) - TIME
     control = Control(
         about="runge-kutta-chebyshev: steps follow the error estimate, stages follow the steps",
-        first_step=scheme.first_step,
+        scheme=scheme,
         length=call("fmin", H, call("fmin", longest, left)),
         carries=False,
-        order=3,
-        safety=0.8,
-        least=0.1,
-        settle=scheme.settle,
     )
     stages = [*_count_stages(scheme), *attempt.stages]
     return controlled(text, control, first_rates, attempt, stages)

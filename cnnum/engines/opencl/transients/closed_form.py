@@ -61,7 +61,7 @@ def begin_exact(text: TransientBuilder, why: str) -> None:
 
 
 def exact_figures(text: TransientBuilder, roundings: float) -> Figures:
-    """Return the figures of a run without steps, which is off by so many roundings of `largest`."""
+    """Return the figures of a run without steps, which is off by some roundings of `largest`."""
     rounding = Number(float(np.finfo(text.tables.dtype).eps) * roundings)
     figures: Figures = {
         "time": Number(text.solver.duration),

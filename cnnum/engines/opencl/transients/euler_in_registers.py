@@ -64,7 +64,6 @@ def fits_rows(text: TransientBuilder, scheme: FixedSteps) -> bool:
         and width(cols) is not None
         and rows * text.layers <= MOST_ROWS
         and work <= MOST_STATEMENTS
-        and not scheme.settle
         and text.operands.mask is None
         and _clips(text.template.output) is not None
     )
@@ -84,7 +83,7 @@ def row_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
         _step(text, scheme)
     text.body += [
         Note(
-            f"// {scheme.tableau.name}: {scheme.count} steps of {scheme.step:g}, "
+            f"// {scheme.name}: {scheme.count} steps of {scheme.step:g}, "
             "the array in registers, a row a vector"
         ),
         *_begin(text, scheme),
@@ -134,7 +133,7 @@ def _vector(text: TransientBuilder, cells: Sequence[Expression]) -> Call:
 
 
 def _number(text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
-    return Number(factor * scheme.step / float(text.template.tau[layer]))
+    return Number(factor * scheme.move(layer, float(text.template.tau[layer])))
 
 
 def _step(text: TransientBuilder, scheme: FixedSteps) -> None:
@@ -146,7 +145,7 @@ def _step(text: TransientBuilder, scheme: FixedSteps) -> None:
         _moved(text, layer, r)
     constant = constant_drive(text)
     for layer, r in _each(text):
-        kept = Number(1.0 - scheme.step / float(text.template.tau[layer]))
+        kept = Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
         drive: Expression = _row("w", layer, r)
         if constant is not None:
             drive = call("(row)", _number(text, scheme, layer, constant[layer]))
@@ -165,7 +164,7 @@ def _columns(text: TransientBuilder) -> set[int]:
 
 
 def _sources(text: TransientBuilder, count: int) -> NDArray[np.int64]:
-    """Return which of so many cells, or rows, each is that lies within the rims; −1 is none."""
+    """Return the cell, or row, that each padded place shows; −1 is none."""
     boundary = text.template.boundary
     if boundary.constant is None:
         return np.pad(np.arange(count), text.radius, mode=boundary.pad_mode)

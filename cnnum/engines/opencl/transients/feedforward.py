@@ -3,26 +3,12 @@
 from cnnum.engines.opencl.ir.expressions import ZERO, Expression, Name, Number
 from cnnum.engines.opencl.ir.statements import Assign, Statement, add, block, declare, fixed
 from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit
-from cnnum.engines.opencl.large_arrays.neighbourhood_sums import (
-    Seen,
-    line_of,
-    rows_near,
-    sums_by_rows,
-    sweep_sums,
-)
-from cnnum.engines.opencl.large_arrays.strip_couplings import given, inputs_of, static_sums
 from cnnum.engines.opencl.large_arrays.strip_inputs import keep_rows
-from cnnum.engines.opencl.large_arrays.strip_rows import At
 from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import (
-    has_history,
-    inputs_read,
-    pads_inputs,
-    reads_inputs,
-)
 from cnnum.engines.opencl.transients.nonlinear_couplings import nonlinear
 from cnnum.templating.network import taps
+from cnnum.templating.reads import delays_inputs, moving_inputs, reads_inputs, reads_inputs_around
 
 U, W, LATER = Name("u"), Name("w"), Name("later")
 """Padded inputs, what drives the cells, and what changes in it when a delay is over."""
@@ -32,7 +18,7 @@ THEN = Name("then")
 
 def constant_drive(text: TransientBuilder) -> tuple[float, ...] | None:
     """Return z of every layer where nothing else drives the cells."""
-    if reads_inputs(text) or text.operands.biases:
+    if reads_inputs(text.template) or text.operands.biases:
         return None
     return tuple(float(z) for z in text.template.z)
 
@@ -50,16 +36,9 @@ def drive(text: TransientBuilder) -> None:
         return
     template = text.template
     text.array(W, text.states)
-    seen = [input_seen(text, n) for n in range(template.inputs)]
-    before = [input_seen(text, n, before=True) for n in range(template.inputs)]
-    both = [*seen, *(before if has_history(text) else [])]
-    if pads_inputs(text) and sums_by_rows(text):
-        _drive_by_rows(text, both)
-        _keep_inputs(text)
-        return
-    if pads_inputs(text):
+    if reads_inputs_around(text.template):
         text.array(U, template.inputs * text.padded)
-        if has_history(text):
+        if text.has_history:
             _history(text)
         _pad(text, text.operands.inputs)
     body: list[Statement] = [declare(SUM)]
@@ -75,65 +54,19 @@ def drive(text: TransientBuilder) -> None:
             if coupling.static and coupling.to == layer
             for line in nonlinear(text, coupling)
         ]
-        if template.delayed is not None and template.delayed.B.any():
+        if delays_inputs(template):
             body += _delayed(text, layer)
         body.append(Assign(W[text.at(layer)], SUM))
     text.over_grid(body)
-    _keep_inputs(text)
-
-
-def input_seen(text: TransientBuilder, number: int, *, before: bool = False) -> Seen:
-    """Return an input, or what it was before the start, as neighbours see it."""
-    given = text.operands.previous if before else text.operands.inputs
-    name = inputs_before if before else inputs_of
-    value = given[number] if number < len(given) else ZERO
-    boundary = text.template.input_boundary
-    return Seen(name(number), [[Assign(NOW, value)]], boundary, boundary.constant)
-
-
-def inputs_before(number: int) -> str:
-    """Return the name of what an input was before the start, in lanes."""
-    return f"{inputs_of(number)}_before"
-
-
-def _drive_by_rows(text: TransientBuilder, seen: list[Seen]) -> None:
-    """Append what computes w, and what changes after a delay, from inputs in lanes."""
-    template, layers = text.template, range(text.layers)
-    rows = rows_near(text, len(seen), {one.name: place for place, one in enumerate(seen)})
-    each, late = [At(layer, 0) for layer in layers], template.delayed
-    sums = [[*given(rows, at, template.B, inputs_of), *static_sums(rows, at)] for at in each]
-    body: list[Statement] = []
-    for layer in layers:
-        driven: Expression = line_of(layer) + Number(float(template.z[layer]))
-        if text.operands.biases:
-            driven = driven + text.operands.biases[layer]
-        body.append(Assign(W[text.at(layer)], driven))
-    if late is not None:
-        name = inputs_before if has_history(text) else inputs_of
-        for at, lines in zip(each, sums, strict=True):
-            lines += given(rows, at, late.B, name)
-    sweep_sums(text, seen, sums, body)
-    if late is not None and has_history(text):
-        text.array(LATER, text.states)
-        changes = [
-            [*given(rows, at, late.B, inputs_of), *given(rows, at, -late.B, inputs_before)]
-            for at in each
-        ]
-        changed = [Assign(LATER[text.at(layer)], line_of(layer)) for layer in layers]
-        sweep_sums(text, seen, changes, changed)
-
-
-def _keep_inputs(text: TransientBuilder) -> None:
-    """Append what keeps inputs that the cells go on reading, for steps by strips."""
-    if lanes_fit(text):
-        for number in inputs_read(text):
-            keep_rows(text, input_seen(text, number))
+    if lanes_fit(text):  # steps by strips go on reading them
+        for number in moving_inputs(text.template):
+            keep_rows(text, number)
 
 
 def _driven(text: TransientBuilder, layer: int) -> list[Statement]:
     """Return statements that add B * u of a layer to `sum`."""
     found = taps(text.template.B, layer)
-    if pads_inputs(text):
+    if reads_inputs_around(text.template):
         return text.weighted(U, found)
     inputs = text.operands.inputs
     return [add(SUM, Number(tap.weight) * inputs[tap.source]) for tap in found]
@@ -155,7 +88,7 @@ def _pad(text: TransientBuilder, inputs: tuple[Expression, ...]) -> None:
 def _delayed(text: TransientBuilder, layer: int) -> list[Statement]:
     assert text.template.delayed is not None
     found, later = taps(text.template.delayed.B, layer), LATER[text.at(layer)]
-    if not has_history(text):
+    if not text.has_history:
         return text.weighted(U, found)
     # w starts from the inputs before the start; `later` is what changes when the delay is over
     return [

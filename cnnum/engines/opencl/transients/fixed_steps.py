@@ -25,12 +25,12 @@ from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS, TIME, Figures, H
 from cnnum.integrators.estimate import LOST
-from cnnum.integrators.schemes import ExponentialSteps, FixedSteps
+from cnnum.integrators.schemes import FixedSteps
 
 
 def repeated(
     text: TransientBuilder,
-    scheme: FixedSteps | ExponentialSteps,
+    scheme: FixedSteps,
     length: Expression,
     body: Sequence[Statement],
 ) -> Figures:
@@ -39,27 +39,26 @@ def repeated(
     Parameters
     ----------
     text : TransientBuilder
-    scheme : FixedSteps or ExponentialSteps
+    scheme : FixedSteps
     length : Expression
         Of the step `n`.
     body : sequence of Statement
         A step of length `h`; where steps settle, it leaves in `change` what changes.
     """
-    method = scheme.tableau if isinstance(scheme, FixedSteps) else scheme.method
     steps = f"{scheme.count} steps of {scheme.step:g}"
     if scheme.settle:
-        text.body += _settling(scheme.count, f"{method.name}: at most {steps}", length, body)
+        text.body += _settling(scheme.count, f"{scheme.name}: at most {steps}", length, body)
     else:
         once = (fixed(H, length), *body)
         text.body += [
-            Note(f"// {method.name}: {steps}"),
+            Note(f"// {scheme.name}: {steps}"),
             Counted(ROUND, 0, scheme.count, None, once),
         ]
     return fixed_figures(text, scheme.count, settle=scheme.settle)
 
 
 def last_number(count: int, usual: float, last: float) -> Expression:
-    """Return a number that is another one in the last of so many steps."""
+    """Return a number that is another one in the last of a number of steps."""
     if math.isclose(usual, last, rel_tol=1e-9):
         return Number(usual)
     return Choice(ROUND.equals(count - 1), Number(last), Number(usual))

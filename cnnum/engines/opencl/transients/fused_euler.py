@@ -14,8 +14,6 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.engines.opencl.ir.expressions import (
     CELL,
-    HUGE,
-    ONE,
     PLACE,
     ROUND,
     ZERO,
@@ -27,11 +25,8 @@ from cnnum.engines.opencl.ir.expressions import (
     clip,
     pick,
     shifted,
-    size,
-    total,
 )
 from cnnum.engines.opencl.ir.statements import (
-    Accumulate,
     Assign,
     Block,
     Counted,
@@ -41,17 +36,16 @@ from cnnum.engines.opencl.ir.statements import (
     Statement,
     Verbatim,
     add,
-    block,
     declare,
     fixed,
 )
-from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientBuilder
+from cnnum.engines.opencl.transients.builder import COL, ROW, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
 from cnnum.engines.opencl.transients.initial_state import X
-from cnnum.engines.opencl.transients.state_equation import CHANGE, Y
+from cnnum.engines.opencl.transients.state_equation import Y
 from cnnum.engines.opencl.transients.stencil_sums import shares_products, weighted_terms
-from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS, TIME, Figures
+from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.choice import FixedSteps
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import Tap, taps
@@ -70,54 +64,26 @@ Z, SCALED, FROM, TO = Name("z"), Name("wh"), Name("from"), Name("to")
 
 V, B = Name("v"), Name("b")
 
+SWAP = "real *const swap = from; from = to; to = swap;"
+
 
 def fuses(text: TransientBuilder, scheme: FixedSteps) -> bool:
-    """Return whether steps of a scheme can be written in this way."""
-    even = scheme.last == scheme.step and scheme.count > 0
-    return scheme.tableau.stages == 1 and text.template.plain and even and text.arena.private
+    """Return whether steps of a scheme can be written with the step in their weights."""
+    even = scheme.last == scheme.step and scheme.count > 0 and not scheme.settle
+    return scheme.stages == 1 and text.template.plain and even and text.arena.private
 
 
 def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
     _declare(text, scheme)
     with text.aside() as step:
-        if text.tables.lanes > 1:
-            _sweep(text, scheme)
-        else:
-            _two_sweeps(text, scheme)
-        if text.template.boundary.constant is None and text.tables.lanes > 1:
-            _rim_rows(text)
-        elif text.template.boundary.constant is None:
-            text.fill_rims(Y, text.layers, text.template.boundary, None)
-    steps = f"{scheme.count} steps of {scheme.step:g}"
-    name = scheme.tableau.name
-    other = Z if text.tables.lanes > 1 else Y
-    arrays = Verbatim((f"real *from = y, *to = {other.text};",))
-    swap = Verbatim(("real *const swap = from; from = to; to = swap;",))
-    if scheme.settle:
-        text.body += [
-            Note(f"// {name}: at most {steps}, a lane stops where nothing changes any more"),
-            Declare("real", ((RUNNING, ONE), (TIME, ZERO), (STEPS, ZERO), (SETTLED, ZERO))),
-            arrays,
-            Counted(ROUND, 0, scheme.count, RUNNING, tuple(_settling(scheme, [*step, swap]))),
-        ]
-    else:
-        loop = Counted(ROUND, 0, scheme.count, None, (*step, swap))
-        text.body += [Note(f"// {name}: {steps}, each one sweep"), arrays, loop]
-    return fixed_figures(text, scheme.count, settle=scheme.settle)
-
-
-def _settling(scheme: FixedSteps, step: list[Statement]) -> list[Statement]:
-    """Return a step after which a lane stops where nothing changed more than the tolerance."""
-    still = CHANGE <= ZERO
-    return [
-        declare(CHANGE, -HUGE),
-        *step,
-        add(TIME, RUNNING * Number(scheme.step)),
-        add(STEPS, RUNNING),
-        Assign(SETTLED, pick(still, ONE, SETTLED)),
-        Assign(RUNNING, pick(still, ZERO, RUNNING)),
+        _sweep(text, scheme)
+    text.body += [
+        Note(f"// {scheme.name}: {scheme.count} steps of {scheme.step:g}, each one sweep"),
+        Verbatim(("real *from = y, *to = z;",)),
+        Counted(ROUND, 0, scheme.count, None, (*step, Verbatim((SWAP,)))),
     ]
+    return fixed_figures(text, scheme.count, settle=False)
 
 
 def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
@@ -125,12 +91,10 @@ def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
     for own in text.operands.weights.values():
         text.body.append(fixed(Name(f"{own.text}_h"), _number(text, scheme, 0) * own))
     boundary = text.template.boundary
-    names = (Y, Z) if text.tables.lanes > 1 else (Y,)
-    for name in names[1:]:
-        text.array(name, text.layers * text.padded)
+    text.array(Z, text.layers * text.padded)
     if boundary.constant is not None:
         value = float(text.template.output.numpy(np.asarray(boundary.constant)))
-        for name in names:
+        for name in (Y, Z):
             text.fill_rims(name, text.layers, boundary, value)
     if constant_drive(text) is None:
         text.array(SCALED, text.states)
@@ -139,19 +103,15 @@ def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
             for m in range(text.layers)
         ]
         text.over_cells(scaled)
-    text.over_grid(_outputs(text))
+    states = enumerate(text.each(X))
+    text.over_grid([Assign(Y[text.padded_at(m)], text.output(state)) for m, state in states])
     if boundary.constant is None:
         text.fill_rims(Y, text.layers, boundary, None)
 
 
-def _outputs(text: TransientBuilder) -> list[Assign]:
-    states = enumerate(text.each(X))
-    return [Assign(Y[text.padded_at(m)], text.output(state)) for m, state in states]
-
-
 def _number(text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
     """Return a number times h/τ of a layer."""
-    return Number(factor * scheme.step / float(text.template.tau[layer]))
+    return Number(factor * scheme.move(layer, float(text.template.tau[layer])))
 
 
 def _weight(text: TransientBuilder, scheme: FixedSteps, layer: int, weight: float) -> Expression:
@@ -191,12 +151,13 @@ def _sweep(text: TransientBuilder, scheme: FixedSteps) -> None:
     text.body.append(Loop(ROW, rows, (columns,), step=together))
     if text.template.boundary.constant is None:
         text.body.append(Loop(ROW, rows, tuple(_rim_columns(text, text.template.boundary))))
+        _rim_rows(text)
 
 
 def _block_of_columns(
     text: TransientBuilder, scheme: FixedSteps, block: int, together: int
 ) -> None:
-    """Append one step of the columns `b` to `b + block` of so many rows.
+    """Append one step of the columns `b` to `b + block` of a number of rows.
 
     Where weights are equal, what is loaded is kept and added up before it is weighted, else it is
     added to all sums at once, which takes fewer registers.
@@ -216,27 +177,6 @@ def _block_of_columns(
         if done >= 0:
             for row in range(together):
                 _end(text, scheme, row, done)
-
-
-def _two_sweeps(text: TransientBuilder, scheme: FixedSteps) -> None:
-    """Append one step of all cells of a single frame, as loops that compilers vectorise.
-
-    They do where nothing that is written may be what is read, so new outputs wait for a sweep of
-    their own, and the arrays are not swapped.
-    """
-    body: list[Statement] = []
-    for layer, state in enumerate(text.each(X)):
-
-        def number(weight: float, to: int = layer) -> Expression:
-            return _weight(text, scheme, to, weight)
-
-        found = taps(text.template.A, layer)
-        terms = weighted_terms(found, number, lambda tap: text.neighbour(Y, tap))
-        begun = [_driven(text, scheme, layer, state), _kept(text, scheme, layer) * state]
-        settled = _settle(text, scheme, SUM, state, 0)
-        body.append(block(declare(SUM, total([*begun, *terms])), *settled, Assign(state, SUM)))
-    text.over_grid(body)
-    text.over_grid(_outputs(text))
 
 
 def _driven(text: TransientBuilder, scheme: FixedSteps, layer: int, state: Element) -> Expression:
@@ -265,7 +205,7 @@ def _begin(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) ->
 
 def _kept(text: TransientBuilder, scheme: FixedSteps, layer: int) -> Number:
     """Return what a step leaves of a state."""
-    return Number(1.0 - scheme.step / float(text.template.tau[layer]))
+    return Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
 
 
 def _scatter(
@@ -334,31 +274,15 @@ def _end(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) -> N
     """Append what becomes of a cell's finished sums."""
     for layer in range(text.layers):
         new, old = _sum(layer, row, column), _state(text, layer, row, column)
-        text.body += _settle(text, scheme, new, old, row * text.shape[1] + column)
+        if text.template.output.limited:
+            text.body.append(Assign(new, clip(new)))
+        if text.operands.mask is not None:
+            offset = row * text.shape[1] + column
+            mask = shifted(text.operands.mask, offset) if offset else text.operands.mask
+            text.body.append(Assign(new, pick(mask.differs(ZERO), old, new)))
         at = (text.radius + row) * text.pitch + text.radius + column
         place = Integer(layer * text.padded + at) + PLACE
         text.body += [Assign(old, new), Assign(TO[place], text.output(new))]
-
-
-def _settle(
-    text: TransientBuilder, scheme: FixedSteps, new: Name, old: Element, offset: int
-) -> list[Statement]:
-    """Return statements that keep a new state within limits, masks and lanes that have settled.
-
-    The cell stands `offset` after cell `i`.
-    """
-    lines: list[Statement] = []
-    if text.template.output.limited:
-        lines.append(Assign(new, clip(new)))
-    if text.operands.mask is not None:
-        mask = shifted(text.operands.mask, offset) if offset else text.operands.mask
-        lines.append(Assign(new, pick(mask.differs(ZERO), old, new)))
-    if scheme.settle:
-        rate = Number(float(text.template.tau.max()) / scheme.step)
-        changed = rate * size(new - old) - text.scale(old)
-        lines.append(Accumulate(CHANGE, "fmax", changed))
-        lines.append(Assign(new, pick(RUNNING.differs(ZERO), new, old)))
-    return lines
 
 
 def _rim_columns(text: TransientBuilder, boundary: Boundary) -> list[Statement]:

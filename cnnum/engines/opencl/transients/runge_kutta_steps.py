@@ -1,6 +1,6 @@
 """Explicit Runge–Kutta methods as sweeps over all cells, fixed and adaptive."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from cnnum.engines.opencl.ir.expressions import (
     ROUND,
@@ -25,7 +25,6 @@ from cnnum.engines.opencl.ir.statements import (
     fixed,
 )
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import delays_outputs, has_history
 from cnnum.engines.opencl.transients.feedforward import arrive
 from cnnum.engines.opencl.transients.fixed_steps import last_number, repeated
 from cnnum.engines.opencl.transients.initial_state import X
@@ -56,7 +55,8 @@ from cnnum.engines.opencl.transients.step_control import (
     rounding,
 )
 from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
-from cnnum.integrators.tableau import Pair, Row
+from cnnum.integrators.tableau import Explicit, Pair, Row
+from cnnum.templating.reads import delays_outputs, lag
 
 RING, NOW_AT, THEN_AT, NEXT_AT = Name("ring"), Name("now_at"), Name("then_at"), Name("next_at")
 """Outputs of the last steps, and where this one's and those of a delay ago stand among them."""
@@ -74,7 +74,10 @@ def _combination(weights: Row, at: Expression) -> Expression:
 
 
 def _stage(
-    text: TransientBuilder, tableaux: tuple[Pair, ...], stage: int, instant: Instant
+    text: TransientBuilder,
+    tableaux: Sequence[Explicit | Pair],
+    stage: int,
+    instant: Instant,
 ) -> None:
     """Append one stage of step `h`: outputs at its state, then its rates in k."""
 
@@ -97,14 +100,9 @@ def _stage(
 # delays: a ring of the outputs of the last steps
 
 
-def _lag(text: TransientBuilder, step: float) -> int:
-    """Return the delay in steps."""
-    return round(text.template.delayed.delay / step) if text.template.delayed else 0
-
-
 def _remember(text: TransientBuilder) -> None:
     """Append what keeps this step's outputs in the ring."""
-    if delays_outputs(text):
+    if delays_outputs(text.template):
         text.over_grid(
             [
                 Assign(RING[after(NOW_AT * text.states, text.at(layer))], Y[text.padded_at(layer)])
@@ -115,7 +113,7 @@ def _remember(text: TransientBuilder) -> None:
 
 def _past(text: TransientBuilder, c: float) -> Callable[[Expression], Expression] | None:
     """Return the outputs a delay ago, at the start or the end of a step."""
-    if not delays_outputs(text):
+    if not delays_outputs(text.template):
         return None
 
     def past(at: Expression) -> Expression:
@@ -129,20 +127,20 @@ def _past(text: TransientBuilder, c: float) -> Callable[[Expression], Expression
 
 def _ring(text: TransientBuilder, scheme: FixedSteps) -> list[Statement]:
     """Return what stands at the head of a step and finds the ring's places."""
-    lag = _lag(text, scheme.step)
+    late = lag(text.template, scheme.step)
     lines: list[Statement] = []
-    if delays_outputs(text):
-        slots = lag + 1
+    if delays_outputs(text.template):
+        slots = late + 1
         lines = [
             fixed(NOW_AT, ROUND % slots, of="int"),
-            fixed(THEN_AT, call("max", ROUND - lag, 0) % slots, of="int"),
-            fixed(NEXT_AT, call("max", ROUND + 1 - lag, 0) % slots, of="int"),
+            fixed(THEN_AT, call("max", ROUND - late, 0) % slots, of="int"),
+            fixed(NEXT_AT, call("max", ROUND + 1 - late, 0) % slots, of="int"),
             fixed(PART, last_number(scheme.count, 1.0, scheme.last / scheme.step)),
         ]
-    if has_history(text):
+    if text.has_history:
         with text.aside() as change:
             arrive(text)
-        lines.append(Branch(ROUND.equals(lag), tuple(change)))
+        lines.append(Branch(ROUND.equals(late), tuple(change)))
     return lines
 
 
@@ -153,12 +151,12 @@ def _instant(text: TransientBuilder, step: float, c: float) -> Instant:
 
 def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append steps of a fixed length and return the figures of the run."""
-    stages = scheme.tableau.stages
+    stages = scheme.stages
     if stages > 1:
         for name in (*(rates_of(stage) for stage in range(stages)), XS):
             text.array(name, text.states)
-    if delays_outputs(text):
-        text.array(RING, (_lag(text, scheme.step) + 1) * text.states)
+    if delays_outputs(text.template):
+        text.array(RING, (lag(text.template, scheme.step) + 1) * text.states)
     head = _ring(text, scheme)
     with text.aside() as body:
         if stages == 1:
@@ -177,26 +175,31 @@ def _euler_step(text: TransientBuilder, scheme: FixedSteps) -> None:
     outputs(text, text.each(X))
     _remember(text)
 
-    def then(at: Expression, _: int) -> list[Statement]:
+    def then(at: Expression, layer: int) -> list[Statement]:
         change = [watch_change(text, X[at])] if scheme.settle else []
-        return [*change, Assign(X[at], _limited(text, X[at] + H * RATE))]
+        (weight,) = scheme.of(layer).b
+        move = RATE if weight == 1 else Number(float(weight)) * RATE
+        return [*change, Assign(X[at], _limited(text, X[at] + H * move))]
 
     rates(text, X, then, _instant(text, scheme.step, 0.0))
 
 
 def _several_stages(text: TransientBuilder, scheme: FixedSteps) -> None:
-    tableau = scheme.tableau
-    for stage in range(tableau.stages):
-        c = float(sum(tableau.a[stage]))
+    tableaux = [scheme.of(layer) for layer in range(text.layers)]
+    for stage in range(scheme.stages):
+        c = float(sum(tableaux[0].a[stage]))
         with text.aside() as lines:
-            _stage(text, (tableau,) * text.layers, stage, _instant(text, scheme.step, c))
+            _stage(text, tableaux, stage, _instant(text, scheme.step, c))
         text.body.append(Block(tuple(lines)))
     body: list[Statement] = []
-    for layer in range(text.layers):
+    for layer, tableau in enumerate(tableaux):
         at = text.at(layer)
         if scheme.settle:
             body.append(block(fixed(RATE, K0[at]), watch_change(text, X[at])))
-        body.append(Assign(X[at], _limited(text, X[at] + H * _combination(tableau.b, at))))
+        end: Expression = X[at]
+        if tableau.carried:
+            end = end + Number(tableau.carried) * (XS[at] - X[at])
+        body.append(Assign(X[at], _limited(text, end + H * _combination(tableau.b, at))))
     text.over_cells(body)
 
 
@@ -228,14 +231,10 @@ def adaptive(
         rates_once(text, X, lambda at, _: [Assign(K0[at], RATE)], Instant(TIME))
     left = Number(text.solver.duration) - TIME
     control = Control(
-        about=f"{scheme.tableau.name}: steps follow the error estimate",
-        first_step=scheme.first_step,
+        about=f"{scheme.name}: steps follow the error estimate",
+        scheme=scheme,
         length=call("fmin", call("fmin", H, Number(scheme.longest)), left),
         carries=True,
-        order=scheme.tableau.order,
-        safety=0.9,
-        least=0.2,
-        settle=scheme.settle,
     )
     return controlled(text, control, first_rates, attempt, attempt.stages)
 

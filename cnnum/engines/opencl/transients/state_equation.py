@@ -23,33 +23,13 @@ from cnnum.engines.opencl.ir.statements import (
     add,
     block,
     declare,
-    fixed,
 )
-from cnnum.engines.opencl.large_arrays.neighbourhood_sums import (
-    Seen,
-    line_of,
-    rows_near,
-    sums_by_rows,
-    sweep_sums,
-)
-from cnnum.engines.opencl.large_arrays.strip_couplings import (
-    FROM,
-    PAST,
-    STATES,
-    fed_back,
-    inputs_of,
-)
-from cnnum.engines.opencl.large_arrays.strip_rows import At
 from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
-from cnnum.engines.opencl.transients.dependencies import (
-    delays_outputs,
-    inputs_read,
-    pads_outputs,
-    pads_states,
-)
-from cnnum.engines.opencl.transients.feedforward import drive_of, input_seen
+from cnnum.engines.opencl.transients.feedforward import drive_of
 from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name, gains, nonlinear
+from cnnum.graph.parts import has_feedback
 from cnnum.templating.network import taps
+from cnnum.templating.reads import delays_outputs, moving_inputs, reads_states
 
 Y, PADDED_STATES, DELAYED = Name("y"), Name("xp"), Name("yd")
 """Padded outputs, states, and outputs a delay ago."""
@@ -84,8 +64,8 @@ class Instant:
 
 def declare_outputs(text: TransientBuilder) -> None:
     """Append the padded arrays of outputs (and states), and what of their rims stays the same."""
-    names = [Y, *([PADDED_STATES] if pads_states(text) else [])]
-    names += [DELAYED] if delays_outputs(text) else []
+    names = [Y, *([PADDED_STATES] if reads_states(text.template) else [])]
+    names += [DELAYED] if delays_outputs(text.template) else []
     boundary = text.template.boundary
     for name in names:
         text.array(name, text.layers * text.padded)
@@ -102,14 +82,14 @@ def outputs(text: TransientBuilder, state: Sequence[Expression], keep: Name | No
         inner: list[Statement] = [declare(NOW, expression), *_limits(text)]
         if keep is not None:
             inner.append(Assign(keep[text.at(layer)], NOW))
-        if pads_states(text):
+        if reads_states(text.template):
             inner.append(Assign(PADDED_STATES[text.padded_at(layer)], NOW))
         inner.append(Assign(Y[text.padded_at(layer)], text.output(NOW)))
         body.append(block(*inner))
     text.over_grid(body)
     if template.boundary.constant is None:
         text.fill_rims(Y, text.layers, template.boundary, None)
-        if pads_states(text):
+        if reads_states(text.template):
             text.fill_rims(PADDED_STATES, text.layers, template.boundary, None)
 
 
@@ -125,57 +105,21 @@ def rates(text: TransientBuilder, state: Name, then: Then, instant: Instant) -> 
 
 
 def rates_once(text: TransientBuilder, state: Name, then: Then, instant: Instant) -> None:
-    """Append the same of states whose outputs are not known, in one sweep where lanes are for it.
+    """Append the same of states whose outputs are not known yet.
 
     What is done in `then` may not change what other cells see.
     """
-    if not _sees(text):
-        _gains(text, instant)
-        text.over_cells(_rate_lines(text, state, then, lambda _: []))
-        return
-    if not once_by_rows(text):
+    if _sees(text):
         outputs(text, text.each(state))
         rates(text, state, then, instant)
-        return
-    _gains(text, instant)
-    seen = _seen(text, state, instant)
-    read = {inputs_of(n) for n in inputs_read(text)}
-    inputs = {one.name: place for place, one in enumerate(seen) if one.name in read}
-    rows = rows_near(text, len(seen), inputs)
-    sums = [fed_back(rows, [At(layer, 0)]) for layer in range(text.layers)]
-    found = _rate_lines(text, state, then, lambda layer: [add(SUM, line_of(layer))])
-    begin = [fixed(Name(rows.gain(k)), gain_name(k)) for k in range(len(text.template.gains))]
-    sweep_sums(text, seen, sums, found, begin)
+    else:
+        _gains(text, instant)
+        text.over_cells(_rate_lines(text, state, then, lambda _: []))
 
 
-def once_by_rows(text: TransientBuilder) -> bool:
-    """Return whether `rates_once` needs no arrays of outputs."""
-    return sums_by_rows(text)
-
-
-def _sees(text: TransientBuilder) -> int:
-    """Return how many things couplings see of neighbours."""
-    inputs = len(inputs_read(text))
-    return pads_outputs(text) + pads_states(text) + delays_outputs(text) + inputs
-
-
-def _seen(text: TransientBuilder, state: Name, instant: Instant) -> list[Seen]:
-    """Return what couplings see: outputs, and those of earlier, states and inputs if they do."""
-    template, boundary = text.template, text.template.boundary
-    held = boundary.constant
-    rim = None if held is None else float(template.output.numpy(np.asarray(held)))
-    states: list[list[Statement]] = [[Assign(NOW, x), *_limits(text)] for x in text.each(state)]
-    shown = Assign(NOW, text.output(NOW))
-    found: list[Seen] = []
-    if pads_outputs(text):
-        found.append(Seen(FROM, [[*each, shown] for each in states], boundary, rim))
-    if pads_states(text):
-        found.append(Seen(STATES, states, boundary, held))
-    if delays_outputs(text):
-        places = [text.at(layer) for layer in range(text.layers)]
-        past: list[list[Statement]] = [[Assign(NOW, instant.before(at))] for at in places]
-        found.append(Seen(PAST, past, boundary, rim))
-    return found + [input_seen(text, n) for n in inputs_read(text)]
+def _sees(text: TransientBuilder) -> bool:
+    """Return whether couplings see anything that changes, or any input."""
+    return has_feedback(text.template) or bool(moving_inputs(text.template))
 
 
 def _rate_lines(
@@ -208,7 +152,7 @@ def _couplings(text: TransientBuilder, layer: int) -> list[Statement]:
     for coupling in template.nonlinear:
         if not coupling.static and coupling.to == layer:
             lines += nonlinear(text, coupling)
-    if template.delayed is not None and delays_outputs(text):
+    if template.delayed is not None and delays_outputs(text.template):
         lines += text.weighted(DELAYED, taps(template.delayed.A, layer))
     return lines
 
@@ -218,7 +162,7 @@ def _gains(text: TransientBuilder, instant: Instant) -> None:
 
 
 def _delayed_outputs(text: TransientBuilder, instant: Instant) -> None:
-    if not delays_outputs(text):
+    if not delays_outputs(text.template):
         return
     text.over_grid(
         [

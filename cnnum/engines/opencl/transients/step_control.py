@@ -34,8 +34,8 @@ from cnnum.engines.opencl.lowering.storage import UNFINISHED
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.state_equation import CHANGE
-from cnnum.integrators.choice import MAX_STEPS
 from cnnum.integrators.estimate import LOST, ROUNDINGS, SAFETY, SMALLEST_RATE, error_growth
+from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
 
 LARGEST_EXPONENT = 80.0
 """e to this is a number of single precision."""
@@ -89,28 +89,18 @@ class Control:
     Attributes
     ----------
     about : str
-        The method, and what follows the error.
-    first_step : float
+        A comment.
+    scheme : AdaptiveSteps or ChebyshevSteps
     length : Expression
-        What a step is long, of `h` and of the `time` that is left.
+        Of the step at hand.
     carries : bool
-        Whether what rounding leaves out of the time comes with the next step.
-    order : int
-        Of the estimate: errors go as steps to this power.
-    safety, least : float
-        Of what would just be accepted, a step takes this part; and this much of the one before.
-    settle : bool
-        Whether steps end where nothing changes.
+        Whether what rounding leaves out of the time is kept for the next step.
     """
 
     about: str
-    first_step: float
+    scheme: AdaptiveSteps | ChebyshevSteps
     length: Expression
     carries: bool
-    order: int
-    safety: float
-    least: float
-    settle: bool
 
 
 def controlled(
@@ -135,7 +125,7 @@ def controlled(
     duration = Number(text.solver.duration)
     zeros = [TIME, STEPS, SETTLED, ERROR]
     carried = [(BEHIND, ZERO)] if control.carries else []
-    begun = (*((name, ZERO) for name in zeros), (H, Number(control.first_step)))
+    begun = (*((name, ZERO) for name in zeros), (H, Number(control.scheme.first_step)))
     text.body += [
         Note(f"// {control.about}"),
         Declare("real", begun),
@@ -165,7 +155,7 @@ def controlled(
         *attempt.end,
     ]
     figures: Figures = {"time": TIME, "steps": STEPS, "error": Number(SAFETY) * ERROR}
-    return figures | ({"settled": SETTLED} if control.settle else {})
+    return figures | ({"settled": SETTLED} if control.scheme.settle else {})
 
 
 def _moved_on(control: Control) -> list[Statement]:
@@ -197,14 +187,15 @@ def _followed(text: TransientBuilder) -> list[Statement]:
 
 def _next(control: Control, duration: Expression) -> list[Statement]:
     """Return what says how long the next step is, and whether there is one."""
-    rests = (ACCEPT * Number(float(control.settle))).differs(ZERO) & (CHANGE <= ONE)
+    rests = (ACCEPT * Number(float(control.scheme.settle))).differs(ZERO) & (CHANGE <= ONE)
     ends = (TIME >= duration * Number(1.0 - 1e-6)) | SETTLED.differs(ZERO)
+    follows = control.scheme.control
     least_error = call("R", Constant("1e-10"))
-    power = call("pow", call("fmax", WORST, least_error), Number(-1.0 / control.order))
+    power = call("pow", call("fmax", WORST, least_error), Number(-1.0 / follows.order))
     factor = call(
         "clamp",
-        call("R", Constant(f"{control.safety:g}")) * power,
-        call("R", Constant(f"{control.least:g}")),
+        call("R", Constant(f"{follows.caution:g}")) * power,
+        call("R", Constant(f"{follows.least:g}")),
         call("R", 5),
     )
     return [

@@ -17,7 +17,6 @@ from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.chebyshev_steps import chebyshev, chebyshev_in_strips
 from cnnum.engines.opencl.transients.closed_form import exact
 from cnnum.engines.opencl.transients.euler_in_registers import fits_rows, row_steps
-from cnnum.engines.opencl.transients.exponential_steps import exponential
 from cnnum.engines.opencl.transients.feedforward import drive
 from cnnum.engines.opencl.transients.fused_euler import fused_euler, fuses
 from cnnum.engines.opencl.transients.initial_state import X, start
@@ -27,16 +26,14 @@ from cnnum.engines.opencl.transients.state_equation import (
     CHANGE,
     Instant,
     declare_outputs,
-    once_by_rows,
     rates_once,
     watch_change,
 )
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.engines.opencl.transients.uncoupled_cells import separate
-from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.propagator import Decay, Propagator
-from cnnum.integrators.schemes import ChebyshevSteps, ExponentialSteps
+from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
 
@@ -44,11 +41,6 @@ from cnnum.integrators.spectral import Spectral
 def _always(text: TransientBuilder, scheme: Any) -> bool:
     del text, scheme
     return True
-
-
-def _never(text: TransientBuilder) -> bool:
-    del text
-    return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +62,7 @@ class Strategy:
         Whether frames can have weights of their own.
     starts : bool
         Whether the states `x` stand at their start before.
-    pads : callable
+    pads : bool
         Whether padded arrays of outputs are declared before.
     """
 
@@ -81,12 +73,7 @@ class Strategy:
     fits: Callable[[TransientBuilder, Any], bool] = _always
     starts: bool = True
     own_weights: bool = False
-    pads: Callable[[TransientBuilder], bool] = lambda _: True
-
-
-def _pads_once(text: TransientBuilder) -> bool:
-    """Return whether the rates at the start of strips need padded outputs."""
-    return not once_by_rows(text)
+    pads: bool = True
 
 
 STRATEGIES = (
@@ -96,7 +83,7 @@ STRATEGIES = (
         (Decay, Propagator, Spectral),
         exact,
         starts=False,
-        pads=_never,
+        pads=False,
     ),
     Strategy(
         "cell by cell",
@@ -104,23 +91,23 @@ STRATEGIES = (
         (Separate,),
         separate,
         starts=False,
-        pads=_never,
+        pads=False,
     ),
     Strategy(
         "strips of states",
         "an output costs less to make again than to keep",
-        (FixedSteps, ExponentialSteps),
+        (FixedSteps,),
         lambda text, scheme: state_strips(text, scheme),
         lambda text, scheme: strips_fit(text, scheme) and states_suffice(text, scheme),
-        pads=_never,
+        pads=False,
     ),
     Strategy(
         "strips",
         "several steps of a few rows stay in the cache",
-        (FixedSteps, ExponentialSteps),
+        (FixedSteps,),
         lambda text, scheme: strip_steps(text, scheme),
         lambda text, scheme: strips_fit(text, scheme),
-        pads=_never,
+        pads=False,
     ),
     Strategy(
         "strips",
@@ -128,7 +115,6 @@ STRATEGIES = (
         (ChebyshevSteps,),
         chebyshev_in_strips,
         lambda text, scheme: strips_fit(text, scheme),
-        pads=_pads_once,
     ),
     Strategy(
         "strips",
@@ -136,7 +122,6 @@ STRATEGIES = (
         (AdaptiveSteps,),
         lambda text, scheme: adaptive(text, scheme, pair_attempts),
         lambda text, scheme: strips_fit(text, scheme),
-        pads=_pads_once,
     ),
     Strategy(
         "rows in registers",
@@ -150,7 +135,7 @@ STRATEGIES = (
         "a step of linear couplings is one sweep with the step in its weights",
         (FixedSteps,),
         fused_euler,
-        lambda text, scheme: fuses(text, scheme),
+        lambda text, scheme: text.tables.lanes > 1 and fuses(text, scheme),
         own_weights=True,
     ),
     Strategy(
@@ -161,7 +146,6 @@ STRATEGIES = (
         lambda text, _: rolls(text),
     ),
     Strategy("sweeps", "every scheme runs so", (FixedSteps,), fixed_steps, own_weights=True),
-    Strategy("sweeps", "every scheme runs so", (ExponentialSteps,), exponential),
     Strategy("sweeps", "every scheme runs so", (ChebyshevSteps,), chebyshev),
     Strategy("sweeps", "every scheme runs so", (AdaptiveSteps,), adaptive, own_weights=True),
 )
@@ -187,7 +171,7 @@ def run(text: TransientBuilder, strategy: Strategy) -> Figures:
     drive(text)
     if strategy.starts:
         start(text)
-    if strategy.pads(text):
+    if strategy.pads:
         declare_outputs(text)
     figures = strategy.lower(text, text.solver.scheme)
     if text.solver.forced:
@@ -201,7 +185,7 @@ def settled_now(text: TransientBuilder, strategy: Strategy) -> None:
     Delayed outputs are taken as those of now, as they are once nothing changes.
     """
     text.body.append(declare(CHANGE, ZERO))
-    if not once_by_rows(text) and not strategy.pads(text):
+    if not strategy.pads:
         declare_outputs(text)
     instant = Instant(Number(text.solver.duration), lambda at: text.output(X[at]))
     rates_once(text, X, lambda at, _: [watch_change(text, X[at])], instant)

@@ -1,4 +1,4 @@
-"""A Numba stencil, written out for 3×3: what a good programmer writes in ten minutes.
+"""A Numba stencil, written out for 3×3: ten minutes' work of a good programmer.
 
 It is parallel where that pays; on a small array threads cost more than they bring.
 """

@@ -1,4 +1,4 @@
-"""The peers by name: where their function is, what must be installed, and how they step."""
+"""The peers by name: their function, the needed package, and their way of stepping."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -26,7 +26,7 @@ class Work:
     tolerance : float
         Relative and absolute, of methods that control their error.
     dtype : dtype
-        What a peer that has a choice computes in.
+        Number type of a peer that has a choice.
     """
 
     template: Template

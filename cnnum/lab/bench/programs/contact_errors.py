@@ -68,7 +68,7 @@ def aliased(radius: float, depth: float, reads: Reads) -> float:
     """Return by how much readings of a sphere add up to too much, at most, by its place.
 
     Taxels a pitch apart take waves of the pitch for none at all (Poisson's summation formula).
-    What they add up to is all that an endless array knows of a load.
+    Their sum is all that an endless array knows of a load.
 
     Parameters
     ----------

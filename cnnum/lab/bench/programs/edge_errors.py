@@ -38,7 +38,7 @@ Finder = Callable[[Floats, "Skin"], list[Floats]]
 
 @dataclass(frozen=True, slots=True)
 class Skin:
-    """An array under a cover, and what is wrong with it.
+    """An array under a cover, and its faults.
 
     Attributes
     ----------
@@ -138,7 +138,7 @@ def met(body: Outline, places: Floats, cells: int) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Tally:
-    """What a finder made of bodies.
+    """The results of a finder on bodies.
 
     Attributes
     ----------
@@ -167,7 +167,7 @@ class Tally:
 
 
 def tally(finder: Finder, bodies: Bodies, skins: Sequence[Skin]) -> Tally:
-    """Return what a finder makes of bodies on all of these skins."""
+    """Return the results of a finder on bodies on all of these skins."""
     edged, of, off, shares = 0, 0, [np.zeros(0)], list[float]()
     for skin in skins:
         found = finder(bodies.frames(skin.cells, skin.depth, skin.reads), skin)
@@ -203,7 +203,7 @@ def by_family(engine: Engine, count: int, seed: int = 7) -> Iterator[str]:
 
 
 def skins_by_name() -> dict[str, list[Skin]]:
-    """Return what the second table goes through."""
+    """Return the skins of the second table."""
     both = [Skin(reads=reads) for reads in READINGS]
     cases = {f"{side}×{side}": [replace(s, cells=side) for s in both] for side in (4, 8, 16)}
     for reads in READINGS:

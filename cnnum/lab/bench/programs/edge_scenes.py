@@ -1,4 +1,4 @@
-"""Bodies with a sharp outline and smooth ones, by families, and what taxels under a cover read.
+"""Bodies with a sharp outline and smooth ones, by families, and readings of taxels under a cover.
 
 Square and round punches and lying cylinders, under covers of 0.3 and 0.5 pitches, are those that
 the constants of `edges` were chosen on.
@@ -23,7 +23,7 @@ from cnnum.tactile.indenters import Disc, Reads, Rectangle, Ring, frame_under
 from cnnum.tactile.touches import Touch, readings
 
 Frames = Callable[[int, float, Reads], Floats]
-"""Cells of a side, cover in pitches, what taxels read: to frames (bodies, cells, cells)."""
+"""Cells of a side, cover in pitches, measured quantity: to frames (bodies, cells, cells)."""
 
 BEYOND = 4
 """Pitches of skin on each side of the array that a lying cylinder touches, too."""
@@ -38,7 +38,7 @@ class Bodies:
     Attributes
     ----------
     outlines : tuple
-        What has a signed distance, pitches from the middle; none of smooth bodies.
+        Shape with a signed distance, pitches from the middle; none of smooth bodies.
     frames : callable
     """
 
@@ -47,7 +47,7 @@ class Bodies:
 
 
 Family = Callable[[np.random.Generator, int, int], Bodies]
-"""Draws so many bodies for an array of so many cells a side."""
+"""Draws a number of bodies for a square array."""
 
 
 def _flat(

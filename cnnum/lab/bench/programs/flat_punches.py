@@ -1,4 +1,4 @@
-"""Rigid flat punches of any outline on a half-space, and what taxels under the cover read of them.
+"""Rigid flat punches of any outline on a half-space, and readings of the taxels under the cover.
 
 No part of it is the program's: the pressure comes from Boussinesq's equation, solved on cells of a
 part of the pitch, and the readings from Love's solution for these cells.
@@ -126,7 +126,7 @@ def punch_pressure(outline: Outline, cells: int, finer: int = FINER) -> Floats:
 def read_below(
     pressures: Sequence[Floats], cells: int, depth: float, reads: Reads, finer: int = FINER
 ) -> Floats:
-    """Return what the taxels of a square array read, (pressures, cells, cells), push positive."""
+    """Return the readings of a square array's taxels, (pressures, cells, cells), push positive."""
     loads = np.zeros((len(pressures), cells * finer, cells * finer, 3))
     loads[..., 2] = pressures
     seen = _cover(cells, depth, reads, finer)(loads)[..., 2]

@@ -1,7 +1,7 @@
 """How far `surface_load` is from true loads: `python -m cnnum.lab.bench.programs.load_errors`.
 
 Frames are Love's and Cerruti's solutions for rectangular contacts at random, with noise; bias
-stands beside the noise that is let in, for every number of rounds.
+is weighed against the noise that is let in, for every number of rounds.
 """
 
 import time
@@ -22,7 +22,7 @@ ROUNDS = (0, 1, 2, 4, 8)
 
 @dataclass(frozen=True, slots=True)
 class LoadError:
-    """What `surface_load` makes of many contacts.
+    """Results of `surface_load` on many contacts.
 
     Attributes
     ----------
@@ -37,7 +37,7 @@ class LoadError:
     rms, rms_drag : float, Pa
         Of the error of the pressure and of the tractions along the surface, all taxels.
     noise_gain : float, Pa
-        RMS of what another draw of the same noise changes in the pressure of taxels touched.
+        RMS change of the pressure of touched taxels under another draw of the same noise.
     seconds : float
         Median of a frame of a stream.
     """
@@ -115,7 +115,7 @@ def _seconds(push: Callable[[Floats], object], frames: Floats) -> float:
 def kept(noise: float, drag: float, wavelength: Floats) -> Floats:
     """Return the share of a wave of pressure that least squares gives back, by the transform.
 
-    Long waves of pressure and of a pull along them strain alike: what is seen is shared out, by
+    Long waves of pressure and of a pull along them strain alike: the signal is shared out, by
     how likely each is. Short ones drown.
 
     Parameters
@@ -141,7 +141,7 @@ WAVELENGTHS = (3e-3, 4e-3, 6e-3, 9e-3, 12e-3, 18e-3, 24e-3, 48e-3)
 
 
 def main() -> None:
-    """Print the table of errors, and what the transform says of waves."""
+    """Print the table of errors, and the transform's results on waves."""
     engine = Engine()
     print(
         "| noise | drag | rounds | height | spread | ground, Pa | RMS, Pa | drag RMS, Pa | ", end=""

@@ -38,8 +38,8 @@ LADDER = (
 QUICK = (AUTO, Rung("dormand-prince", rtol=1e-4), Rung("euler", dt=0.1))
 
 WHOLE = "tactile"
-"""It runs what the others run, in one kernel that takes half a minute to build a rung: only what is
-chosen for it is run."""
+"""It runs the operations of the others, in one kernel that takes half a minute to build a rung:
+only the chosen rung runs."""
 
 BUDGET_S = 0.3
 """s after which no further run of a rung begins."""
@@ -50,7 +50,7 @@ Climb = Callable[[], WorkPrecision | None]
 def program_rungs(
     name: str, engines: Sequence[Engine], *, quick: bool = False, seconds: float
 ) -> Iterator[tuple[str, Climb]]:
-    """Yield the name of every point of a program, and what measures it.
+    """Yield the name of every point of a program, and its measurement.
 
     Parameters
     ----------
@@ -95,7 +95,7 @@ def _climb(
             )
         else:
             found = _of_stream(by.compile(get_program(name), SHAPE), truth())
-    except CnnumError:  # a step beyond the stability bound, or what `cnnum plan` tells
+    except CnnumError:  # a step beyond the stability bound, or the message of `cnnum plan`
         return None
     methods = {solver.method for solver in found.plan.solvers.values()}
     exact = rung == AUTO and methods == {"propagator"}

@@ -1,6 +1,6 @@
 """Surround inhibition by closed forms: `python -m cnnum.lab.bench.programs.surround`.
 
-How far a bar lowers the reading of another one beside it (Love), and how far strain around a point
+How far a bar lowers the reading of another one next to it (Love), and how far strain around a point
 load rises against the sign of its peak (Boussinesq).
 """
 
@@ -15,8 +15,8 @@ WIDTH, LENGTH, DEPTH = 1.5, 4.0, 0.5
 GAPS = (1.0, 1.5, 2.0, 3.0)
 
 
-def beside(gap: float, reads: Reads) -> float:
-    """Return by what share of its reading the middle of a bar reads less for another bar."""
+def lowering(gap: float, reads: Reads) -> float:
+    """Return the relative fall of a bar's middle reading due to another bar."""
     one = two_bars(WIDTH, LENGTH, gap).parts[0]
     assert isinstance(one, Rectangle)
     x, y = (np.array(place) for place in one.centre)
@@ -35,7 +35,7 @@ def main() -> None:
     """Print the table and the ratio."""
     print("| gap, cells | strain, lowered by | stress, raised by |")
     for gap in GAPS:
-        print(f"| {gap:.1f} | {beside(gap, 'strain'):.1%} | {-beside(gap, 'stress'):.1%} |")
+        print(f"| {gap:.1f} | {lowering(gap, 'strain'):.1%} | {-lowering(gap, 'stress'):.1%} |")
     print(f"point load: 1/{hat():.1f} of the peak")
 
 

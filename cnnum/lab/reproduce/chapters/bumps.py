@@ -104,7 +104,7 @@ def figure_6_11() -> Figure:
     """Return displacement at the taxel against indentation."""
     found = model()
     depth = UM * found.indentation
-    # what is dragged sticks as it did at 50 µm: that part is linear by construction
+    # the dragged part sticks as it did at 50 µm: that part is linear by construction
     aside = found.line[ASIDE, U_X, middle()] / 50e-6 * found.indentation
     return Figure(
         "fig-6.11",
@@ -133,7 +133,7 @@ def figure_6_12() -> Figure:
         "Fig. 6.12",
         "Stress 200 µm below a bump",
         "A sideways load presses one edge of the bump down and lifts the other; a push is even. "
-        "Two pressure taxels below the edges tell both.",
+        "Two pressure taxels below the edges measure both.",
         (
             Panel("Dragged by 50 µm", "x (mm)", "σ_zz (kPa)",
                   [Curve(x[near], found.stress[ASIDE, 1][near] / 1e3)],

@@ -1,4 +1,4 @@
-"""Errata of the dissertation: what the print gives, and what is right."""
+"""Errata of the dissertation: the printed value, and the right one."""
 
 from math import sqrt
 

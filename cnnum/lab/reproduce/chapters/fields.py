@@ -164,7 +164,7 @@ def edge_place() -> float:
 
 
 def _equations() -> tuple[Item, ...]:
-    exact = "both are formulas in double precision: what is left is rounding"
+    exact = "both are formulas in double precision: the rest is rounding"
     return tuple(
         Item(f"eq-{number}", title, f"({number})", 0.0, compute, tolerance, exact)
         for number, title, compute, tolerance in (

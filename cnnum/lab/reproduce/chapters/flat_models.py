@@ -1,4 +1,4 @@
-"""Section 4.3.3: how near models of a flat cover get to what was measured on real ones."""
+"""Section 4.3.3: the error of models of a flat cover against measurements on real ones."""
 
 from functools import cache, partial
 
@@ -23,7 +23,7 @@ SHORT = (*POINTED, *(f"{name}*" for name in POINTED))
 
 @cache
 def models() -> tuple[ComparisonRow, ...]:
-    """Return all models of the flat cover beside what was measured."""
+    """Return all models of the flat cover, with the measurements."""
     return compare(MODELS, (0.2e-3, 0.3e-3, 0.4e-3, 0.5e-3))
 
 
@@ -60,7 +60,7 @@ def figure_models() -> Figure:
         "flat-models",
         "Fig. 4.13, 4.16; section 4.3.3",
         "How near do models of a flat cover get?",
-        "Each model's slope of W, power of A, inhibition and normal-to-shear ratio beside the "
+        "Each model's slope of W, power of A, inhibition and normal-to-shear ratio next to the "
         "measured one (dashed). * needle and taxel of their real sizes. A model without a point "
         "has no brim, so no width. A layer bonded to silicon and felt 50 µm above its base comes "
         "near the measured width, power and inhibition.",

@@ -1,4 +1,4 @@
-"""Section 5.3: one taxel that tells where a needle stands, far finer than its own size."""
+"""Section 5.3: one taxel that finds the place of a needle, far finer than its own size."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -47,7 +47,7 @@ class Scan:
 
 
 def observe(x: Floats, y: Floats, load: float, seed: int, assumed: float = Z) -> Scan:
-    """Return what a noisy taxel says of a needle, if its cover is taken to be that thick."""
+    """Return a noisy taxel's estimate of a needle, if its cover is taken to be that thick."""
     taxel = covered_taxel()
     calibration = taxel.calibration(Z)
     strain = point_strain(x, y, load)[:, np.newaxis, np.newaxis]
@@ -98,7 +98,7 @@ def stage_run(assumed: float = Z) -> tuple[Floats, Scan]:
 
 
 def speed(thickness: float = 1.0) -> float:
-    """Return the speed read back, mm/s, with the cover taken for so many times its thickness."""
+    """Return the speed read back, mm/s, with the cover taken for a multiple of its thickness."""
     time, scan = stage_run(thickness * Z)
     return float(MM * np.polyfit(time, scan.x_seen, 1)[0])
 

@@ -197,7 +197,7 @@ ROUNDING = "exact data: rounding, amplified a hundredfold near √2 z"
 
 
 def _exact() -> tuple[Item, ...]:
-    """Return the items whose exact answer is known: what is left is an error."""
+    """Return the items whose exact answer is known: the rest is an error."""
     return tuple(
         Item(name, title, source, 0.0, compute, tolerance, reason, unit)
         for name, title, source, compute, tolerance, reason, unit in (

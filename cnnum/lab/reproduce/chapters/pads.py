@@ -197,7 +197,7 @@ CHAPTER = Chapter(
              "as above, with the neighbours' cross-talk", "°", figure="fig-6.17"),
         Item("fig-6.17-cross-talk", "shear read on unpressed neighbours, of the pressed one's",
              "section 6.4.4: “minimal cross-talk”", 0.1, cross_talk, 0.0,
-             "no digits: a tenth is what arrows of that size hardly show", "", "at most",
+             "no digits: arrows of that size hardly show a tenth", "", "at most",
              figure="fig-6.17"),
     ),
     FIGURES,

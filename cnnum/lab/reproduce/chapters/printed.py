@@ -1,4 +1,4 @@
-"""The dissertation's equations as they are printed, for a comparison with what the package does.
+"""The dissertation's equations as they are printed, for a comparison with the package.
 
 Written down once more on purpose, and in the notation of the print: u is strain, (F, Q, R) the
 load along (z, x, y), A the ratio of shear to normal strain.

@@ -1,4 +1,4 @@
-"""Section 4.3: the receptive field of a covered taxel, and what it says about the cover."""
+"""Section 4.3: the receptive field of a covered taxel, and its evidence on the cover."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -121,7 +121,7 @@ BETA_SHOWN = 1.5
 
 
 def figure_4_16() -> Figure:
-    """Return W and A against thickness, beside the fits published for the real cover."""
+    """Return W and A against thickness, with the fits published for the real cover."""
     fields = [exact_field(float(z)) for z in THICKNESS]
     width = MM * np.array([f.width for f in fields])
     height = np.array([f.amplitude for f in fields])

@@ -107,7 +107,7 @@ def figure_3_22() -> Figure:
         "Fig. 3.22",
         "Response of four bridges to a normal load",
         "Half-bridge voltages (sign turned) without amplifier, with the half bridge's own slight "
-        f"bend. The printed slopes differ because the needle stood beside the centre; here it "
+        f"bend. The printed slopes differ because the needle stood off the centre; here it "
         f"leans by {np.degrees(NEEDLE_TILT):.0f}°, so that some of the load is shear.",
         (
             Panel(
@@ -235,7 +235,7 @@ CHAPTER = Chapter(
                 published,
                 partial(cover_loss, 1e-6 * depth),
                 0.0,
-                "share of the load on the plate alone; the bridges beside it carry some more",
+                "share of the load on the plate alone; the bridges next to it carry some more",
                 rule="within",
                 kind="comparison",
             )

@@ -1,4 +1,4 @@
-"""Section 6.5: four materials rubbed over a bump, and told apart."""
+"""Section 6.5: four materials rubbed over a bump, and classified."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -47,12 +47,12 @@ def told_apart(by: str) -> Classification:
 
 
 def accuracy(by: str) -> float:
-    """Return the share of samples told right, per cent."""
+    """Return the share of samples classified right, per cent."""
     return 100.0 * told_apart(by).accuracy
 
 
 def worst_recall() -> float:
-    """Return the share told right of the material that is told worst, per cent."""
+    """Return the share classified right of the worst material, per cent."""
     return float(100.0 * told_apart("stroke").recall.min())
 
 
@@ -115,7 +115,7 @@ def figure_6_18() -> Figure:
 
 
 def figure_6_19() -> Figure:
-    """Return friction and roughness of all samples, and what the classifier makes of them."""
+    """Return friction and roughness of all samples, and the classifier's results."""
     drawn = samples()
     dots = [
         Dots(drawn.features[drawn.material == k, 0], drawn.features[drawn.material == k, 1],
@@ -157,13 +157,13 @@ CHAPTER = Chapter(
              "Fig. 6.18: “the fine structure of the surface”", 1e3 * THREAD.length, read_period,
              0.01, "no digits: the simulated thread's own; 24 mm resolve 1.7 % of 0.4 mm",
              "mm", figure="fig-6.18"),
-        Item("fig-6.19-accuracy", "samples told right, cross-validated by strokes",
+        Item("fig-6.19-accuracy", "samples classified right, cross-validated by strokes",
              "Fig. 6.19: “relatively separable”", 75.0, partial(accuracy, "stroke"), 0.0,
              "no digits: separable is taken as three of four right, where chance is one", "%",
              "at least", figure="fig-6.19"),
-        Item("fig-6.19-worst", "the same, of the material told worst",
+        Item("fig-6.19-worst", "the same, of the worst material",
              "Fig. 6.19: “applicable even in this case”", 50.0, worst_recall, 0.0,
-             "no digits: most of each material's points must be told right", "%", "at least",
+             "no digits: most of each material's points must be classified right", "%", "at least",
              figure="fig-6.19"),
         Item("fig-6.19-direction", "the same, directions never trained on",
              "section 6.5: “insensitive to motion direction”", 75.0,

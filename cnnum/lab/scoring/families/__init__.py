@@ -1,4 +1,4 @@
-"""Families of scenes: how an object is pulled, what touches, the cover, the taxels, and holding.
+"""Families of scenes: how an object is pulled, its kind, the cover, the taxels, and holding.
 
 The way of a scene: `draw` (numbers by seed) → `pulls` (the hand) or `held` → `spheres` (by the
 simulated `arrays`) or `faces` and `dragged` → `skin` (taxels) → a trial. `catalogue` lists all.

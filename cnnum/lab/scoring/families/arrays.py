@@ -1,4 +1,4 @@
-"""Simulated arrays, which share what their covers do."""
+"""Simulated arrays, which share the responses of their covers."""
 
 from collections.abc import Sequence
 

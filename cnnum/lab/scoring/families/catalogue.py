@@ -23,11 +23,11 @@ class Family:
     ----------
     name : str
     kind : "slip", "twist" or "held"
-        What happens; in "held" nothing slips.
+        The kind of event; in "held" nothing slips.
     make : callable
         From shared arrays, the name and a seed to a trial.
     about : str
-        What sets it apart.
+        Its distinction.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What is drawn by seed: the array, the grip and how it is pulled."""
+"""Draws by seed: the array, the grip and its pull."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ REST, PRESS, HOLD = 0.5, 0.4, 0.4
 
 @dataclass(frozen=True, slots=True)
 class Array:
-    """What a family fixes of the array.
+    """The fixed parts of a family's array.
 
     Attributes
     ----------
@@ -36,12 +36,15 @@ class Array:
         Hz; drawn unless given.
     radius : float, optional
         m, of the sphere; drawn unless given.
+    contact : float, optional
+        m, radius of the contact; drawn unless given.
     """
 
     shape: tuple[int, int] = (8, 8)
     cover: str = "flat"
     rate: float | None = None
     radius: float | None = None
+    contact: float | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +81,7 @@ class Draw:
         rng = np.random.default_rng([seed, *family.encode()])
         rate, thickness = float(rng.choice(RATES)), float(rng.choice(THICKNESSES))
         radius, contact = _log(rng, *RADIUS), float(rng.uniform(*CONTACT))
-        radius = array.radius or radius
+        radius, contact = array.radius or radius, array.contact or contact
         load = load_of(contact, radius, YOUNGS_MODULUS)
         return cls(
             rng=rng,

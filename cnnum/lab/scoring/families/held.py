@@ -1,4 +1,4 @@
-"""Scenes without slip: what hands do to objects that they hold."""
+"""Scenes without slip: movements of hands that hold an object."""
 
 from collections.abc import Callable
 from math import pi
@@ -18,7 +18,7 @@ SECONDS = 6.0
 """Length of a scene."""
 
 WEIGHT = (0.1, 0.3)
-"""Pull of a held object, as a share of what friction holds: a shaken grip still holds it."""
+"""Pull of a held object, as a share of friction's limit: a shaken grip still holds it."""
 
 PULLED = (0.3, 0.7)
 """The same of a pull that stops."""
@@ -50,7 +50,7 @@ def held(doing: Doing, *, weighs: bool = False, skin: Skin = Skin()) -> Make:  #
 
 
 def part_pulled(arrays: Arrays, family: str, seed: int) -> Trial:
-    """Return a scene with a pull that stops at a share of what friction holds."""
+    """Return a scene with a pull that stops at a share of friction's limit."""
     return _pulled(arrays, family, seed, shakes=False)
 
 
@@ -66,7 +66,7 @@ def _pulled(arrays: Arrays, family: str, seed: int, *, shakes: bool) -> Trial:
     frames = draw.scans(SECONDS) - total_scans(touch(draw), draw.rate)
     way = np.concatenate([way, np.full(max(0, frames - len(way)), way[-1])])
     move, grip = shaken(draw, len(way)) if shakes else np.zeros((2, len(way)))
-    # a twentieth of the way to slip: the pull stays below what friction holds
+    # a twentieth of the way to slip: the pull stays below friction's limit
     moves = np.diff(way + 0.05 * bounds.travel() * move, prepend=0.0)
     along = np.array([np.cos(draw.direction), np.sin(draw.direction)])
     hand = [

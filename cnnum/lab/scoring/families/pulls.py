@@ -80,7 +80,7 @@ def weakening(draw: Draw, travel: float) -> Pull:
 
 
 def part(low: float, high: float) -> Pulling:
-    """Return pulls that stop at a share of what friction holds, then hold on."""
+    """Return pulls that stop at a share of friction's limit, then hold on."""
 
     def pull(draw: Draw, travel: float) -> Pull:
         way = travel * (1.0 - (1.0 - draw.uniform(low, high)) ** (2 / 3))

@@ -1,4 +1,4 @@
-"""What real taxels do to strain: creep, hysteresis, gains, cross-talk, saturation, dead ones."""
+"""Effects of real taxels on strain: creep, hysteresis, gains, cross-talk, saturation, dead ones."""
 
 from dataclasses import dataclass
 

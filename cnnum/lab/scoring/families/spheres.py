@@ -63,7 +63,7 @@ def played(
     family: str,
     hand: Sequence[Command],
 ) -> Trial:
-    """Return a touch, and what the hand does after it, as a trial."""
+    """Return a touch, and the hand's movement after it, as a trial."""
     made = arrays.made(draw, array)
     before = commands(touch(draw), draw.rate)
     return trial_of(made, draw, skin, family, list(made.follow([*before, *hand])))

@@ -1,4 +1,4 @@
-"""Extreme numbers and shapes: what is huge, tiny, empty, long, or all alike."""
+"""Extreme numbers and shapes: huge, tiny, empty, long, or all alike."""
 
 from collections.abc import Callable, Iterator
 
@@ -49,7 +49,7 @@ def _input_of_size(size: float) -> Case:
         lambda: picture * -np.expm1(-1.0),
         max(1e-6 * size, tiny),
         max(1e-6 * size, tiny),
-        "roundings; what is below 1e-37 may be 0, as devices flush it",
+        "roundings; values below 1e-37 may be 0, as devices flush it",
     )
 
 

@@ -67,7 +67,7 @@ def _weakly(excess: float) -> Case:
 
 
 def _balanced() -> Case:
-    """What begins in exact balance stays there for any given time."""
+    """A state that begins in exact balance stays there for any given time."""
     A = [[0.0, 0.1, 0.0], [0.1, 2.0, 0.1], [0.0, 0.1, 0.0]]
     template = Template("balance", A, duration=10.0)
     return Case(

@@ -90,7 +90,7 @@ def _products() -> Case:
     return Case(
         "product-less-itself",
         "precision",
-        "a product and its negative: what a fused step leaves of the rounding",
+        "a product and its negative: the rounding that a fused step leaves",
         lambda engine: states(engine.run(template, input=picture)),
         lambda: np.zeros((4, 4)),
         4.0 * SINGLE,

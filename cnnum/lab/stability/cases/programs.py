@@ -74,7 +74,7 @@ def _cover(depth: float) -> Case:
         ("halfspace_stress", wanted, options),
         cover_stress(_load(), depth),
         (1e-4, 1e-4),
-        "what the waves are read out with, as a share of the largest stress",
+        "the read-out of the waves, as a share of the largest stress",
         r"thickness|depth",
     )
 

@@ -19,7 +19,7 @@ from cnnum.tactile.cover.fem.revolution import make_bodies
 from cnnum.tactile.cover.tables import DEPTHS, STRETCH
 
 DEEP = 200.0
-"""Bump radii to the sides and the bottom of what stands for a half-space."""
+"""Bump radii to the sides and the bottom of the block that stands for a half-space."""
 
 MARGIN = 12.0
 """Depths of surface beyond the bump, of a layer on a rigid base."""
@@ -88,7 +88,7 @@ def _layer(fineness: int, depth: float, growth: float) -> Array:
 
 
 def plane_figures(bump: PlaneBump) -> dict[str, Array]:
-    """Return what Fig. 6.9–6.12 and 6.14 show, lengths in bump radii, stress in moduli."""
+    """Return the data of Fig. 6.9–6.12 and 6.14, lengths in bump radii, stress in moduli."""
     pressed, dragged = bump.solutions()
     x = np.linspace(-4.0, 4.0, 81)
     z = np.linspace(0.0, 5.0, 51)

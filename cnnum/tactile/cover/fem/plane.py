@@ -33,7 +33,7 @@ class PlaneBump:
     contacts : tuple of Contact
         Of the pressed plate, at growing indentations.
     drag : Movement
-        Of what touches at the working indentation, sideways by one radius.
+        Of the contact at the working indentation, sideways by one radius.
     """
 
     body: Body

@@ -65,7 +65,7 @@ def cap(body: Body, radius: float) -> Numbers:
 
 
 def move(body: Body, nodes: Numbers, direction: Sequence[float]) -> Movement:
-    """Return what a unit movement of bonded nodes does.
+    """Return the response to a unit movement of bonded nodes.
 
     Parameters
     ----------
@@ -85,7 +85,7 @@ def move(body: Body, nodes: Numbers, direction: Sequence[float]) -> Movement:
 
 
 def press(body: Body, indentations: Sequence[float]) -> Iterator[Contact]:
-    """Yield the contact at growing indentations; what has touched stays where it touched.
+    """Yield the contact at growing indentations; touched nodes stay in place.
 
     Parameters
     ----------

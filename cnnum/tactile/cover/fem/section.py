@@ -1,4 +1,4 @@
-"""What a section means: plane stress, or one Fourier mode of a body of revolution.
+"""The kinds of section: plane stress, or one Fourier mode of a body of revolution.
 
 A strain is a row of (field, part, factor); `space.PARTS` names the parts. In a body of
 revolution the displacement is (u_r cos mθ, u_θ sin mθ, u_z cos mθ). For m = 1 the second field
@@ -16,7 +16,7 @@ Row = tuple[tuple[int, str, float], ...]
 
 @dataclass(frozen=True, slots=True)
 class Section:
-    """Fields, strains and what holds on the axis.
+    """Fields, strains and conditions on the axis.
 
     Attributes
     ----------

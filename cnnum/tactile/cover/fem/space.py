@@ -22,7 +22,7 @@ PARTS: dict[str, Part] = {
     "1/r": lambda u, w: u / w.x[0],
     "1": lambda u, w: u,
 }
-"""What a strain is made of: derivatives, and the value over the distance from the axis."""
+"""The parts of a strain: derivatives, and the value over the distance from the axis."""
 
 
 @dataclass(frozen=True, slots=True)

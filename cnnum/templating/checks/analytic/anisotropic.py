@@ -9,6 +9,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.linear import ANALOG_REASON, ANALOG_TOLERANCE
 from cnnum.templating.checks.parameters import number
+from cnnum.templating.checks.pictures import with_even
 from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.template import Template
 
@@ -29,7 +30,7 @@ def _dominoes(rng: np.random.Generator, rows: int, cols: int, width: float) -> F
 
 def _case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     width = number(template, "width")
-    flat = _dominoes(rng, shape[0], shape[1], width)
+    flat = with_even(_dominoes(rng, shape[0], shape[1], width), 0.0)
     upright = _dominoes(rng, shape[1], shape[0], width).swapaxes(1, 2)
     return Case(input=np.concatenate([flat, upright]))
 
@@ -49,7 +50,7 @@ def _exchange(pictures: Floats, width: float, decay: float) -> Floats:
 def _expected(template: Template, case: Case) -> Floats:
     width = number(template, "width")
     decay = float(np.exp(-2.0 * number(template, "rate") * case.time(template)))
-    flat, upright = case.pictures[:3], case.pictures[3:].swapaxes(1, 2)
+    flat, upright = case.pictures[:4], case.pictures[4:].swapaxes(1, 2)
     answers = [_exchange(flat, width, decay), _exchange(upright, width, decay).swapaxes(1, 2)]
     return np.concatenate(answers)
 

@@ -9,6 +9,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.linear import ANALOG_REASON, ANALOG_TOLERANCE
 from cnnum.templating.checks.parameters import number
+from cnnum.templating.checks.pictures import with_even
 from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.template import Template
 
@@ -70,7 +71,8 @@ def _move(state: Floats, rate: Floats, drift: Floats, time: Floats) -> Floats:
 
 def _case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     """Draw states on all three pieces of f, and stop while some cells are still on their way."""
-    return Case(state=rng.uniform(-1.6, 1.6, (4, *shape)), duration=number(template, "time"))
+    states = with_even(rng.uniform(-1.6, 1.6, (4, *shape)), -1.5)
+    return Case(state=states, duration=number(template, "time"))
 
 
 def _cells(template: Template, case: Case) -> Floats:

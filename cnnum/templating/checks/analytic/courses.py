@@ -1,6 +1,6 @@
 """Linear courses of any symmetric coupling, mode by mode, exact at any time.
 
-A symmetric kernel is told by its south-east quadrant, the cell itself first: "1 0.2/0.2 0.1" is 1
+A symmetric kernel is given by its south-east quadrant, the cell itself first: "1 0.2/0.2 0.1" is 1
 for the cell, 0.2 for the four edge neighbours and 0.1 for the corners.
 """
 

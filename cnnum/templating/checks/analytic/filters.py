@@ -1,4 +1,4 @@
-"""Cells without feedback: each goes exponentially to what its input asks for."""
+"""Cells without feedback: each goes exponentially to the value set by its input."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Surfaces through given points, by a linear system: what is least bent between held cells."""
+"""Surfaces through given points, by a linear system: the least bent one between held cells."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,6 +6,7 @@ from scipy import ndimage, sparse
 from scipy.sparse.linalg import spsolve
 
 from cnnum.arrays import Floats, Shape
+from cnnum.templating.checks.pictures import with_even
 from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.template import Template
 
@@ -14,12 +15,13 @@ _SHARE = 0.2
 
 
 def _case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
-    """Hold a fifth of the cells of smooth pictures, and start the others from 0."""
+    """Hold a fifth of the cells of smooth pictures, start the others from 0; and nothing."""
     smooth = ndimage.gaussian_filter(rng.normal(size=(3, *shape)), (0.0, 1.5, 1.5))
     held = rng.random(smooth.shape) < _SHARE
     held[:, shape[0] // 2, shape[1] // 2] = True
     wanted = 0.4 * smooth / np.abs(smooth).max(axis=(-2, -1), keepdims=True)
-    return Case(input=np.where(held, wanted, 0.0), mask=held.astype(np.float64))
+    mask = np.concatenate([held, held[:1]]).astype(np.float64)
+    return Case(input=with_even(np.where(held, wanted, 0.0), 0.0), mask=mask)
 
 
 def bending(shape: Shape) -> sparse.csr_matrix:

@@ -1,4 +1,4 @@
-"""The modes of a cell array: what its boundary makes diagonal (DCT-II, DST-I or DFT)."""
+"""The modes of a cell array: the basis that its boundary makes diagonal (DCT-II, DST-I or DFT)."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -10,6 +10,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.operators import neighbours
 from cnnum.templating.checks.analytic.refined import PRECISION, refined
 from cnnum.templating.checks.parameters import number
+from cnnum.templating.checks.pictures import with_even
 from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.template import Template
 
@@ -77,7 +78,7 @@ def limit_cycle(own: float, other: float) -> Orbit:
 def _phases(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     """Start every cell somewhere on the cycle, and stop after one period."""
     orbit = limit_cycle(number(template, "own"), number(template, "other"))
-    state = np.moveaxis(orbit.at(rng.random((2, *shape))), 0, 1)
+    state = np.moveaxis(orbit.at(with_even(rng.random((2, *shape)), 0.0)), 0, 1)
     return Case(state=state, duration=orbit.period)
 
 
@@ -86,7 +87,7 @@ def _same(template: Template, case: Case) -> Floats:
 
 
 def _anywhere(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
-    return Case(state=rng.uniform(-1.0, 1.0, (1, 2, *shape)))
+    return Case(state=with_even(rng.uniform(-1.0, 1.0, (1, 2, *shape)), -0.5))
 
 
 def _autowave(template: Template, case: Case) -> Floats:

@@ -12,6 +12,7 @@ from cnnum.templating.checks.analytic.refined import refined
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import gray
 from cnnum.templating.checks.records import Case, ClosedForm
+from cnnum.templating.reads import jumps
 from cnnum.templating.template import Template
 
 TOLERANCE = 0.02
@@ -89,7 +90,7 @@ def _expected(template: Template, case: Case) -> Floats:
     start, time = _layered(case.states), case.time(template)
     given = np.zeros_like(start[:, :0]) if case.input is None else _layered(case.input)
     equation = Equation(template, given)
-    if any(coupling.jumps for coupling in template.nonlinear):
+    if jumps(template):
         x = start
         for _ in range(round(time / _STEP)):
             x = x + _STEP * equation(x)

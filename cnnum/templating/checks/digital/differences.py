@@ -156,7 +156,7 @@ FORMS = (
     _digital(
         "gray-line",
         _line,
-        "cells around which at least so many neighbours are as a gray line has them",
+        "cells around which at least a number of neighbours are as a gray line has them",
         ("pattern", "similar", "least", "step"),
         ("darker",),
     ),

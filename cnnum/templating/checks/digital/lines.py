@@ -88,7 +88,7 @@ FORMS = (
         _long_runs,
         DIGITAL_TOLERANCE,
         _REASON,
-        "runs of at least so many black cells, trimmed at both ends",
+        "runs of at least a number of black cells, trimmed at both ends",
         needs=("direction", "least", "trimmed"),
     ),
     ClosedForm(

@@ -1,4 +1,4 @@
-"""Answers that compare a picture with what it was a delay ago."""
+"""Answers that compare a picture with that of a delay ago."""
 
 from collections.abc import Callable
 from typing import Literal
@@ -37,7 +37,7 @@ def _moving(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
 
 
 def _moved(template: Template, case: Case) -> Floats:
-    """Return the states: what present and past give, less what the answer's neighbours take."""
+    """Return the states: present plus past, less the inhibition by the answer's neighbours."""
     both = case.pictures + _shifted_east(case.before)
     answer = as_picture(both > 0)
     around = ndimage.correlate(answer, _RING.astype(np.float64), mode="constant", cval=-1.0)
@@ -46,7 +46,7 @@ def _moved(template: Template, case: Case) -> Floats:
 
 
 def _overlapping(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
-    """Draw what an array showed a delay ago as its state, and a picture that partly keeps it."""
+    """Draw the picture of a delay ago as the state, and a picture that partly keeps it."""
     before = binary(rng, shape)
     kept = rng.random(before.shape) < 0.6
     return Case(input=np.where(kept, before, rng.permutation(before)), state=before)
@@ -83,7 +83,7 @@ def _grown(template: Template, case: Case) -> Floats:
 
 
 def _travelling(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
-    """Draw what is seen now as the input and in the first layer, and a path in the second."""
+    """Draw the present picture as the input and in the first layer, and a path in the second."""
     now = binary(rng, shape)
     return Case(input=now, state=np.stack([now, rng.permutation(now)], axis=1))
 
@@ -126,14 +126,14 @@ FORMS = (
         "kept",
         _overlapping,
         _kept,
-        "black cells with so many black ones in their 3×3 neighbourhood a delay ago",
+        "black cells with a number of black ones in their 3×3 neighbourhood a delay ago",
         ("least",),
     ),
     _form(
         "appeared",
         _appearing,
         _appeared,
-        "cells that turned black while around them so many more appeared than vanished",
+        "cells that turned black while around them a number more appeared than vanished",
         ("least",),
     ),
     _form("path", _travelling, _path, "the picture, and all that it or the path up to now covers"),

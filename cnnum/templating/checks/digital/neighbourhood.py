@@ -146,7 +146,7 @@ FORMS = (
     _form(
         "neighbour-count",
         _black_with_neighbours,
-        "black cells with so many black ones among their eight neighbours",
+        "black cells with a number of black ones among their eight neighbours",
         takes=("least", "most"),
     ),
 )

@@ -9,7 +9,13 @@ from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.operators import neighbours
 from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON, Bools, local
 from cnnum.templating.checks.parameters import choice, number
-from cnnum.templating.checks.pictures import as_picture, binary_input, binary_pair, gray
+from cnnum.templating.checks.pictures import (
+    as_picture,
+    binary_input,
+    binary_pair,
+    gray,
+    with_even,
+)
 from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
 from cnnum.templating.template import Template
 
@@ -57,7 +63,7 @@ def _threshold(template: Template, case: Case) -> Floats:
 
 
 def _beside_levels(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
-    """Draw gray inputs away from both levels of a latch, and what it was before."""
+    """Draw gray inputs away from both levels of a latch, and its state before."""
     level = number(template, "level")
     picture = gray(rng, shape)
     near = np.abs(np.abs(picture) - level) < MARGIN
@@ -77,7 +83,7 @@ def _five_levels(template: Template, rng: np.random.Generator, shape: Shape) -> 
     noise = rng.integers(-2, 3, (4, *shape))
     smooth = ndimage.gaussian_filter(noise.astype(np.float64), (0, 1, 1), mode="reflect")
     steps = np.concatenate([noise, np.clip(np.rint(2.0 * smooth), -2, 2)])
-    return Case(input=np.asarray(0.4 * steps, dtype=np.float64))
+    return Case(input=with_even(np.asarray(0.4 * steps, dtype=np.float64), -0.8))
 
 
 def _gray_edge(template: Template, case: Case) -> Floats:
@@ -112,7 +118,7 @@ FORMS = (
         "latch",
         _beside_levels,
         _latch,
-        "black above the level, white below its negative, else what it was",
+        "black above the level, white below its negative, else its value before",
         "level",
     ),
     _form(

@@ -125,7 +125,7 @@ def _form(
 
 
 FORMS = (
-    _form("holes", binary_input, _holes, "objects with what they enclose (4-connected white)"),
+    _form("holes", binary_input, _holes, "objects with their holes filled (4-connected white)"),
     _form("reconstruction", _marked, _reconstruction, "8-connected objects that hold a marker"),
     _form("unmarked", _punctured, _unmarked, "4-connected objects that no cell was taken from"),
     _form("shadow", binary_input, _shadow, "cells in the shadow of a black one", ("direction",)),

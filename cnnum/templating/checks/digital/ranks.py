@@ -22,7 +22,7 @@ CHATTER_REASON = (
 _SPREAD = 0.02
 _SPREAD_REASON = (
     "a maximum never falls again, so that the errors of up to 150 steps, 1e-4 each, may all lift "
-    "it; what is still on its way after 100 time constants is less"
+    "it; a rise still on its way after 100 time constants is less"
 )
 _SIZE = (1, 3, 3)
 _Mode = Literal["reflect", "wrap", "constant"]

@@ -47,7 +47,7 @@ _ARITHMETIC: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
 
 
 class Neighbourhood:
-    """Black-and-white pictures, and what each cell sees around it.
+    """Black-and-white pictures, and the neighbours of each cell.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class Neighbourhood:
             self.padded = np.pad(black, rim, constant_values=boundary.constant > 0.0)
 
     def at(self, down: int, east: int) -> Values:
-        """Return each cell's neighbour that lies so many rows down and columns east."""
+        """Return each cell's neighbour that lies some rows down and columns east."""
         top, left = _RADIUS + down, _RADIUS + east
         return self.padded[..., top : top + self.shape[0], left : left + self.shape[1]]
 

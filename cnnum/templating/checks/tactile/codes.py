@@ -1,4 +1,4 @@
-"""What `localize`, `grasp_code` and `texture` are checked against."""
+"""References of `localize`, `grasp_code` and `texture`."""
 
 import numpy as np
 

@@ -10,7 +10,7 @@ from scipy.sparse import linalg
 from cnnum.arrays import Floats
 
 sp: Any = scipy.sparse
-"""Its types tell apart what is one kind of matrix here."""
+"""Its types distinguish matrices that are one kind here."""
 
 solve: Any = linalg.spsolve
 

@@ -1,4 +1,4 @@
-"""What `edges` and `contact` are checked against: Hankel's and Love's solutions, and Hertz's."""
+"""References of `edges` and `contact`: Hankel's, Love's and Hertz's solutions."""
 
 from functools import partial
 
@@ -16,7 +16,7 @@ REST, HELD = 18, 3
 DEPTH = 0.5
 
 RADII = (1.4, 1.6)
-"""Cells: radii of the punches on arrays that narrower ones would fit. What covers fewer than seven
+"""Cells: radii of the punches on arrays that narrower ones would fit. A punch over fewer than seven
 cells is never said to have an edge (docs/programs/edges.md)."""
 
 AROUND = 0.4
@@ -140,7 +140,7 @@ FORMS = (
         cases=partial(_punches, reads="strain"),
         error=_off_outline,
         tolerance=0.5,
-        tolerance_reason="half a cell is what the program promises of 95 % of its places",
+        tolerance_reason="the program promises half a cell of 95 % of its places",
         summary="95 % of distances from circles, cells: strain under flat punches, by waves",
     ),
     ProgramForm(
@@ -150,7 +150,7 @@ FORMS = (
         cases=partial(_punches, reads="stress"),
         error=_off_outline,
         tolerance=0.5,
-        tolerance_reason="half a cell is what the program promises of 95 % of its places",
+        tolerance_reason="the program promises half a cell of 95 % of its places",
         summary="95 % of distances from circles, cells: stress under flat punches, by waves",
     ),
     ProgramForm(
@@ -170,7 +170,7 @@ FORMS = (
         cases=_touches,
         error=_off_centre,
         tolerance=0.15,
-        tolerance_reason="what lies below a tenth of the peak is cut off, cell by cell",
+        tolerance_reason="values below a tenth of the peak are cut off, cell by cell",
         summary="distance from the middle of a sphere's contact, cells",
     ),
     ProgramForm(
@@ -180,7 +180,7 @@ FORMS = (
         cases=_pulled,
         error=_off_loads,
         tolerance=0.12,
-        tolerance_reason="strain does not tell a pull from a pressure beside it wholly",
+        tolerance_reason="strain does not wholly separate a pull from a pressure near it",
         summary="loads of spheres over their normal load, by Hertz and Cattaneo-Mindlin",
     ),
 )

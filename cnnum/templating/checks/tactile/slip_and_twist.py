@@ -1,4 +1,4 @@
-"""What `slip`, `twist` and `tactile` are checked against: NumPy, on slides and turns."""
+"""References of `slip`, `twist` and `tactile`: NumPy, on slides and turns."""
 
 from dataclasses import replace
 
@@ -90,7 +90,7 @@ def _numbers_off(case: ProgramCase, outputs: Outputs) -> float:
 def _reports_off(case: ProgramCase, outputs: Outputs) -> float:
     """Return the largest error of a flag, and under a shear of a direction and a centre.
 
-    Noise has neither, and what turns in place no direction.
+    Noise has neither, and a turn in place no direction.
     """
 
     def off(names: tuple[str, ...], begin: int, some: slice) -> float:

@@ -1,4 +1,4 @@
-"""Slip and twist by what moves in a contact, frame by frame in NumPy and double precision.
+"""Slip and twist by the motion in a contact, frame by frame in NumPy and double precision.
 
 The oracle of the programs `slip` and `twist`: it knows no templates, no graph and no engine.
 """
@@ -81,7 +81,7 @@ class Latch:
 
 @dataclass(slots=True)
 class MovingContact:
-    """What is kept from frame to frame, one frame a call."""
+    """The memories from frame to frame, one frame a call."""
 
     c: Constants
     slips: Latch
@@ -134,7 +134,7 @@ class MovingContact:
         found: list[dict[str, float]] = []
         for pad in range(c.pads):
             cols = slice(pad * wide, (pad + 1) * wide)
-            # gradients beside another pad would mix both
+            # gradients next to another pad would mix both
             inner = slice(pad * wide + (pad > 0), (pad + 1) * wide - (pad < c.pads - 1))
             z, before, x, y = (m[:, cols] for m in (now["z"], old["z"], now["x"], now["y"]))
             least = max(c.floor * self.noise * np.sqrt(z.size), 1e-12)

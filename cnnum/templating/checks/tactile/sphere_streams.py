@@ -199,7 +199,7 @@ def _traction(
 
 
 def _seen(shape: Shape, sphere: Sphere, moved: Iterator[Floats]) -> Floats:
-    """Return the strain of a touch and of what comes then."""
+    """Return the strain of a touch and of its course."""
     fine = (FINER * shape[0], FINER * shape[1])
     cover = SurfaceToDepth(fine, 1.0 / FINER, DEPTH, youngs_modulus=MODULUS)
     middle = slice(FINER // 2, None, FINER)

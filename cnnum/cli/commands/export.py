@@ -1,0 +1,95 @@
+"""`cnnum export`: a program as C99 for a microcontroller."""
+
+import re
+from pathlib import Path
+
+import click
+
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output
+
+VECTOR = 48
+"""Frames of the test vector."""
+
+
+@click.command("export")
+@click.argument("program")
+@click.option("--shape", default="8x8x3", show_default=True, help="Rows, columns and axes.")
+@click.option("--precision", default="q15", show_default=True, help="q15, q7, qM.N or float32.")
+@click.option(
+    "--method",
+    type=click.Choice(("auto", "euler")),
+    default="auto",
+    show_default=True,
+    help="Products where they are exact, or Euler's steps, of cells that see others.",
+)
+@click.option("--needs", help="Wanted outputs, as in gross_slip,slip_x; all unless given.")
+@click.option(
+    "--out",
+    "-o",
+    required=True,
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder to write.",
+)
+@json_option
+def command(
+    program: str,
+    shape: str,
+    precision: str,
+    method: str,
+    needs: str | None,
+    out: Path,
+    as_json: bool,
+) -> int:
+    """Write PROGRAM as self-contained C99, with a test vector and a Makefile.
+
+    Memory is static, and precisions of whole numbers need no mathematics library. The range of
+    every value is measured on simulated scenes; what exceeds it saturates.
+    """
+    from cnnum.lab.embedded.streams import made, vector_frames
+
+    size = shape_of(shape)
+    wanted = None if needs is None else tuple(name.strip() for name in needs.split(","))
+    found = made(program, size, precision, method, wanted)
+    about = (
+        f"Program '{program}' on {size[0]} x {size[1]} cells in {precision}, method {method}.",
+        "Written by 'cnnum export'.",
+    )
+    exported = found.export(vector_frames(size, VECTOR), about)
+    exported.write(out)
+    output = Output(as_json)
+    output.record(
+        {
+            "kind": "export",
+            "program": program,
+            "shape": [*size, 3],
+            "precision": precision,
+            "method": method,
+            "folder": str(out),
+            "files": sorted(exported.files),
+            "memory_bytes": exported.memory_bytes,
+            "input_bytes": exported.input_bytes,
+            "output_bytes": exported.output_bytes,
+            "table_bytes": exported.table_bytes,
+        }
+    )
+    output.show(
+        f"Wrote {', '.join(sorted(exported.files))} to {out}.",
+        f"Memory {exported.memory_bytes} bytes, a frame {exported.input_bytes}, its answers "
+        f"{exported.output_bytes}, tables {exported.table_bytes}.",
+    )
+    return 0
+
+
+def shape_of(text: str) -> tuple[int, int]:
+    """Return rows and columns of a shape such as 8x8x3.
+
+    Raises
+    ------
+    click.UsageError
+        If it is none.
+    """
+    found = re.fullmatch(r"(\d{1,3})x(\d{1,3})(x3)?", text)
+    if found is None or int(found[1]) < 2 or int(found[2]) < 2:
+        raise click.UsageError(f"A shape is ROWSxCOLSx3, as in 8x8x3, got '{text:.60}'.")
+    return int(found[1]), int(found[2])

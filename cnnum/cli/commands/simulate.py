@@ -1,0 +1,118 @@
+"""`cnnum simulate`: a simulated array behind a pseudo-terminal, in any protocol, with faults."""
+
+from contextlib import suppress
+from dataclasses import asdict
+from itertools import islice
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING
+
+import click
+
+from cnnum.cli.options import assignments, json_option
+from cnnum.cli.output import Output, facts
+from cnnum.cli.progress import busy
+from cnnum.cli.signals import stoppable
+from cnnum.cli.source import open_source
+
+if TYPE_CHECKING:
+    from cnnum.frame import Frame
+
+MOST = 60_000
+"""Frames of the longest cycle."""
+
+
+@click.command("simulate")
+@click.argument("source", default="simulated")
+@click.option("--pty", is_flag=True, required=True, help="Behind a pseudo-terminal.")
+@click.option("--protocol", default="open", help="What the array speaks; 'cnnum devices --arrays'.")
+@click.option(
+    "--descriptor",
+    type=click.Path(path_type=Path),
+    help="A TOML file that describes the protocol.",
+)
+@click.option("--shape", nargs=2, type=click.IntRange(min=1), help="Rows and columns on the wire.")
+@click.option("--rate", type=click.FloatRange(1, 10_000), help="Hz; that of SOURCE unless given.")
+@click.option("--axes", type=click.Choice(["force", "as-is"]), default="force",
+              help="Three axes of strain, or the source's own channels.")  # fmt: skip
+@click.option("--link", type=click.Path(path_type=Path), help="Name of the port, which stays.")
+@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="An option of SOURCE.")
+@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after so long.")
+@click.option("--drops", type=float, default=0.0, help="Share of packets left out.")
+@click.option("--flips", type=float, default=0.0, help="Share of packets with one bit changed.")
+@click.option("--stall-every", type=float, default=0.0, help="s between pauses.")
+@click.option("--stall", type=float, default=0.5, help="s of a pause.")
+@click.option("--unplug-every", type=float, default=0.0, help="s between unplugs.")
+@click.option("--away", type=float, default=0.5, help="s of an unplug.")
+@click.option("--seed", type=int, default=0, help="Of the faults.")
+@json_option
+def command(
+    source: str,
+    pty: bool,
+    protocol: str,
+    descriptor: Path | None,
+    shape: tuple[int, int] | None,
+    rate: float | None,
+    axes: str,
+    link: Path | None,
+    settings: tuple[str, ...],
+    seconds: float | None,
+    drops: float,
+    flips: float,
+    stall_every: float,
+    stall: float,
+    unplug_every: float,
+    away: float,
+    seed: int,
+    as_json: bool,
+) -> int:
+    """Offer the array SOURCE (a driver's name, or a scene) at a port, as if it were plugged in.
+
+    As in: cnnum simulate --pty --link /tmp/taxels, then cnnum probe serial --set
+    port=/tmp/taxels. Its frames come again and again until Ctrl-C. The last line counts what
+    was sent and spoiled.
+    """
+    from cnnum.drivers.codecs.wire import Asked, described_wire, wire
+    from cnnum.drivers.virtual.array import VirtualArray
+    from cnnum.drivers.virtual.faults import LineFaults
+    from cnnum.drivers.virtual.line import VirtualLine
+
+    output = Output(as_json)
+    asked = Asked(shape=shape)
+    known = described_wire(descriptor, asked) if descriptor else wire(protocol, asked)
+    faults = LineFaults(drops, flips, stall_every, stall, unplug_every, away, seed)
+    with busy("Simulating the array", as_json=as_json):
+        frames, usual = _cycle(source, settings, axes)
+    line = VirtualLine(link)
+    array = VirtualArray(known, line, frames, rate or usual, faults)
+    first = {"kind": "port", "port": str(line.path), "protocol": protocol, "rate_hz": array.rate}
+    output.record(first, f"{known.name} at '{line.path}', {array.rate:g} Hz; Ctrl-C ends it")
+    stopped, stop = True, Event()
+    try:
+        with suppress(KeyboardInterrupt), stoppable():
+            array.run(stop, seconds)
+            stopped = False
+    finally:
+        line.close()
+    counts = asdict(array.counts)
+    output.record({"kind": "simulated", **counts})
+    output.show(facts([(name, str(count)) for name, count in counts.items()]))
+    return 130 if stopped else 0
+
+
+def _cycle(source: str, settings: tuple[str, ...], axes: str) -> "tuple[list[Frame], float]":
+    """Return the frames of a source, as strain where it is wanted and can be had, and its rate."""
+    from dataclasses import replace
+
+    from cnnum.scenes.conversion import conversion_for, unit_of
+
+    with open_source(source, assignments(settings)) as driver:
+        frames, rate = list(islice(driver.frames(), MOST)), driver.rate or 100.0
+        if axes == "as-is" or getattr(driver, "calibration", None) is None:
+            return frames, rate
+        conversion = conversion_for("driver", driver, Path())
+        read, unit = conversion.reader(conversion.channels), unit_of(conversion, driver)
+    return [
+        replace(frame, values=read(frame), channels=conversion.channels, unit=unit)
+        for frame in frames
+    ], rate

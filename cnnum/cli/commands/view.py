@@ -1,0 +1,105 @@
+"""`cnnum view`: a live page of an array, a scene or a recording, in a browser."""
+
+import secrets
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
+from cnnum.cli.output import Output
+from cnnum.cli.progress import COMPILING, busy
+from cnnum.cli.signals import stoppable
+
+if TYPE_CHECKING:
+    from cnnum.live.feeds import Feed
+    from cnnum.scenes.pipeline import Scene
+
+SHOWN = (
+    ("contact_map", "bump_contact", "load_normal", "twist"),
+    ("contact_map", "load_normal"),
+    (),
+)
+"""Fields that the page draws; the most that a scene's program gives is added to what it wants."""
+
+
+@click.command("view")
+@click.argument("source")
+@click.option("--scene", help="What to look for in a recording; 'demo' unless given.")
+@click.option("--host", default="127.0.0.1", help="Address to listen at; this machine's own.")
+@click.option("--port", type=click.IntRange(0, 65_535), default=8765, help="0 for any free one.")
+@click.option("--token", default="", help="Word that the page's address must contain.")
+@set_option
+@engine_options
+@json_option
+def command(
+    source: str,
+    scene: str | None,
+    host: str,
+    port: int,
+    token: str,
+    settings: tuple[str, ...],
+    engine: str | None,
+    device: str | None,
+    precision: str | None,
+    as_json: bool,
+) -> int:
+    """Show SOURCE (a scene, a driver's name, or a recording) in a browser, until Ctrl-C.
+
+    Only this machine reaches the page, unless --host says otherwise; then a token is asked for.
+    A scene shows events and outlines besides what the array sends; --set changes its keys, and
+    the options of a driver.
+    """
+    from cnnum.live.server import Place, is_loopback, run
+
+    if not is_loopback(host) and not token:
+        token = secrets.token_urlsafe(12)
+    where = Place(host, port, token)
+    changes = scene_changes(settings, engine, device, precision)
+    with busy(COMPILING, as_json=as_json):
+        feed = _feed(source, scene, changes)
+    output = Output(as_json)
+
+    def ready(address: str) -> None:
+        output.record(
+            {"kind": "view", "address": address}, f"Open {address} in a browser; Ctrl-C ends it."
+        )
+
+    try:
+        with stoppable():
+            run(feed, where, ready)
+    except KeyboardInterrupt:
+        return 130
+    return 0
+
+
+def _feed(source: str, scene: str | None, changes: dict[str, Any]) -> "Feed":
+    from cnnum.cli.source import open_source
+    from cnnum.drivers.recording_file import array_of
+    from cnnum.drivers.registry import is_driver
+    from cnnum.live.feeds import ArrayFeed, RecordingFeed, SceneFeed
+    from cnnum.scenes.scene_file import scene_names
+
+    if is_driver(source):
+        options = {key.removeprefix("array."): value for key, value in changes.items()}
+        return ArrayFeed(source, open_source(source, options))
+    if source in scene_names() or source.endswith(".toml"):
+        return SceneFeed(_scene(source, changes))
+    array = array_of(Path(source))
+    return RecordingFeed(_scene(scene or "demo", {"array": array} | changes))
+
+
+def _scene(name: str, changes: dict[str, Any]) -> "Scene":
+    """Return a scene that also gives what the page draws, as far as its program has it."""
+    from cnnum.errors import SceneError, UnknownNameError
+    from cnnum.scenes.pipeline import load_scene
+    from cnnum.scenes.scene_file import read_scene
+
+    wants = read_scene(name, changes=changes).wants
+    for more in SHOWN[:-1]:
+        try:
+            every = list(dict.fromkeys((*wants, *more)))
+            return load_scene(name, changes=changes | {"wants": every})
+        except (SceneError, UnknownNameError):
+            continue  # the program lacks one of them
+    return load_scene(name, changes=changes)

@@ -1,0 +1,1 @@
+"""Statements as C99, and a program as a folder of files."""

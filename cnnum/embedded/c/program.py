@@ -1,0 +1,94 @@
+"""A program as text: C99 for a compiler, or OpenCL C for a kernel with a work item a frame."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.embedded.c.expressions import CExpressions, element_type, real, whole
+from cnnum.embedded.c.helpers import HELPERS
+from cnnum.embedded.c.statements import CStatements, changed_in, live
+from cnnum.embedded.ir.statements import Array, IntegerProgram
+
+WIDTHS = {"uint8_t": 1, "int8_t": 1, "int16_t": 2, "int32_t": 4, "float": 4}
+
+
+@dataclass(frozen=True, slots=True)
+class CText:
+    """The parts of the text.
+
+    Attributes
+    ----------
+    helpers : list of str
+        Functions.
+    tables : list of Array
+        Constants that are read.
+    body : list of str
+        Lines of one frame.
+    memory : list of Array
+        What lives in the memory: what outlives a frame first.
+    """
+
+    helpers: list[str]
+    tables: list[Array]
+    body: list[str]
+    memory: list[Array]
+
+
+def c_text(program: IntegerProgram) -> CText:
+    """Return the parts of a program's text; of its arrays only what anything reads."""
+    needed = set[str]()
+    body = live(program.body, needed)
+    # twice: a memory that only its own old value reads is still read
+    used = set[str]()
+    lines = CStatements(CExpressions(program.arrays, used), changed_in(body)).lines(body)
+    named = used | needed
+    text = "\n".join(lines)
+    helpers = [code for name, code in HELPERS.items() if f"{name}(" in text]
+    arrays = [
+        one for one in program.arrays.values() if one.name in named or f"->{one.name}" in text
+    ]
+    return CText(
+        helpers,
+        [one for one in arrays if one.kind == "table"],
+        lines,
+        [one for one in arrays if one.kind in ("state", "work")],
+    )
+
+
+def members(arrays: Iterable[Array]) -> list[str]:
+    """Return the members of a structure, the widest first, so that nothing is padded."""
+    ordered = sorted(arrays, key=lambda one: -WIDTHS[element_type(one)])
+    return [f"    {element_type(one)} {declared(one)}; {comment(one)}" for one in ordered]
+
+
+def declared(array: Array) -> str:
+    """Return how an array or a number is declared."""
+    return f"{array.name}[{array.length}]" if array.length else array.name
+
+
+def comment(array: Array) -> str:
+    """Return what an array holds, as a comment."""
+    words = array.about.replace("*/", "")
+    if array.logic:
+        return f"/* {words}: 0 or 1 */"
+    if array.format is None:
+        return f"/* {words} */"
+    return f"/* {words}: times 2^{-array.format.fraction} */"
+
+
+def table_lines(array: Array, kind: str) -> list[str]:
+    """Return the definition of a table."""
+    assert array.values is not None
+    flat = np.asarray(array.values).ravel()
+    write = real if array.format is None else whole
+    numbers = [write(one) for one in flat.tolist()]
+    rows = [numbers[at : at + 12] for at in range(0, len(numbers), 12)]
+    lines = [f"    {', '.join(row)}," for row in rows]
+    head = f"{kind} {element_type(array)} {array.name}[{array.length}] = {{"
+    return [f"/* {array.about} */", head, *lines, "};"]
+
+
+def size_of(arrays: Iterable[Array]) -> int:
+    """Return how many bytes arrays take."""
+    return sum(WIDTHS[element_type(one)] * max(1, one.length) for one in arrays)

@@ -1,0 +1,139 @@
+"""Number formats: whole numbers that stand for real ones, and the precisions that are made of them.
+
+A format holds q · 2^−fraction for whole q of so many bits. What does not fit saturates.
+"""
+
+import re
+from dataclasses import dataclass
+from math import ceil, log2
+
+from cnnum.errors import UnknownNameError
+
+REGISTER = 31
+"""Bits of what is not stored: numbers, and values within a loop over cells. A sum of two of them,
+and the half that rounds it, fit in 32 bits."""
+
+LONGEST = 32
+"""Bits of the longest word."""
+
+FINEST, COARSEST = 46, -30
+"""Fractions beyond these are of no use: shifts of 64 bits would follow."""
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """Numbers q · 2^−fraction with q of `bits` bits in two's complement.
+
+    Attributes
+    ----------
+    bits : int
+    fraction : int
+    """
+
+    bits: int
+    fraction: int
+
+    @property
+    def least(self) -> int:
+        """The smallest whole number."""
+        return -(1 << (self.bits - 1))
+
+    @property
+    def largest(self) -> int:
+        """The largest whole number."""
+        return (1 << (self.bits - 1)) - 1
+
+    @property
+    def step(self) -> float:
+        """The distance of neighbours."""
+        return 2.0**-self.fraction
+
+    def quantised(self, value: float) -> int:
+        """Return the nearest whole number, halves up, saturated."""
+        shifted = value * 2.0**self.fraction
+        return max(self.least, min(self.largest, ceil(shifted - 0.5)))
+
+    def __str__(self) -> str:
+        return f"q{self.bits - 1 - self.fraction}.{self.fraction}"
+
+
+def fitting(bits: int, largest: float) -> Format:
+    """Return the finest format of so many bits that holds a magnitude."""
+    size = largest if largest > 0.0 else 1.0
+    # the largest whole number is one less than a power of two
+    whole = ceil(log2(size * (1.0 + 2.0 ** (1 - bits))))
+    return Format(bits, max(COARSEST, min(FINEST, bits - 1 - whole)))
+
+
+@dataclass(frozen=True, slots=True)
+class Precision:
+    """How a program counts.
+
+    Attributes
+    ----------
+    name : str
+        As the user says it.
+    word : int
+        Bits of a stored map, of an input and of a weight; 0 for float32.
+    fraction : int or None
+        The fraction of every stored map; by its range unless given.
+    """
+
+    name: str
+    word: int
+    fraction: int | None = None
+
+    @property
+    def integer(self) -> bool:
+        """Whether it counts in whole numbers."""
+        return self.word > 0
+
+    @property
+    def container(self) -> int:
+        """Bits of the C type that a stored map is kept in."""
+        return next(bits for bits in (8, 16, LONGEST) if self.word <= bits)
+
+    @property
+    def memory(self) -> int:
+        """Bits of a map that outlives the frame: twice a word, so that slow averages move."""
+        return max(self.word, min(REGISTER, 2 * self.container))
+
+    def stored(self, largest: float) -> Format:
+        """Return the format of a stored map with values up to a magnitude."""
+        return self._fixed() or fitting(self.word, largest)
+
+    def kept(self, largest: float) -> Format:
+        """Return the format of a map that outlives the frame."""
+        return fitting(self.memory, largest)
+
+    def _fixed(self) -> Format | None:
+        return None if self.fraction is None else Format(self.word, self.fraction)
+
+
+def precision_named(name: str) -> Precision:
+    """Return a precision by its name.
+
+    Raises
+    ------
+    UnknownNameError
+        If it is not float32, q7, q15, or qM.N with 4 to 32 bits.
+    """
+    if name == "float32":
+        return Precision(name, 0)
+    if found := re.fullmatch(r"q(\d{1,2})", name):
+        word = 1 + int(found[1])
+        if 4 <= word <= LONGEST:
+            return Precision(name, word)
+    if found := re.fullmatch(r"q(\d{1,2})\.(\d{1,2})", name):
+        word = 1 + int(found[1]) + int(found[2])
+        if 4 <= word <= LONGEST:
+            return Precision(name, word, int(found[2]))
+    raise UnknownNameError(
+        f"Unknown precision {name!r:.60}: expected 'float32', 'q15', 'q7', another 'qN' or a "
+        "'qM.N', where M and N come to 3 up to 31."
+    )
+
+
+def is_integer(name: str | None) -> bool:
+    """Return whether a precision's name is one of whole numbers."""
+    return name is not None and re.fullmatch(r"q\d{1,2}(\.\d{1,2})?", name) is not None

@@ -1,0 +1,1 @@
+"""From a schedule of the graph to statements, level by level."""

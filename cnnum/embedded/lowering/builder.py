@@ -1,0 +1,135 @@
+"""What lowering writes into: arrays, statements of one frame, and the quantities that are known."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Shape
+from cnnum.embedded.arithmetic.elements import Arithmetic
+from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, nearest
+from cnnum.embedded.formats import Format
+from cnnum.embedded.ir.expressions import Expression, Item, Name, Real, Whole
+from cnnum.embedded.ir.statements import Array, Cells, Kind, Let, Statement, Store
+from cnnum.embedded.sizes import Formats
+
+CELL = Name("i", (0, 1 << 16))
+PLACE = Name("p", (0, 1 << 16))
+ROW, COLUMN = Name("r", (0, 1 << 16)), Name("c", (0, 1 << 16))
+FINE = 40
+"""Fraction that is asked for where a format follows at once."""
+
+
+@dataclass(slots=True, eq=False)
+class Builder:
+    """A program while it is lowered.
+
+    Attributes
+    ----------
+    shape : (rows, cols)
+    arithmetic : Fixed or Reals
+    formats : Sizes or NoFormats
+    body : list of Statement
+        Where statements go now.
+    arrays : dict of str to Array
+    fractions : dict of str to int
+        Of variables.
+    """
+
+    shape: Shape
+    arithmetic: Arithmetic
+    formats: Formats
+    body: list[Statement] = field(default_factory=list[Statement])
+    arrays: dict[str, Array] = field(default_factory=dict[str, Array])
+    fractions: dict[str, int] = field(default_factory=dict[str, int])
+
+    @property
+    def cells(self) -> int:
+        """Number of cells."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def integer(self) -> bool:
+        """Whether it is of whole numbers."""
+        return isinstance(self.arithmetic, Fixed)
+
+    def array(
+        self,
+        name: str,
+        kind: Kind,
+        length: int,
+        format: Format | None,
+        about: str = "",
+        *,
+        logic: bool = False,
+    ) -> Array:
+        """Return a new array."""
+        made = Array(name, kind, length, None if logic else format, about, logic=logic)
+        self.arrays[name] = made
+        return made
+
+    def table(self, name: str, values: ArrayLike, about: str = "") -> tuple[Array, int]:
+        """Return a table of constants, and the fraction of its numbers."""
+        flat = np.asarray(values, dtype=np.float64).ravel()
+        if not isinstance(self.arithmetic, Fixed):
+            made = Array(name, "table", flat.size, None, about, flat)
+            self.arrays[name] = made
+            return made, 0
+        whole, fraction = self.arithmetic.weights(flat.tolist())
+        return self._table(name, np.asarray(whole, dtype=np.int64), fraction, about), fraction
+
+    def places(self, name: str, values: ArrayLike, about: str = "") -> Array:
+        """Return a table of whole numbers: places in an array."""
+        return self._table(name, np.asarray(values, dtype=np.int64).ravel(), 0, about)
+
+    def _table(self, name: str, values: Any, fraction: int, about: str) -> Array:
+        most = int(np.abs(values).max(initial=0))
+        bits = next(bits for bits in (8, 16, 32) if most < 1 << (bits - 1))
+        made = Array(name, "table", values.size, Format(bits, fraction), about, values)
+        self.arrays[name] = made
+        return made
+
+    def item(self, array: Array, at: Expression = CELL) -> Quantity:
+        """Return a number of an array."""
+        fraction = 0 if array.format is None else array.format.fraction
+        return Quantity(Item(array.name, at, array.bounds), fraction)
+
+    def let(self, name: str, one: Quantity) -> Quantity:
+        """Return a quantity by a new name."""
+        self.body.append(Let(name, one.value))
+        self.fractions[name] = one.fraction
+        return Quantity(Name(name, one.value.bounds), one.fraction)
+
+    def stored(self, one: Quantity, array: Array) -> Expression:
+        """Return what an array holds of a quantity."""
+        if array.logic:
+            return one.value if one.exact is None else Whole(int(one.exact != 0))
+        if array.format is None:
+            return one.value
+        assert isinstance(self.arithmetic, Fixed)
+        return self.arithmetic.stored(one, array.format)
+
+    def store(self, array: Array, one: Quantity, at: Expression = CELL) -> None:
+        """Store a quantity in an array."""
+        self.body.append(Store(array.name, at, self.stored(one, array)))
+
+    def zero(self) -> Expression:
+        """Return 0."""
+        return Whole(0) if self.integer else Real(0.0)
+
+    def whole(self, value: float, array: Array) -> Expression:
+        """Return a constant as an array holds it."""
+        if array.format is None:
+            return Real(value)
+        from fractions import Fraction
+
+        found = nearest(Fraction(value) * Fraction(2) ** array.format.fraction)
+        return Whole(max(array.format.least, min(array.format.largest, found)))
+
+    def loop(self, body: Sequence[Statement], *, cols: bool = False, halo: int = 0) -> None:
+        """Write a loop over cells."""
+        if body:
+            width = self.shape[1] if cols else 0
+            self.body.append(Cells(self.cells, tuple(body), width, halo))

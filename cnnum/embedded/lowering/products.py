@@ -1,0 +1,193 @@
+"""Exact answers of linear arrays as sums of products: with a matrix, or through the modes."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.embedded.arithmetic.fixed import Quantity
+from cnnum.embedded.ir.expressions import Expression, Name, Whole, call
+from cnnum.embedded.ir.statements import Array, Total
+from cnnum.embedded.lowering.builder import CELL, COLUMN, FINE, ROW
+from cnnum.integrators.propagator import Propagator
+from cnnum.integrators.spectral import Spectral
+
+if TYPE_CHECKING:
+    from cnnum.embedded.lowering.transients import TransientWork
+
+J = Name("j", (0, 1 << 16))
+
+
+def _place(row: Expression, width: int, col: Expression) -> Expression:
+    return call("add", call("multiply", row, Whole(width)), col)
+
+
+def _total(work: "TransientWork", name: str, count: int, a: Quantity, b: Quantity) -> Quantity:
+    """Write a sum of products; return it."""
+    term = call("multiply", a.value, b.value)
+    bounds = None
+    if term.bounds is not None:
+        bounds = min(0, count * term.bounds[0]), max(0, count * term.bounds[1])
+    work.to.body.append(Total(name, "j", count, term, bounds))
+    return Quantity(Name(name, bounds), a.fraction + b.fraction)
+
+
+def _sources(work: "TransientWork") -> list[tuple[str, int, Array]]:
+    """Write drives and starts that are not 0; return them with their kind and layer."""
+    found = list[tuple[str, int, Array]]()
+    work.prepare()
+    to, template = work.to, work.template
+    for layer in range(template.layers):
+        outer, to.body = to.body, []
+        terms = work.drive_terms(layer, 1.0)
+        if terms:
+            name = f"w{work.index}_{layer}"
+            array = to.array(name, "work", to.cells, to.formats.stored(name), "drive")
+            to.store(array, to.arithmetic.weighted(terms, FINE))
+            found.append(("drive", layer, array))
+        body, to.body = to.body, outer
+        to.loop(body, cols=work.halo > 0, halo=work.halo)
+        start = _start(work, layer)
+        if start is not None:
+            found.append(("state", layer, start))
+    return found
+
+
+def _start(work: "TransientWork", layer: int) -> Array | None:
+    to, given = work.to, work.given
+    known = given["state"] or (given["input"] if work.template.initial == "input" else [])
+    if known and isinstance(known[layer], Array):
+        array = known[layer]
+        assert isinstance(array, Array)
+        return array
+    start = work.start(layer)
+    if start is None:
+        return None
+    name = f"s{work.index}_{layer}"
+    array = to.array(name, "work", to.cells, to.formats.stored(name), "start")
+    outer, to.body = to.body, []
+    to.store(array, start)
+    body, to.body = to.body, outer
+    to.loop(body)
+    return array
+
+
+def propagated(work: "TransientWork", scheme: Propagator) -> dict[int, Array]:
+    """Write x(t) = state · x₀ + drive · w + constant."""
+    to, n = work.to, work.to.cells
+    sources = _sources(work)
+    matrices = {"state": scheme.state, "drive": scheme.drive}
+    found = dict[int, Array]()
+    for layer in work.layers:
+        rows = slice(layer * n, (layer + 1) * n)
+        outer, to.body = to.body, []
+        parts = list[Quantity]()
+        for kind, source, array in sources:
+            block = matrices[kind][rows, source * n : (source + 1) * n]
+            if np.any(block):
+                table, _ = to.table(f"k{work.index}_{kind}_{layer}_{source}", block, "propagator")
+                a = to.item(table, _place(CELL, n, J))
+                parts.append(_total(work, f"s_{kind}_{layer}_{source}", n, a, to.item(array, J)))
+        found |= work.answers(layer, _sum(work, parts, scheme.constant[rows], layer))
+        body, to.body = to.body, outer
+        to.loop(body)
+    return found
+
+
+def _sum(work: "TransientWork", parts: list[Quantity], constant: Floats, layer: int) -> Quantity:
+    to = work.to
+    if np.any(constant):
+        table, _ = to.table(f"k{work.index}_constant_{layer}", constant, "what the rim adds")
+        parts = [*parts, to.item(table)]
+    if not parts:
+        return work.fixed(0.0)
+    total = parts[0]
+    for one in parts[1:]:
+        total = to.arithmetic.add(total, one, FINE)
+    return total
+
+
+def through_modes(work: "TransientWork", scheme: Spectral) -> dict[int, Array]:
+    """Write x(t) = Rᵀ [factors · (R s Cᵀ)] C + constant, summed over starts and drives s."""
+    to, (rows, cols) = work.to, work.to.shape
+    sources = _sources(work)
+    factors = {"state": scheme.state, "drive": scheme.drive}
+    along_rows, _ = to.table(f"modes_{rows}_{_kind(work)}", scheme.rows, "modes of rows")
+    along_cols, _ = to.table(f"modes_{cols}_{_kind(work)}", scheme.cols, "modes of columns")
+    seen = [
+        (kind, layer, _forward(work, kind, layer, one, along_rows, along_cols))
+        for kind, layer, one in sources
+    ]
+    found = dict[int, Array]()
+    for layer in work.layers:
+        mixed = _wide(work, f"u{work.index}_{layer}", "modes of the answer")
+        outer, to.body = to.body, []
+        parts = list[Quantity]()
+        for kind, source, array in seen:
+            name = f"k{work.index}_{kind}_{layer}_{source}"
+            table, _ = to.table(name, factors[kind][layer, source], "factors of modes")
+            parts.append(to.arithmetic.multiply(to.item(table), to.item(array), FINE))
+        to.store(mixed, _sum(work, parts, np.zeros(1), layer))
+        body, to.body = to.body, outer
+        to.loop(body)
+        half = _wide(work, f"v{work.index}_{layer}", "modes of columns")
+        # over rows: Rᵀ, so the table's columns
+        _mix(
+            work,
+            half,
+            rows,
+            to.item(along_rows, _place(J, rows, ROW)),
+            to.item(mixed, _place(J, cols, COLUMN)),
+        )
+        outer, to.body = to.body, []
+        end = _total(
+            work,
+            f"s_{layer}",
+            cols,
+            to.item(half, _place(ROW, cols, J)),
+            to.item(along_cols, _place(J, cols, COLUMN)),
+        )
+        found |= work.answers(layer, _sum(work, [end], scheme.constant[layer], layer))
+        body, to.body = to.body, outer
+        to.loop(body, cols=True)
+    return found
+
+
+def _kind(work: "TransientWork") -> str:
+    return work.template.boundary.pad_mode
+
+
+def _forward(
+    work: "TransientWork", kind: str, layer: int, source: Array, rows: Array, cols: Array
+) -> Array:
+    """Write R s Cᵀ."""
+    to, (height, width) = work.to, work.to.shape
+    half = _wide(work, f"g{work.index}_{kind}_{layer}", "modes of rows")
+    _mix(
+        work,
+        half,
+        height,
+        to.item(rows, _place(ROW, height, J)),
+        to.item(source, _place(J, width, COLUMN)),
+    )
+    whole = _wide(work, f"h{work.index}_{kind}_{layer}", "modes of a map")
+    _mix(
+        work,
+        whole,
+        width,
+        to.item(half, _place(ROW, width, J)),
+        to.item(cols, _place(COLUMN, width, J)),
+    )
+    return whole
+
+
+def _mix(work: "TransientWork", target: Array, count: int, a: Quantity, b: Quantity) -> None:
+    to = work.to
+    outer, to.body = to.body, []
+    to.store(target, _total(work, "mix", count, a, b))
+    body, to.body = to.body, outer
+    to.loop(body, cols=True)
+
+
+def _wide(work: "TransientWork", name: str, about: str) -> Array:
+    return work.to.array(name, "work", work.to.cells, work.to.formats.kept(name), about)

@@ -1,0 +1,368 @@
+"""From a schedule to a program in whole numbers, or in reals: level by level."""
+
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from cnnum.embedded.arithmetic.elements import applied
+from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, constant
+from cnnum.embedded.arithmetic.reals import Reals
+from cnnum.embedded.ir.expressions import Name, Real, Whole
+from cnnum.embedded.ir.statements import Array, Fold, IntegerProgram, Let, Set, Statement
+from cnnum.embedded.lowering.builder import FINE, Builder
+from cnnum.embedded.lowering.levels import Level, Levels, is_local, levels_of
+from cnnum.embedded.lowering.transients import lower_transient
+from cnnum.embedded.sizes import Formats, Sizes
+from cnnum.errors import NotSupportedError
+from cnnum.graph.elementwise import MULTIPLY
+from cnnum.graph.nodes import (
+    Apply,
+    Constant,
+    ConstantMap,
+    FirstFrame,
+    Input,
+    Loop,
+    Node,
+    Pick,
+    Read,
+    Reduce,
+    Transient,
+)
+from cnnum.graph.schedule import Schedule
+from cnnum.integrators.solver import Solver
+
+FOLDS = {
+    "sum": "add",
+    "largest": "maximum",
+    "smallest": "minimum",
+    "any": "maximum",
+    "all": "minimum",
+}
+HUGE = 3.0e38
+
+
+def lower(
+    name: str, schedule: Schedule, solvers: Mapping[int, Solver], formats: Formats
+) -> IntegerProgram:
+    """Return the program of a schedule.
+
+    Parameters
+    ----------
+    name : str
+    schedule : Schedule
+    solvers : mapping of int to Solver
+        How each transient runs, by the index of its node.
+    formats : Sizes or NoFormats
+        Whole numbers, or reals.
+
+    Raises
+    ------
+    NotSupportedError
+        If something in it has no form in whole numbers; the sentence names it.
+    """
+    arithmetic = Fixed(formats.precision.word) if isinstance(formats, Sizes) else Reals()
+    builder = Builder(schedule.shape, arithmetic, formats)
+    memories = schedule.memories.values()
+    levels = levels_of(schedule.nodes, schedule.outputs.values(), memories)
+    work = Lowering(builder, schedule, solvers, levels)
+    work.sources()
+    for level in range(len(levels.levels)):
+        work.level(level)
+    work.ends()
+    return IntegerProgram(
+        name,
+        schedule.shape,
+        builder.arrays,
+        tuple(builder.body),
+        dict(work.outputs),
+        builder.fractions,
+    )
+
+
+@dataclass(slots=True, eq=False)
+class Lowering:
+    """The work on one schedule.
+
+    Attributes
+    ----------
+    to : Builder
+    schedule : Schedule
+    solvers : mapping of int to Solver
+    levels : Levels
+    numbers : dict of int to Quantity
+        Numbers and values within the loop that is written, by the index of their nodes.
+    maps : dict of int to Array
+        Maps that are stored.
+    outputs : dict of str to str
+    """
+
+    to: Builder
+    schedule: Schedule
+    solvers: Mapping[int, Solver]
+    levels: Levels
+    numbers: dict[int, Quantity] = field(default_factory=dict[int, Quantity])
+    maps: dict[int, Array] = field(default_factory=dict[int, Array])
+    outputs: dict[str, str] = field(default_factory=dict[str, str])
+    _inverses: dict[int, Quantity] = field(default_factory=dict[int, Quantity])
+    _direct: set[int] = field(default_factory=set[int])
+
+    def sources(self) -> None:
+        """Write arrays of inputs, memories and constants."""
+        for node in self.schedule.nodes:
+            operation = node.operation
+            if node.maps > 1:
+                raise NotSupportedError(
+                    f"{operation} is a stack of {node.maps} maps, which is not exported: leave out "
+                    "the outputs that need it."
+                )
+            if isinstance(operation, Input):
+                channel = operation.channel
+                form = self.to.formats.stored(f"in_{channel}")
+                self.maps[node.index] = self.to.array(
+                    f"in_{channel}", "input", self.to.cells, form, f"channel {channel}"
+                )
+            elif isinstance(operation, ConstantMap):
+                table, _ = self.to.table(f"k{node.index}", operation.values, "constant map")
+                self.maps[node.index] = table
+            elif isinstance(operation, FirstFrame):
+                self.numbers[node.index] = Quantity(Name("first", (0, 1)))
+            elif isinstance(operation, Constant):
+                self.numbers[node.index] = constant(operation.value)
+        for number, memory in self.schedule.memories.items():
+            self._memory(number, memory.read, memory.store)
+
+    def _memory(self, number: int, read: Node, store: Node) -> None:
+        name = f"m{number}"
+        length = 0 if read.scalar else self.to.cells
+        formats = self.to.formats
+        form = formats.register(name) if read.scalar else formats.kept(name)
+        array = self.to.array(name, "state", length, form, str(read.operation), logic=read.logic)
+        if read.scalar:
+            fraction = 0 if array.format is None else array.format.fraction
+            self.numbers[read.index] = self.to.let(
+                f"n{read.index}", Quantity(Name(name, array.bounds), fraction)
+            )
+            return
+        self.maps[read.index] = array
+        place = self.levels.at.get(store.index, -1)
+        # where no later loop reads the old value, the new one takes its place at once
+        free = is_local(store) and store.index not in self.maps
+        if free and self.levels.last.get(read.index, 0) <= place:
+            self.maps[store.index] = array
+            self._direct.add(number)
+
+    def level(self, number: int) -> None:
+        """Write what runs at a level."""
+        level = self.levels.levels[number]
+        for node in level.numbers:
+            self._number(node)
+        for node in level.stages:
+            self._stage(node)
+        self._cells(level)
+
+    def _number(self, node: Node) -> None:
+        if node.index in self.numbers:
+            return
+        operation = node.operation
+        if isinstance(operation, Pick):
+            raise NotSupportedError(
+                f"The figure '{operation.what}' of a run is not exported: leave out the outputs "
+                "that need it."
+            )
+        if not isinstance(operation, Apply):
+            raise NotSupportedError(f"{operation} is not exported yet as one number.")
+        given = [self.operand(one) for one in node.arguments]
+        self.numbers[node.index] = self._named(node, operation, given)
+
+    def _named(self, node: Node, operation: Apply, given: list[Quantity]) -> Quantity:
+        name = f"n{node.index}"
+        form = self.to.formats.register(name)
+        found = applied(
+            self.to.arithmetic,
+            operation.function.name,
+            given,
+            FINE if form is None else form.fraction,
+        )
+        if form is not None and not node.logic:
+            assert isinstance(self.to.arithmetic, Fixed)
+            found = self.to.arithmetic.fit(found, form)
+        return self.to.let(name, found)
+
+    def operand(self, node: Node) -> Quantity:
+        """Return the value of a node where statements go now: of a cell within a loop."""
+        if node.index in self.numbers:
+            return self.numbers[node.index]
+        item = self.to.item(self.maps[node.index])
+        self.numbers[node.index] = self.to.let(f"a{node.index}", item)
+        return self.numbers[node.index]
+
+    def _stage(self, node: Node) -> None:
+        operation = node.operation
+        if isinstance(operation, Loop):
+            raise NotSupportedError(
+                "A loop that runs until nothing changes is not exported: leave out the outputs "
+                "that need it."
+            )
+        assert isinstance(operation, Transient)
+        picks = [
+            user
+            for user in self.schedule.nodes
+            if isinstance(user.operation, Pick) and user.arguments[0] is node
+        ]
+        given = {
+            role: [self._given(one) for one in some]
+            for role, some in operation.by_role(node.arguments).items()
+        }
+        self.maps |= lower_transient(self.to, node, self.solvers[node.index], given, picks)
+
+    def _given(self, node: Node) -> Array | Quantity:
+        return self.numbers[node.index] if node.scalar else self.maps[node.index]
+
+    def _cells(self, level: Level) -> None:
+        """Write the loop over cells of a level; what divides a map is inverted before."""
+        if not level.cells:
+            return
+        for node in level.cells:
+            self._invert(node)
+        known, folds = dict(self.numbers), list[tuple[Node, Quantity]]()
+        with self._within() as body:
+            for one in (argument for node in level.cells for argument in node.arguments):
+                # before the loop's own values take their places
+                if isinstance(one.operation, Read) and not one.scalar:
+                    self.operand(one)
+            for node in level.cells:
+                if isinstance(node.operation, Reduce):
+                    folds.append((node, self._folded(node)))
+                else:
+                    self._cell(node)
+        self.numbers = known
+        for node, found in folds:
+            self.to.body.append(Let(f"f{node.index}", self._start(node, found), found.value.bounds))
+        self.to.loop(body)
+        for node, found in folds:
+            name, form = f"n{node.index}", self.to.formats.register(f"n{node.index}")
+            if form is not None and not node.logic:
+                assert isinstance(self.to.arithmetic, Fixed)
+                found = self.to.arithmetic.fit(found, form)
+            self.numbers[node.index] = self.to.let(name, found)
+
+    @contextmanager
+    def _within(self) -> Generator[list[Statement]]:
+        """Let statements go into the body of a loop."""
+        outer, self.to.body = self.to.body, []
+        try:
+            yield self.to.body
+        finally:
+            self.to.body = outer
+
+    def _invert(self, node: Node) -> None:
+        divisor = _divisor(node)
+        if divisor is None or divisor.index in self._inverses:
+            return
+        name = f"r{divisor.index}"
+        form = self.to.formats.register(name)
+        one = applied(
+            self.to.arithmetic,
+            "divide",
+            [constant(1.0), self.numbers[divisor.index]],
+            FINE if form is None else form.fraction,
+        )
+        if form is not None:
+            assert isinstance(self.to.arithmetic, Fixed)
+            one = self.to.arithmetic.fit(one, form)
+        self._inverses[divisor.index] = self.to.let(name, one)
+
+    def _cell(self, node: Node) -> None:
+        operation = node.operation
+        assert isinstance(operation, Apply)
+        given = [self.operand(one) for one in node.arguments]
+        divisor = _divisor(node)
+        if divisor is not None:
+            operation = Apply(MULTIPLY)
+            given[1] = self._inverses[divisor.index]
+        self.numbers[node.index] = self._named(node, operation, given)
+        if node.index in self.levels.stored:
+            if node.index not in self.maps:
+                self.maps[node.index] = self.to.array(
+                    f"t{node.index}",
+                    "work",
+                    self.to.cells,
+                    self.to.formats.stored(f"t{node.index}"),
+                    str(node.operation),
+                    logic=node.logic,
+                )
+            self.to.store(self.maps[node.index], self.numbers[node.index])
+
+    def _folded(self, node: Node) -> Quantity:
+        """Write the fold of a read-out; return its variable."""
+        operation = node.operation
+        assert isinstance(operation, Reduce)
+        one, how = self.operand(node.arguments[0]), FOLDS[operation.function.name]
+        if one.exact is not None and isinstance(self.to.arithmetic, Fixed):
+            one = self.to.arithmetic.settled(one)
+        value = one.value
+        if not self.to.integer and not node.logic and value.bounds is not None:
+            value = applied(Reals(), "add", [one, constant(0.0)], 0).value
+        self.to.body.append(Fold(f"f{node.index}", how, value))
+        bounds = value.bounds
+        if bounds is not None and how == "add":
+            bounds = min(0, bounds[0] * self.to.cells), max(0, bounds[1] * self.to.cells)
+        return Quantity(Name(f"f{node.index}", bounds), one.fraction)
+
+    def _start(self, node: Node, found: Quantity) -> Whole | Real:
+        operation = node.operation
+        assert isinstance(operation, Reduce)
+        how, bounds = FOLDS[operation.function.name], found.value.bounds
+        if how == "add":
+            return Whole(0) if bounds is not None else Real(0.0)
+        if bounds is None:
+            return Real(-HUGE if how == "maximum" else HUGE)
+        return Whole(bounds[0] if how == "maximum" else bounds[1])
+
+    def ends(self) -> None:
+        """Write outputs, and what memories hold for the next frame."""
+        copied = list[tuple[Array, Node]]()
+        for name, node in self.schedule.outputs.items():
+            array = self._output(name, node)
+            self.outputs[name] = array.name
+            if node.scalar:
+                self.to.body.append(Set(array.name, self.to.stored(self._known(node), array)))
+            else:
+                copied.append((array, node))
+        for number, memory in self.schedule.memories.items():
+            array = self.to.arrays[f"m{number}"]
+            if memory.read.scalar:
+                self.to.body.append(
+                    Set(array.name, self.to.stored(self._known(memory.store), array))
+                )
+            elif number not in self._direct and memory.store is not memory.read:
+                copied.append((array, memory.store))
+        self._copy(copied)
+
+    def _copy(self, copied: list[tuple[Array, Node]]) -> None:
+        known = dict(self.numbers)
+        with self._within() as body:
+            # all are read before any is written: memories may hold each other
+            values = [self.operand(node) for _, node in copied]
+            for (array, _), value in zip(copied, values, strict=True):
+                self.to.store(array, value)
+        self.numbers = known
+        self.to.loop(body)
+
+    def _known(self, node: Node) -> Quantity:
+        return self.numbers[node.index]
+
+    def _output(self, name: str, node: Node) -> Array:
+        form = self.to.formats
+        length = 0 if node.scalar else self.to.cells
+        wide = form.register(f"out_{name}") if node.scalar else form.stored(f"out_{name}")
+        return self.to.array(f"out_{name}", "output", length, wide, name, logic=node.logic)
+
+
+def _divisor(node: Node) -> Node | None:
+    """Return the number that divides a map, where a node does that."""
+    operation = node.operation
+    if not isinstance(operation, Apply) or operation.function.name != "divide" or node.scalar:
+        return None
+    divisor = node.arguments[1]
+    return divisor if divisor.scalar and not isinstance(divisor.operation, Constant) else None

@@ -1,0 +1,39 @@
+"""How transients run in whole numbers: exactly where that is a sum of products, else by steps."""
+
+from dataclasses import replace
+
+from cnnum.arrays import Shape
+from cnnum.graph.nodes import Transient
+from cnnum.graph.schedule import Schedule
+from cnnum.integrators.choice import choose
+from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.schemes import FixedSteps
+from cnnum.integrators.solver import Solver
+from cnnum.integrators.spectral import Spectral
+
+EXPORTED = (Decay, Propagator, Spectral, FixedSteps)
+METHODS = ("auto", "euler")
+
+
+def solvers_for(schedule: Schedule, method: str = "auto") -> dict[int, Solver]:
+    """Return how each transient runs, by the index of its node.
+
+    Uncoupled cells, and equilibria that are one product, are exact whatever the method.
+    """
+    found = dict[int, Solver]()
+    for node in schedule.transients:
+        operation = node.operation
+        assert isinstance(operation, Transient)
+        found[node.index] = _solver(operation, schedule.shape, method)
+    return found
+
+
+def _solver(transient: Transient, shape: Shape, method: str) -> Solver:
+    exact = choose(replace(transient, spec=replace(transient.spec, method="auto")), shape)
+    steps = method != "auto" or not isinstance(exact.scheme, EXPORTED)
+    uncoupled = isinstance(exact.scheme, Decay)
+    settled = exact.settle and isinstance(exact.scheme, Propagator | Spectral)
+    if uncoupled or settled or not steps:
+        return exact
+    asked = "euler" if method == "auto" else method
+    return choose(replace(transient, spec=replace(transient.spec, method=asked)), shape)

@@ -1,0 +1,130 @@
+"""A program in a precision: measured, lowered, emulated, or exported."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.embedded.c.files import Exported, exported
+from cnnum.embedded.emulator import Emulator, Numbers, cleared
+from cnnum.embedded.formats import Precision
+from cnnum.embedded.ir.statements import Array, IntegerProgram
+from cnnum.embedded.lowering.schedules import lower
+from cnnum.embedded.lowering.solvers import solvers_for
+from cnnum.embedded.measuring import inputs_of, measured
+from cnnum.embedded.sizes import NoFormats
+from cnnum.graph.schedule import Schedule
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Made:
+    """A schedule in a precision.
+
+    Attributes
+    ----------
+    schedule : Schedule
+    precision : Precision
+    method : str
+    program : IntegerProgram
+    """
+
+    schedule: Schedule
+    precision: Precision
+    method: str
+    program: IntegerProgram
+
+    def inputs(self, frames: Floats) -> dict[str, Numbers]:
+        """Return the channels of a batch of frames in their formats, (batch, cells) each.
+
+        Parameters
+        ----------
+        frames : (batch, rows, cols, channels) float
+        """
+        given = inputs_of(self.schedule, frames)
+        return {name: quantised(self.program.arrays[name], one) for name, one in given.items()}
+
+    def run(self, frames: Floats) -> dict[str, Floats]:
+        """Return the outputs of streams that begin with the first frame.
+
+        Parameters
+        ----------
+        frames : (frames, batch, rows, cols, channels) float
+
+        Returns
+        -------
+        dict of str to (frames, batch, rows, cols) or (frames, batch) float
+        """
+        state, found = cleared(self.program, frames.shape[1]), list[dict[str, Floats]]()
+        for number, frame in enumerate(frames):
+            answer = self.emulator().run(self.inputs(frame), state, first=number == 0)
+            found.append(self.outputs(answer))
+        return {name: np.stack([one[name] for one in found]) for name in self.program.outputs}
+
+    def emulator(self) -> Emulator:
+        """Return what runs one frame."""
+        return Emulator(self.program, single=not self.precision.integer)
+
+    def outputs(self, answer: Mapping[str, Numbers]) -> dict[str, Floats]:
+        """Return the outputs of a batch as real numbers."""
+        found = dict[str, Floats]()
+        for name, array in self.program.outputs.items():
+            numbers = real(self.program.arrays[array], answer[array])
+            shape = self.schedule.shape_of(self.schedule.outputs[name])
+            found[name] = numbers.reshape(len(numbers), *shape)
+        return found
+
+    def export(self, frames: Floats, about: Sequence[str] = ()) -> Exported:
+        """Return the files of C99.
+
+        Parameters
+        ----------
+        frames : (frames, rows, cols, channels) float
+            One stream: the test vector.
+        about : sequence of str
+            Lines at the head of the program's file.
+        """
+        inputs = [self.inputs(frame[np.newaxis]) for frame in frames]
+        return exported(self.program, inputs, about)
+
+
+def quantised(array: Array, values: Floats) -> Numbers:
+    """Return numbers in the format of an array, halves up, saturated."""
+    if array.format is None:
+        return values.astype(np.float32).astype(np.float64)
+    whole = np.floor(np.ldexp(values, array.format.fraction) + 0.5)
+    return np.clip(whole, array.format.least, array.format.largest).astype(np.int64)
+
+
+def real(array: Array, numbers: Numbers) -> Floats:
+    """Return what the numbers of an array stand for."""
+    places = 0 if array.format is None else array.format.fraction
+    return np.ldexp(numbers.astype(np.float64), -places)
+
+
+def make(
+    name: str, schedule: Schedule, precision: Precision, frames: Floats, method: str = "auto"
+) -> Made:
+    """Return a schedule in a precision.
+
+    Parameters
+    ----------
+    name : str
+    schedule : Schedule
+    precision : Precision
+    frames : (frames, batch, rows, cols, channels) float
+        Streams like those to come: the range of every value is measured on them.
+    method : "auto" or "euler"
+
+    Raises
+    ------
+    NotSupportedError
+        If something in the schedule has no form in this precision.
+    """
+    solvers = solvers_for(schedule, method)
+    formats = (
+        measured(schedule, solvers, precision, frames)
+        if precision.integer
+        else NoFormats(precision)
+    )
+    return Made(schedule, precision, method, lower(name, schedule, solvers, formats))

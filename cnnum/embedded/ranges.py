@@ -1,0 +1,133 @@
+"""The interval of every value of a program, and whether it can overflow: none can.
+
+An interval follows from those that inputs and memories cannot leave, whatever a frame holds. A
+value that could leave its format is limited to it: it saturates. All that lies on the way, sums
+before a shift among them, fits in 64 bits, or lowering refuses the program.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from cnnum.embedded.ir.expressions import Call, Expression, Item
+from cnnum.embedded.ir.primitives import PRIMITIVES, Bounds
+from cnnum.embedded.ir.statements import (
+    Cells,
+    Fold,
+    IntegerProgram,
+    Let,
+    Repeat,
+    Rounds,
+    Set,
+    Statement,
+    Store,
+    Total,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """The interval of one value.
+
+    Attributes
+    ----------
+    name : str
+        A variable or an array.
+    bounds : (int, int)
+        Whole numbers that it cannot leave.
+    fraction : int
+        They stand for q · 2^−fraction.
+    bits : int
+        Bits of the widest value on the way, with its sign.
+    saturates : bool
+        Whether it is limited: the interval before that is wider than its format.
+    """
+
+    name: str
+    bounds: Bounds
+    fraction: int
+    bits: int
+    saturates: bool
+
+
+def ranges(program: IntegerProgram) -> list[Range]:
+    """Return the interval of every value of a program in whole numbers."""
+    found = list[Range]()
+    for statement in _all(program.body):
+        value = statement.term if isinstance(statement, Total) else statement.value
+        name = statement.array if isinstance(statement, Store) else statement.name
+        bounds = value.bounds
+        if isinstance(statement, Let | Total) and statement.bounds is not None:
+            bounds = statement.bounds
+        if bounds is None:
+            continue
+        array = program.arrays.get(name)
+        fraction = program.fractions.get(name, 0)
+        if array is not None and array.format is not None:
+            fraction = array.format.fraction
+        bits = max(_bits(bounds), widest(value))
+        found.append(Range(name, bounds, fraction, bits, saturating(value)))
+    return found
+
+
+def _all(body: Sequence[Statement]) -> Iterator[Let | Set | Store | Fold | Total]:
+    for statement in body:
+        if isinstance(statement, Cells | Repeat | Rounds):
+            yield from _all(statement.body)
+        else:
+            yield statement
+
+
+def _bits(bounds: Bounds) -> int:
+    return max((-bounds[0] - 1).bit_length() if bounds[0] < 0 else 0, bounds[1].bit_length()) + 1
+
+
+def widest(value: Expression) -> int:
+    """Return the bits of the widest whole number on the way to a value."""
+    if isinstance(value, Item):
+        return widest(value.at)
+    if not isinstance(value, Call):
+        return 0 if value.bounds is None else _bits(value.bounds)
+    inner = max((widest(one) for one in value.arguments), default=0)
+    known = PRIMITIVES[value.primitive]
+    given = [one.bounds for one in value.arguments if one.bounds is not None]
+    if value.bounds is None or known.always is not None or len(given) < len(value.arguments):
+        return inner
+    within = known.within(given, value.parameters)
+    return max([inner, _bits(value.bounds), *(_bits(one) for one in within)])
+
+
+def saturating(value: Expression) -> bool:
+    """Return whether a value, or a part of it, is limited."""
+    if not isinstance(value, Call):
+        return False
+    return value.primitive == "limit" or any(saturating(one) for one in value.arguments)
+
+
+def range_lines(program: IntegerProgram) -> list[str]:
+    """Return the intervals as lines of text."""
+    found = ranges(program)
+    if not found:
+        return ["The program is of real numbers."]
+    wide, limited = max(one.bits for one in found), sum(one.saturates for one in found)
+    inputs = [one for one in program.of_kind("input") if one.format is not None]
+    lines = [
+        f"Whatever the inputs are, no value needs more than {wide} bits of 64: none overflows.",
+        f"{len(found) - limited} of {len(found)} values cannot leave their formats; {limited} "
+        "saturate.",
+        "",
+        f"{'value':24} {'least':>14} {'largest':>14}  format    bits  at the ends",
+    ]
+    for array in inputs:
+        assert array.format is not None
+        scale = array.format.step
+        ends = f"{array.format.least * scale:>14.6g} {array.format.largest * scale:>14.6g}"
+        lines.append(
+            f"{array.name:24} {ends}  {array.format!s:8} {array.format.bits:>5}  saturates"
+        )
+    for one in found:
+        scale = 2.0**-one.fraction
+        ends = f"{one.bounds[0] * scale:>14.6g} {one.bounds[1] * scale:>14.6g}"
+        form = f"2^{-one.fraction}"
+        what = "saturates" if one.saturates else "cannot be left"
+        lines.append(f"{one.name:24} {ends}  {form:8} {one.bits:>5}  {what}")
+    return lines

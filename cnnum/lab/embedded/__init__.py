@@ -1,0 +1,1 @@
+"""What programs cost on a microcontroller, at which error: exports, counts and event scores."""

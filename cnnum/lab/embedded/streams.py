@@ -1,0 +1,107 @@
+"""Streams on which ranges are measured, and the programs of the library as they are exported."""
+
+import inspect
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.embedded.formats import precision_named
+from cnnum.embedded.making import Made, make
+from cnnum.frame import FORCE_AXES
+from cnnum.graph.passes import schedule
+from cnnum.graph.schedule import Schedule
+from cnnum.lab.scoring.families.arrays import Arrays
+from cnnum.lab.scoring.families.catalogue import FAMILIES, SHAKEN
+from cnnum.lab.scoring.families.draw import Array
+from cnnum.lab.scoring.families.pulls import power
+from cnnum.lab.scoring.families.spheres import pulled, twisted
+from cnnum.lab.scoring.trial import Trial
+from cnnum.programs.library import get_program
+
+RATE = 200.0
+"""Hz of the streams, and what programs are told of it."""
+
+RADIUS = {4: 15e-3}
+"""m, of the sphere on small arrays, whose taxels lie as close as others'."""
+
+MEASURED = 3
+"""Seeds of each kind of stream on which ranges are measured."""
+
+
+@cache
+def trials(shape: Shape, seed: int, count: int) -> tuple[Trial, ...]:
+    """Return scenes that slip, twist and rest: `count` of each, from a seed on."""
+    arrays = Arrays()
+    array = Array(shape, rate=RATE, radius=RADIUS.get(min(shape)))
+    makers = (
+        ("slip", pulled(power(1.0), array)),
+        ("slip, gains", pulled(power(2.0), array, SHAKEN)),
+        ("twist", twisted(array)),
+    )
+    held = next(family for family in FAMILIES if family.name == "grip")
+    found = [maker(arrays, name, n) for name, maker in makers for n in range(seed, seed + count)]
+    if shape == (8, 8):
+        found += [held.make(arrays, held.name, n) for n in range(seed, seed + count)]
+    return tuple(found)
+
+
+def side_by_side(some: Sequence[Trial], most: int | None = None) -> Floats:
+    """Return streams side by side, (frames, streams, rows, cols, 3); the last frame repeats."""
+    longest = max(len(one.frames) for one in some)
+    longest = longest if most is None else min(longest, most)
+    padded = [
+        np.concatenate([t.frames[:longest], np.repeat(t.frames[-1:], longest - len(t.frames), 0)])
+        if len(t.frames) < longest
+        else t.frames[:longest]
+        for t in some
+    ]
+    return np.stack(padded, axis=1).astype(np.float64)
+
+
+@cache
+def measuring_frames(shape: Shape) -> Floats:
+    """Return the streams on which ranges are measured."""
+    return side_by_side(trials(shape, 0, MEASURED), 600)
+
+
+def schedule_of(name: str, shape: Shape, needs: Sequence[str] | None = None) -> Schedule:
+    """Return the schedule of a program of the library on three-axial frames.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is no such program or output.
+    """
+    program = get_program(name)
+    if "rate" in inspect.signature(program.function).parameters:
+        program = program.bind(rate=RATE)
+    return schedule(program.trace(shape, FORCE_AXES), FORCE_AXES, needs)
+
+
+def made(
+    name: str,
+    shape: Shape,
+    precision: str,
+    method: str = "auto",
+    needs: Sequence[str] | None = None,
+) -> Made:
+    """Return a program of the library in a precision, its ranges measured on simulated scenes.
+
+    Raises
+    ------
+    NotSupportedError
+        If something in it has no form in this precision.
+    UnknownNameError
+        If there is no such program, output or precision.
+    """
+    found = schedule_of(name, shape, needs)
+    return make(name, found, precision_named(precision), measuring_frames(shape), method)
+
+
+def vector_frames(shape: Shape, count: int) -> Floats:
+    """Return frames of one stream as a test vector: of a slip, after the rest."""
+    frames = trials(shape, 0, MEASURED)[0].frames
+    start = max(0, min(len(frames) - count, len(frames) // 2))
+    return frames[start : start + count].astype(np.float64)

@@ -1,0 +1,231 @@
+"""Where pictures come from: a scene that runs, an array alone, or a recording that is played."""
+
+import time
+from collections.abc import Callable, Sequence
+from threading import Condition, Thread
+from typing import Any, Protocol
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.drivers.driver import Driver
+from cnnum.errors import CnnumError
+from cnnum.frame import Frame
+from cnnum.live.hub import Hub
+from cnnum.scenes.conversion import unit_of
+from cnnum.scenes.pipeline import FrameResult, Scene
+
+FIRST = 30
+"""Frames whose median is shown as nothing, of an array whose rest is not known."""
+
+BEHIND = 0.1
+"""s that a recording may lag behind its pace and catch up."""
+
+SLOWEST, QUICKEST = 0.01, 100.0
+
+
+class Feed(Protocol):
+    """Brings moments to a hub from a thread of its own."""
+
+    hub: Hub
+
+    def start(self) -> None:
+        """Begin."""
+        ...
+
+    def stop(self) -> None:
+        """End."""
+        ...
+
+    def command(self, wanted: dict[str, Any]) -> None:
+        """Do what a page wants."""
+        ...
+
+
+class _Threaded:
+    """A feed whose work ends by itself, or by an error that the page is told."""
+
+    hub: Hub
+
+    def __init__(self) -> None:
+        self._thread = Thread(target=self._run, name="cnnum-view", daemon=True)
+        self._stopped = False
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def command(self, wanted: dict[str, Any]) -> None:
+        """Do nothing: a live array cannot be moved in time."""
+
+    def _run(self) -> None:
+        try:
+            self._work()
+        except CnnumError as error:
+            self.hub.end(str(error))
+        else:
+            self.hub.end("The source has ended.")
+
+    def _work(self) -> None:
+        raise NotImplementedError
+
+
+class SceneFeed(_Threaded):
+    """A scene as it runs: its program sees every frame, pages the newest."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__()
+        self._scene = scene
+        self.hub = hub_of(scene)
+
+    def _work(self) -> None:
+        begin = time.monotonic()
+        for moment in self._scene.results():
+            if moment.frame.monotonic_ns is None:  # a simulation is as quick as it can be
+                time.sleep(max(0.0, begin + moment.frame.time - time.monotonic()))
+            self.hub.offer(moment)
+            if self._stopped:
+                return
+
+    def stop(self) -> None:
+        """End the scene."""
+        self._stopped = True
+        self._scene.driver.close()
+        self._thread.join(5.0)
+
+
+class ArrayFeed(_Threaded):
+    """An array alone, without a program: its numbers less those of the first frames."""
+
+    def __init__(self, name: str, driver: Driver) -> None:
+        super().__init__()
+        self._driver = driver
+        self._first: list[Floats] = []
+        self._rest: Floats | float = 0.0
+        self.hub = Hub(
+            name,
+            driver.shape,
+            driver.channels,
+            driver.unit,
+            driver.rate,
+            lambda frame: frame.values - self._rest,
+            lambda: driver.counters,
+        )
+
+    def _work(self) -> None:
+        begin = time.monotonic()
+        for number, frame in enumerate(self._driver.frames()):
+            if frame.monotonic_ns is None:
+                time.sleep(max(0.0, begin + frame.time - time.monotonic()))
+            if len(self._first) < FIRST:
+                self._first.append(frame.values)
+                self._rest = np.median(np.stack(self._first), axis=0)
+            self.hub.offer(FrameResult(number, frame, None, {}, (), 0.0))
+            if self._stopped:
+                return
+
+    def stop(self) -> None:
+        """Let go of the array."""
+        self._stopped = True
+        self._driver.close()
+        self._thread.join(5.0)
+
+
+class RecordingFeed(_Threaded):
+    """A recording that is played at a pace, paused, and moved in time.
+
+    Parameters
+    ----------
+    scene : Scene
+        With the recording as its array; it begins anew wherever the recording is moved to.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__()
+        self._scene = scene
+        with scene.driver:
+            self._frames: Sequence[Frame] = list(scene.driver.frames())
+        self._times: Floats = np.array([frame.time for frame in self._frames])
+        duration = float(self._times[-1] - self._times[0]) if len(self._times) else 0.0
+        self.hub = hub_of(scene, duration)
+        self._changed = Condition()
+        self._seek: float | None = 0.0
+        self._speed, self._paused, self._woken = 1.0, False, False
+        self._due = time.monotonic()
+
+    def command(self, wanted: dict[str, Any]) -> None:
+        """Pause, go on, change the pace, or move to a time (s from the beginning)."""
+        with self._changed:
+            if isinstance(wanted.get("paused"), bool):
+                self._paused = wanted["paused"]
+            if _is_number(wanted.get("speed")):
+                self._speed = min(QUICKEST, max(SLOWEST, float(wanted["speed"])))
+            if _is_number(wanted.get("seek")):
+                self._seek = float(wanted["seek"])
+            self._woken = True
+            self._changed.notify_all()
+
+    def stop(self) -> None:
+        """End."""
+        with self._changed:
+            self._stopped = True
+            self._changed.notify_all()
+        self._thread.join(5.0)
+
+    def _work(self) -> None:
+        at, step = 0, self._scene.path().step
+        while not self._stopped:
+            moved = self._taken()
+            if moved is not None:
+                at, step = self._at(moved), self._scene.path().step
+                self.hub.forget()
+            if at >= len(self._frames) or (self._paused and moved is None):
+                self._wait(None)
+                continue
+            self.hub.offer(step(at, self._frames[at]))
+            at += 1
+            if at < len(self._frames):
+                self._wait(float(self._times[at] - self._times[at - 1]))
+
+    def _taken(self) -> float | None:
+        with self._changed:
+            moved, self._seek = self._seek, None
+            return moved
+
+    def _at(self, seconds: float) -> int:
+        last = max(0, len(self._frames) - 1)
+        wanted = float(self._times[0]) + max(0.0, seconds)
+        return min(last, int((self._times < wanted).sum()))
+
+    def _wait(self, seconds: float | None) -> None:
+        """Wait for the time of the next frame, or for a command."""
+        with self._changed:
+            if seconds is None:
+                self._changed.wait_for(lambda: self._stopped or self._woken)
+                self._due = time.monotonic()
+            else:
+                self._due = max(self._due + seconds / self._speed, time.monotonic() - BEHIND)
+                wait = max(0.0, self._due - time.monotonic())
+                if self._changed.wait_for(lambda: self._stopped or self._woken, wait):
+                    self._due = time.monotonic()
+            self._woken = False
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and value == value
+
+
+def hub_of(scene: Scene, duration: float = 0.0) -> Hub:
+    """Return the hub of a scene."""
+    conversion, driver = scene.conversion, scene.driver
+    read: Callable[[Frame], Floats] = conversion.reader(conversion.channels, checks=False)
+    return Hub(
+        scene.spec.name,
+        driver.shape,
+        conversion.channels,
+        unit_of(conversion, driver),
+        driver.rate,
+        read,
+        lambda: driver.counters,
+        duration,
+    )

@@ -1,0 +1,133 @@
+"""Between the source and the pages: the newest moment, the events, and a few counts."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from threading import Lock
+
+from cnnum.arrays import Shape
+from cnnum.drivers.driver import Counters
+from cnnum.live.picture import Read, encoded, planes
+from cnnum.scenes.pipeline import FrameResult
+
+KEPT = 2000
+"""Events that a page which connects is told of."""
+
+SLIPPING = 0.3
+"""s after its event during which a slip is shown."""
+
+
+class Hub:
+    """Takes every moment of a source in passing; pictures are made when a page wants one.
+
+    Parameters
+    ----------
+    name : str
+    shape : (rows, cols)
+    channels : tuple of str
+        Of what `read` returns.
+    unit : str
+    rate : float, Hz
+    read : callable
+        From a frame to the numbers that are shown.
+    counters : callable
+        The source's own counts.
+    duration : float
+        s of a recording; 0 of a live array.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        shape: Shape,
+        channels: tuple[str, ...],
+        unit: str,
+        rate: float,
+        read: Read,
+        counters: Callable[[], Counters],
+        duration: float = 0.0,
+    ) -> None:
+        self.name, self.shape, self.channels = name, shape, channels
+        self.unit, self.rate, self.duration = unit, rate, duration
+        self._read, self._counters = read, counters
+        self._newest: FrameResult | None = None
+        self._events: deque[dict[str, object]] = deque(maxlen=KEPT)
+        self._lock = Lock()
+        self._slip: tuple[float, str] | None = None
+        self.frames = self.told = 0
+        self.ended = ""
+        self._since = (time.monotonic(), 0)
+
+    def offer(self, moment: FrameResult) -> None:
+        """Take in a moment; it costs the source next to nothing."""
+        self._newest = moment
+        self.frames += 1
+        if moment.events:
+            with self._lock:
+                for event in moment.events:
+                    self._events.append(event.record())
+                    self.told += 1
+                    if event.kind == "slip":
+                        self._slip = (event.t, event.phase or "gross")
+                    elif event.kind == "release":
+                        self._slip = None
+
+    def forget(self) -> None:
+        """Forget the events: a recording starts from another place."""
+        with self._lock:
+            self._events.clear()
+            self._slip = None
+
+    def end(self, why: str) -> None:
+        """Note that no more moments come, and why."""
+        self.ended = why
+
+    def hello(self) -> dict[str, object]:
+        """Return what a page needs to know first."""
+        with self._lock:
+            events = list(self._events)
+        return {
+            "kind": "hello",
+            "name": self.name,
+            "shape": self.shape,
+            "unit": self.unit,
+            "rate": self.rate,
+            "duration": self.duration,
+            "events": events,
+            "told": self.told,
+        }
+
+    def events_since(self, told: int) -> tuple[int, list[dict[str, object]]]:
+        """Return the events after the first `told`, as far as they are kept, and their count."""
+        if told == self.told:
+            return told, []
+        with self._lock:
+            new = min(self.told - told, len(self._events))
+            return self.told, list(self._events)[len(self._events) - new :]
+
+    def picture(self, shown: FrameResult | None) -> tuple[FrameResult | None, bytes]:
+        """Return the newest moment and its picture; no bytes where `shown` is the newest."""
+        newest = self._newest
+        if newest is None or newest is shown:
+            return shown, b""
+        loads = planes(self._read(newest.frame), self.channels)
+        slip = self._slip
+        going_on = slip is not None and 0 <= newest.frame.time - slip[0] < SLIPPING
+        return newest, encoded(newest, loads, slip[1] if slip and going_on else None)
+
+    def status(self) -> dict[str, object]:
+        """Return rate, losses, and whether the source has ended."""
+        now, (then, before) = time.monotonic(), self._since
+        self._since = (now, self.frames)
+        seen = self._counters()
+        return {
+            "kind": "status",
+            "rate": round((self.frames - before) / max(now - then, 1e-3), 1),
+            "frames": self.frames,
+            "dropped": seen.dropped,
+            "bad": seen.bad,
+            "skipped": seen.skipped,
+            "gaps": seen.gaps,
+            "waiting": seen.waiting,
+            "ended": self.ended,
+        }

@@ -1,0 +1,283 @@
+"""The server of the page: static files and a WebSocket, for this machine alone by default."""
+
+import asyncio
+import contextlib
+import hmac
+import ipaddress
+import json
+from collections.abc import AsyncGenerator, Callable, Mapping
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from http import HTTPStatus
+from importlib import resources
+from typing import TYPE_CHECKING, Any, cast
+from urllib.parse import parse_qs, urlsplit
+
+from cnnum.errors import MissingExtraError, PortError, SceneError
+from cnnum.live.feeds import Feed
+from cnnum.live.hub import Hub
+from cnnum.scenes.pipeline import FrameResult
+
+if TYPE_CHECKING:
+    from websockets.asyncio.server import Server, ServerConnection
+    from websockets.http11 import Request, Response
+
+PICTURES = 60.0
+"""Pictures a second, at most."""
+
+BEHIND = 1 << 18
+"""Bytes that wait for a slow page; it is left out until it has taken them."""
+
+KINDS = {
+    "index.html": "text/html; charset=utf-8",
+    "view.css": "text/css; charset=utf-8",
+    "view.js": "text/javascript; charset=utf-8",
+}
+
+POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:"
+)
+
+LONGEST = 4096
+"""Bytes of a page's command."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where the page is, and who may read it.
+
+    Attributes
+    ----------
+    host : str
+        Address that is listened at.
+    port : int
+        0 for any that is free.
+    token : str
+        That a page must know; empty where none is asked for.
+
+    Raises
+    ------
+    SceneError
+        If others than this machine could connect and no token is set.
+    """
+
+    host: str = "127.0.0.1"
+    port: int = 8765
+    token: str = ""
+
+    def __post_init__(self) -> None:
+        if not is_loopback(self.host) and not self.token:
+            raise SceneError(
+                f"'{self.host}' can be reached from other machines: set a token, which the page's "
+                "address must then contain."
+            )
+
+    def address(self, port: int) -> str:
+        """Return the page's address in a browser."""
+        name = f"[{self.host}]" if ":" in self.host else self.host
+        return f"http://{name}:{port}/" + (f"?token={self.token}" if self.token else "")
+
+
+def is_loopback(host: str) -> bool:
+    """Return whether only this machine reaches an address."""
+    if host == "localhost":
+        return True
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+class Gate:
+    """Lets in what comes from the page itself.
+
+    A page of another origin is refused by its `Origin`; one that has made its own name lead here
+    (DNS rebinding) by its `Host`, unless a token is asked for, which it cannot know.
+
+    Parameters
+    ----------
+    place : Place
+    """
+
+    def __init__(self, place: Place) -> None:
+        self._place = place
+
+    def refusal(self, headers: Mapping[str, str], path: str) -> str:
+        """Return why a WebSocket is refused; empty where it is let in."""
+        host, origin = headers.get("Host", ""), headers.get("Origin")
+        if refusal := self.stranger(host):
+            return refusal
+        if origin is not None and origin != f"http://{host}":
+            return "A page of another origin cannot read this stream."
+        given = parse_qs(urlsplit(path).query).get("token", [""])[0]
+        if self._place.token and not hmac.compare_digest(
+            given.encode(), self._place.token.encode()
+        ):
+            return "The address lacks the token that this server asks for."
+        return ""
+
+    def stranger(self, host: str) -> str:
+        """Return why a host name is refused; empty where it is this server's."""
+        name = urlsplit(f"//{host}").hostname or ""
+        known = is_loopback(name) if is_loopback(self._place.host) else bool(self._place.token)
+        return "" if known else "This server is reached by another name."
+
+
+def static(path: str) -> tuple[HTTPStatus, str, bytes]:
+    """Return status, type and bytes of a file of the page."""
+    name = urlsplit(path).path.lstrip("/") or "index.html"
+    if name not in KINDS:
+        return HTTPStatus.NOT_FOUND, "text/plain; charset=utf-8", b"There is no such page.\n"
+    folder = resources.files("cnnum.live") / "static"
+    return HTTPStatus.OK, KINDS[name], (folder / name).read_bytes()
+
+
+class Pages:
+    """The pages that are open, and what each has seen."""
+
+    def __init__(self, feed: Feed, place: Place) -> None:
+        self._feed, self._gate = feed, Gate(place)
+        self._open: set[ServerConnection] = set()
+        self.pictures = self.late = 0
+
+    def answer(self, connection: "ServerConnection", request: "Request") -> "Response | None":
+        """Answer a request for a file, or let a WebSocket in."""
+        wants_socket = request.headers.get("Upgrade", "").lower() == "websocket"
+        if not wants_socket:
+            if refusal := self._gate.stranger(request.headers.get("Host", "")):
+                return connection.respond(HTTPStatus.FORBIDDEN, refusal + "\n")
+            status, kind, body = static(request.path)
+            response = connection.respond(status, "")
+            for name, value in _headers(kind, body):
+                if name in response.headers:
+                    del response.headers[name]
+                response.headers[name] = value
+            response.body = body
+            return response
+        refusal = self._gate.refusal(request.headers, request.path)
+        return connection.respond(HTTPStatus.FORBIDDEN, refusal + "\n") if refusal else None
+
+    async def talk(self, connection: "ServerConnection") -> None:
+        """Greet a page, and do what it wants until it leaves."""
+        from websockets.exceptions import ConnectionClosed
+
+        with contextlib.suppress(ConnectionClosed):
+            await connection.send(json.dumps(self._feed.hub.hello()))
+            self._open.add(connection)
+            try:
+                async for message in connection:
+                    self._heed(message)
+            finally:
+                self._open.discard(connection)
+
+    def _heed(self, message: str | bytes) -> None:
+        try:
+            wanted: Any = json.loads(message)
+        except ValueError:
+            return
+        if isinstance(wanted, dict):
+            self._feed.command(cast("dict[str, Any]", wanted))
+
+    async def show(self) -> None:
+        """Send the newest picture 60 times a second, events at once, and a status twice."""
+        hub, shown, told = self._feed.hub, None, self._feed.hub.told
+        loop = asyncio.get_running_loop()
+        due, count = loop.time(), 0
+        while True:
+            due = max(due + 1.0 / PICTURES, loop.time())
+            await asyncio.sleep(due - loop.time())
+            shown, told = self._once(hub, shown, told, with_status=count % 30 == 0)
+            count += 1
+
+    def _once(
+        self, hub: Hub, shown: FrameResult | None, told: int, *, with_status: bool
+    ) -> tuple[FrameResult | None, int]:
+        told, events = hub.events_since(told)
+        if not self._open:
+            return shown, told
+        if events:
+            self._send(json.dumps({"kind": "events", "events": events}), always=True)
+        shown, picture = hub.picture(shown)
+        if picture:
+            self.pictures += 1
+            self._send(picture)
+        if with_status:
+            self._send(json.dumps({**hub.status(), "late": self.late}))
+        return shown, told
+
+    def _send(self, message: str | bytes, *, always: bool = False) -> None:
+        """Send to every page that keeps up."""
+        from websockets.asyncio.server import broadcast
+
+        ready = {c for c in self._open if c.transport.get_write_buffer_size() < BEHIND}
+        self.late += len(self._open) - len(ready)
+        broadcast(self._open if always else ready, message)
+
+
+def _headers(kind: str, body: bytes) -> list[tuple[str, str]]:
+    return [
+        ("Content-Type", kind),
+        ("Content-Length", str(len(body))),
+        ("Content-Security-Policy", POLICY),
+        ("X-Content-Type-Options", "nosniff"),
+        ("Cross-Origin-Resource-Policy", "same-origin"),
+        ("Referrer-Policy", "no-referrer"),
+        ("Cache-Control", "no-store"),
+    ]
+
+
+@asynccontextmanager
+async def serving(feed: Feed, place: Place) -> "AsyncGenerator[tuple[Server, Pages, int]]":
+    """Serve a feed while the block runs; yields the server, its pages and its port.
+
+    Raises
+    ------
+    MissingExtraError
+        If the library is not installed.
+    PortError
+        If the port cannot be listened at.
+    """
+    try:
+        from websockets.asyncio.server import serve
+    except ImportError:
+        raise MissingExtraError(
+            "The live view needs the library 'websockets': pip install 'cnnum[view]'."
+        ) from None
+    pages = Pages(feed, place)
+    try:
+        server = await serve(
+            pages.talk,
+            place.host,
+            place.port,
+            process_request=pages.answer,
+            max_size=LONGEST,
+            compression=None,
+            close_timeout=1.0,
+            server_header=None,
+        )
+    except OSError as error:
+        raise PortError(
+            f"The view cannot listen at '{place.host}' port {place.port} ({error.strerror}): "
+            "choose another with --port, or 0 for any that is free."
+        ) from None
+    port = int(server.sockets[0].getsockname()[1])
+    feed.start()
+    shows = asyncio.create_task(pages.show())
+    try:
+        yield server, pages, port
+    finally:
+        shows.cancel()
+        server.close()
+        await server.wait_closed()
+        await asyncio.to_thread(feed.stop)
+
+
+def run(feed: Feed, place: Place, ready: Callable[[str], object]) -> None:
+    """Serve a feed until Ctrl-C; `ready` is given the page's address."""
+
+    async def forever() -> None:
+        async with serving(feed, place) as (_, _, port):
+            ready(place.address(port))
+            await asyncio.Event().wait()
+
+    asyncio.run(forever())

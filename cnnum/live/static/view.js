@@ -1,0 +1,359 @@
+"use strict";
+// The live page: pictures come as bytes (cnnum/live/picture.py), the rest as JSON.
+const at = (id) => document.getElementById(id);
+const MINUTE = 60, HEAD = 24;
+const FLAG = { contact: 1, incipient: 2, gross: 4, twist: 8, bad: 16, dropped: 32, saturated: 64 };
+const MARK = { contact: 1, bump: 2, edge: 4 };
+
+const view = {
+  hello: null, past: [], events: [], shown: null, held: null, paused: false, scale: 0, shearScale: 0,
+  pictures: 0, drawn: 0, latency: 0, wait: 500, dirty: true, lineDirty: true,
+};
+
+// ---- the line to the server -------------------------------------------------------------------
+
+function connect() {
+  const socket = new WebSocket(`ws://${location.host}/stream${location.search}`);
+  socket.binaryType = "arraybuffer";
+  view.socket = socket;
+  socket.onopen = () => { view.wait = 500; };
+  socket.onmessage = ({ data }) => (typeof data === "string" ? told(JSON.parse(data)) : picture(data));
+  socket.onclose = () => {
+    state("lost", "connection lost, trying again…");
+    setTimeout(connect, view.wait);
+    view.wait = Math.min(5000, 2 * view.wait);
+  };
+}
+
+function send(wanted) {
+  if (view.socket.readyState === WebSocket.OPEN) view.socket.send(JSON.stringify(wanted));
+}
+
+function state(kind, text) {
+  at("link").dataset.state = kind;
+  at("link").textContent = text;
+}
+
+function told(message) {
+  if (message.kind === "hello") greet(message);
+  else if (message.kind === "events") message.events.forEach(note);
+  else if (message.kind === "status") status(message);
+}
+
+function greet(hello) {
+  const same = view.hello && view.hello.name === hello.name;
+  view.hello = hello;
+  state("on", hello.duration ? "recording" : "live");
+  at("name").textContent = `${hello.name}, ${hello.shape[0]}×${hello.shape[1]} taxels`;
+  at("what").textContent = `normal (${hello.unit})`;
+  at("speed").hidden = !hello.duration;
+  at("live").hidden = Boolean(hello.duration);
+  if (!same) view.past = [];
+  view.events = [];
+  at("events").replaceChildren();
+  hello.events.slice(-200).forEach(note);
+  fit();
+}
+
+function status(s) {
+  at("rate").textContent = `${s.rate.toFixed(0)} Hz`;
+  at("dropped").textContent = s.dropped;
+  at("badCount").textContent = s.bad;
+  at("gaps").textContent = s.gaps;
+  at("pictures").textContent = `${view.pictures - view.drawn > 0 ? 2 * (view.pictures - view.drawn) : 0} /s`;
+  view.drawn = view.pictures;
+  at("latency").textContent = `${view.latency.toFixed(1)} ms`;
+  if (s.ended) state("ended", s.ended);
+}
+
+function picture(buffer) {
+  if (!view.hello) return;
+  const head = new DataView(buffer), [rows, cols] = view.hello.shape, taxels = rows * cols;
+  const one = {
+    number: head.getUint32(0, true), flags: head.getUint32(4, true), time: head.getFloat64(8, true),
+    wait: head.getFloat32(16, true), load: head.getFloat32(20, true),
+    loads: new Float32Array(buffer, HEAD, 3 * taxels),
+    marks: new Uint8Array(buffer, HEAD + 12 * taxels, taxels),
+  };
+  view.latency = one.wait;
+  const past = view.past;
+  if (past.length && one.time < past[past.length - 1].time) past.length = 0; // a recording moved back
+  past.push(one);
+  if (!view.hello.duration) while (past.length && past[0].time < one.time - MINUTE) past.shift();
+  else if (past.length > 60 * MINUTE) past.shift();
+  view.pictures += 1;
+  view.newest = one;
+  document.body.dataset.newest = one.number;
+  view.lineDirty = true;
+  if (!view.held) show(one);
+}
+
+function show(one) {
+  view.shown = one;
+  view.dirty = true;
+  document.body.dataset.number = one.number;
+}
+
+// ---- events ------------------------------------------------------------------------------------
+
+function note(event) {
+  if (event.t === undefined) return;
+  view.events.push(event);
+  if (view.events.length > 5000) view.events.shift();
+  const item = document.createElement("li");
+  item.dataset.t = `${event.t.toFixed(3)} s`;
+  item.dataset.kind = event.kind;
+  const where = event.where ? ` at row ${event.where[0].toFixed(1)}, column ${event.where[1].toFixed(1)}` : "";
+  item.append(`${event.phase ? event.phase + " " : ""}${event.kind}${where}`);
+  at("events").prepend(item);
+  while (at("events").children.length > 200) at("events").lastChild.remove();
+  view.lineDirty = true;
+}
+
+// ---- taxels ------------------------------------------------------------------------------------
+
+const colours = {};
+function readColours() {
+  const style = getComputedStyle(document.documentElement);
+  for (const name of ["ink", "soft", "rule", "card", "contact", "incipient", "gross", "twist", "bump", "arrow", "r0", "r1", "r2", "r3", "r4"])
+    colours[name] = style.getPropertyValue(`--${name}`).trim();
+  const stops = ["r0", "r1", "r2", "r3", "r4"].map((n) => [1, 3, 5].map((i) => parseInt(colours[n].slice(i, i + 2), 16)));
+  colours.ramp = Array.from({ length: 256 }, (_, i) => {
+    const x = (i / 255) * 4, k = Math.min(3, Math.floor(x)), f = x - k;
+    return `rgb(${stops[k].map((c, j) => Math.round(c + f * (stops[k + 1][j] - c))).join(",")})`;
+  });
+  const ramp = at("ramp"), pen = ramp.getContext("2d");
+  ramp.width = 256; ramp.height = 1;
+  colours.ramp.forEach((c, i) => { pen.fillStyle = c; pen.fillRect(i, 0, 1, 1); });
+  view.dirty = view.lineDirty = true;
+}
+
+function fit() {
+  if (!view.hello) return;
+  const [rows, cols] = view.hello.shape, box = at("array").clientWidth - 26;
+  const side = Math.max(4, Math.min(box / cols, (0.62 * innerHeight) / rows, 96));
+  const density = devicePixelRatio || 1, canvas = at("taxels");
+  canvas.style.width = `${Math.floor(side * cols)}px`;
+  canvas.width = Math.floor(side * cols * density);
+  canvas.height = Math.floor(side * rows * density);
+  const line = at("line");
+  line.width = Math.floor(line.clientWidth * density);
+  line.height = Math.floor(line.clientHeight * density);
+  view.dirty = view.lineDirty = true;
+}
+
+function rescale(one, taxels) {
+  let normal = 0, shear = 0;
+  for (let n = 0; n < taxels; n += 1) {
+    normal = Math.max(normal, Math.abs(one.loads[2 * taxels + n]));
+    shear = Math.max(shear, Math.hypot(one.loads[n], one.loads[taxels + n]));
+  }
+  // it rises at once and falls slowly, so that noise does not fill the range after a touch
+  if (!view.held) {
+    view.scale = Math.max(normal, 0.999 * view.scale);
+    view.shearScale = Math.max(shear, 0.999 * view.shearScale);
+  }
+}
+
+function drawTaxels() {
+  const one = view.shown, [rows, cols] = view.hello.shape, taxels = rows * cols;
+  const canvas = at("taxels"), pen = canvas.getContext("2d");
+  const w = canvas.width / cols, h = canvas.height / rows;
+  rescale(one, taxels);
+  const scale = view.scale || 1, shear = view.shearScale || 1;
+  for (let n = 0; n < taxels; n += 1) {
+    const level = Math.min(1, Math.abs(one.loads[2 * taxels + n]) / scale);
+    pen.fillStyle = colours.ramp[Math.round(255 * level)];
+    pen.fillRect(Math.floor((n % cols) * w), Math.floor(Math.floor(n / cols) * h), Math.ceil(w), Math.ceil(h));
+  }
+  drawBumps(pen, one, rows, cols, w, h);
+  drawOutline(pen, one, rows, cols, w, h);
+  drawArrows(pen, one, taxels, cols, w, h, shear, scale);
+  at("high").textContent = scale.toPrecision(3);
+}
+
+function drawArrows(pen, one, taxels, cols, w, h, shear, scale) {
+  pen.lineWidth = Math.max(1.5, w / 26);
+  for (let n = 0; n < taxels; n += 1) {
+    const x = one.loads[n], y = one.loads[taxels + n], size = Math.hypot(x, y);
+    if (size < 0.08 * shear) continue;
+    const long = (0.46 * w * size) / shear, cx = ((n % cols) + 0.5) * w, cy = (Math.floor(n / cols) + 0.5) * h;
+    const dx = (long * x) / size, dy = (long * y) / size, tip = 0.28 * long;
+    const dark = Math.abs(one.loads[2 * taxels + n]) / scale > 0.5;
+    pen.strokeStyle = dark ? colours.card : colours.arrow;
+    pen.beginPath();
+    pen.moveTo(cx - dx, cy - dy); pen.lineTo(cx + dx, cy + dy);
+    const a = Math.atan2(dy, dx);
+    pen.moveTo(cx + dx - tip * 2 * Math.cos(a - 0.5), cy + dy - tip * 2 * Math.sin(a - 0.5));
+    pen.lineTo(cx + dx, cy + dy);
+    pen.lineTo(cx + dx - tip * 2 * Math.cos(a + 0.5), cy + dy - tip * 2 * Math.sin(a + 0.5));
+    pen.stroke();
+  }
+}
+
+function drawBumps(pen, one, rows, cols, w, h) {
+  pen.strokeStyle = colours.bump;
+  pen.globalAlpha = 0.55;
+  pen.lineWidth = Math.max(1, w / 40);
+  one.marks.forEach((mark, n) => {
+    if (!(mark & MARK.bump)) return;
+    pen.beginPath();
+    pen.arc(((n % cols) + 0.5) * w, (Math.floor(n / cols) + 0.5) * h, 0.4 * Math.min(w, h), 0, 7);
+    pen.stroke();
+  });
+  pen.globalAlpha = 1;
+}
+
+function drawOutline(pen, one, rows, cols, w, h) {
+  const inside = (r, c) => r >= 0 && c >= 0 && r < rows && c < cols && one.marks[r * cols + c] & MARK.contact;
+  const flags = one.flags;
+  pen.strokeStyle = flags & FLAG.gross ? colours.gross : flags & FLAG.incipient ? colours.incipient : colours.contact;
+  pen.lineWidth = Math.max(2, w / 14);
+  pen.beginPath();
+  for (let r = 0; r < rows; r += 1)
+    for (let c = 0; c < cols; c += 1) {
+      if (!inside(r, c)) continue;
+      const x = c * w, y = r * h;
+      if (!inside(r - 1, c)) { pen.moveTo(x, y); pen.lineTo(x + w, y); }
+      if (!inside(r + 1, c)) { pen.moveTo(x, y + h); pen.lineTo(x + w, y + h); }
+      if (!inside(r, c - 1)) { pen.moveTo(x, y); pen.lineTo(x, y + h); }
+      if (!inside(r, c + 1)) { pen.moveTo(x + w, y); pen.lineTo(x + w, y + h); }
+    }
+  pen.stroke();
+}
+
+function drawStates() {
+  const { flags, time, load } = view.shown, slipping = flags & (FLAG.gross | FLAG.incipient);
+  const on = {
+    contact: flags & FLAG.contact, stick: flags & FLAG.contact && !slipping,
+    incipient: flags & FLAG.incipient && !(flags & FLAG.gross), gross: flags & FLAG.gross,
+    twist: flags & FLAG.twist, bad: flags & FLAG.bad,
+  };
+  for (const [id, lit] of Object.entries(on)) at(id).classList.toggle("on", Boolean(lit));
+  at("time").textContent = `${time.toFixed(2)} s`;
+  at("load").textContent = Math.abs(load) >= 1000 ? load.toFixed(0) : load.toPrecision(3);
+}
+
+// ---- time line ---------------------------------------------------------------------------------
+
+function span() {
+  if (view.hello && view.hello.duration) return [0, view.hello.duration];
+  const last = view.newest ? view.newest.time : 0;
+  return [last - MINUTE, last];
+}
+
+function drawLine() {
+  const canvas = at("line"), pen = canvas.getContext("2d"), [from, to] = span();
+  const x = (t) => ((t - from) / (to - from || 1)) * canvas.width, density = devicePixelRatio || 1;
+  pen.clearRect(0, 0, canvas.width, canvas.height);
+  let top = 1e-12;
+  for (const one of view.past) top = Math.max(top, Math.abs(one.load));
+  const floor = canvas.height - 16 * density;
+  pen.strokeStyle = colours.r3; pen.lineWidth = 1.5 * density; pen.beginPath();
+  view.past.forEach((one, n) => {
+    const y = floor - (Math.abs(one.load) / top) * (floor - 6 * density);
+    if (n) pen.lineTo(x(one.time), y); else pen.moveTo(x(one.time), y);
+  });
+  pen.stroke();
+  const tint = { contact: colours.contact, release: colours.soft, slip: colours.gross, twist: colours.twist };
+  for (const event of view.events) {
+    if (event.t < from || event.t > to) continue;
+    pen.fillStyle = event.phase === "incipient" ? colours.incipient : tint[event.kind] || colours.ink;
+    pen.fillRect(x(event.t) - density, 0, 2 * density, floor);
+  }
+  pen.fillStyle = colours.soft;
+  pen.font = `${11 * density}px system-ui, sans-serif`;
+  const live = !view.hello.duration;
+  for (let k = 0; k <= 4; k += 1) {
+    const t = from + ((to - from) * k) / 4;
+    pen.textAlign = k === 0 ? "left" : k === 4 ? "right" : "center";
+    pen.fillText(live ? (k === 4 ? "now" : `−${MINUTE - 15 * k} s`) : `${t.toFixed(1)} s`, x(t), canvas.height - 3 * density);
+  }
+  if (view.shown) {
+    pen.fillStyle = colours.ink;
+    pen.fillRect(x(view.shown.time) - density, 0, 2 * density, floor);
+  }
+}
+
+function nearest(time) {
+  const past = view.past;
+  let low = 0, high = past.length - 1;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (past[middle].time < time) low = middle + 1; else high = middle;
+  }
+  return past[low];
+}
+
+function scrubTo(share) {
+  const [from, to] = span(), time = from + share * (to - from);
+  if (view.hello.duration) {
+    send({ seek: time });
+    at("place").textContent = `${time.toFixed(2)} s of ${to.toFixed(2)} s`;
+    return;
+  }
+  if (!view.past.length) return;
+  view.held = share >= 0.999 ? null : nearest(time);
+  show(view.held || view.newest);
+  place();
+}
+
+function place() {
+  const back = view.held && view.newest ? view.newest.time - view.held.time : 0;
+  at("place").textContent = view.held ? `${back.toFixed(1)} s ago` : "the last minute";
+  document.body.dataset.held = view.held ? "yes" : "no";
+  at("pause").textContent = view.held || view.paused ? "Go on" : "Pause";
+  at("pause").setAttribute("aria-pressed", String(Boolean(view.held || view.paused)));
+}
+
+// ---- controls ----------------------------------------------------------------------------------
+
+at("scrub").addEventListener("input", (e) => scrubTo(e.target.value / 1000));
+at("line").addEventListener("pointerdown", (e) => { e.target.setPointerCapture(e.pointerId); drag(e); });
+at("line").addEventListener("pointermove", (e) => { if (e.buttons) drag(e); });
+function drag(e) {
+  const box = at("line").getBoundingClientRect(), share = Math.min(1, Math.max(0, (e.clientX - box.left) / box.width));
+  at("scrub").value = 1000 * share;
+  scrubTo(share);
+}
+at("live").addEventListener("click", () => {
+  view.held = null; at("scrub").value = 1000;
+  if (view.newest) show(view.newest);
+  place();
+});
+at("pause").addEventListener("click", () => {
+  if (view.hello && view.hello.duration) {
+    view.paused = !view.paused;
+    send({ paused: view.paused });
+  } else if (view.held) {
+    view.held = null; at("scrub").value = 1000;
+  } else if (view.newest) {
+    view.held = view.newest;
+  }
+  place();
+});
+at("speed").addEventListener("change", (e) => send({ speed: Number(e.target.value) }));
+at("theme").addEventListener("click", () => theme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"));
+function theme(name) {
+  document.documentElement.dataset.theme = name;
+  readColours();
+}
+addEventListener("resize", fit);
+addEventListener("keydown", (e) => {
+  if (e.target.tagName === "BODY" && e.key === " ") { e.preventDefault(); at("pause").click(); }
+});
+
+function draw() {
+  if (view.dirty && view.shown) {
+    view.dirty = false;
+    drawTaxels();
+    drawStates();
+    if (view.hello.duration) at("scrub").value = (1000 * (view.shown.time - 0)) / view.hello.duration;
+  }
+  if (view.lineDirty && view.hello) { view.lineDirty = false; drawLine(); }
+  requestAnimationFrame(draw);
+}
+
+theme(matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
+connect();
+draw();

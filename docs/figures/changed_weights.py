@@ -1,0 +1,90 @@
+"""How many templates with one wrong weight still pass `cnnum templates check`, and why.
+
+`python docs/figures/changed_weights.py [NAMES]... [--by 1.2] [--out FOLDER]` multiplies each number
+of A, B and z by 1.2, one at a time, and counts the changed templates that pass
+
+* the check of the function alone,
+* the same, and end in the states that were measured,
+* the same, and have the margin and the settle time that were measured,
+* the same, and have the digest of the measured numbers.
+
+With `--out` the changed templates are written, each with the measured table of the right one, so
+that `cnnum templates check FOLDER` can be pointed at them.
+"""
+
+import argparse
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from cnnum.engine import Engine
+from cnnum.errors import CnnumError
+from cnnum.templating.checks import run_check
+from cnnum.templating.files import Entry, save_entry, write_measured
+from cnnum.templating.library import get_entry, template_names
+from cnnum.templating.template import Template
+
+STAGES = ("function", "and end state", "and margin, settle time", "and digest")
+
+
+def changed(template: Template, factor: float) -> Iterator[tuple[str, Template]]:
+    """Yield the template with each number of A, B and z that is not 0 times the factor."""
+    for part in ("A", "B", "z"):
+        array = np.asarray(getattr(template, part))
+        for place in np.argwhere(array):
+            wrong = array.copy()
+            wrong[tuple(place)] *= factor
+            label = "_".join([part, *map(str, place.tolist())])
+            parts = {part: wrong.tolist() if part == "z" else wrong}
+            yield label, replace(template, **parts)
+
+
+def stage(template: Template, entry: Entry, engine: Engine) -> int:
+    """Return how many of the stages a changed template passes, in their order."""
+    assert entry.measured is not None
+    known = replace(entry.measured, digest=template.digest)
+    ways = ({}, {"measured": known}, {"measured": known, "thorough": True})
+    for number, way in enumerate(ways):
+        try:
+            if not run_check(template, engine, repeats=0, **way).passed:
+                return number
+        except CnnumError:
+            return number  # it diverges
+    return 3 + (template.digest == entry.measured.digest)
+
+
+def main() -> None:
+    """Count, and print one line a stage and one a closed form."""
+    arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    arguments.add_argument("names", nargs="*")
+    arguments.add_argument("--by", type=float, default=1.2)
+    arguments.add_argument("--out", type=Path)
+    given = arguments.parse_args()
+    engine, passed, survivors = Engine("numba"), Counter[int](), Counter[str]()
+    for name in given.names or template_names():
+        entry = get_entry(name)
+        for label, template in changed(entry.template, given.by):
+            reached = stage(template, entry, engine)
+            passed[reached] += 1
+            check = template.check
+            survivors[check.name if check else ""] += reached >= 3
+            if given.out is not None:
+                given.out.mkdir(parents=True, exist_ok=True)
+                path = given.out / f"{name}_{label}.toml"
+                save_entry(replace(entry, template=template), path)
+                write_measured(path, entry.measured)
+    total = passed.total()
+    print(f"{total} templates with one number times {given.by:g}; of them pass")
+    for number, text in enumerate(STAGES, 1):
+        print(f"  {sum(count for at, count in passed.items() if at >= number):5d}  {text}")
+    print("Without the digest, those that pass everything else, by closed form:")
+    for form, count in survivors.most_common():
+        if count:
+            print(f"  {count:5d}  {form}")
+
+
+if __name__ == "__main__":
+    main()

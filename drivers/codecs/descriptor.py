@@ -1,0 +1,163 @@
+"""The descriptor: a small TOML file that says how an array writes its scans."""
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from cnnum.arrays import Shape
+from cnnum.drivers.codecs.checksums import CHECKS
+from cnnum.drivers.options import read_options, require
+from cnnum.errors import ArrayError, SceneError
+from cnnum.recordings.recording import channel_names
+from cnnum.safety.reading import read_text
+from cnnum.safety.toml_reading import LARGEST, parse_toml
+
+CELLS = ("u8", "i8", "u16", "i16", "u32", "i32", "f32", "text")
+COUNTERS = ("none", "u8", "u16", "u32")
+MOST_BYTES = 1 << 20
+"""Of a packet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Descriptor:
+    """How one kind of array writes a scan: ``header counter time cells check tail``.
+
+    Attributes
+    ----------
+    name : str
+    shape : (rows, cols)
+        Unless the user says another.
+    axes : tuple of str
+        Numbers of a taxel in their order; "x", "y", "z" are the shears and the normal load.
+    planes : bool
+        Whether all taxels of an axis come together, and not all axes of a taxel.
+    header, tail : str
+        Bytes in hexadecimal; empty where there are none.
+    cell : str
+        One of `CELLS`. "text" is numbers in a line: a row of the array is a line, an empty line
+        ends the scan, and an array of one row is one line a scan.
+    byte_order : "little" or "big"
+        Of cells, counter, time and check.
+    counter, time : str
+        Types of the number of the scan, and of its time; "none" where they are not sent.
+    time_unit : "us" or "ms"
+    check : str
+        Name of a check in `CHECKS`, or "none".
+    check_header : bool
+        Whether the check goes over the header too.
+    unused : int
+        Bytes after the cells that mean nothing.
+    request : str
+        Bytes in hexadecimal that ask for one scan; empty where the array sends by itself.
+    scale : float
+        The factor of a raw number.
+    unit : str
+    limits : (low, high), optional
+        Raw numbers outside are a sign that the bytes are no packet.
+    rate : float
+        Hz; 0 where it is not known.
+    baud : int
+    """
+
+    name: str
+    shape: tuple[int, int]
+    axes: tuple[str, ...] = ("z",)
+    planes: bool = False
+    header: str = ""
+    tail: str = ""
+    cell: Literal["u8", "i8", "u16", "i16", "u32", "i32", "f32", "text"] = "u8"
+    byte_order: Literal["little", "big"] = "little"
+    counter: Literal["none", "u8", "u16", "u32"] = "none"
+    time: Literal["none", "u16", "u32"] = "none"
+    time_unit: Literal["us", "ms"] = "us"
+    check: str = "none"
+    check_header: bool = True
+    unused: int = 0
+    request: str = ""
+    scale: float = 1.0
+    unit: str = "count"
+    limits: tuple[float, float] | None = None
+    rate: float = 0.0
+    baud: int = 115_200
+
+    def __post_init__(self) -> None:
+        rows, cols = self.shape
+        require("shape", min(rows, cols) >= 1, "rows and columns from 1 up", list(self.shape))
+        for key in ("header", "tail", "request"):
+            require(key, _is_hex(getattr(self, key)), "bytes in hexadecimal", getattr(self, key))
+        require("check", self.check in ("none", *CHECKS), f"'none' or one of {', '.join(CHECKS)}",
+                self.check)  # fmt: skip
+        require("unused", 0 <= self.unused < MOST_BYTES, "a number of bytes", self.unused)
+        holds = math.isfinite(self.scale) and self.scale != 0.0
+        require("scale", holds, "a number other than 0", self.scale)
+        require("baud", 0 < self.baud <= 10**8, "bits a second, 1 to 100000000", self.baud)
+        require("rate", 0.0 <= self.rate < 1e6, "Hz, below 1e6, or 0", self.rate)
+        require("limits", self.limits is None or self.limits[0] < self.limits[1],
+                "a low and a high number", self.limits)  # fmt: skip
+        found = bool(self.header or self.tail or self.request) or self.cell == "text"
+        require("header", found, "given, or 'tail' or 'request': else no packet can be found", "")
+        holds = rows * cols * len(self.axes) <= MOST_BYTES // 8
+        require("shape", holds, f"{MOST_BYTES // 8} numbers at most", list(self.shape))
+        try:
+            channel_names(self.axes, len(self.axes))
+        except ArrayError as error:
+            raise SceneError(str(error)) from None
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """Names of a frame's channels."""
+        return channel_names(self.axes, len(self.axes))
+
+    @property
+    def whole(self) -> tuple[int, int, int]:
+        """Rows, columns and axes."""
+        return (*self.shape, len(self.axes))
+
+    @property
+    def dtype(self) -> np.dtype[np.generic]:
+        """Type of a cell; of text, that of its numbers."""
+        kind = "f8" if self.cell == "text" else f"{self.cell[0]}{int(self.cell[1:]) // 8}"
+        return np.dtype(("<" if self.byte_order == "little" else ">") + kind)
+
+
+def _is_hex(text: str) -> bool:
+    try:
+        bytes.fromhex(text)
+    except ValueError:
+        return False
+    return True
+
+
+def bytes_of(kind: str) -> int:
+    """Return the bytes of a number of a type such as "u16"; 0 of "none"."""
+    return 0 if kind == "none" else int(kind[1:]) // 8
+
+
+def read_descriptor(path: Path, shape: Shape | None = None) -> Descriptor:
+    """Read a descriptor.
+
+    Parameters
+    ----------
+    path : Path
+    shape : (rows, cols), optional
+        Used in place of the file's.
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, is no TOML, or a key is unknown, missing or wrong.
+    """
+    try:
+        table = parse_toml(read_text(path, most=LARGEST))
+        if shape is not None:
+            table = {**table, "shape": list(shape)}
+        return read_options(Descriptor, table, path.parent)
+    except OSError as error:
+        raise SceneError(f"The descriptor '{path}' cannot be read: {error.strerror}.") from None
+    except SceneError as error:
+        raise SceneError(f"The descriptor '{path}': {error}") from None
+    except ValueError as error:
+        raise SceneError(f"The descriptor '{path}' is not TOML: {error}.") from None

@@ -1,0 +1,165 @@
+"""Robotiq TSF-85: 7×4 static taxels at 60 Hz, one dynamic channel and inertia at up to 1 kHz.
+
+Facts of the wire: the maker's public repository ``robotiq/tactile_sensors``. A packet is 0x9A, a
+byte that is not used, a command, a length of at most 60, and parts: a byte that names the sensor
+(high nibble) and the finger (bits 2 and 3), then big-endian numbers.
+"""
+
+import struct
+
+import numpy as np
+
+from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip, to_marker
+from cnnum.drivers.codecs.wire import Asked, Form, Wire
+from cnnum.errors import CodecError, SceneError
+
+START, HEAD, MOST = b"\x9a", 4, 60
+READ, AUTOSEND = 0x61, 0x58
+STATIC, DYNAMIC, TIMESTAMP = 0x10, 0x20, 0x70
+PARTS = {0x10: 56, 0x20: 2, 0x30: 6, 0x40: 6, 0x50: 6, 0x60: 2, 0x70: 2}
+"""Type of a sensor to the bytes of its numbers."""
+
+INERTIA = {0x30: "acceleration", 0x40: "turning", 0x50: "field"}
+SHAPE = (7, 4)
+FINGERS = 4
+
+
+def tsf85(asked: Asked) -> Wire:
+    """Return the protocol; `address` 1 to 4 is the finger.
+
+    Raises
+    ------
+    SceneError
+        If there is no such finger, or the rate is below 4 Hz or above 1 kHz.
+    """
+    finger = asked.address - 1
+    if not 0 <= finger < FINGERS:
+        raise SceneError(f"'address' must be a finger from 1 to {FINGERS}, got {asked.address}.")
+    if asked.rate and not 4 <= asked.rate <= 1000:
+        raise SceneError(f"'rate' must be 4 to 1000 Hz for the TSF-85, got {asked.rate:g}.")
+    period = round(1000 / asked.rate) if asked.rate else 1
+    return Wire(
+        "Robotiq's TSF-85",
+        115_200,
+        lambda: Decoder(Tsf85(finger)),
+        lambda scan: encode(scan, finger),
+        greeting=command(AUTOSEND, bytes([period])),
+        farewell=command(AUTOSEND, b"\0"),
+        form=Form(SHAPE, ("normal",), "count", 0.0, 4000.0),
+    )
+
+
+def command(code: int, data: bytes) -> bytes:
+    """Return a command's packet."""
+    return START + bytes([0, code, len(data)]) + data
+
+
+class Tsf85:
+    """The format; a scan is complete with the static taxels of its finger.
+
+    Between two of them the dynamic channel and the inertia go on: the scan carries their latest
+    numbers, and the largest magnitude of the dynamic channel since the scan before.
+
+    There is no check, so a packet is believed if its parts fill it and another one follows.
+
+    Parameters
+    ----------
+    finger : int
+        From 0.
+    """
+
+    def __init__(self, finger: int = 0) -> None:
+        self._finger = finger
+        self._extras: dict[str, float] = {}
+        self._peak = 0.0
+        self._millis: int | None = None
+
+    def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
+        """Return the scan, gap or wait at the front of `data`."""
+        before = to_marker(data, START, ended=ended)
+        if before is not None:
+            return before
+        if len(data) < HEAD:
+            return MORE
+        if data[2] not in (READ, AUTOSEND) or not 0 < data[3] <= MOST:
+            return Skip(1)
+        size = HEAD + data[3]
+        if len(data) < size:
+            return MORE
+        parts = parts_of(bytes(data[HEAD:size]))
+        after = bytes(data[size : size + HEAD + 1])
+        if parts is None or not begins(after):
+            return Skip(1, bad=locked)
+        if len(after) <= HEAD and not ended:
+            return MORE
+        return Found(size, self._scan(parts))
+
+    def _scan(self, parts: list[tuple[int, int, bytes]]) -> Scan | None:
+        values = None
+        for kind, finger, data in parts:
+            if kind == TIMESTAMP:
+                self._millis = int.from_bytes(data, "big")
+            elif finger == self._finger:
+                if kind == STATIC:
+                    values = np.frombuffer(data, ">u2").astype(float).reshape(*SHAPE, 1)
+                else:
+                    self._note(kind, data)
+        if values is None:
+            return None
+        peak, self._peak = self._peak, 0.0
+        extras = {**self._extras, "device_dynamic_peak": peak}
+        time = None if self._millis is None else 1000 * self._millis
+        return Scan(values, ("normal",), "count", time_us=time, time_wrap=1000 << 16, extras=extras)
+
+    def _note(self, kind: int, data: bytes) -> None:
+        numbers = struct.unpack(f">{len(data) // 2}h", data)
+        if kind == DYNAMIC:
+            self._extras["device_dynamic"] = float(numbers[0])
+            self._peak = max(self._peak, abs(float(numbers[0])))
+        elif kind in INERTIA:
+            named = zip("xyz", numbers, strict=True)
+            self._extras |= {f"device_{INERTIA[kind]}_{axis}": float(n) for axis, n in named}
+        else:
+            self._extras["device_temperature"] = float(numbers[0])
+
+
+def begins(data: bytes) -> bool:
+    """Return whether bytes begin a packet, as far as there are any."""
+    known = {0: START, 2: (READ, AUTOSEND), 3: range(1, MOST + 1)}
+    good = all(data[at] in values for at, values in known.items() if at < len(data))
+    return good and (len(data) <= HEAD or data[HEAD] & 0xF0 in PARTS)
+
+
+def parts_of(data: bytes) -> list[tuple[int, int, bytes]] | None:
+    """Return type, finger and bytes of each part, or None if they do not fill the packet."""
+    parts: list[tuple[int, int, bytes]] = []
+    at = 0
+    while at < len(data):
+        kind, finger = data[at] & 0xF0, data[at] >> 2 & 3
+        size = PARTS.get(kind)
+        if size is None or at + 1 + size > len(data):
+            return None
+        parts.append((kind, finger, data[at + 1 : at + 1 + size]))
+        at += 1 + size
+    return parts
+
+
+def encode(scan: Scan, finger: int = 0) -> bytes:
+    """Return the packets of a scan: its time, then its taxels.
+
+    Raises
+    ------
+    CodecError
+        If the scan has not 7×4 taxels of one axis.
+    """
+    if scan.values.shape != (*SHAPE, 1):
+        raise CodecError(f"The TSF-85 has 7×4 taxels of one axis, got {scan.values.shape}.")
+    counts = np.clip(np.rint(np.asarray(scan.values, np.float64)), 0, 65_535).astype(">u2")
+    dynamic = int(scan.extras.get("device_dynamic", 0.0)) & 0xFFFF
+    millis = (scan.time_us or 0) // 1000 % (1 << 16)
+    first = bytes([DYNAMIC | finger << 2]) + dynamic.to_bytes(2, "big")
+    first += bytes([TIMESTAMP]) + millis.to_bytes(2, "big")
+    return command(AUTOSEND, first) + command(
+        AUTOSEND, bytes([STATIC | finger << 2]) + counts.tobytes()
+    )

@@ -1,0 +1,171 @@
+"""XELA uSkin: the JSON messages of its server, one a line, over a WebSocket or any stream.
+
+Facts of the wire: the public ROS node ``xela_server_ros``. A message has a counter and an object a
+sensor; a taxel's x, y and z are hexadecimal, row by row from the top left.
+"""
+
+import json
+from typing import Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats, Shape
+from cnnum.drivers.codecs.scan import Scan
+from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip
+from cnnum.drivers.codecs.wire import Asked, Form, Wire
+from cnnum.errors import CodecError
+from cnnum.frame import FORCE_AXES
+
+LONGEST = 1 << 17
+"""Bytes of the longest message."""
+
+TRIED = 4
+"""Places of a line at which a message is looked for."""
+
+PADS = {16: (4, 4), 24: (4, 6)}
+"""Rows and columns of a pad by its number of taxels: uSPa44 and uSPa46."""
+
+
+def xela(asked: Asked) -> Wire:
+    """Return the protocol; pads lie side by side, or fill the shape that the user says."""
+    server = Server(asked.shape)
+    form = Form(asked.shape or (4, 4), FORCE_AXES, "count", 32_768.0, 45_000.0)
+    return Wire("XELA's server messages", 115_200, lambda: Decoder(server), encode, form=form)
+
+
+class Server:
+    """The format: a line holds a message, a greeting, or nothing that is known.
+
+    Parameters
+    ----------
+    shape : (rows, cols), optional
+        Of all pads together, row by row in the order of their numbers.
+    """
+
+    def __init__(self, shape: Shape | None = None) -> None:
+        self._shape = shape
+
+    def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
+        """Return the scan, gap or wait at the front of `data`."""
+        end = data.find(b"\n") + 1 or (len(data) if ended else 0)
+        if not end:
+            return Skip(1) if len(data) > LONGEST else MORE
+        line = bytes(data[:end])
+        if not line.strip():
+            return Found(end)
+        at = -1
+        for _ in range(TRIED):
+            at = line.find(b"{", at + 1)
+            if at < 0:
+                break
+            message = _message(line[at:])
+            if message is not None:
+                return Skip(at) if at else self._found(message, end)
+        return Skip(end, bad=b'"message"' in line)
+
+    def _found(self, message: dict[str, object], size: int) -> Found | Skip:
+        if message["message"] == "Welcome":
+            return Found(size)
+        try:
+            return Found(size, scan_of(message, self._shape))
+        except (CodecError, ValueError, TypeError, KeyError, OverflowError, AttributeError):
+            return Skip(size, bad=True)
+
+
+def _message(line: bytes) -> dict[str, object] | None:
+    try:
+        found: Any = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    known = isinstance(found, dict) and "message" in found
+    return cast("dict[str, object]", found) if known else None
+
+
+def scan_of(message: dict[str, object], shape: Shape | None = None) -> Scan:
+    """Return the scan of a message: calibrated forces where it has them, else counts.
+
+    Raises
+    ------
+    CodecError
+        If a sensor has not three numbers a taxel, or the pads do not fill the shape.
+    """
+    keys = sorted(filter(str.isdigit, message), key=int)
+    sensors = [cast("dict[str, Any]", message[key]) for key in keys]
+    if not sensors:
+        raise CodecError("A message needs an object for each of its sensors.")
+    calibrated = all(sensor.get("calibrated") for sensor in sensors)
+    pads = [_pad(sensor, calibrated=calibrated) for sensor in sensors]
+    counter = message["message"]
+    if not isinstance(counter, int) or counter < 0:
+        raise CodecError("The counter of a message is a number from 0 up.")
+    return Scan(
+        values=tiled(pads, shape),
+        channels=FORCE_AXES,
+        unit="N" if calibrated else "count",
+        sequence=counter,
+        sequence_wrap=1 << 63,
+        time_us=round(1e6 * float(sensors[0]["time"])),
+    )
+
+
+def _pad(sensor: dict[str, Any], *, calibrated: bool) -> Floats:
+    taxels = int(sensor["taxels"])
+    rows, cols = PADS.get(taxels, (1, taxels))
+    if calibrated:
+        numbers = [float(value) for value in sensor["calibrated"]]
+    else:
+        numbers = [float(int(value, 16)) for value in str(sensor["data"]).split(",")]
+    values = np.array(numbers)
+    if len(numbers) != 3 * taxels or not taxels or not np.isfinite(values).all():
+        raise CodecError(f"A sensor of {taxels} taxels needs {3 * taxels} finite numbers.")
+    return values.reshape(rows, cols, 3)
+
+
+def tiled(pads: list[Floats], shape: Shape | None) -> NDArray[np.float64]:
+    """Return pads as one array: side by side, or row by row in a shape.
+
+    Raises
+    ------
+    CodecError
+        If they are not alike, or do not fill the shape.
+    """
+    rows, cols = pads[0].shape[:2]
+    whole = shape or (rows, cols * len(pads))
+    down, across = whole[0] // rows, whole[1] // cols
+    fills = (down * rows, across * cols) == whole and down * across == len(pads)
+    if not fills or any(pad.shape != pads[0].shape for pad in pads):
+        raise CodecError(
+            f"{len(pads)} pads of {rows}×{cols} taxels do not fill an array of "
+            f"{whole[0]}×{whole[1]}."
+        )
+    return np.concatenate(
+        [np.concatenate(pads[n * across : (n + 1) * across], axis=1) for n in range(down)]
+    )
+
+
+def encode(scan: Scan) -> bytes:
+    """Return the line of a scan: 4×4 pads of unsigned counts, clipped at 16 bits.
+
+    Raises
+    ------
+    CodecError
+        If the scan is not made of 4×4 pads of three axes.
+    """
+    rows, cols, axes = scan.values.shape
+    if rows % 4 or cols % 4 or axes != 3:
+        raise CodecError(f"The server sends 4×4 pads of three axes, got {scan.values.shape}.")
+    counts = np.clip(np.rint(np.asarray(scan.values, np.float64)), 0, 65_535).astype(int)
+    message: dict[str, object] = {"message": scan.sequence or 0}
+    for number in range(rows * cols // 16):
+        row, col = divmod(number, cols // 4)
+        pad = counts[4 * row : 4 * row + 4, 4 * col : 4 * col + 4].ravel().tolist()
+        message[str(number + 1)] = {
+            "sensor": number + 1,
+            "time": (scan.time_us or 0) / 1e6,
+            "model": "uSPa44",
+            "taxels": 16,
+            "data": ",".join(f"{value:04X}" for value in pad),
+            "calibrated": None,
+        }
+    return json.dumps(message).encode() + b"\n"

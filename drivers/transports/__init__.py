@@ -1,0 +1,1 @@
+"""Transports: where bytes come from, when it is no serial port."""

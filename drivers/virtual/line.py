@@ -1,0 +1,113 @@
+"""A pseudo-terminal as the device's end of a serial line, which can be unplugged."""
+
+import contextlib
+import os
+from pathlib import Path
+
+from cnnum.errors import NotSupportedError, PortError
+
+WAITING = 1 << 20
+"""Bytes that wait for the reader, as in a device's own buffer; more are not taken."""
+
+
+class VirtualLine:
+    """A line at a path: a link to the pseudo-terminal that is plugged in.
+
+    Parameters
+    ----------
+    link : Path, optional
+        The name that stays the same over replugs; the terminal's own unless given.
+
+    Raises
+    ------
+    NotSupportedError
+        If the system has no pseudo-terminals.
+    PortError
+        If the link cannot be made, or something else has its name.
+    """
+
+    def __init__(self, link: Path | None = None) -> None:
+        if not hasattr(os, "openpty"):
+            raise NotSupportedError(
+                "This system has no pseudo-terminals: simulate the array on Linux or macOS."
+            )
+        if link is not None and link.exists() and not link.is_symlink():
+            raise PortError(f"'{link}' is there and is no link: choose another name.")
+        self._link = link
+        self._master = self._slave = -1
+        self._waiting = bytearray()
+        self.path = link
+        self.plug()
+
+    @property
+    def plugged(self) -> bool:
+        """Whether a terminal is there."""
+        return self._master >= 0
+
+    def plug(self) -> None:
+        """Open a new terminal, and lead the link to it.
+
+        Raises
+        ------
+        PortError
+            If the link cannot be made.
+        """
+        import tty
+
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        os.set_blocking(self._master, False)
+        name = Path(os.ttyname(self._slave))
+        if self._link is None:
+            self.path = name
+            return
+        try:
+            self._link.unlink(missing_ok=True)
+            self._link.symlink_to(name)
+        except OSError as error:
+            raise PortError(
+                f"The link '{self._link}' cannot be made: {error.strerror}; choose a folder that "
+                "exists and may be written to."
+            ) from None
+
+    def unplug(self) -> None:
+        """Close the terminal; who reads it is told that it has gone."""
+        if self.plugged:
+            os.close(self._slave)
+            os.close(self._master)
+            self._master = self._slave = -1
+        self._waiting.clear()
+        if self._link is not None:
+            with contextlib.suppress(OSError):
+                self._link.unlink(missing_ok=True)
+
+    def write(self, data: bytes) -> bool:
+        """Leave bytes for the reader, and return whether they were taken, all or none."""
+        if not self.plugged or len(self._waiting) + len(data) > WAITING:
+            self._push()
+            return False
+        self._waiting += data
+        self._push()
+        return True
+
+    def _push(self) -> None:
+        while self._waiting and self.plugged:
+            try:
+                count = os.write(self._master, self._waiting[:4096])
+            except BlockingIOError:
+                return
+            except OSError:  # the reader has gone; another may come
+                return
+            del self._waiting[:count]
+
+    def asked(self) -> bytes:
+        """Return what the reader has written."""
+        self._push()
+        try:
+            return os.read(self._master, 4096) if self.plugged else b""
+        except OSError:  # nothing yet, or the reader has gone
+            return b""
+
+    def close(self) -> None:
+        """Unplug for good."""
+        self.unplug()

@@ -1,0 +1,71 @@
+"""No value overflows, whatever the inputs and memories hold: intervals against extreme frames."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from cnnum.embedded.emulator import Emulator, cleared
+from cnnum.embedded.ranges import ranges, widest
+from tests.embedded.conftest import made, streams
+
+
+class Watched(Emulator):
+    """Notes the least and the largest whole number of every variable and array."""
+
+    def _note(self, name, value):
+        self.sizes.setdefault(name, []).append((int(value.min()), int(value.max())))
+
+
+@pytest.fixture(scope="module")
+def programs():
+    return [made(name, "q15", method="euler").program for name in ("slip", "twist")]
+
+
+@settings(max_examples=8, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["ends", "any", "memory"]))
+def test_no_value_leaves_its_interval(programs, seed, kind):
+    """Inputs at their ends, anywhere, and memories of any content: as a fault may leave them."""
+    random = np.random.default_rng(seed)
+    for program in programs:
+        state = cleared(program, 4)
+        if kind == "memory":
+            for one in program.of_kind("state"):
+                low, high = one.bounds
+                state[one.name] = random.integers(low, high, state[one.name].shape, endpoint=True)
+        known = {}
+        for one in ranges(program):
+            low, high = known.get(one.name, one.bounds)
+            known[one.name] = min(low, one.bounds[0]), max(high, one.bounds[1])
+        for frame in range(3):
+            inputs = {}
+            for one in program.of_kind("input"):
+                low, high = one.bounds
+                anywhere = random.integers(low, high, (4, one.length), endpoint=True)
+                ends = np.where(anywhere > 0, high, low)
+                inputs[one.name] = ends if kind == "ends" else anywhere
+            watched = Watched(program, sizes={})
+            watched.run(inputs, state, first=frame == 0)
+            for name, seen in watched.sizes.items():
+                low, high = known[name]
+                assert all(low <= least and most <= high for least, most in seen), name
+
+
+def test_all_that_lies_on_the_way_fits(programs):
+    assert all(one.bits <= 64 for program in programs for one in ranges(program))
+    assert any(one.saturates for one in ranges(programs[0]))
+    assert not all(one.saturates for one in ranges(programs[0]))
+
+
+def test_the_export_prints_the_intervals():
+    text = made("twist", "q15").export(streams((8, 8))[:4, 0]).files["ranges.txt"]
+    assert "none overflows" in text
+    assert "in_normal" in text
+    assert text.count("cannot be left") > 20
+
+
+def test_a_sum_before_its_shift_is_counted():
+    from cnnum.embedded.ir.expressions import Whole, call, shifted
+
+    product = call("multiply", Whole(2**30), Whole(2**30 + 1))
+    assert widest(shifted(product, -40)) == 62

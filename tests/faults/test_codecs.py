@@ -1,0 +1,111 @@
+"""Codecs under damage: any bytes at all, then good packets, which all arrive.
+
+`CNNUM_FAULTS=full CNNUM_CODEC_INPUTS=1000000 pytest tests/faults/test_codecs.py -k pts2` tries one
+protocol a million times.
+"""
+
+import importlib.util
+import os
+import random
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cnnum.drivers.codecs.wire import protocol_names
+
+spec = importlib.util.spec_from_file_location(
+    "wires", Path(__file__).parents[1] / "drivers" / "wires.py"
+)
+assert spec is not None
+assert spec.loader is not None
+wires: Any = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(wires)
+
+INPUTS = int(os.environ.get("CNNUM_CODEC_INPUTS", "5000"))
+
+GOOD = 3
+"""Packets after the damage: the last of them has none after it that would confirm it."""
+
+
+def flip(data: bytes, rng: random.Random) -> bytes:
+    at = rng.randrange(len(data))
+    return data[:at] + bytes([data[at] ^ 1 << rng.randrange(8)]) + data[at + 1 :]
+
+
+def cut(data: bytes, rng: random.Random) -> bytes:
+    return data[: rng.randrange(len(data))]
+
+
+def torn(data: bytes, rng: random.Random) -> bytes:
+    return data[rng.randrange(len(data)) :]
+
+
+def hole(data: bytes, rng: random.Random) -> bytes:
+    first, last = sorted(rng.randrange(len(data)) for _ in range(2))
+    return data[:first] + data[last:]
+
+
+def stuffed(data: bytes, rng: random.Random) -> bytes:
+    at = rng.randrange(len(data))
+    return data[:at] + rng.randbytes(rng.randrange(1, 9)) + data[at:]
+
+
+def swapped(data: bytes, rng: random.Random) -> bytes:
+    at = rng.randrange(len(data))
+    return data[at:] + data[:at]
+
+
+def anything(data: bytes, rng: random.Random) -> bytes:
+    return rng.randbytes(rng.randrange(len(data)))
+
+
+DAMAGES: list[Callable[[bytes, random.Random], bytes]] = [
+    flip, cut, torn, hole, stuffed, swapped, anything,
+]  # fmt: skip
+
+
+class Bench:
+    """A protocol with a store of good packets."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.known = name, wires.spoken(name)
+        self.sent = [wires.drawn(name, n, seed=7) for n in range(8)]
+        self.data = [self.known.encode(scan) for scan in self.sent]
+        self.size = min(map(len, self.data))
+
+    def survives(self, rng: random.Random) -> bool:
+        """Return whether the good packets after one damaged one all arrive."""
+        decoder, first = self.known.decoder(), rng.randrange(len(self.data) - GOOD)
+        damaged = rng.choice(DAMAGES)(self.data[rng.randrange(len(self.data))], rng)
+        if self.name in wires.TEXT:  # a line that runs into the next spoils it
+            damaged += b"\n\n"
+        good = range(first, first + GOOD)
+        got = decoder.feed(damaged)
+        if self.known.request:  # what is asked for comes by itself
+            decoder.flush()
+            got = [scan for n in good for scan in decoder.feed(self.data[n])]
+        else:
+            stream = b"".join(self.data[n] for n in good)
+            at = rng.randrange(len(stream))
+            got += decoder.feed(stream[:at]) + decoder.feed(stream[at:]) + decoder.flush()
+        return all(
+            any(wires.same(self.sent[n], scan) for scan in got[-GOOD - 1 :]) for n in good
+        ) and self._counted(decoder)
+
+    @staticmethod
+    def _counted(decoder: Any) -> bool:
+        return bool(decoder.pending == 0) if hasattr(decoder, "pending") else True
+
+
+@pytest.mark.parametrize("name", protocol_names())
+def test_damaged_bytes_raise_nothing_and_hide_no_packet(faults, name: str) -> None:
+    """Damaged bytes in any protocol raise nothing, and every good packet after them arrives."""
+    bench, rng = Bench(name), random.Random(f"bytes of {name}")
+    for trial in faults.trials(short=60, full=INPUTS):
+        try:
+            if not bench.survives(rng):
+                faults.lose(f"{name} {trial}: a packet after the damage did not arrive")
+        except Exception as error:
+            faults.lose(f"{name} {trial}: {type(error).__name__}: {error}")

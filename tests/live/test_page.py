@@ -1,0 +1,174 @@
+"""The live page in a real browser: pictures move, events appear, time goes back, the line heals."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from cnnum import load_recording
+from cnnum.drivers.registry import open_driver
+from cnnum.recordings.recording import Recording
+
+from .browser import CHROMIUM, WAIT, Browser
+
+pytest.importorskip("websockets")
+if not CHROMIUM:
+    pytest.skip("no Chromium is here", allow_module_level=True)
+
+SHOTS = os.environ.get("CNNUM_SCREENSHOTS")
+"""Folder that keeps the pictures of the page, for people to look at."""
+
+
+@pytest.fixture
+def browser(tmp_path: Path) -> Iterator[Browser]:
+    page = Browser(tmp_path / "profile")
+    yield page
+    page.close()
+
+
+class Viewing:
+    """A running `cnnum view`."""
+
+    def __init__(self, *arguments: str) -> None:
+        command = [sys.executable, "-m", "cnnum", "view", "--json", *arguments]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert self.process.stdout is not None
+        self.address: str = json.loads(self.process.stdout.readline())["address"]
+
+    @property
+    def port(self) -> str:
+        return self.address.split(":")[2].split("/")[0]
+
+    def stop(self) -> int:
+        self.process.send_signal(signal.SIGINT)
+        code = self.process.wait(WAIT)
+        if self.process.stdout:
+            self.process.stdout.close()
+        return code
+
+
+@pytest.fixture
+def viewing() -> Iterator[Callable[..., Viewing]]:
+    started: list[Viewing] = []
+
+    def start(*arguments: str) -> Viewing:
+        started.append(Viewing(*arguments))
+        return started[-1]
+
+    yield start
+    for one in started:
+        if one.process.poll() is None:
+            one.stop()
+
+
+def shot(browser: Browser, tmp_path: Path, name: str) -> bytes:
+    return browser.picture((Path(SHOTS) if SHOTS else tmp_path) / f"{name}.png")
+
+
+def canvas(browser: Browser) -> str:
+    """What the taxels look like, as one string."""
+    return str(browser.value("document.getElementById('taxels').toDataURL()"))
+
+
+def test_the_live_page(browser: Browser, viewing: Callable[..., Viewing], tmp_path: Path) -> None:
+    server = viewing("demo", "--port", "0")
+    browser.size(1300)
+    browser.open(server.address)
+    # frames move
+    first = int(browser.until("document.body.dataset.number"))
+    browser.until(f"Number(document.body.dataset.number) > {first + 20}")
+    browser.until("document.querySelector('#contact.on') !== null")
+    before = canvas(browser)
+    browser.until("view.shown.load !== undefined && view.pictures > 60")
+    assert canvas(browser) != before
+    # an event appears, on the list and on the time line
+    browser.until("document.querySelector('#events li[data-kind=contact]') !== null")
+    browser.until("document.querySelector('#events li[data-kind=slip]') !== null")
+    shot(browser, tmp_path, "live-1300-light")
+    # the last minute can be gone through
+    browser.value("at('scrub').value = 985; at('scrub').dispatchEvent(new Event('input'))")
+    held = browser.value("[view.held.time, view.newest.time]")
+    assert 0.5 < held[1] - held[0] < 1.5
+    browser.until(f"view.newest.time > {held[1] + 0.1}")
+    assert browser.value("view.shown.time") == held[0]
+    assert browser.value("document.body.dataset.held") == "yes"
+    browser.value("at('live').click()")
+    browser.until(f"view.shown.time > {held[1]}")
+    # pause holds the picture, and lets go
+    browser.value("at('pause').click()")
+    paused = browser.value("view.shown.time")
+    browser.until(f"view.newest.time > {paused}")
+    assert browser.value("view.shown.time") == paused
+    browser.value("at('pause').click()")
+    assert browser.value("view.held") is None
+
+
+def test_the_page_heals_when_its_server_comes_back(
+    browser: Browser, viewing: Callable[..., Viewing]
+) -> None:
+    server = viewing("demo", "--port", "0")
+    browser.size(400, 800)
+    browser.open(server.address)
+    browser.until("view.pictures > 5")
+    assert server.stop() == 130
+    browser.until("document.getElementById('link').dataset.state === 'lost'")
+    seen = browser.value("view.pictures")
+    viewing("demo", "--port", server.port)
+    browser.until(
+        f"document.getElementById('link').dataset.state === 'on' && view.pictures > {seen}"
+    )
+
+
+def test_a_recording_is_played_and_moved_in_time(
+    browser: Browser, viewing: Callable[..., Viewing], recording: Path
+) -> None:
+    duration = load_recording(recording).times[-1]
+    server = viewing(str(recording), "--port", "0")
+    browser.size(1300, dark=True)
+    browser.open(server.address)
+    browser.until("view.pictures > 5 && view.hello.duration > 0")
+    assert browser.value("view.hello.duration") == pytest.approx(duration, abs=0.01)
+    assert browser.value("at('speed').hidden") is False
+    browser.value("at('pause').click()")
+    browser.value("at('scrub').value = 250; at('scrub').dispatchEvent(new Event('input'))")
+    browser.until(f"Math.abs(view.shown.time - {0.25 * duration}) < 0.05")
+    stays = browser.value("view.shown.number")
+    assert browser.value("new Promise(r => setTimeout(() => r(view.shown.number), 300))") == stays
+    browser.value("at('pause').click()")
+    browser.until(f"view.shown.number > {stays + 10}")
+
+
+@pytest.fixture(scope="session")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A short press and slip, as strain."""
+    with open_driver("simulated", {"rate": 100.0}) as driver:
+        frames = list(driver.frames())[:500]
+        calibration: Any = driver.calibration  # type: ignore[attr-defined]
+    import numpy as np
+
+    strain = calibration.to_strain(np.stack([frame.values for frame in frames]))
+    path = tmp_path_factory.mktemp("recording") / "press.npz"
+    return Recording(strain, rate=100.0, unit="strain").save(path)
+
+
+@pytest.mark.parametrize("width", [400, 1300])
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+def test_the_page_fits_a_phone_and_a_desk(
+    browser: Browser, viewing: Callable[..., Viewing], tmp_path: Path, width: int, dark: bool
+) -> None:
+    server = viewing("demo", "--port", "0")
+    browser.size(width, dark=dark)
+    browser.open(server.address)
+    browser.until("document.querySelector('#events li[data-kind=slip]') !== null")
+    assert browser.value("document.documentElement.scrollWidth <= innerWidth")
+    assert browser.value("document.documentElement.dataset.theme") == ("dark" if dark else "light")
+    data = shot(browser, tmp_path, f"page-{width}-{'dark' if dark else 'light'}")
+    assert len(data) > 10_000
+    browser.value("at('theme').click()")
+    assert browser.value("document.documentElement.dataset.theme") == ("light" if dark else "dark")

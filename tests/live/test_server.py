@@ -1,0 +1,180 @@
+"""The server of the live page: who is let in, and that a slow page costs the source nothing."""
+
+import asyncio
+import json
+import time
+from collections.abc import Coroutine
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cnnum.errors import PortError, SceneError
+from cnnum.frame import FORCE_AXES, Frame, Quality
+from cnnum.live.feeds import ArrayFeed, RecordingFeed
+from cnnum.live.picture import CONTACT, DROPPED, HEAD, encoded, planes
+from cnnum.live.server import Gate, Place, serving, static
+from cnnum.recordings.recording import Recording
+from cnnum.scenes.pipeline import FrameResult, load_scene
+
+websockets = pytest.importorskip("websockets")
+
+
+class Source:
+    """An array that comes at a rate by the clock, or as fast as it is taken."""
+
+    shape, channels, unit, rate = (8, 8), FORCE_AXES, "N", 1000.0
+
+    def __init__(self) -> None:
+        from cnnum.drivers.driver import Counters
+
+        self.counters, self.sent, self.closed, self.late = Counters(), 0, False, 0.0
+
+    def frames(self) -> Any:
+        begin = time.monotonic()
+        for number in count():
+            if self.closed:
+                return
+            wait = begin + number / self.rate - time.monotonic()
+            self.late = max(self.late, -wait)
+            time.sleep(max(0.0, wait))
+            self.sent += 1
+            now = time.monotonic_ns()
+            values = np.full((8, 8, 3), float(number % 7))
+            yield Frame(values, FORCE_AXES, "N", number, number / self.rate, monotonic_ns=now)
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def run(work: Coroutine[Any, Any, None]) -> None:
+    asyncio.run(asyncio.wait_for(work, 60.0))
+
+
+def test_a_picture_holds_what_the_page_draws() -> None:
+    values = np.arange(24.0).reshape(2, 4, 3)
+    frame = Frame(values, FORCE_AXES, "N", 9, 1.5, Quality.DROPPED_BEFORE)
+    outputs = {"contact": np.array(1.0), "contact_map": np.eye(2, 4), "load_normal": np.array(3.5)}
+    data = encoded(FrameResult(7, frame, values, outputs, (), 0.0), planes(values, FORCE_AXES))
+    number, flags, when, wait, load = HEAD.unpack_from(data)
+    assert (number, flags, when, wait, load) == (7, CONTACT | DROPPED, 1.5, 0.0, 3.5)
+    shown = np.frombuffer(data, "<f4", 24, HEAD.size).reshape(3, 2, 4)
+    np.testing.assert_array_equal(shown, np.moveaxis(values, -1, 0))
+    assert list(data[HEAD.size + 96 :]) == [1, 0, 0, 0, 0, 1, 0, 0]
+
+
+def test_an_array_without_force_axes_shows_its_first_channel() -> None:
+    values = np.stack([np.full((2, 2), 5.0), np.full((2, 2), np.nan)], axis=-1)
+    shown = planes(values, ("left", "right"))
+    assert shown[2].tolist() == [[5.0, 5.0], [5.0, 5.0]]
+    assert not shown[:2].any()
+
+
+@pytest.mark.parametrize(
+    ("headers", "path", "let_in"),
+    [
+        ({"Host": "127.0.0.1:8765"}, "/stream", True),
+        ({"Host": "localhost:8765", "Origin": "http://localhost:8765"}, "/stream", True),
+        ({"Host": "localhost:8765", "Origin": "http://evil.example"}, "/stream", False),
+        ({"Host": "127.0.0.1:8765", "Origin": "http://127.0.0.1:9999"}, "/stream", False),
+        ({"Host": "127.0.0.1:8765", "Origin": "null"}, "/stream", False),
+        ({"Host": "evil.example:8765", "Origin": "http://evil.example:8765"}, "/stream", False),
+        ({}, "/stream", False),
+    ],
+)
+def test_only_the_page_itself_reads_the_stream(
+    headers: dict[str, str], path: str, let_in: bool
+) -> None:
+    assert (Gate(Place()).refusal(headers, path) == "") == let_in
+
+
+def test_other_machines_need_a_token() -> None:
+    with pytest.raises(SceneError, match="can be reached from other machines"):
+        Place("0.0.0.0")
+    gate = Gate(Place("0.0.0.0", token="secret"))
+    at = {"Host": "192.168.1.5:8765", "Origin": "http://192.168.1.5:8765"}
+    assert gate.refusal(at, "/stream?token=secret") == ""
+    assert "token" in gate.refusal(at, "/stream")
+    assert "token" in gate.refusal(at, "/stream?token=wrong")
+    assert "another origin" in gate.refusal({**at, "Origin": "http://a"}, "/stream?token=secret")
+
+
+def test_only_the_pages_own_files_are_served() -> None:
+    assert static("/")[0] == static("/view.js?token=x")[0] == 200
+    for path in ("/../server.py", "/static/index.html", "//etc/passwd", "/view.css/../hub.py"):
+        assert static(path)[0] == 404
+
+
+def test_a_page_of_another_origin_is_refused_on_the_wire() -> None:
+    from websockets.asyncio.client import connect
+    from websockets.exceptions import InvalidStatus
+
+    async def work() -> None:
+        async with serving(ArrayFeed("a", Source()), Place(port=0)) as (_, _, port):
+            address = f"ws://127.0.0.1:{port}/stream"
+            async with connect(address, proxy=None) as page:
+                assert json.loads(await page.recv())["kind"] == "hello"
+            with pytest.raises(InvalidStatus) as refused:
+                async with connect(address, origin="http://evil.example", proxy=None):
+                    pass
+            assert refused.value.response.status_code == 403
+            with pytest.raises(PortError, match=f"port {port}"):
+                async with serving(ArrayFeed("b", Source()), Place(port=port)):
+                    pass
+
+    run(work())
+
+
+def test_sixty_pictures_a_second_cost_a_quick_source_nothing() -> None:
+    from websockets.asyncio.client import connect
+
+    source, seen = Source(), [0, 0]
+
+    async def work() -> None:
+        async with serving(ArrayFeed("quick", source), Place(port=0)) as (_, _, port):
+            address = f"ws://127.0.0.1:{port}/stream"
+            quick: dict[str, Any] = {"proxy": None, "close_timeout": 0.1}
+            # the second page is open and takes nothing: its pictures are left out
+            async with connect(address, **quick) as page, connect(address, **quick):
+                end = time.monotonic() + 2.0
+                first = source.sent
+                while time.monotonic() < end:
+                    message = await page.recv()
+                    seen[0] += isinstance(message, bytes)
+                seen[1] = source.sent - first
+
+    run(work())
+    pictures, sent = seen
+    print(f"{pictures / 2:.0f} pictures/s from a source at {sent / 2:.0f} Hz")
+    # 60 and 1000; half of them on a machine that has more to do
+    assert 60 <= pictures <= 130
+    assert sent > 1000
+    assert pictures < sent / 4
+
+
+def test_a_recording_stops_and_goes_where_it_is_told(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    path = tmp_path / "short.npz"
+    Recording(1e-4 * rng.normal(size=(200, 8, 8, 3)), rate=100.0, unit="strain").save(path)
+    scene = load_scene("demo", changes={"array": {"driver": "npz", "path": str(path)}})
+    feed = RecordingFeed(scene)
+    assert feed.hub.duration == pytest.approx(1.99)
+    feed.command({"paused": True, "seek": 1.5})
+    feed.start()
+    deadline = time.monotonic() + 20.0
+    while feed.hub.frames < 1 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.2)
+    shown, data = feed.hub.picture(None)
+    assert shown is not None
+    assert (shown.number, feed.hub.frames) == (150, 1)
+    assert HEAD.unpack_from(data)[0] == 150
+    for nonsense in ({"seek": "x"}, {"speed": True}, {"seek": float("nan")}, {}):
+        feed.command(nonsense)
+    feed.command({"speed": 50.0, "paused": False})
+    while feed.hub.frames < 50 and time.monotonic() < deadline:
+        time.sleep(0.01)
+    feed.stop()
+    assert feed.hub.frames == 50
