@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from cnnum.scenes.event_list import EventList
     from cnnum.scenes.events import Event
     from cnnum.scenes.pipeline import load_scene
+    from cnnum.templating.batch import TemplateBatch
     from cnnum.templating.files import load_template, save_template
     from cnnum.templating.library import get_template, template_names
     from cnnum.templating.template import Check, Template
@@ -70,6 +71,7 @@ _HOME = {
     "transient": "cnnum.programs.transients",
     "Check": "cnnum.templating.template",
     "Template": "cnnum.templating.template",
+    "TemplateBatch": "cnnum.templating.batch",
     "load_template": "cnnum.templating.files",
     "save_template": "cnnum.templating.files",
 }
@@ -89,6 +91,7 @@ __all__ = [
     "Result",
     "RunSpec",
     "Template",
+    "TemplateBatch",
     "__version__",
     "apply",
     "as_picture",

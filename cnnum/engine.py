@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Shape
 from cnnum.engines.backend import open_backend
 from cnnum.engines.support import FUSING
-from cnnum.errors import MethodError, ProgramError, TemplateError
+from cnnum.errors import MethodError, ProgramError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
@@ -25,13 +25,15 @@ from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.runs.arguments import as_frame, channels_and_lead, has_many_cells, maps_by_role
+from cnnum.runs.batches import run_batch
 from cnnum.runs.graph import graph_of, output_names
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
 from cnnum.runs.result import Result, result_of
 from cnnum.runs.settling import at_rest, saturated
 from cnnum.runs.times import checked_times, run_at
 from cnnum.safety.memory import refuse_on_host
-from cnnum.templating.library import get_template
+from cnnum.templating.batch import TemplateBatch
+from cnnum.templating.library import by_name
 from cnnum.templating.template import Duration, Template
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
@@ -189,7 +191,7 @@ class Engine:
 
     def run(
         self,
-        template: Template | str,
+        template: Template | TemplateBatch | str,
         *,
         input: ArrayLike | None = None,
         previous: ArrayLike | None = None,
@@ -212,8 +214,9 @@ class Engine:
 
         Parameters
         ----------
-        template : Template or str
-            One of the library's by its name, or one of your own.
+        template : Template, TemplateBatch or str
+            One of the library's by its name, one of your own, or many that share a launch: they
+            are the first axis of the batch.
         input : (..., rows, cols) or (..., inputs, rows, cols) float, optional
             Where the template has no control template and starts from its input, this is the
             initial state.
@@ -259,8 +262,14 @@ class Engine:
         SizeError
             If the machine or the device has less memory than the array needs.
         """
+        if isinstance(template, TemplateBatch):
+            arrays = (input, previous, state, bias, mask)
+            options = {"duration": duration, "method": method, "rtol": rtol, "atol": atol, "dt": dt,
+                       "force": force, "estimate": estimate, "at": at}  # fmt: skip
+            how = (self.name, self.precision, self._plan_for, self.run)
+            return run_batch(*how, template, arrays, options)
         if not isinstance(template, Template):
-            template = _by_name(template)
+            template = by_name(template)
         if at is not None:
             return self._run_at(
                 template, at, duration, (input, previous, state, bias, mask),
@@ -388,13 +397,3 @@ class Engine:
                         template.name, graph_of(template, shape, names, spec), names, None
                     )
         return plan
-
-
-def _by_name(template: object) -> Template:
-    """Return the library's template of that name."""
-    if not isinstance(template, str):
-        raise TemplateError(
-            f"engine.run takes a template or the name of one, got {type(template).__name__}; a "
-            "program runs by engine.compile."
-        )
-    return get_template(template)

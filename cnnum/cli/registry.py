@@ -18,6 +18,7 @@ COMMANDS: Mapping[str, tuple[str, str]] = {
         f"{ROOM}.bench",
         "Measure error against run time, speed, latency and the peers.",
     ),
+    "sweep": ("cnnum.cli.library.sweep", "Sweep a template over weights, sizes and noise."),
     "devices": (f"{ROOM}.devices", "Show the OpenCL devices and their speed."),
     "stability": (
         f"{ROOM}.stability",

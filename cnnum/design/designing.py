@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from cnnum.design.exact import Shape, as_template, settle_bound
 from cnnum.design.linear_program import Conflict, Weights, separate
 from cnnum.design.local_rules import Seen, Table, check_of
+from cnnum.design.search import Search, search
 from cnnum.design.sequences import sequence
 from cnnum.design.spec import Spec
 from cnnum.errors import TemplateError
@@ -16,9 +18,11 @@ from cnnum.templating.checks.robustness import flips
 from cnnum.templating.checks.running import Engine
 from cnnum.templating.files.entry import About, Entry
 from cnnum.templating.files.proof import FlipRate, Proof
+from cnnum.templating.library import get_template
 from cnnum.templating.template import Check, Template
 
 PLACES = ("nw", "n", "ne", "w", "c", "e", "sw", "s", "se")
+SOURCE = "found by CMA-ES: the fewest flips under mismatch"
 _CARRIED = "The state carries what the template before made."
 
 
@@ -30,13 +34,14 @@ class Designed:
     ----------
     entry : Entry
         As the library keeps it.
-    weights : Weights
-    table : Table
+    weights : Weights or None
+    table : Table or None
+        None of a search.
     """
 
     entry: Entry
-    weights: Weights
-    table: Table
+    weights: Weights | None
+    table: Table | None
 
 
 def designed(spec: Spec, engine: Engine) -> tuple[Designed, ...]:
@@ -47,7 +52,31 @@ def designed(spec: Spec, engine: Engine) -> tuple[Designed, ...]:
     TemplateError
         If no template does what is asked; the sentence says why.
     """
+    if spec.search:
+        return (_searched(spec, engine),)
     return tuple(_proved(spec, engine, *part) for part in _parts(spec))
+
+
+def _searched(spec: Spec, engine: Engine) -> Designed:
+    """Return the template of a search, whose proof is counted and no bound."""
+    options: dict[str, Any] = dict(spec.search)
+    form = replace(get_template(str(options.pop("like"))), name=spec.name)
+    found = search(Search(form, **options), engine)
+    template = replace(found.template, description=spec.description, source=SOURCE)
+    measured = measure(template, engine)
+    size = sum(float(np.abs(part).sum()) for part in (template.A, template.B, template.z))
+    margin = measured.margin or 0.0
+    rates = _rates(spec, template, engine)
+    proof = Proof(
+        template.digest,
+        "search",
+        found.evaluations,
+        margin,
+        margin / size,
+        flips=rates,
+    )
+    entry = Entry(template, about=About(tags=("designed",)), measured=measured, proof=proof)
+    return Designed(entry, None, None)
 
 
 def _parts(spec: Spec) -> Iterator[tuple[Template, Weights, Table]]:
@@ -103,11 +132,7 @@ def as_rule(weights: Weights) -> str:
 def _proved(
     spec: Spec, engine: Engine, template: Template, weights: Weights, table: Table
 ) -> Designed:
-    counted = flips(template, engine, mismatches=spec.mismatch, bits=(), draws=spec.draws)
-    rates = tuple(
-        FlipRate(width, one.flipped, one.low, one.high, one.draws)
-        for width, one in zip(spec.mismatch, counted, strict=True)
-    )
+    rates = _rates(spec, template, engine)
     before = spec.margin * weights.of("before")
     coupled = any(seen.source == "y" for seen in weights.seen)
     proof = Proof(
@@ -122,6 +147,14 @@ def _proved(
     )
     entry = Entry(template, about=About(tags=("designed",)), proof=proof)
     return Designed(replace(entry, measured=measure(template, engine)), weights, table)
+
+
+def _rates(spec: Spec, template: Template, engine: Engine) -> tuple[FlipRate, ...]:
+    counted = flips(template, engine, mismatches=spec.mismatch, bits=(), draws=spec.draws)
+    return tuple(
+        FlipRate(width, one.flipped, one.low, one.high, one.draws)
+        for width, one in zip(spec.mismatch, counted, strict=True)
+    )
 
 
 def _shown(conflict: Conflict) -> str:

@@ -29,7 +29,8 @@ from cnnum.templating.template import Initial
 SIGNS: Mapping[str, float] = {"#": 1.0, "o": -1.0, ".": 0.0}
 DESIGN = ("rule", "until", "avoid", "state", "boundary", "initial", "margin", "split")
 PROOF = ("mismatch", "draws")
-TOP = ("name", "description", "design", "example")
+TOP = ("name", "description", "design", "example", "search")
+SEARCH = ("like", "mismatch", "draws", "population", "generations", "restarts", "seed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +55,8 @@ class Spec:
     mismatch : tuple of float
         At which flips are counted.
     draws : int
+    search : mapping
+        Options of `cnnum.design.search.Search`, its form under "like"; empty where none is asked.
     """
 
     name: str
@@ -69,9 +72,12 @@ class Spec:
     split: bool = False
     mismatch: tuple[float, ...] = field(default=(0.01, 0.05, 0.1))
     draws: int = 100
+    search: Mapping[str, object] = field(default_factory=dict[str, object])
 
     def __post_init__(self) -> None:
         checked_name("a template", self.name, TemplateError)
+        if self.search:
+            return
         if bool(self.rule) == bool(self.examples):
             raise TemplateError(
                 f"The design '{self.name}' needs a rule or examples, one of them: write "
@@ -99,7 +105,7 @@ class Spec:
 def is_spec(path: str | PathLike[str]) -> bool:
     """Return whether a file is a specification; what cannot be read is none."""
     try:
-        return "design" in parse_toml(read_text(Path(path), most=LARGEST))
+        return bool({"design", "search"} & parse_toml(read_text(Path(path), most=LARGEST)).keys())
     except (OSError, ValueError):
         return False
 
@@ -146,10 +152,20 @@ def _spec(file: str, content: dict[str, object]) -> Spec:
         values["still"] = _until(file, asked["until"])
     if "mismatch" in asked:
         values["mismatch"] = _numbers(file, "design.mismatch", asked["mismatch"])
+    if "search" in content:
+        values["search"] = _search(file, table(file, "search", content["search"]))
     listed = content.get("example", [])
     rows = cast("list[object]", listed) if isinstance(listed, list) else [listed]
     values["examples"] = tuple(_example(file, table(file, "example", row)) for row in rows)
     return Spec(**values)  # type: ignore[arg-type]
+
+
+def _search(file: str, found: dict[str, object]) -> dict[str, object]:
+    _known(file, found, SEARCH)
+    readers = dict.fromkeys(SEARCH[2:], whole) | {"like": text, "mismatch": number}
+    if "like" not in found:
+        raise TemplateError(f"'{file}': the key 'search.like' is missing: name a form's template.")
+    return {key: readers[key](file, f"search.{key}", value) for key, value in found.items()}
 
 
 def _known(file: str, found: Mapping[str, object], keys: tuple[str, ...]) -> None:

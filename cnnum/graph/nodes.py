@@ -124,7 +124,8 @@ class RunSpec:
 class Transient:
     """A template's transient.
 
-    Arguments: its inputs, its inputs before the start, state and bias (one a layer), mask.
+    Arguments: its inputs, its inputs before the start, state and bias (one a layer), mask, and a
+    map whose first cells hold the weights of A, where frames have templates of their own.
     """
 
     template: Template = field(compare=False)
@@ -134,6 +135,7 @@ class Transient:
     has_state: bool
     has_bias: bool
     has_mask: bool
+    has_weights: bool = False
 
     def roles(self) -> tuple[tuple[str, int], ...]:
         """Return the roles of the arguments in their order, and how many maps each takes."""
@@ -144,7 +146,14 @@ class Transient:
             ("state", layers if self.has_state else 0),
             ("bias", layers if self.has_bias else 0),
             ("mask", 1 if self.has_mask else 0),
+            ("weights", 1 if self.has_weights else 0),
         )
+
+    @property
+    def weights(self) -> tuple[float, ...]:
+        """The numbers of A that stand for frames' own weights, in their order."""
+        numbers = self.template.A[self.template.A.nonzero()]
+        return tuple(numbers.tolist()) if self.has_weights else ()
 
     def by_role(self, arguments: Sequence[Argument]) -> dict[str, tuple[Argument, ...]]:
         """Return the arguments by role; a role that is not given is an empty tuple."""

@@ -45,7 +45,7 @@ def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
     def role(name: str) -> list[Field] | None:
         return [frame.channel(c) for c in frame.channels if c.startswith(name)] or None
 
-    mask = role("mask")
+    mask, weights = role("mask"), role("weights")
     return transient(
         template,
         input=role("input"),
@@ -53,5 +53,6 @@ def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
         state=role("state"),
         bias=role("bias"),
         mask=mask[0] > 0.5 if mask else None,
+        weights=weights[0] if weights else None,
         spec=spec,
     )

@@ -63,6 +63,24 @@ def template_path(name: str) -> Path:
     return found
 
 
+def by_name(template: object) -> Template:
+    """Return the library's template of that name.
+
+    Raises
+    ------
+    TemplateError
+        If it is no name.
+    UnknownNameError
+        If there is none.
+    """
+    if not isinstance(template, str):
+        raise TemplateError(
+            f"engine.run takes a template or the name of one, got {type(template).__name__}; a "
+            "program runs by engine.compile."
+        )
+    return get_template(template)
+
+
 @cache
 def _files() -> Mapping[str, Path]:
     """Return the template files by their stem, which is the template's name in lower case."""

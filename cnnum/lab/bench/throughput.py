@@ -1,8 +1,10 @@
 """Cell updates a second on a device, and their share of its own arithmetic."""
 
 import math
+import statistics
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +15,17 @@ from cnnum.graph.nodes import RunSpec
 from cnnum.lab.bench.device_peak import PeakMeter
 from cnnum.lab.bench.errors import STEPS, ends_error
 from cnnum.lab.bench.samples import channelwise, even_template, frames, full_template
-from cnnum.lab.bench.timing import difference
+from cnnum.lab.bench.timing import difference, seconds_of
 from cnnum.plan import Plan
+from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.template import Template
 
 STEP = 0.01
+
+APART = 0.01
+"""Of templates of frames' own: standard deviation of the weights, as a share of each."""
+
+TURNS = 7
 
 PEAKS = 3
 """Measurements of the peak before the first case and after the last; between cases it is one."""
@@ -51,6 +59,8 @@ class Throughput:
     error : float
         Of the first and the last frame after a few of the steps, over their largest output, against
         the reference engine's own steps.
+    beside_one_template : float or None
+        Of frames with a template each: the rate over that of the same frames with one, in turns.
     """
 
     case: str
@@ -67,11 +77,15 @@ class Throughput:
     seconds: float
     spread: float
     error: float
+    beside_one_template: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ThroughputCase:
-    """A template without zeros on every channel of a batch of frames, by Euler's method."""
+    """A template without zeros on every channel of a batch of frames, by Euler's method.
+
+    With `own`, every frame has a template of its own.
+    """
 
     name: str
     shape: Shape
@@ -79,6 +93,7 @@ class ThroughputCase:
     channels: int
     steps: int
     template: Template = FULL
+    own: bool = False
 
 
 CASES = (
@@ -89,6 +104,7 @@ CASES = (
     ThroughputCase("8×8×3, batch 1024, equal weights", (8, 8), 1024, 3, 4000, EVEN),
     ThroughputCase("8×8×3, batch 1024, equal weights, 5×5", (8, 8), 1024, 3, 2000, EVEN_5),
     ThroughputCase("1024×1024, equal weights", (1024, 1024), 1, 1, 400, EVEN),
+    ThroughputCase("8×8, batch 4096, a template each", (8, 8), 4096, 1, 1500, FULL, own=True),
 )
 
 
@@ -136,6 +152,16 @@ def _plan(engine: Engine, case: ThroughputCase, steps: int) -> Plan:
     return engine.compile(program, case.shape, channels=names)
 
 
+def _timed(
+    engine: Engine, case: ThroughputCase, batch: NDArray[np.floating], steps: int
+) -> Callable[[], object]:
+    """Return the call of a launch of so many steps."""
+    if case.own:
+        maps = np.asarray(batch[..., 0], dtype=np.float64)
+        return partial(run_of(engine, case.template, maps, STEP, own=True), steps)
+    return partial(_plan(engine, case, steps), batch)
+
+
 def _measure(
     engine: Engine, case: ThroughputCase, peak: Callable[[], float], budget: float
 ) -> Throughput:
@@ -144,12 +170,13 @@ def _measure(
     The peak is still to come.
     """
     batch = frames(case.batch, case.shape, case.channels)
-    short, long = (_plan(engine, case, n) for n in (case.steps, 3 * case.steps))
+    maps = np.asarray(batch[..., 0], dtype=np.float64)
+    short, long = (_timed(engine, case, batch, n) for n in (case.steps, 3 * case.steps))
     cells = case.batch * case.channels * case.shape[0] * case.shape[1]
     a_cell = 2 * np.count_nonzero(case.template.A) + 4
     found = difference(
-        lambda: short(batch),
-        lambda: long(batch),
+        short,
+        long,
         work=cells * 2.0 * case.steps * a_cell,
         against=peak,
         budget=budget,
@@ -170,8 +197,70 @@ def _measure(
         seconds=found.long.median,
         spread=found.long.spread,
         error=ends_error(lambda on, some: _outputs(on, case, some), engine, batch),
+        beside_one_template=(
+            rate_beside_one(engine, case.template, maps, STEP, case.steps) if case.own else None
+        ),
     )
 
 
 def _outputs(engine: Engine, case: ThroughputCase, batch: NDArray[np.floating]) -> Floats:
+    if case.own:
+        maps = np.asarray(batch[..., 0], dtype=np.float64)
+        return run_of(engine, case.template, maps, STEP, own=True)(STEPS)[:, np.newaxis]
     return np.stack(list(_plan(engine, case, STEPS)(batch).values()), axis=1)
+
+
+def run_of(
+    engine: Engine, template: Template, maps: Floats, step: float, *, own: bool
+) -> Callable[[int], Floats]:
+    """Return a function of the number of steps that runs frames, with a template each or one.
+
+    Parameters
+    ----------
+    engine : Engine
+    template : Template
+    maps : (frames, rows, cols) float
+        Inputs and initial states.
+    step : float
+        Of Euler's method, in time constants.
+    own : bool
+    """
+    batch = TemplateBatch(template, drawn(template, len(maps)))
+
+    def run(steps: int) -> Floats:
+        length = steps * step
+        return engine.run(
+            batch if own else template,
+            input=maps,
+            state=maps,
+            duration=length,
+            dt=step,
+            method="euler",
+        ).output
+
+    return run
+
+
+def drawn(template: Template, count: int) -> Floats:
+    """Return weights of A of templates near one."""
+    rng = np.random.default_rng(0)
+    return template.A * (1.0 + APART * rng.normal(size=(count, *template.A.shape)))
+
+
+def rate_beside_one(
+    engine: Engine, template: Template, maps: Floats, step: float, steps: int
+) -> float:
+    """Return the rate of frames with a template each over that of frames with one, in turns.
+
+    It is that of the steps alone: what more steps of the same launch take.
+    """
+    own, one = (run_of(engine, template, maps, step, own=each) for each in (True, False))
+    for run in (own, one):
+        run(steps)
+        run(3 * steps)
+
+    def more(run: Callable[[int], Floats]) -> float:
+        short = seconds_of(partial(run, steps))
+        return max(seconds_of(partial(run, 3 * steps)) - short, 1e-9)
+
+    return statistics.median(more(one) / more(own) for _ in range(TURNS))

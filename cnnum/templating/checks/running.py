@@ -5,6 +5,7 @@ from typing import Protocol
 from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats
+from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks.records import Case
 from cnnum.templating.template import Duration, Template
 
@@ -53,7 +54,7 @@ class Engine(Protocol):
 
     def run(
         self,
-        template: Template,
+        template: Template | TemplateBatch,
         *,
         input: Floats | None = None,
         previous: Floats | None = None,
@@ -65,14 +66,18 @@ class Engine(Protocol):
         rtol: float = 1e-4,
         atol: float = 1e-5,
     ) -> Result:
-        """Run a template."""
+        """Run a template, or many at once."""
         ...
 
 
 def run_case(
-    template: Template, engine: Engine, case: Case, rtol: float, method: str = "auto"
+    template: Template | TemplateBatch,
+    engine: Engine,
+    case: Case,
+    rtol: float,
+    method: str = "auto",
 ) -> Result:
-    """Run a template on a case, with a tenth of the relative tolerance as the absolute one."""
+    """Run templates on a case, with a tenth of the relative tolerance as the absolute one."""
     return engine.run(
         template,
         input=case.input,

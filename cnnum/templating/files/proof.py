@@ -47,7 +47,7 @@ class Proof:
     method : str
         "linear program" or "search".
     examples : int
-        Neighbourhoods that the weights were held to, or cells of pictures.
+        Neighbourhoods that the weights were held to; of a search, templates that were run.
     margin : float
         Least drive of a cell, towards its right colour.
     relative_margin : float

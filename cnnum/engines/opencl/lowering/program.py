@@ -292,6 +292,10 @@ class Lowering:
             self.arena,
             self.tables,
         )
+        text.body += [
+            fixed(name, self._weights(node)[Integer(k)])
+            for k, name in enumerate(text.operands.weights.values())
+        ]
         picks = self.users[node.index]
         scalars = [node for node in picks if node.scalar]
         self.body += [declare(self.values.name_scalar(node)) for node in scalars]
@@ -316,7 +320,16 @@ class Lowering:
         values = [self.values.read(argument) for argument in node.arguments]
         roles = operation.by_role(values)
         mask = roles["mask"][0] if roles["mask"] else None
-        return Operands(roles["input"], roles["previous"], roles["state"], roles["bias"], mask)
+        names = {w: Name(f"weight_{k}") for k, w in enumerate(operation.weights)}
+        return Operands(
+            roles["input"], roles["previous"], roles["state"], roles["bias"], mask, names
+        )
+
+    def _weights(self, node: Node) -> Name:
+        """Return the array that holds the weights of a transient's frames."""
+        array = self.values.array_of(node.arguments[-1])
+        assert array is not None
+        return array
 
     def _pick_map(self, node: Node, text: TransientBuilder) -> Statement:
         assert isinstance(node.operation, Pick)

@@ -1,6 +1,6 @@
 """What every part of a transient's lowering shares: its sizes, arrays, loops and rims."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -43,13 +43,17 @@ VECTORISE = "#pragma clang loop vectorize(assume_safety)"
 
 @dataclass(frozen=True, slots=True)
 class Operands:
-    """Expressions of `i` for what a transient reads; empty where it is not given."""
+    """Expressions of `i` for what a transient reads; empty where it is not given.
+
+    `weights` are the variables of frames' own weights, by the numbers that stand for them in A.
+    """
 
     inputs: tuple[Expression, ...]
     previous: tuple[Expression, ...]
     states: tuple[Expression, ...]
     biases: tuple[Expression, ...]
     mask: Expression | None
+    weights: Mapping[float, Name] = field(default_factory=dict[float, Name])
 
 
 @dataclass(slots=True)
@@ -170,8 +174,12 @@ class TransientBuilder:
 
     def weighted(self, array: Name, found: tuple[Tap, ...], total: Name = SUM) -> list[Statement]:
         """Return statements that add the weighted neighbours of cell `p` to `total`."""
-        terms = weighted_terms(found, Number, lambda tap: self.neighbour(array, tap))
+        terms = weighted_terms(found, self.number, lambda tap: self.neighbour(array, tap))
         return [add(total, term) for term in terms]
+
+    def number(self, weight: float) -> Expression:
+        """Return a weight: a number, or the variable that the number stands for."""
+        return self.operands.weights.get(weight) or Number(weight)
 
     def scale(self, value: Expression) -> Expression:
         """Return the tolerance of a value of this size."""

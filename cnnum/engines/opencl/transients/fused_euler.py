@@ -88,6 +88,8 @@ def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
 
 def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
     """Append the second array of outputs, what both are at first, and the scaled drive."""
+    for own in text.operands.weights.values():
+        text.body.append(fixed(Name(f"{own.text}_h"), _number(text, scheme, 0) * own))
     boundary = text.template.boundary
     text.array(Z, text.layers * text.padded)
     if boundary.constant is not None:
@@ -110,6 +112,12 @@ def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
 def _number(text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
     """Return a number times h/τ of a layer."""
     return Number(factor * scheme.move(layer, float(text.template.tau[layer])))
+
+
+def _weight(text: TransientBuilder, scheme: FixedSteps, layer: int, weight: float) -> Expression:
+    """Return a weight times h/τ of a layer."""
+    own = text.operands.weights.get(weight)
+    return _number(text, scheme, layer, weight) if own is None else Name(f"{own.text}_h")
 
 
 def _block(text: TransientBuilder) -> int:
@@ -209,7 +217,7 @@ def _scatter(
     for source in range(text.layers):
         for row in range(span + together - 1):
             adds = [
-                add(_sum(to, k, cell), _number(text, scheme, to, float(weight)) * V)
+                add(_sum(to, k, cell), _weight(text, scheme, to, float(weight)) * V)
                 for k in range(max(0, row - span + 1), min(together, row + 1))
                 for to, cell, weight in _reached(text, feedback[:, source, row - k], column, block)
             ]
@@ -240,8 +248,8 @@ def _gather(text: TransientBuilder, scheme: FixedSteps, column: int) -> None:
     """Append the sums of a column's cells, equal weights together."""
     for layer in range(text.layers):
 
-        def number(weight: float, to: int = layer) -> Number:
-            return _number(text, scheme, to, weight)
+        def number(weight: float, to: int = layer) -> Expression:
+            return _weight(text, scheme, to, weight)
 
         def output(tap: Tap) -> Name:
             return _loaded(tap.source, text.radius + tap.row, text.radius + tap.col + column)

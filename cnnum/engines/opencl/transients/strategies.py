@@ -58,6 +58,8 @@ class Strategy:
         Appends the statements of a scheme, from and to the states `x`, and returns the figures.
     fits : callable
         Whether a scheme of these can run so.
+    own_weights : bool
+        Whether frames can have weights of their own.
     starts : bool
         Whether the states `x` stand at their start before.
     pads : bool
@@ -70,6 +72,7 @@ class Strategy:
     lower: Callable[[TransientBuilder, Any], Figures]
     fits: Callable[[TransientBuilder, Any], bool] = _always
     starts: bool = True
+    own_weights: bool = False
     pads: bool = True
 
 
@@ -133,6 +136,7 @@ STRATEGIES = (
         (FixedSteps,),
         fused_euler,
         lambda text, scheme: text.tables.lanes > 1 and fuses(text, scheme),
+        own_weights=True,
     ),
     Strategy(
         "rolled stages",
@@ -141,17 +145,21 @@ STRATEGIES = (
         lambda text, scheme: adaptive(text, scheme, rolled),
         lambda text, _: rolls(text),
     ),
-    Strategy("sweeps", "every scheme runs so", (FixedSteps,), fixed_steps),
+    Strategy("sweeps", "every scheme runs so", (FixedSteps,), fixed_steps, own_weights=True),
     Strategy("sweeps", "every scheme runs so", (ChebyshevSteps,), chebyshev),
-    Strategy("sweeps", "every scheme runs so", (AdaptiveSteps,), adaptive),
+    Strategy("sweeps", "every scheme runs so", (AdaptiveSteps,), adaptive, own_weights=True),
 )
 
 
 def strategy_of(text: TransientBuilder) -> Strategy:
     """Return the first strategy that fits."""
-    scheme = text.solver.scheme
+    scheme, own = text.solver.scheme, bool(text.operands.weights)
     return next(
-        each for each in STRATEGIES if isinstance(scheme, each.schemes) and each.fits(text, scheme)
+        each
+        for each in STRATEGIES
+        if isinstance(scheme, each.schemes)
+        and (each.own_weights or not own)
+        and each.fits(text, scheme)
     )
 
 

@@ -1,0 +1,78 @@
+"""`cnnum sweep`: an experiment over weights, sizes, noise and mismatch, here or on a cluster."""
+
+from pathlib import Path
+
+import click
+
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output, facts, number, quantity
+from cnnum.cli.progress import progress
+
+
+@click.command("sweep")
+@click.argument("experiment", type=click.Path(path_type=Path, dir_okay=False))
+@click.option("--output", type=click.Path(path_type=Path), help="Results: a .nc or .zarr.")
+@click.option("--scheduler", help="Address of a Dask scheduler, as in tcp://host:8786.")
+@click.option("--engine", help="Instead of the experiment's.")
+@click.option(
+    "--page", type=click.Path(path_type=Path, dir_okay=False), help="Write a page of pictures."
+)
+@json_option
+def command(
+    experiment: Path,
+    output: Path | None,
+    scheduler: str | None,
+    engine: str | None,
+    page: Path | None,
+    as_json: bool,
+) -> None:
+    """Run the sweep of the TOML file EXPERIMENT.
+
+    Results go to the file of --output, beside the experiment unless given. A sweep that was killed
+    goes on where it was, and ends in the same file.
+    """
+    from dataclasses import replace
+
+    from cnnum.design.experiment import load_experiment
+    from cnnum.design.sweeping import sweep
+
+    wanted = load_experiment(experiment)
+    if engine is not None:
+        wanted = replace(wanted, engine=engine)
+    shown = Output(as_json)
+    with progress("tasks", None, as_json=as_json) as steps:
+        found = sweep(
+            wanted,
+            output or experiment.with_suffix(".nc"),
+            scheduler=scheduler,
+            done=lambda n, total: steps.advance(f"{n} of {total} tasks"),
+        )
+    rate = float(found.results["flipped"].mean())
+    record = {
+        "runs": wanted.runs,
+        "file": str(found.path),
+        "tasks": found.tasks,
+        "run_now": found.run_now,
+        "seconds": found.seconds,
+        "task_seconds": found.task_seconds,
+        "flip_rate": rate,
+        "wrong": float(found.results["wrong"].mean()),
+    }
+    if page is not None:
+        from cnnum.report.sweep_page import write_page
+
+        record["page"] = str(write_page(page, found.results))
+    shown.record(record)
+    shown.show(
+        facts(
+            [
+                ("runs", f"{wanted.runs:,} in {found.tasks} tasks, {found.run_now} of them now"),
+                (
+                    "took",
+                    f"{quantity(found.seconds, 's')}, {quantity(found.task_seconds, 's')} a task",
+                ),
+                ("templates that flip", f"{number(100 * rate)} %"),
+                ("file", str(found.path)),
+            ]
+        )
+    )

@@ -1,0 +1,54 @@
+"""Weights of a run: set, scaled, rounded and mismatched, in that order."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.design.experiment import WEIGHT, Value
+from cnnum.errors import TemplateError
+from cnnum.templating.template import Template
+
+Parts = dict[str, Floats]
+
+
+def weights_of(template: Template, place: Mapping[str, Value], rng: np.random.Generator) -> Parts:
+    """Return A, B and z of a run.
+
+    Mismatch multiplies every number by 1 plus a normal number of that width. Of b bits, a number
+    is a whole multiple of the largest of its matrix over 2^(b−1) − 1.
+
+    Raises
+    ------
+    TemplateError
+        If a weight is beyond the neighbourhood.
+    """
+    parts: Parts = {"A": template.A.copy(), "B": template.B.copy(), "z": template.z.copy()}
+    for name, value in place.items():
+        if WEIGHT.fullmatch(name):
+            row, col = (int(n) for n in name[2:-1].split(","))
+            kernel = parts[name[0]]
+            if max(row, col) >= kernel.shape[-1]:
+                raise TemplateError(
+                    f"The axis '{name}' names a weight beyond the {kernel.shape[-1]}×"
+                    f"{kernel.shape[-1]} cells of '{template.name}'."
+                )
+            kernel[..., row, col] = float(value)
+        elif name in ("A", "B"):
+            parts[name] *= float(value)
+        elif name == "z":
+            parts["z"][:] = float(value)
+    if "bits" in place:
+        parts = {key: rounded(part, int(place["bits"])) for key, part in parts.items()}
+    width = float(place.get("mismatch", 0.0))
+    if width:
+        parts = {
+            key: part * (1.0 + width * rng.normal(size=part.shape)) for key, part in parts.items()
+        }
+    return parts
+
+
+def rounded(part: Floats, bits: int) -> Floats:
+    """Return numbers as whole multiples of the largest one over 2^(bits − 1) − 1."""
+    step = max(float(np.abs(part).max(initial=0.0)), 1e-30) / (2 ** (bits - 1) - 1)
+    return np.asarray(step * np.rint(part / step), dtype=np.float64)

@@ -1,0 +1,218 @@
+"""Experiments: a template, the axes along which it is changed, and how each run is judged.
+
+A run is a place on the axes, and knows its own random numbers: no order of runs changes it.
+"""
+
+import itertools
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from os import PathLike
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from cnnum.arrays import digest
+from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.safety.reading import read_text
+from cnnum.safety.toml_reading import LARGEST, parse_toml
+from cnnum.templating.checks.registry import form_of
+from cnnum.templating.files.toml_values import number, table, text, whole, wrong
+from cnnum.templating.library import get_template
+from cnnum.templating.template import Template
+
+Value = float | str
+
+OUTER = ("boundary", "size", "precision", "method", "tau")
+"""Axes along which runs are launches of their own."""
+
+INNER = ("noise", "mismatch", "bits", "z", "A", "B")
+"""Axes whose runs lie in lanes of one launch; also single weights, as in "A[0, 1]"."""
+
+WEIGHT = re.compile(r"[AB]\[\d+, ?\d+\]")
+DRAW = "draw"
+MOST_RUNS = 100_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """A sweep: what is run.
+
+    Attributes
+    ----------
+    template : str
+        Name in the library, or file.
+    axes : mapping of str to tuple
+        Values by the axis: "boundary", "size", "precision", "method", "tau", "noise" (standard
+        deviation of the inputs), "mismatch" (of all weights, as a share), "bits" (of weights),
+        "z", single weights as in "A[0, 1]", and "A" and "B" (factors of all their weights).
+    draws : int
+        Of the random numbers, at each place.
+    pictures : int
+        Of the template's check, at most.
+    seed : int
+    duration : float or None
+        Time constants; that of the check unless given.
+    engine : str
+    chunk : int
+        Runs a task; measured at the first one where it is 0. Whole multiples of 512 give the same
+        bits as any others of them.
+    """
+
+    template: str
+    axes: Mapping[str, tuple[Value, ...]] = field(default_factory=dict[str, tuple[Value, ...]])
+    draws: int = 1
+    pictures: int = 4
+    seed: int = 0
+    duration: float | None = None
+    engine: str = "opencl"
+    chunk: int = 0
+
+    def __post_init__(self) -> None:
+        for name, values in self.axes.items():
+            if name not in (*OUTER, *INNER) and not WEIGHT.fullmatch(name):
+                raise TemplateError(
+                    f"Unknown axis '{name:.40}': expected one of {', '.join((*OUTER, *INNER))}, or "
+                    "a weight such as 'A[0, 1]'."
+                )
+            if not values:
+                raise TemplateError(f"The axis '{name}' needs at least one value, got none.")
+            _check_values(name, values)
+        if min(self.draws, self.pictures) < 1 or self.runs > MOST_RUNS:
+            raise TemplateError(
+                f"An experiment has 1 to {MOST_RUNS:,} runs, and at least one draw and one "
+                f"picture, got {self.runs:,} runs."
+            )
+        form_of(self.base)  # refuses a template without a check
+
+    @property
+    def base(self) -> Template:
+        """The template before any change.
+
+        Raises
+        ------
+        UnknownNameError, TemplateFileError, TemplateError
+            If there is none.
+        """
+        from cnnum.templating.files import load_template
+
+        place = Path(self.template)
+        return load_template(place) if place.suffix else get_template(self.template)
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """Axes, those of launches first, and the draws last."""
+        outer = [name for name in OUTER if name in self.axes]
+        return (*outer, *(name for name in self.axes if name not in OUTER), DRAW)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the axes in their order."""
+        return (*(len(self.axes[name]) for name in self.order[:-1]), self.draws)
+
+    @property
+    def runs(self) -> int:
+        """Number of runs."""
+        return math.prod(self.shape)
+
+    @property
+    def launched(self) -> int:
+        """Runs that may share a launch."""
+        outer = sum(name in OUTER for name in self.axes)
+        return math.prod(self.shape[outer:])
+
+    @property
+    def key(self) -> str:
+        """Digest of all that changes a result."""
+        kept = [
+            getattr(self, one.name) for one in fields(self) if one.name not in ("chunk", "axes")
+        ]
+        axes = tuple((name, self.axes[name]) for name in self.order[:-1])
+        return digest(*map(str, kept), str(axes), self.base.digest)
+
+    def place(self, run: int) -> dict[str, Value]:
+        """Return the values on the axes of a run."""
+        at = np.unravel_index(run, self.shape)
+        return {
+            name: self.axes[name][int(k)] for name, k in zip(self.order[:-1], at[:-1], strict=True)
+        }
+
+    def tasks(self, chunk: int) -> Iterator[tuple[int, int]]:
+        """Yield the first run and the one after the last of every task; none spans launches."""
+        for start in range(0, self.runs, self.launched):
+            for first in range(start, start + self.launched, chunk):
+                yield first, min(first + chunk, start + self.launched)
+
+
+def load_experiment(path: str | PathLike[str]) -> Experiment:
+    """Return the experiment that a TOML file holds.
+
+    Raises
+    ------
+    TemplateFileError
+        If the file cannot be read.
+    TemplateError
+        If a key is missing or unknown, or a value is wrong.
+    """
+    source = Path(path)
+    try:
+        content = parse_toml(read_text(source, most=LARGEST))
+    except OSError as error:
+        raise TemplateFileError(
+            f"The experiment '{source}' cannot be read: {error.strerror}; check the path."
+        ) from None
+    except ValueError as error:
+        raise TemplateError(f"'{source}' must be TOML, got an error: {error}.") from None
+    return _experiment(str(source), content)
+
+
+def _experiment(file: str, content: dict[str, object]) -> Experiment:
+    readers = {"template": text, "draws": whole, "pictures": whole, "seed": whole}
+    readers |= {"duration": number, "engine": text, "chunk": whole}
+    for key in content:
+        if key not in (*readers, "axes"):
+            known = ", ".join((*readers, "axes"))
+            raise TemplateError(f"'{file}': unknown key {key!r:.60}, expected one of {known}.")
+    if "template" not in content:
+        raise TemplateError(f"'{file}': the key 'template' is missing; a sweep needs one.")
+    values: dict[str, Any] = {
+        key: read(file, key, content[key]) for key, read in readers.items() if key in content
+    }
+    axes = table(file, "axes", content.get("axes", {}))
+    values["axes"] = {name: _values(file, f"axes.{name}", value) for name, value in axes.items()}
+    return Experiment(**values)
+
+
+def _values(file: str, key: str, value: object) -> tuple[Value, ...]:
+    """Return the values of an axis: a list, or from, to and count."""
+    if isinstance(value, list):
+        return tuple(_value(file, key, one) for one in cast("list[object]", value))
+    if not isinstance(value, dict):
+        raise wrong(file, key, "a list, or a table with from, to and count", value)
+    given = table(file, key, cast(object, value))
+    if set(given) != {"from", "to", "count"}:
+        raise wrong(file, key, "a list, or a table with from, to and count", given)
+    start, stop = (number(file, key, given[end]) for end in ("from", "to"))
+    values: list[float] = np.linspace(start, stop, whole(file, key, given["count"])).tolist()
+    return tuple(values)
+
+
+def _value(file: str, key: str, value: object) -> Value:
+    return value if isinstance(value, str) else number(file, key, value)
+
+
+def _check_values(name: str, values: Sequence[Value]) -> None:
+    words = {"precision", "method", "boundary"}
+    for value in values:
+        if isinstance(value, str) and name not in words:
+            raise TemplateError(f"The axis '{name}' takes numbers, got '{value:.40}'.")
+        least = {"noise": 0.0, "mismatch": 0.0, "tau": 1e-9, "size": 1.0, "bits": 2.0}.get(name)
+        if least is not None and not (isinstance(value, int | float) and value >= least):
+            raise TemplateError(f"The axis '{name}' takes numbers from {least:g}, got {value}.")
+
+
+def grid(experiment: Experiment) -> Iterator[tuple[Value, ...]]:
+    """Yield the values on the axes of every place, without the draws."""
+    yield from itertools.product(*(experiment.axes[name] for name in experiment.order[:-1]))

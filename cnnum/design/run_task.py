@@ -1,0 +1,186 @@
+"""One task of a sweep: runs of one launch, each judged by the template's check."""
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.design.changed import weights_of
+from cnnum.design.experiment import DRAW, OUTER, Experiment, Value
+from cnnum.engine import Engine
+from cnnum.errors import CnnumError
+from cnnum.runs.result import Result
+from cnnum.templating.batch import TemplateBatch
+from cnnum.templating.checks.records import Case
+from cnnum.templating.checks.registry import form_of
+from cnnum.templating.template import Template
+
+Figures = dict[str, Floats]
+
+NAMES = ("error", "wrong", "flipped", "settled", "time", "steps")
+"""What is known of every run: largest error, share of wrong cells, whether there is one, share of
+pictures that rest, longest time in time constants, and most steps."""
+
+BLOCK = 512
+"""Runs of a launch."""
+
+HALF = 0.5
+LOST = np.inf
+
+
+@cache
+def _engine(name: str, precision: str) -> Engine:
+    """Return the engine of this process: opening one takes longer than a task."""
+    return Engine(name, precision=precision or None)
+
+
+def run_task(experiment: Experiment, first: int, last: int) -> Figures:
+    """Return the figures of the runs from the first up to, not with, the last.
+
+    Runs share launches in blocks that do not depend on the task: steps follow the fastest template
+    of a launch, so that the same run beside others may differ by roundings.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    first, last : int
+        Of one launch: only axes of lanes may differ.
+
+    Returns
+    -------
+    dict of str to (runs,) float
+    """
+    begin = first - first % experiment.launched
+    ends = [*range(first + BLOCK - (first - begin) % BLOCK, last, BLOCK), last]
+    starts = [first, *ends[:-1]]
+    parts = [_block(experiment, *block) for block in zip(starts, ends, strict=True)]
+    return {name: np.concatenate([part[name] for part in parts]) for name in NAMES}
+
+
+def _block(experiment: Experiment, first: int, last: int) -> Figures:
+    places = [experiment.place(run) for run in range(first, last)]
+    shared = {name: places[0][name] for name in OUTER if name in places[0]}
+    template = _form(experiment.base, shared)
+    case = _case(experiment, template, shared)
+    rngs = [np.random.default_rng([experiment.seed, run]) for run in range(first, last)]
+    drawn = [weights_of(template, p, rng) for p, rng in zip(places, rngs, strict=True)]
+    noise = [float(place.get("noise", 0.0)) for place in places]
+    inputs = case.pictures if template.inputs or case.state is None else case.states
+    noisy = np.stack(
+        [inputs + s * r.normal(size=inputs.shape) for s, r in zip(noise, rngs, strict=True)]
+    )
+    engine = _engine(experiment.engine, str(shared.get("precision", "")))
+    expected = form_of(template).expected(template, case)
+    try:
+        result = _run(engine, template, case, drawn, noisy, experiment, shared)
+        return _judged(template, result, expected)
+    except CnnumError:
+        if last - first == 1:
+            return _lost()  # it diverges, or does not reach its end
+        parts = [_block(experiment, run, run + 1) for run in range(first, last)]
+        return {name: np.concatenate([part[name] for part in parts]) for name in NAMES}
+
+
+def _form(base: Template, shared: dict[str, Value]) -> Template:
+    changes: dict[str, Any] = {}
+    if "boundary" in shared:
+        changes |= {"boundary": shared["boundary"], "input_boundary": shared["boundary"]}
+    if "tau" in shared:
+        changes["tau"] = float(shared["tau"])
+    return replace(base, **changes)
+
+
+def _case(experiment: Experiment, template: Template, shared: dict[str, Value]) -> Case:
+    """Return the check's case, with so many of its pictures, evenly taken."""
+    side = int(float(shared.get("size", 8)))
+    rng = np.random.default_rng(experiment.seed)
+    case = form_of(template).cases(template, rng, (side, side))
+    maps = {key: getattr(case, key) for key in ("input", "previous", "state", "bias", "mask")}
+    count = max(len(array) for array in maps.values() if array is not None)
+    chosen = np.unique(
+        np.linspace(0, count - 1, min(count, experiment.pictures)).round().astype(int)
+    )
+    kept = {key: None if array is None else array[chosen] for key, array in maps.items()}
+    duration = case.duration if experiment.duration is None else experiment.duration
+    return replace(case, **kept, duration=duration)
+
+
+def _run(
+    engine: Engine,
+    template: Template,
+    case: Case,
+    drawn: list[dict[str, Floats]],
+    noisy: Floats,
+    experiment: Experiment,
+    shared: dict[str, Value],
+) -> Result:
+    """Run all templates on all pictures: (runs, pictures)."""
+    options: dict[str, Any] = {
+        "duration": case.duration,
+        "method": str(shared.get("method", "auto")),
+    }
+    given: dict[str, Any] = {"bias": case.bias, "mask": case.mask}
+    given |= {"input": noisy} if case.input is not None else {"state": noisy}
+    if case.input is not None:
+        given["state"] = case.state
+    parts = {key: np.stack([one[key] for one in drawn])[:, np.newaxis] for key in ("A", "B", "z")}
+    if not template.plain:
+        return _alone(engine, template, parts, given, options)
+    batch = TemplateBatch(template, parts["A"], parts["B"], parts["z"])
+    return engine.run(batch, **given, **options)
+
+
+def _alone(
+    engine: Engine, template: Template, parts: dict[str, Floats], given: Any, options: Any
+) -> Result:
+    """Run templates whose couplings no batch has, one by one."""
+    noisy = next(
+        key for key in ("input", "state") if given[key] is not None and given[key].ndim > 3
+    )
+    found = list[Result]()
+    for n in range(len(parts["A"])):
+        b = {"B": parts["B"][n, 0]} if template.inputs else {}
+        one = replace(template, A=parts["A"][n, 0], z=parts["z"][n, 0].tolist(), **b)
+        found.append(engine.run(one, **(given | {noisy: given[noisy][n]}), **options))
+    names = ("output", "state", "time", "steps", "settled", "error")
+    stacked: dict[str, Any] = {
+        name: np.stack([np.asarray(getattr(one, name)) for one in found]) for name in names
+    }
+    return Result(**stacked, method=found[0].method, reason=found[0].reason)
+
+
+def _judged(template: Template, result: Result, expected: Floats) -> Figures:
+    form = form_of(template)
+    found = np.asarray(getattr(result, form.compares), dtype=np.float64)
+    runs = len(found)
+    apart = np.abs(found - expected).reshape(runs, -1)
+    wrong = (apart > (HALF if form.digital else form.tolerance)).mean(axis=1)
+
+    def of(values: Any) -> Floats:
+        return np.asarray(values, dtype=np.float64).reshape(runs, -1)
+
+    return {
+        "error": apart.max(axis=1),
+        "wrong": wrong,
+        "flipped": (wrong > 0.0).astype(np.float64),
+        "settled": of(result.settled).mean(axis=1),
+        "time": of(result.time).max(axis=1),
+        "steps": of(result.steps).max(axis=1),
+    }
+
+
+def _lost() -> Figures:
+    values = {
+        "error": LOST,
+        "wrong": 1.0,
+        "flipped": 1.0,
+        "settled": 0.0,
+        "time": LOST,
+        "steps": 0.0,
+    }
+    return {name: np.array([values[name]]) for name in NAMES}
+
+
+__all__ = ["DRAW", "NAMES", "run_task"]

@@ -1,0 +1,173 @@
+"""Weights by CMA-ES (extra `search`): the fewest flips under mismatch, in many lanes at once.
+
+A form says which weights there are, and which are equal: its zeros stay zeros (locality), and
+equal numbers of one matrix stay equal (symmetry). Nothing else of its numbers is used.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.errors import MissingExtraError, TemplateError
+from cnnum.templating.checks.robustness import Judge, flips, mismatched
+from cnnum.templating.checks.running import Engine
+from cnnum.templating.template import Duration, Template
+
+LONGEST = 60.0
+"""Time constants of a run while weights are looked for: what oscillates is not waited for."""
+
+SPREAD = 1.0
+"""First standard deviation of a weight."""
+
+Group = tuple[str, tuple[tuple[int, ...], ...]]
+"""A matrix, and the places of its weights that are equal."""
+
+
+@dataclass(frozen=True, slots=True)
+class Search:
+    """What is looked for, and how long.
+
+    Attributes
+    ----------
+    form : Template
+        Gives the pattern of weights, all that is no weight, and the check.
+    mismatch : float
+    draws : int
+        Of the mismatch, the same for all candidates.
+    population, generations, restarts : int
+        The first restart that flips nowhere ends the search.
+    seed : int
+    """
+
+    form: Template
+    mismatch: float = 0.05
+    draws: int = 12
+    population: int = 16
+    generations: int = 25
+    restarts: int = 3
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The best template of a search.
+
+    Attributes
+    ----------
+    template : Template
+    loss : float
+        Share of draws with a wrong cell, and the share of wrong cells.
+    evaluations : int
+        Templates that were run.
+    """
+
+    template: Template
+    loss: float
+    evaluations: int
+
+
+def groups_of(form: Template) -> tuple[Group, ...]:
+    """Return the free weights of a form, equal ones together; z is free where it is not 0."""
+    found = list[Group]()
+    for part in ("A", "B", "z"):
+        array: Floats = getattr(form, part)
+        for value in np.unique(array[array != 0.0]):
+            places = tuple(tuple(place) for place in np.argwhere(array == value).tolist())
+            found.append((part, places))
+    return tuple(found)
+
+
+def with_weights(form: Template, groups: Sequence[Group], weights: Floats) -> Template:
+    """Return a form with other weights."""
+    parts: dict[str, Any] = {part: getattr(form, part).copy() for part in ("A", "B", "z")}
+    for (part, places), weight in zip(groups, weights, strict=True):
+        for place in places:
+            parts[part][place] = weight
+    parts["z"] = parts["z"].tolist()
+    if not form.inputs:
+        del parts["B"]
+    return replace(form, **parts)
+
+
+def search(wanted: Search, engine: Engine) -> Found:
+    """Return the best template that CMA-ES finds from a start that knows no weights.
+
+    The own feedback starts at 2, other weights at 0.
+
+    Raises
+    ------
+    MissingExtraError
+        If cma is not installed.
+    TemplateError
+        If the form has no weights, or couplings that a batch has not.
+    """
+    cma = _library()
+    groups = groups_of(wanted.form)
+    if not groups or not wanted.form.plain or wanted.form.layers > 1:
+        raise TemplateError(
+            f"A search needs a form of one layer with linear couplings, got '{wanted.form.name}'."
+        )
+    limit: Duration = LONGEST if wanted.form.duration == "settle" else wanted.form.duration
+    judge = Judge(replace(wanted.form, duration=limit), engine)
+    best = Found(wanted.form, math.inf, 0)
+    evaluations = 0
+    for restart in range(wanted.restarts):
+        options = {"seed": wanted.seed + restart + 1, "popsize": wanted.population, "verbose": -9}
+        start = [_start(wanted.form, group) for group in groups]
+        strategy = cma.CMAEvolutionStrategy(start, SPREAD, options)
+        for _ in range(wanted.generations):
+            asked = strategy.ask()
+            made = [with_weights(judge.template, groups, np.asarray(x)) for x in asked]
+            losses = _losses(wanted, judge, made)
+            evaluations += len(made) * (wanted.draws + 1)
+            strategy.tell(asked, losses)
+            least = int(np.argmin(losses))
+            if losses[least] < best.loss:
+                template = with_weights(wanted.form, groups, np.asarray(asked[least]))
+                best = Found(template, losses[least], evaluations)
+            if best.loss == 0.0:
+                break
+        if best.loss == 0.0:
+            break
+    return replace(best, evaluations=evaluations)
+
+
+def compared(
+    form: Template, found: Template, engine: Engine, *, mismatch: float, draws: int
+) -> tuple[float, float]:
+    """Return the flip rates of two templates under the same draws that no search has seen."""
+    rates = [
+        flips(one, engine, seed=12345, mismatches=(mismatch,), bits=(), draws=draws)[0].flipped
+        for one in (form, found)
+    ]
+    return rates[0], rates[1]
+
+
+def _losses(wanted: Search, judge: Judge, made: Sequence[Template]) -> list[float]:
+    """Return for each template how often it flips, and by how much; itself is drawn too."""
+    drawn = list[Template]()
+    for template in made:
+        rng = np.random.default_rng(wanted.seed)
+        drawn.append(template)
+        drawn += [mismatched(template, rng, wanted.mismatch) for _ in range(wanted.draws)]
+    shares = np.array(judge.shares(drawn)).reshape(len(made), -1)
+    losses = (shares > 0.0).mean(axis=1) + shares.mean(axis=1)
+    return [float(loss) for loss in losses]
+
+
+def _start(form: Template, group: Group) -> float:
+    part, places = group
+    middle = form.A.shape[-1] // 2
+    return 2.0 if part == "A" and (0, 0, middle, middle) in places else 0.0
+
+
+def _library() -> Any:
+    try:
+        return import_module("cma")
+    except ImportError:
+        raise MissingExtraError("A search needs cma: pip install 'cnnum[search]'.") from None

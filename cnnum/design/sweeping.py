@@ -1,0 +1,196 @@
+"""Sweeps: all runs of an experiment, here or on a Dask cluster, into one dataset."""
+
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.design.chunk_store import ChunkStore
+from cnnum.design.experiment import DRAW, Experiment
+from cnnum.design.run_task import BLOCK, run_task
+from cnnum.errors import MissingExtraError, TemplateFileError
+from cnnum.safety.files import write_whole
+from cnnum.sharing.tables import dataset
+
+Task = tuple[int, int]
+Done = Callable[[int, int], None]
+
+LEAST_SECONDS = 0.25
+"""Of a task, as it is measured: a cluster takes some milliseconds for each."""
+
+FIRST = 64
+MOST = 64
+"""Runs that are timed first, and blocks of a task at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """What a sweep came to.
+
+    Attributes
+    ----------
+    results : xarray.Dataset
+        The figures of every run, on the experiment's axes.
+    path : Path or None
+        The file that was written.
+    tasks, run_now : int
+        Tasks in all, and those that were not there before.
+    seconds : float
+        Wall time, s.
+    task_seconds : float
+        Median of a task that ran now, s; 0 where none did.
+    """
+
+    results: Any
+    path: Path | None
+    tasks: int
+    run_now: int
+    seconds: float
+    task_seconds: float
+
+
+def sweep(
+    experiment: Experiment,
+    path: str | PathLike[str] | None = None,
+    *,
+    scheduler: str | None = None,
+    done: Done | None = None,
+) -> Sweep:
+    """Run an experiment and return its results.
+
+    With a path, results are kept task by task in a folder of that name and ".parts" beside it. A
+    sweep that was killed goes on from there, and ends in the same file.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    path : path, optional
+        Of a NetCDF file (.nc) or a Zarr folder (.zarr).
+    scheduler : str, optional
+        Address of a Dask scheduler; this process runs all tasks unless given.
+    done : callable, optional
+        Called with (tasks done, all tasks) after each one.
+
+    Raises
+    ------
+    MissingExtraError
+        If xarray, or Dask where it is asked for, is not installed.
+    TemplateFileError
+        If the path has another suffix, or belongs to another experiment.
+    """
+    begin, target = time.perf_counter(), None if path is None else _target(Path(path))
+    if target is None:
+        with tempfile.TemporaryDirectory() as folder:
+            return _swept(
+                experiment, ChunkStore(Path(folder), experiment.key), None, scheduler, done, begin
+            )
+    store = ChunkStore(target.with_name(target.name + ".parts"), experiment.key)
+    return _swept(experiment, store, target, scheduler, done, begin)
+
+
+def _swept(
+    experiment: Experiment,
+    store: ChunkStore,
+    target: Path | None,
+    scheduler: str | None,
+    done: Done | None,
+    begin: float,
+) -> Sweep:
+    dataset({}, {}, {})  # says at once that the extra is missing
+    chunk = store.chunk()
+    if chunk is None:
+        chunk = experiment.chunk or _measured(experiment)
+        store.begin(chunk)
+    tasks = list(experiment.tasks(chunk))
+    missing = list(store.missing(tasks))
+    run = _on_cluster if scheduler else _here
+    seconds = list[float]()
+    for task, figures, spent in run(experiment, missing, scheduler or ""):
+        store.write(task, figures)
+        seconds.append(spent)
+        if done is not None:
+            done(len(tasks) - len(missing) + len(seconds), len(tasks))
+    results = _dataset(experiment, store.read(tasks))
+    if target is not None:
+        _write(results, target)
+        store.remove()
+    middle = float(np.median(seconds)) if seconds else 0.0
+    return Sweep(results, target, len(tasks), len(missing), time.perf_counter() - begin, middle)
+
+
+def timed_task(experiment: Experiment, task: Task) -> tuple[Task, dict[str, Floats], float]:
+    """Return a task, its results, and the seconds that it took."""
+    begin = time.perf_counter()
+    figures = run_task(experiment, *task)
+    return task, figures, time.perf_counter() - begin
+
+
+def _here(
+    experiment: Experiment, tasks: Sequence[Task], _: str
+) -> Iterator[tuple[Task, dict[str, Floats], float]]:
+    for task in tasks:
+        yield timed_task(experiment, task)
+
+
+def _on_cluster(
+    experiment: Experiment, tasks: Sequence[Task], scheduler: str
+) -> Iterator[tuple[Task, dict[str, Floats], float]]:
+    """Yield results as the workers of a cluster have them; those of a lost one are run again."""
+    try:
+        distributed: Any = import_module("dask.distributed")
+    except ImportError:
+        raise MissingExtraError(
+            "A sweep on several machines needs Dask: pip install 'cnnum[cluster]'."
+        ) from None
+    with distributed.Client(scheduler, timeout="30s") as client:
+        futures = client.map(
+            timed_task, [experiment] * len(tasks), tasks, key=f"sweep-{experiment.key}", pure=False
+        )
+        for future, found in distributed.as_completed(futures, with_results=True):
+            yield found
+            future.release()
+
+
+def _measured(experiment: Experiment) -> int:
+    """Return how many runs make a task long enough, by a first few that are run twice."""
+    count = min(FIRST, experiment.launched)
+    run_task(experiment, 0, count)
+    _, _, seconds = timed_task(experiment, (0, count))
+    blocks = np.ceil(count * LEAST_SECONDS / max(seconds, 1e-6) / BLOCK)
+    return int(BLOCK * min(MOST, max(1, blocks)))
+
+
+def _dataset(experiment: Experiment, figures: dict[str, Floats]) -> Any:
+    axes, shape = experiment.order, experiment.shape
+    variables = {name: (axes, values.reshape(shape)) for name, values in figures.items()}
+    coordinates = {name: ((name,), list(experiment.axes[name])) for name in axes if name != DRAW}
+    for name, ((axis,), values) in coordinates.items():
+        if len({isinstance(value, str) for value in values}) > 1:
+            coordinates[name] = ((axis,), [str(value) for value in values])
+    return dataset(
+        variables, coordinates, {"template": experiment.template, "experiment": experiment.key}
+    )
+
+
+def _target(path: Path) -> Path:
+    if path.suffix not in (".nc", ".zarr"):
+        raise TemplateFileError(
+            f"'{path}' must be a NetCDF file (.nc) or a Zarr folder (.zarr): name it so."
+        )
+    return path
+
+
+def _write(results: Any, target: Path) -> None:
+    """Write a dataset; a NetCDF file whole or not at all."""
+    if target.suffix == ".nc":
+        content = results.to_netcdf(engine="scipy")
+        write_whole(target, bytes(content))
+        return
+    results.to_zarr(target, mode="w", consolidated=False)

@@ -1,0 +1,59 @@
+"""Searches: weights from a start that knows none, with no more flips than the published ones."""
+
+import numpy as np
+import pytest
+
+from cnnum import get_template
+from cnnum.design.designing import designed
+from cnnum.design.search import Search, compared, groups_of, search, with_weights
+from cnnum.design.spec import load_spec
+from cnnum.errors import TemplateError
+from cnnum.templating.checks import run_check
+
+pytest.importorskip("cma", reason="the extra 'search' is not installed")
+
+
+@pytest.mark.parametrize("name", ["CCD_HOR", "PATCHMAK"])
+def test_a_search_finds_weights_that_flip_no_more_often(opencl, name):
+    form = get_template(name)
+    found = search(Search(form, restarts=2), opencl)
+    assert run_check(found.template, opencl, repeats=1).passed
+    published, ours = compared(form, found.template, opencl, mismatch=0.05, draws=200)
+    assert ours <= published
+
+
+def test_a_search_is_the_same_again(opencl):
+    wanted = Search(get_template("CCD_HOR"), generations=2, restarts=1, draws=3)
+    first, second = search(wanted, opencl), search(wanted, opencl)
+    assert first.template.digest == second.template.digest
+
+
+def test_a_form_gives_pattern_and_ties_and_no_number():
+    form = get_template("HOLE")
+    groups = groups_of(form)
+    assert [(part, len(places)) for part, places in groups] == [
+        ("A", 4), ("A", 1), ("B", 1), ("z", 1),
+    ]  # fmt: skip
+    made = with_weights(form, groups, np.array([0.5, 2.0, 3.0, 4.0]))
+    assert made.A[0, 0].tolist() == [[0.0, 0.5, 0.0], [0.5, 2.0, 0.5], [0.0, 0.5, 0.0]]
+    assert made.B[0, 0, 1, 1] == 3.0
+    assert made.z.tolist() == [4.0]
+
+
+def test_a_specification_can_ask_for_a_search(tmp_path, opencl):
+    path = tmp_path / "s.toml"
+    path.write_text(
+        'name = "MINE"\n[design]\ndraws = 20\n[search]\nlike = "CCD_HOR"\ngenerations = 3\n'
+        "restarts = 1\ndraws = 3\n"
+    )
+    (one,) = designed(load_spec(path), opencl)
+    assert one.entry.proof.method == "search"
+    assert one.entry.template.name == "MINE"
+    path.write_text('name = "MINE"\n[search]\nseed = 3\n')
+    with pytest.raises(TemplateError, match=r"search\.like"):
+        load_spec(path)
+
+
+def test_forms_that_no_batch_has_are_refused(opencl):
+    with pytest.raises(TemplateError, match="linear couplings"):
+        search(Search(get_template("MAXLOC")), opencl)

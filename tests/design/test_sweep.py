@@ -1,0 +1,138 @@
+"""Sweeps: judged as the template's check judges, in any chunks, on one machine or a cluster."""
+
+import os
+import signal
+import threading
+
+import numpy as np
+import pytest
+
+from cnnum import Engine, get_template
+from cnnum.design import sweep
+from cnnum.design.experiment import Experiment, load_experiment
+from cnnum.design.run_task import run_task
+from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.report.sweep_page import page
+from cnnum.templating.checks.robustness import flips
+
+pytest.importorskip("xarray", reason="the extra 'tables' is not installed")
+
+
+def small(**changes):
+    given = {
+        "template": "HOLE",
+        "axes": {"size": (6.0, 8.0), "A[1, 1]": (2.5, 3.0), "mismatch": (0.0, 0.1)},
+        "draws": 6,
+        "engine": "numba",
+        "chunk": 7,
+    }
+    return Experiment(**(given | changes))
+
+
+def test_a_sweep_has_every_axis_and_no_wrong_cell_without_mismatch():
+    found = sweep(small()).results
+    assert dict(found.sizes) == {"size": 2, "A[1, 1]": 2, "mismatch": 2, "draw": 6}
+    assert float(found["flipped"].sel({"mismatch": 0.0}).max()) == 0.0
+    assert float(found["flipped"].sel({"mismatch": 0.1}).mean()) > 0.0
+    assert (found["settled"].values[found["flipped"].values == 0.0] == 1.0).all()
+
+
+def test_chunks_change_nothing():
+    whole, parts = (sweep(small(chunk=chunk)).results for chunk in (24, 5))
+    assert whole.identical(parts)
+
+
+def test_engines_judge_alike(fast):
+    if fast.name != "opencl":
+        pytest.skip("no OpenCL here")
+    one, other = (sweep(small(engine=name)).results for name in ("numba", "opencl"))
+    # a template on the fence may go either way in float32: few are
+    assert float(np.abs(one["flipped"] - other["flipped"]).mean()) <= 1 / 48
+
+
+def test_flip_rates_are_those_of_the_check():
+    axes = {"mismatch": (0.1,)}
+    found = sweep(small(axes=axes, draws=60, pictures=99, chunk=60)).results
+    (known,) = flips(get_template("HOLE"), Engine("numba"), mismatches=(0.1,), bits=(), draws=60)
+    rate = float(found["flipped"].mean())
+    # two samples of 60: four standard deviations of their difference
+    assert abs(rate - known.flipped) < 4 * np.sqrt(2 * 0.25 / 60)
+
+
+def test_runs_know_their_own_random_numbers():
+    experiment = small(axes={"noise": (0.2,), "mismatch": (0.1,)}, draws=5)
+    together = run_task(experiment, 0, 5)
+    alone = run_task(experiment, 3, 4)
+    for name, values in together.items():
+        assert values[3] == alone[name][0]
+
+
+@pytest.mark.parametrize("suffix", ["nc", "zarr"])
+def test_a_file_is_read_back_as_it_was(tmp_path, suffix):
+    xarray = pytest.importorskip("xarray")
+    if suffix == "zarr":
+        pytest.importorskip("zarr", reason="the extra 'zarr' is not installed")
+    path = tmp_path / f"out.{suffix}"
+    made = sweep(small(axes={"mismatch": (0.0,)}, draws=2), path)
+    opener = xarray.open_dataset(
+        path,
+        engine="scipy" if suffix == "nc" else "zarr",
+        **({} if suffix == "nc" else {"consolidated": False}),
+    )
+    with opener as read:
+        assert read.equals(made.results)
+    assert not list(tmp_path.glob("*.parts"))
+
+
+def test_results_of_another_experiment_are_refused(tmp_path):
+    path = tmp_path / "out.nc"
+    folder = tmp_path / "out.nc.parts"
+    folder.mkdir()
+    (folder / "manifest.json").write_text('{"key": "another", "chunk": 3}')
+    with pytest.raises(TemplateFileError, match="another experiment"):
+        sweep(small(), path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('template = "HOLE"\n[axes]\nsizes = [8]\n', "Unknown axis 'sizes'"),
+        ('template = "HOLE"\n[axes]\nnoise = []\n', "at least one value"),
+        ('template = "HOLE"\n[axes]\nnoise = [-0.1]\n', "numbers from 0"),
+        ('template = "HOLE"\ndraw = 3\n', "unknown key 'draw'"),
+        ("draws = 3\n", "'template' is missing"),
+    ],
+)
+def test_what_is_no_experiment_is_said(tmp_path, text, words):
+    path = tmp_path / "e.toml"
+    path.write_text(text)
+    with pytest.raises(TemplateError, match=words):
+        load_experiment(path)
+
+
+def test_the_page_has_a_picture_an_axis_and_one_a_pair():
+    text = page(sweep(small()).results)
+    assert text.count("<svg") == 3 + 3
+    assert "Sweep of HOLE" in text
+
+
+@pytest.mark.filterwarnings("ignore")  # of a library that loses a worker, as it should
+def test_a_cluster_loses_a_worker_and_nothing_else(tmp_path):
+    distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+    experiment = small(draws=12, chunk=6)
+    expected = sweep(experiment).results
+    killed = threading.Event()
+    options = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None}
+    with distributed.LocalCluster(**options, silence_logs=50) as cluster:
+        pids = [worker.pid for worker in cluster.workers.values()]
+
+        def done(count, total):
+            if count == 2 and not killed.is_set():
+                os.kill(pids[0], signal.SIGKILL)
+                killed.set()
+
+        path = tmp_path / "out.nc"
+        found = sweep(experiment, path, scheduler=cluster.scheduler_address, done=done)
+    assert killed.is_set()
+    assert found.run_now == found.tasks
+    assert found.results.identical(expected)

@@ -1,0 +1,133 @@
+"""A batch of templates: the same as its templates one by one, on every engine."""
+
+import numpy as np
+import pytest
+
+from cnnum import Engine, Template, TemplateBatch, get_template
+from cnnum.errors import ArrayError, NotSupportedError, TemplateError
+from cnnum.lab.bench.throughput import rate_beside_one
+
+NAMES = ("opencl", "numba")
+
+
+@pytest.fixture(params=NAMES)
+def engine(request, names):
+    if request.param not in names:
+        pytest.skip(f"the engine '{request.param}' does not work here")
+    return Engine(request.param)
+
+
+CASES = ("HOLE", "CCD_HOR", "EDGE", "PATCHMAK")
+
+
+def near(name, rng, count, width=0.05):
+    template = get_template(name)
+
+    def drawn(part):
+        return part * (1.0 + width * rng.normal(size=(count, 1, *part.shape)))
+
+    b = drawn(template.B) if template.inputs else None
+    return TemplateBatch(template, drawn(template.A), b, drawn(template.z))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_every_engine_agrees_with_the_reference(name, engine):
+    rng = np.random.default_rng(3)
+    batch, pictures = near(name, rng, 3), np.sign(rng.normal(size=(2, 8, 8)))
+    found = engine.run(batch, input=pictures, duration=1.0, dt=0.05, method="euler")
+    expected = Engine("reference").run(batch, input=pictures, duration=1.0, dt=0.05, method="euler")
+    assert found.output.shape == (3, 2, 8, 8)
+    assert found.steps.shape == (3, 2)
+    # twenty steps in float32: some 1e-7 each of states up to 10, amplified e^6 at most
+    assert np.abs(found.state - expected.state).max() < 2e-3
+
+
+@pytest.mark.parametrize("name", ["HOLE", "SHADOW"])
+def test_runs_to_rest_end_in_the_same_picture(name, engine):
+    rng = np.random.default_rng(4)
+    batch, pictures = near(name, rng, 4), np.sign(rng.normal(size=(2, 8, 8)))
+    together = engine.run(batch, input=pictures)
+    for number, template in enumerate(batch.templates()):
+        alone = Engine("numba").run(template, input=pictures)
+        # black and white to the bit but for the last of the way
+        assert np.abs(together.output[number] - alone.output).max() < 1e-3
+        assert np.array_equal(together.settled[number], alone.settled)
+
+
+def test_every_number_of_a_template_can_be_its_own(engine):
+    rng = np.random.default_rng(5)
+    pictures, states = rng.uniform(-1, 1, (2, 4, 6, 5))
+    base = Template("mine", np.zeros((3, 3)), np.zeros((3, 3)), boundary="periodic", duration=0.7)
+    batch = TemplateBatch(
+        base,
+        rng.normal(size=(4, 3, 3)),
+        rng.normal(size=(4, 3, 3)),
+        rng.normal(size=4),
+        np.array([1.0, 2.0, 1.0, 0.5]),
+    )
+    bias, mask = rng.normal(size=(6, 5)), rng.random((6, 5)) < 0.3
+    given = {"bias": bias, "mask": mask}
+    found = engine.run(batch, input=pictures, state=states, **given)
+    for number, template in enumerate(batch.templates()):
+        own = {"input": pictures[number], "state": states[number]}
+        alone = Engine("numba").run(template, **own, **given, rtol=1e-6, atol=1e-7)
+        # rtol 1e-4 of states up to 10
+        assert np.abs(found.state[number] - alone.state).max() < 3e-3
+
+
+def test_lanes_share_one_launch(opencl):
+    rng = np.random.default_rng(6)
+    batch = near("HOLE", rng, 40)
+    pictures = np.sign(rng.normal(size=(8, 8)))
+    result = opencl.run(batch, input=pictures)
+    assert "side by side in lanes" in result.reason
+    kept = len(opencl._plans)
+    opencl.run(near("HOLE", rng, 40), input=pictures)
+    assert len(opencl._plans) <= kept + 1  # other weights, perhaps the next rung of rates
+
+
+def test_templates_of_one_form_make_a_batch():
+    found = TemplateBatch.of([get_template("SHIFTE"), get_template("SHIFTN")])
+    assert found.lead == (2,)
+    assert [t.digest for t in found.templates()] == [
+        get_template(name).digest for name in ("SHIFTE", "SHIFTN")
+    ]
+    with pytest.raises(TemplateError, match="one form"):
+        TemplateBatch.of([get_template("HOLE"), get_template("EDGE")])
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"A": np.zeros((2, 2))}, "k odd"),
+        ({"A": np.zeros((2, 3, 3)), "z": np.zeros(3)}, "broadcast"),
+        ({"tau": np.zeros(3)}, "tau above 0"),
+    ],
+)
+def test_numbers_that_do_not_fit_are_refused(parts, words):
+    with pytest.raises(TemplateError, match=words):
+        TemplateBatch(get_template("HOLE"), **parts)
+
+
+def test_axes_that_do_not_broadcast_are_refused(engine):
+    batch = TemplateBatch(get_template("HOLE"), z=np.zeros(3))
+    with pytest.raises(ArrayError, match="do not broadcast"):
+        engine.run(batch, input=np.zeros((2, 8, 8)))
+    with pytest.raises(NotSupportedError, match="one by one"):
+        engine.run(batch, input=np.zeros((8, 8)), at=[1.0])
+    with pytest.raises(TemplateError, match="linear couplings"):
+        TemplateBatch(get_template("MEDIAN"))
+
+
+def test_a_step_outside_the_bound_of_one_template_is_refused(opencl):
+    kernels = np.zeros((2, 3, 3))
+    kernels[:, 1, 1] = [0.0, -9.0]
+    base = Template("mine", np.zeros((3, 3)), duration=1.0, initial=0.5)
+    with pytest.raises(ValueError, match="stability bound"):
+        opencl.run(TemplateBatch(base, kernels), state=np.zeros((8, 8)), dt=0.5)
+
+
+def test_the_rate_beside_one_template_is_a_ratio(opencl):
+    maps = np.random.default_rng(0).uniform(-1, 1, (64, 8, 8))
+    template = get_template("HOLE")
+    assert rate_beside_one(opencl, template, maps, 0.01, 50) > 0.0
