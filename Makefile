@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 export PIP_CONSTRAINT := requirements.lock
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses auto --maxprocesses 4 --dist loadfile
 QUICK := $(addprefix tests/,cli/test_devices.py cli/test_run.py engines/test_machine.py engines/test_threads.py \
-    engines/test_working_devices.py tactile/test_contact.py unit/test_plan.py unit/test_programs.py unit/test_scene.py)
+    engines/test_working_devices.py tactile/test_contact.py test_plan.py programs/test_programs.py scenes/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
 
 .PHONY: demo test situations faults fuzz mutate platforms docs lint style mypy pyright bench lock clean

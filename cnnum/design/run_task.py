@@ -40,7 +40,7 @@ def run_task(experiment: Experiment, first: int, last: int) -> Figures:
     """Return the figures of the runs from the first up to, not with, the last.
 
     Runs share launches in blocks that do not depend on the task: steps follow the fastest template
-    of a launch, so that the same run beside others may differ by roundings.
+    of a launch, so that the same run in other company may differ by roundings.
 
     Parameters
     ----------
@@ -93,7 +93,7 @@ def _form(base: Template, shared: dict[str, Value]) -> Template:
 
 
 def _case(experiment: Experiment, template: Template, shared: dict[str, Value]) -> Case:
-    """Return the check's case, with so many of its pictures, evenly taken."""
+    """Return the check's case, with the experiment's number of pictures, evenly taken."""
     side = int(float(shared.get("size", 8)))
     rng = np.random.default_rng(experiment.seed)
     case = form_of(template).cases(template, rng, (side, side))

@@ -10,7 +10,7 @@ ROOT = Path(__file__).parents[2]
 TABLE = ROOT / "docs" / "licences.md"
 FOR_TESTS = {
     *("tamaas", "ContactMechanics", "SurfaceTopography", "muGrid", "NuMPI", "mpmath", "igor2"),
-    "flint",
+    *("flint", "unicorn"),
     *("hypothesis", "pytest", "xdist", "mcap_ros2", "mypy", "build"),
 }
 """Modules that are installed for tests alone; tamaas is under the AGPL."""

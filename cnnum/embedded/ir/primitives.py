@@ -171,7 +171,7 @@ def _down_by(a: Any, places: int) -> Any:
 
 
 def _picked(holds: Any, a: Any, b: Any) -> Any:
-    return np.where(np.not_equal(holds, 0), a, b)
+    return np.where(holds != 0, a, b)
 
 
 def _inverted(a: Any) -> Any:

@@ -155,7 +155,7 @@ def _plan(engine: Engine, case: ThroughputCase, steps: int) -> Plan:
 def _timed(
     engine: Engine, case: ThroughputCase, batch: NDArray[np.floating], steps: int
 ) -> Callable[[], object]:
-    """Return the call of a launch of so many steps."""
+    """Return the call of a launch of that number of steps."""
     if case.own:
         maps = np.asarray(batch[..., 0], dtype=np.float64)
         return partial(run_of(engine, case.template, maps, STEP, own=True), steps)
