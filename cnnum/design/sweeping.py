@@ -65,8 +65,8 @@ def sweep(
 ) -> Sweep:
     """Run an experiment and return its results.
 
-    With a path, results are kept task by task in the folder of that name with ".parts" at its end. A
-    sweep that was killed goes on from there, and ends in the same file.
+    With a path, results are kept task by task in the folder of that name with ".parts" at its
+    end. A sweep that was killed goes on from there, and ends in the same file.
 
     Parameters
     ----------

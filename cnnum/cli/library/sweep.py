@@ -28,8 +28,8 @@ def command(
 ) -> None:
     """Run the sweep of the TOML file EXPERIMENT.
 
-    Results go to the file of --output, or in the experiment's folder if none is given. A sweep that was killed
-    goes on where it was, and ends in the same file.
+    Results go to the file of --output, or in the experiment's folder if none is given. A sweep that
+    was killed goes on where it was, and ends in the same file.
     """
     from dataclasses import replace
 
