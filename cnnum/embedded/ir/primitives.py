@@ -10,6 +10,7 @@ from math import isqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 Bounds = tuple[int, int]
 Parameters = tuple[int, ...]
@@ -171,7 +172,8 @@ def _down_by(a: Any, places: int) -> Any:
 
 
 def _picked(holds: Any, a: Any, b: Any) -> Any:
-    return np.where(holds != 0, a, b)
+    chosen: NDArray[Any] = np.where(np.not_equal(holds, 0), a, b)
+    return chosen
 
 
 def _inverted(a: Any) -> Any:
