@@ -10,7 +10,6 @@ from math import isqrt
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 Bounds = tuple[int, int]
 Parameters = tuple[int, ...]
@@ -172,8 +171,7 @@ def _down_by(a: Any, places: int) -> Any:
 
 
 def _picked(holds: Any, a: Any, b: Any) -> Any:
-    chosen: NDArray[Any] = np.where(np.not_equal(holds, 0), a, b)
-    return chosen
+    return np.where(np.asarray(holds, dtype=bool), np.asarray(a), np.asarray(b))
 
 
 def _inverted(a: Any) -> Any:
