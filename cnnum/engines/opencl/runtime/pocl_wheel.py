@@ -2,7 +2,9 @@
 
 The wheel's PoCL 3.0 holds LLVM 14, which names no processor newer than itself: AMD's family 26 is
 "generic" to it. PoCL passes that name to its compiler after all options of a user, and the
-compiler refuses every kernel: "unknown target CPU 'generic'". PoCL has a remedy of its own, the
+compiler refuses every kernel: "unknown target CPU 'generic'". AMD's Zen 4 is "znver3" to it, the
+newest of its kind that it names: without AVX-512, of which PoCL then asks vectors of 16 all the
+same, and the compiler ends the process. PoCL has a remedy of its own, the
 variable POCL_LLVM_CPU_NAME, from version 5.0 on; the wheel ends with 3.0.
 
 PoCL's record of a device, at the address that PyOpenCL gives as `Device.int_ptr`, holds a pointer
@@ -24,7 +26,8 @@ BUILD = "OpenCL 3.0 PoCL 3.0-rc2  Linux, Release, RELOC, LLVM 14.0.6, SLEEF, DIS
 LIBRARY = "libpocl-21062cec.so"
 """The wheel's library; the digits are a checksum of its content."""
 
-UNKNOWN = "generic"
+UNKNOWN, NARROWER = "generic", "znver3"
+"""Names that LLVM 14 gives to newer processors: to any, and to those of AMD with AVX-512."""
 
 TRIPLE_AT, TRIPLE = 632, b"x86_64-unknown-linux-gnu"
 """Byte of the record that points to the compiler's target: it shows that the record is as known."""
@@ -43,9 +46,15 @@ _NAMES = {name: ctypes.create_string_buffer(name.encode()) for name in (*TARGETS
 
 def remedy_for(device: cl.Device) -> str | None:
     """Return the name that a device of the wheel should have; None where its own is right."""
-    if not is_wheel(device) or _string(device, NAME_AT) != UNKNOWN.encode():
+    if not is_wheel(device):
         return None
-    return best_target(processor())
+    return target_for(_string(device, NAME_AT).decode(), processor())
+
+
+def target_for(name: str, of: Processor) -> str | None:
+    """Return the name for a processor that LLVM 14 knows by one; None where that is right."""
+    wider = name == NARROWER and of.flags >= AVX512
+    return best_target(of) if name == UNKNOWN or wider else None
 
 
 def best_target(of: Processor) -> str | None:
