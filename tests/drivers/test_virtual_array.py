@@ -217,6 +217,7 @@ def simulated(tmp_path: Path) -> Iterator[Callable[..., Any]]:
             process.stdout.close()
 
 
+@pytest.mark.usefixtures("opencl")  # the other engines fall behind such a line
 def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
     simulated: Callable[..., Any], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -229,11 +230,13 @@ def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
     )
     scene, late, kinds = load_scene(scene_file), Histogram(), set[str]()
     before, handed_on, begin = 0, 0, float("inf")
-    memory = [0, 0]
+    memory, deadline = [0, 0], time.monotonic() + 2 * WAIT
     for moment in scene.results():
         arrived = moment.frame.monotonic_ns or 0
         delay = time.monotonic_ns() - arrived
         # frames that came while the program was compiled are worked off first
+        if begin == float("inf"):
+            assert time.monotonic() < deadline, "the program never caught up with the line"
         if begin == float("inf") and delay < 5e6:
             begin, before = time.monotonic(), scene.driver.counters.dropped
             memory[0] = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -162,6 +162,17 @@ def test_targets_have_no_instruction_that_the_processor_lacks():
     assert read_cpuinfo("").flags == frozenset()
 
 
+def test_a_name_that_is_right_is_kept():
+    """LLVM 14 takes Zen 4 for "znver3", which has no AVX-512; on any other it stands."""
+    wide = read_cpuinfo(ZEN_5.format(flags=" ".join(pocl_wheel.AVX512)))
+    narrow = replace(wide, flags=pocl_wheel.AVX2)
+    assert pocl_wheel.target_for("generic", wide) == "skylake-avx512"
+    assert pocl_wheel.target_for("generic", narrow) == "haswell"
+    assert pocl_wheel.target_for("znver3", wide) == "skylake-avx512"
+    assert pocl_wheel.target_for("znver3", narrow) is None
+    assert pocl_wheel.target_for("cascadelake", wide) is None
+
+
 def test_a_verdict_is_kept(kept, device):
     assert selection.verdict_on(device).works
     selection._KNOWN.clear()  # the next process
