@@ -1,5 +1,6 @@
 """The root: help without imports, a version, every command's own help."""
 
+import inspect
 import subprocess
 import sys
 from importlib import import_module
@@ -32,6 +33,24 @@ def test_every_command_has_help_and_json(call, name):
     assert members or "--json" in result.stdout
     for member in members:
         assert "--json" in call(name, member, "--help").stdout
+
+
+def leaves_of(command):
+    """Yield the commands that do work: a command itself, or all below a group."""
+    if not isinstance(command, click.Group):
+        yield command
+        return
+    for member in command.commands.values():
+        yield from leaves_of(member)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_is_given_what_its_function_takes(name):
+    room = import_module(COMMANDS[name][0])
+    for command in leaves_of(room.command):
+        given = {option.name: None for option in command.params}
+        taken = inspect.signature(command.callback)
+        taken.bind(**given, **({"ctx": None} if "ctx" in taken.parameters else {}))
 
 
 def test_version(call):

@@ -112,6 +112,15 @@ def test_replay_finds_the_same_events(call, records, scene, tmp_path, suffix):
     assert again[-1]["frames"] == FRAMES
 
 
+def test_replay_leaves_out_what_is_before_and_after(call, records, scene, tmp_path):
+    tape = tmp_path / "tap.npz"
+    assert call("record", scene, tape).exit_code == 0
+    options = ("--scene", scene, "--from", 0.1, "--to", 0.15, "--speed", 100)
+    done = call("replay", tape, *options, "--json")
+    assert done.exit_code == 0, done.output
+    assert 0 < records(done.stdout)[-1]["frames"] < FRAMES / 2
+
+
 def test_an_error_on_the_way_keeps_the_summary(call, records, scene):
     script = 'array.script=[{kind="press", load=1.0, duration=0.5}, '
     script += '{kind="pull", speed=0.1, duration=1.0}]'

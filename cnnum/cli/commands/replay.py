@@ -26,6 +26,14 @@ DEFAULT = "demo"
 @engine_options
 @save_option
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
+@click.option(
+    "--speed",
+    type=click.FloatRange(min=0.0),
+    default=0.0,
+    help="1 is real time, 2 twice as fast; unless given, as fast as it goes.",
+)
+@click.option("--from", "begin", type=click.FloatRange(min=0.0), help="Leave out all before, s.")
+@click.option("--to", "end", type=click.FloatRange(min=0.0), help="Leave out all after, s.")
 @json_option
 def command(
     file: Path,
