@@ -2,6 +2,7 @@
 
 import tempfile
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cnnum.errors import CnnumError
-from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
 from cnnum.templating.files import load_template, save_template
 from cnnum.templating.function_tables import Table
 from cnnum.templating.template import Template
@@ -34,6 +35,24 @@ def couplings(draw):
     weights = np.array(marks, dtype=float).reshape(3, 3)
     factor = draw(st.booleans()) if (neighbour, centre) == ("x", "x") else False
     return NonlinearCoupling(weights, draw(tables()), neighbour, centre, times_argument=factor)
+
+
+@st.composite
+def kernels(draw, to, source):
+    numbers = draw(st.lists(NUMBERS, min_size=9 * to * source, max_size=9 * to * source))
+    return np.reshape(numbers, (to, source, 3, 3))
+
+
+@st.composite
+def layered(draw):
+    """Templates of several layers and inputs, some of them delayed."""
+    layers, inputs = draw(st.integers(1, 3)), draw(st.integers(1, 2))
+    pair = (layers, layers), (layers, inputs)
+    late = DelayedCoupling(draw(st.integers(1, 9)), *(draw(kernels(*size)) for size in pair))
+    delayed = draw(st.sampled_from([None, late if late.A.any() or late.B.any() else None]))
+    bias = draw(st.lists(NUMBERS, min_size=layers, max_size=layers))
+    control, feedback = draw(kernels(*pair[1])), draw(kernels(*pair[0]))
+    return Template("mine", feedback, control, bias, initial=0.0, delayed=delayed)
 
 
 @st.composite
@@ -64,10 +83,45 @@ def test_tem_keeps_every_number(template):
     for part in ("A", "B", "z"):
         np.testing.assert_array_equal(getattr(back, part), getattr(template, part))
     assert (back.boundary, back.initial) == (template.boundary, template.initial)
-    kept = {(c.neighbour, c.centre, c.times_argument, c.function) for c in back.nonlinear}
-    assert kept == {
-        (c.neighbour, c.centre, c.times_argument, c.function) for c in template.nonlinear
-    }
+    assert parts_of(back) == parts_of(template)
+
+
+def parts_of(template):
+    """Return every cell of the nonlinear couplings with its function, in any order."""
+    return sorted(
+        (
+            *(*map(int, place), c.weights[tuple(place)]),
+            str((c.neighbour, c.centre, c.times_argument, c.reversed_sign)),
+            *(c.function.interpolation, c.function.points),
+        )
+        for c in template.nonlinear
+        for place in np.argwhere(c.weights)
+    )
+
+
+@given(layered())
+@settings(max_examples=40, deadline=None)
+def test_tem_keeps_layers_inputs_and_delays(template):
+    back = through(template, ".tem")
+    for part in ("A", "B", "z"):
+        np.testing.assert_array_equal(getattr(back, part), getattr(template, part))
+    assert (back.delayed is None) == (template.delayed is None)
+    if template.delayed is not None:
+        assert back.delayed.delay == template.delayed.delay
+        np.testing.assert_array_equal(back.delayed.A, template.delayed.A)
+        np.testing.assert_array_equal(back.delayed.B, template.delayed.B)
+
+
+@given(couplings(), KERNELS, NUMBERS)
+@settings(max_examples=40, deadline=None)
+def test_matcnn_keeps_every_function(coupling, feedback, factor):
+    centre = coupling.centre or coupling.neighbour
+    weights = factor * coupling.weights
+    tabled = replace(coupling, centre=centre, weights=weights, reversed_sign=True)
+    template = Template("mine", feedback, np.zeros((3, 3)), nonlinear=[tabled])
+    back = through(template, ".m")
+    np.testing.assert_array_equal(back.A, template.A)
+    assert parts_of(back) == parts_of(template)
 
 
 @given(templates(plain=True))

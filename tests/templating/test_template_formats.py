@@ -96,6 +96,13 @@ def test_delays(tmp_path):
     np.testing.assert_array_equal(template.delayed.B, get_template("MOTDEPEN").delayed.B)
 
 
+def test_a_colon_may_stand_anywhere_behind_a_keyword(tmp_path):
+    spread = load_template(read(tmp_path, HOLE))
+    close = HOLE.replace("neighborhood 1", "Neighborhood:1").replace("CURRENT: -1", "current:-1")
+    template = load_template(read(tmp_path, close.replace("CONTROL ", "Control :")))
+    assert template.digest == spread.digest
+
+
 def test_layers_with_names_and_a_radius_of_each(tmp_path):
     text = """NEIGHBORHOOD 1
 NRLAYERS 2
@@ -202,14 +209,48 @@ def test_matcnn_tables_read_neighbour_less_centre(tmp_path):
         load_template(path)
 
 
+MATCNN_FILE = """\
+MEAN_B = 1/8 * [1 1 1;
+                1 0 1;
+                1 1 1];
+HALF_A = 0.5*[1 2 1
+              0 0 0
+              1 2 1];
+HALF_I = -.25;
+LATE_A = [2 4 2; 0 0 0; 2 4 2]/4 ;   % the same
+LATE_I = HALF_I;
+SAME_A = HALF_A
+STEP_Dd = [0 1 0; 1 0 1; 0 1 0];
+STEP_d = [0 3  -0.5 0  0.5 1  -2.5 0  12];
+"""
+
+
+def test_matcnn_values_have_factors_and_names(tmp_path):
+    path = tmp_path / "temlib.m"
+    path.write_text(MATCNN_FILE)
+    mean, half, late, same, step = load_templates(path)
+    assert mean.B[0, 0].tolist() == [[0.125] * 3, [0.125, 0.0, 0.125], [0.125] * 3]
+    assert half.A[0, 0, 0].tolist() == [0.5, 1.0, 0.5]
+    for one in (late, same):
+        np.testing.assert_array_equal(one.A, half.A)
+    assert late.z.tolist() == half.z.tolist() == [-0.25]
+    # the last step ends nowhere, so that its lost sign does no harm
+    assert step.nonlinear[0].function.points[-1] == (2.5, 0.0)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("A = 1;", "line 1: expected a matrix such as"),
+        ("\nX_A = Y_A;", "line 2: expected a value above, got 'Y_A'"),
+        ("X_A = 1/0*[1];", "line 1: expected a matrix with a factor such as"),
+        ("X_A = 2+[1];", "line 1: expected a matrix with a factor such as"),
+        ("X_A = [1 0 0;\n0 1 0;", r"line 1: expected a number, or a matrix from '\[' to '\]'"),
+        ("X_Dd = [1];\nX_d = [1 2 0 0 -1 0 12];", "line 2: .* must have increasing arguments"),
         ("\nX_A = [1 2; 3];", "line 2: expected rows of equal length"),
         ("X_Bb = [1];\nX_b = [nan 1];", "line 2: expected finite numbers"),
         ("X_A = [1 b];", "line 1: expected numbers, got 'b'"),
-        ("X_Dd = [1];\nX_d = [0 1 0 0 99];", "code of a D table must be like 12"),
+        ("X_Dd = [1];\nX_d = [0 1 0 0 99];", "line 2: .* code of a D table must be like 12"),
     ],
 )
 def test_a_broken_matcnn_file_names_its_line(tmp_path, text, message):

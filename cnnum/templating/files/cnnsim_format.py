@@ -19,7 +19,7 @@ def _read(content: str, file: str) -> Entry:
     z, edge = 0.0, _NEUTRAL
     while text.left:
         token = text.take("a key")
-        key = token.text.rstrip(":=").upper()
+        key = token.text.rstrip("=").upper()
         if key in ("A", "B"):
             kernels[key] = [[text.number(f"nine numbers of {key}") for _ in "123"] for _ in "123"]
         elif key == "Z":

@@ -1,5 +1,6 @@
 """MatCNN's `temlib.m`: records of matrices NAME_A, NAME_B and NAME_I, and tables of functions.
 
+A value may have a factor, as in 1/8*[1 1 1; 1 0 1; 1 1 1], or be that of another record.
 NAME_Aa, NAME_Bb and NAME_Dd are weights of a nonlinear A, B or D, and NAME_a, NAME_b, NAME_d its
 table [interp n x1 y1 … xn yn], for D with a code at the end: the digits give the neighbour and
 cell give (1 = u, 2 = x, 3 = y), and a third digit before them that the difference is a factor.
@@ -15,17 +16,13 @@ from cnnum.arrays import Floats
 from cnnum.errors import ArrayError, NotSupportedError, TemplateError
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
 from cnnum.templating.files.entry import Entry, FileFormat
+from cnnum.templating.files.matcnn_values import Fields, Lines, read_fields
 from cnnum.templating.function_tables import Table
 from cnnum.templating.template import Template
 
-_ASSIGNED = re.compile(r"([A-Za-z]\w*)_(A|B|I|Aa|Bb|Dd|a|b|d)\s*=\s*(\[[^\]]*\]|[^;\n\[]+)")
-_COMMENT = re.compile(r"%[^\n]*")
 _DIGITS: dict[str, Quantity] = {"1": "u", "2": "x", "3": "y"}
 _PAIRS = {"A": ("y", "y"), "B": ("u", "u")}
-_LARGEST = 1e30
 _ORDER = ("A", "B", "I", "Aa", "a", "Bb", "b", "Dd", "d")
-
-Fields = dict[str, Floats]
 
 
 def read_all(content: str, file: str) -> tuple[Entry, ...]:
@@ -36,39 +33,26 @@ def read_all(content: str, file: str) -> tuple[Entry, ...]:
     TemplateError
         Names the file, the line, and the expected text.
     """
-    code = _COMMENT.sub("", content)
-    records = dict[str, Fields]()
-    for match in _ASSIGNED.finditer(code):
-        line = code.count("\n", 0, match.start()) + 1
-        records.setdefault(match[1], {})[match[2]] = _matrix(match[3], file, line)
+    records, lines = read_fields(content, file)
     if not records:
         raise TemplateError(
             f"'{file}', line 1: expected a matrix such as 'EDGE_A = [0 0 0; 0 1 0; 0 0 0];', "
             "got none in the whole file."
         )
-    return tuple(Entry(_template(name, parts, file)) for name, parts in records.items())
+    return tuple(
+        Entry(_template(name, parts, file, lines[name])) for name, parts in records.items()
+    )
 
 
-def _matrix(text: str, file: str, line: int) -> Floats:
-    rows = [row for row in re.split(r"[;\n]", text.strip("[] \t")) if row.strip()]
+def _template(name: str, parts: Fields, file: str, lines: Lines) -> Template:
+    place = f"'{file}', line {min(lines.values())}"
     try:
-        values = [[float(v) for v in row.replace(",", " ").split()] for row in rows]
-    except ValueError as error:
-        raise TemplateError(
-            f"'{file}', line {line}: expected numbers, got {str(error).split(': ')[-1]}."
-        ) from None
-    if not all(abs(value) < _LARGEST for row in values for value in row):
-        raise TemplateError(f"'{file}', line {line}: expected finite numbers, got {text:.40}.")
-    if len({len(row) for row in values}) != 1:
-        raise TemplateError(
-            f"'{file}', line {line}: expected rows of equal length, got {[len(r) for r in values]}."
-        )
-    return np.array(values)
-
-
-def _template(name: str, parts: Fields, file: str) -> Template:
-    try:
-        nonlinear = [_coupling(kind, parts) for kind in "ABD" if kind + kind.lower() in parts]
+        nonlinear = list[NonlinearCoupling]()
+        for kind in "ABD":
+            if kind + kind.lower() in parts:
+                place = f"'{file}', line {lines.get(kind.lower(), lines[kind + kind.lower()])}"
+                nonlinear.append(_coupling(kind, parts))
+        place = f"'{file}', line {min(lines.values())}"
         reads = "B" in parts or any("u" in (c.neighbour, c.centre) for c in nonlinear)
         given: dict[str, Any] = {"B": parts.get("B", np.zeros((3, 3)))} if reads else {}
         return Template(
@@ -83,7 +67,7 @@ def _template(name: str, parts: Fields, file: str) -> Template:
             **given,
         )
     except (TemplateError, ArrayError) as error:
-        raise TemplateError(f"'{file}': {error}") from None
+        raise TemplateError(f"{place}: {error}") from None
 
 
 def _coupling(kind: str, parts: Fields) -> NonlinearCoupling:
@@ -94,9 +78,11 @@ def _coupling(kind: str, parts: Fields) -> NonlinearCoupling:
     count = int(values[1]) if len(values) > 1 else 0
     if len(values) - 2 * count not in (2, 3) or count < 1:
         raise TemplateError(f"The table '{letter}' must be [interp n x1 y1 … xn yn], got {values}.")
-    function = Table.of(
-        "linear" if values[0] else "constant", values[2 : 2 + 2 * count].reshape(-1, 2).tolist()
-    )
+    points = values[2 : 2 + 2 * count].reshape(-1, 2).copy()
+    if not values[0] and count > 1 and points[-1, 0] <= points[-2, 0]:
+        # nothing depends on where the last step ends; one file lost the sign there
+        points[-1, 0] = abs(points[-1, 0])
+    function = Table.of("linear" if values[0] else "constant", points.tolist())
     neighbour, centre = _PAIRS.get(kind, ("u", "x"))
     factor = False
     if kind == "D":

@@ -26,8 +26,8 @@ class Token:
 
     @property
     def keyword(self) -> str:
-        """The keyword that it is, in capitals and without a colon, or ""."""
-        word = self.text.rstrip(":").upper()
+        """The keyword that it is, in capitals, or ""."""
+        word = self.text.upper()
         return word if word in KEYWORDS else ""
 
 
@@ -124,7 +124,7 @@ def words(content: str, file: str) -> Words:
 
 
 def _of_line(code: str, number: int) -> Iterator[Token]:
-    found = [Token(word, number) for word in code.split() if word != ":"]
+    found = [Token(word, number) for word in code.replace(":", " ").split()]
     # the number of a layer may be followed by its name in words
     keep = 2 if found and found[0].keyword == "LAYER" else len(found)
     yield from found[:keep]
