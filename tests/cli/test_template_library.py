@@ -80,9 +80,13 @@ def test_audit_counts_wrong_cells(call, records):
 def test_import_and_export(call, tmp_path):
     out = tmp_path / "hole.tem"
     assert call("templates", "export", "HOLE", out).exit_code == 0
-    result = call("templates", "import", out, "--to", tmp_path)
+    target = tmp_path / "imported" / "here"
+    result = call("templates", "import", out, "--to", target)
     assert result.exit_code == 0, result.stderr
-    assert load_template(tmp_path / "hole.toml").A.tolist() == load_template(out).A.tolist()
+    assert load_template(target / "hole.toml").A.tolist() == load_template(out).A.tolist()
+    result = call("templates", "import", out, out, "--to", target)
+    assert result.exit_code == 2
+    assert "both hold a template 'HOLE'" in result.stderr
     broken = tmp_path / "broken.tem"
     broken.write_text("FEEDBACK\n1 2\n")
     result = call("templates", "import", broken)

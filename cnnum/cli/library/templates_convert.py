@@ -18,14 +18,22 @@ def import_files(files: tuple[str, ...], folder: str, as_json: bool) -> None:
 
     FILES are `.tem` files of the CNN Software Library, MatCNN's temlib.m, or CNNSim's files.
     """
+    from cnnum.errors import TemplateFileError
     from cnnum.templating.files import load_entries, save_entry
 
-    output, target = Output(as_json), Path(folder)
+    output, target, written = Output(as_json), Path(folder), dict[Path, str]()
     for file in files:
         for entry in load_entries(file):
             name = entry.template.name
             path = target / f"{name.lower().replace(' ', '_')}.toml"
+            if path in written:
+                raise TemplateFileError(
+                    f"'{file}' and '{written[path]}' both hold a template '{name}': expected "
+                    "names that differ, as each is a file of its own; import them to two folders."
+                )
+            target.mkdir(parents=True, exist_ok=True)
             save_entry(entry, path)
+            written[path] = file
             output.record({"template": name, "from": file, "file": str(path)}, f"{name}: {path}")
 
 

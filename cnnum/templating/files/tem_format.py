@@ -49,16 +49,19 @@ def read_all(content: str, file: str) -> tuple[Entry, ...]:
 
 def _entry(text: Words, part: Part, suffix: str) -> Entry:
     header = text.header
-    name = header.get("temlibname", "").strip(" -.") or PurePath(text.file).stem
+    # headers of several files are the same, so that only the file's own name says which it is
+    file = PurePath(text.file)
+    said = " ".join(header.get("temlibname", "").strip(" -.?").split())
+    same = said.lower() == file.stem.lower()
     try:
         template = Template(
-            re.sub(r"[^A-Za-z0-9_ .-]", "_", name)[:60] + suffix,
+            re.sub(r"[^A-Za-z0-9_ .-]", "_", said if same else file.stem)[:60] + suffix,
             **_physics(text, part),
             boundary=_boundary(header.get("boundary", "")),
             initial=_initial(header.get("inistate", "")),
             output="sign" if "DT-CNN" in header.get("cnnmodel", "").upper() else "standard",
             description=header.get("function", ""),
-            source=f"imported from {PurePath(text.file).name}",
+            source=f"imported from {file.name}{f' ({said})' if said and not same else ''}",
         )
     except (TemplateError, ArrayError) as error:
         raise TemplateError(f"'{text.file}': {error}") from None
