@@ -15,6 +15,7 @@ from cnnum.templating.checks import CheckResult, form_of
 from cnnum.templating.checks.measuring import unsettled
 from cnnum.templating.checks.running import Engine, run_case
 from cnnum.templating.files import Entry
+from cnnum.templating.spelled import functions, matrices
 from cnnum.templating.template import Template
 
 SHAPE = (16, 16)
@@ -156,16 +157,10 @@ def _facts(card: Card) -> list[str]:
 
 
 def _numbers(template: Template) -> str:
-    parts = [f"<pre>A = {_text(template.A)}</pre>"]
-    if template.inputs:
-        parts.append(f"<pre>B = {_text(template.B)}</pre>")
-    bias = ", ".join(f"{z:g}" for z in template.z)
-    return "".join([*parts, f"<pre>z = {bias}</pre>"])
-
-
-def _text(kernels: Floats) -> str:
-    blocks = [block for row in kernels for block in row if block.any()] or [kernels[0, 0]]
-    return escape("\n\n".join(_rows(block) for block in blocks))
+    parts = [f"{label} =\n{_rows(kernel)}" for label, kernel in matrices(template)]
+    parts += [f"{label}: {text}" for label, text in functions(template)]
+    parts.append("z = " + ", ".join(f"{z:g}" for z in template.z))
+    return "".join(f"<pre>{escape(part)}</pre>" for part in parts)
 
 
 def _rows(block: Floats) -> str:

@@ -1,7 +1,8 @@
 """How many templates with one wrong weight still pass `cnnum templates check`, and why.
 
 `python docs/figures/changed_weights.py [NAMES]... [--by 1.2] [--out FOLDER]` multiplies each number
-of A, B and z by 1.2, one at a time, and counts the changed templates that pass
+of A, B and z, of nonlinear and delayed couplings, and of function tables by 1.2, one at a time, and
+counts the changed templates that pass
 
 * the check of the function alone,
 * the same, and end in the states that were measured,
@@ -25,21 +26,20 @@ from cnnum.errors import CnnumError
 from cnnum.templating.checks import run_check
 from cnnum.templating.files import Entry, save_entry, write_measured
 from cnnum.templating.library import get_entry, template_names
+from cnnum.templating.numbers import numbers_of, with_numbers
 from cnnum.templating.template import Template
 
 STAGES = ("function", "and end state", "and margin, settle time", "and digest")
 
 
 def changed(template: Template, factor: float) -> Iterator[tuple[str, Template]]:
-    """Yield the template with each number of A, B and z that is not 0 times the factor."""
-    for part in ("A", "B", "z"):
-        array = np.asarray(getattr(template, part))
+    """Yield the template with each number that is not 0 times the factor."""
+    for part, array in numbers_of(template).items():
         for place in np.argwhere(array):
             wrong = array.copy()
             wrong[tuple(place)] *= factor
-            label = "_".join([part, *map(str, place.tolist())])
-            parts = {part: wrong.tolist() if part == "z" else wrong}
-            yield label, replace(template, **parts)
+            label = "_".join([part.replace(" ", ""), *map(str, place.tolist())])
+            yield label, with_numbers(template, {part: wrong})
 
 
 def stage(template: Template, entry: Entry, engine: Engine) -> int:

@@ -52,6 +52,16 @@ def test_check_of_a_file_shows_what_designers_ask(call, folder):
         assert part in result.stdout
 
 
+def test_check_of_a_file_without_a_check_says_what_is_known(call, tmp_path):
+    path = tmp_path / "bare.toml"
+    path.write_text(MINE.partition("check =")[0])
+    result = call("templates", "check", path, "--engine", "numba")
+    assert result.exit_code == 2
+    assert "has no check; name a closed form" in result.stderr
+    for part in ("well-formed: layers 1", "monostable", "8×8: ", "not known without a check"):
+        assert part in result.stdout
+
+
 def test_design_shows_how_far_each_weight_may_go(call, records):
     found = records(call("templates", "design", "THRES", "--weights", "--json").stdout)
     assert found[0]["stability"] == "bistable cells"
@@ -123,5 +133,5 @@ def test_every_page_has_the_settle_time_or_why_there_is_none(call, tmp_path):
     page = out.read_text(encoding="utf-8")
     for told in ("16×16: ", "runs in steps", "still on its way after 3 τ"):
         assert told in page
-    for name, told in (("HOLE", "16×16"), ("LIFE", "runs in steps"), ("CNTR1", "stops it on its")):
+    for name, told in (("HOLE", "16×16"), ("LIFE", "runs in steps"), ("ECHO", "still on its way")):
         assert told in call("templates", "show", name).stdout

@@ -49,6 +49,21 @@ def test_show_gives_the_numbers(call, records):
     assert "-1   8  -1" in call("templates", "show", "edge").stdout
 
 
+def test_show_gives_every_coupling_and_function(call, records):
+    (record,) = records(call("templates", "show", "D_ANISO", "--json").stdout)
+    (coupling,) = record["nonlinear"]
+    (known,) = get_template("D_ANISO").nonlinear
+    np.testing.assert_array_equal(coupling["weights"], known.weights)
+    assert [tuple(point) for point in coupling["points"]] == list(known.function.points)
+    assert (coupling["neighbour"], coupling["times_argument"]) == ("x", True)
+    text = call("templates", "show", "D_ANISO").stdout
+    assert "f1(x of the cell - x of the neighbour) times its argument =" in text
+    assert "f1: straight lines through (-2, 0), (-0.25, 0), (0, -1)" in text
+    (record,) = records(call("templates", "show", "HERRING", "--json").stdout)
+    assert record["delayed"]["A"][0][0][0] == [-0.1] * 5
+    assert "A of 3 τ ago =" in call("templates", "show", "HERRING").stdout
+
+
 def test_check_runs_on_every_engine(call, records, opencl):
     result = call("templates", "check", "EDGE", "smooth", "--json", "--repeats", 1)
     assert result.exit_code == 0, result.stderr

@@ -14,6 +14,7 @@ from cnnum.templating.checks.robustness import flips, tolerances
 from cnnum.templating.checks.stability_class import stability_class
 from cnnum.templating.files import load_entry, write_measured
 from cnnum.templating.library import get_entry, template_path
+from cnnum.templating.numbers import numbers_of, with_numbers
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +102,27 @@ def test_each_weight_has_a_reach(engine):
     assert set(found) == {"A[1, 1]", "z"}
     assert found["z"].value == pytest.approx(-0.4)
     assert 0.0 < found["z"].up < 0.5  # gray values come within 0.05 of the threshold
+
+
+def test_weights_of_nonlinear_and_delayed_couplings_have_a_reach(engine):
+    """Eight neighbours add 0.5 each against a bias of -3.5: none of them may be missing."""
+    found = {one.weight: one for one in tolerances(get_template("MAXLOC"), engine)}
+    around = [(row, col) for row in range(3) for col in range(3) if (row, col) != (1, 1)]
+    labels = [f"coupling 1[{row}, {col}]" for row, col in around]
+    assert [name for name in found if name.startswith("coupling")] == labels
+    assert all(0.0 < found[label].down < 1.0 for label in labels)
+    assert found["table 1[1]"].value == 0.5
+
+
+@pytest.mark.parametrize("name", ["MAXLOC", "HERRING", "FADING", "LIFE", "RETINA_3", "EDGE"])
+def test_numbers_come_back_and_each_part_changes_the_template(name):
+    template = get_template(name)
+    numbers = numbers_of(template)
+    assert with_numbers(template, numbers).digest == template.digest
+    for part, array in numbers.items():
+        changed = with_numbers(template, {part: 1.5 * array})
+        assert (changed.digest == template.digest) == (not array.any()), part
+    assert with_numbers(template, {}).digest == template.digest
 
 
 def test_the_audit_finds_the_wrong_boundaries(engine):

@@ -54,6 +54,14 @@ def test_case_does_not_matter_and_aliases_count(spelling: str) -> None:
     assert library.get_template(spelling).name == "EDGE"
 
 
+@pytest.mark.parametrize(
+    ("alias", "name"),
+    [("LOCMAX", "MATCNN_LOCMAX"), ("PoissonPDESolver", "POISSON"), ("SKELE3", "MATCNN_SKELE3")],
+)
+def test_a_name_that_only_its_source_uses_finds_it(alias: str, name: str) -> None:
+    assert library.get_template(alias).name == name
+
+
 def test_no_name_means_two_templates() -> None:
     owners: dict[str, str] = {}
     for name in NAMES:

@@ -77,6 +77,9 @@ def check(
         if name != "all" and name not in {job.engine for job in jobs}:
             raise _nothing(name, left_out)
     output, begin = Output(as_json), time.perf_counter()
+    alone, plain = _alone(names), used[-1 if len(used) < 3 else 1]
+    if alone is not None and alone.template.check is None:
+        report(alone.template, plain, output)
     results: list[CheckResult] = []
     with until_stopped() as stop, progress("checks", len(jobs), as_json=as_json) as steps:
         for job in jobs:
@@ -91,9 +94,16 @@ def check(
         return stop.say(len(results), len(jobs), "checks", as_json=as_json)
     for item in left_out:
         click.echo(item.text, err=as_json)
-    if len(names) == 1 and is_place(names[0]) and Path(names[0]).is_file() and not as_json:
-        report(_entries(names[0])[0].template, used[-1 if len(used) < 3 else 1], output)
+    if alone is not None and not as_json:
+        report(alone.template, plain, output)
     return CHECKS_FAILED if failed else 0
+
+
+def _alone(names: tuple[str, ...]) -> "Entry | None":
+    """Return the template of a single file; a designer asks more about it."""
+    if len(names) != 1 or not is_place(names[0]) or not Path(names[0]).is_file():
+        return None
+    return _entries(names[0])[0]
 
 
 def _engines(names: tuple[str, ...], device: str | None, precision: str | None) -> "list[Engine]":

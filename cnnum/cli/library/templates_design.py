@@ -12,7 +12,16 @@ from cnnum.cli.output import Output, facts, number, table
 
 if TYPE_CHECKING:
     from cnnum.engine import Engine
+    from cnnum.templating.checks.robustness import Flips
     from cnnum.templating.template import Template
+
+_UNCHECKED = (
+    "Settle times are of black-and-white pictures. Name a check in [check], so that margin and "
+    "robustness are known: they need the right answer."
+)
+
+_DRAWS = 50
+"""Templates with random mismatch: their share that flips is known within about 0.14."""
 
 
 @click.command("design")
@@ -81,7 +90,7 @@ def report(
 ) -> None:
     """Print the figures of a template on an engine."""
     from cnnum.integrators.stability import stability_bound
-    from cnnum.templating.checks.measuring import measure
+    from cnnum.templating.checks.measuring import measure, settle_times
     from cnnum.templating.checks.robustness import flips, tolerances
     from cnnum.templating.checks.stability_class import stability_class
 
@@ -90,24 +99,36 @@ def report(
         "template": template.name,
         "stability": kind.name,
         "why": kind.why,
+        "layers": template.layers,
+        "inputs": template.inputs,
+        "radius": template.radius,
         "euler_step": stability_bound("euler", template, (8, 8)).step,
         **_cost(template),
     }
     if template.check is None:
+        found["settle"] = settle_times(template, engine)
         output.record(found)
-        output.show(facts(_lines(found)), "Name a check in [check] to have it measured.")
+        output.show(facts(_lines(found)), _UNCHECKED)
         return
     measured = measure(template, engine)
-    changes = flips(template, engine)
+    changes = flips(template, engine, draws=_DRAWS)
     found |= {"settle": measured.settle, "margin": measured.margin}
     output.record(found | {"flips": [asdict(change) for change in changes]})
     output.show(facts(_lines(found)))
     shown = table("change of the weights", ">templates that flip", ">wrong cells")
     for change in changes:
-        shown.add_row(change.change, f"{100 * change.flipped:.0f} %", f"{100 * change.wrong:.2g} %")
-    output.show(shown)
+        shown.add_row(change.change, _share(change), f"{100 * change.wrong:.2g} %")
+    output.show(shown, f"Of mismatch {_DRAWS} are drawn; in brackets the share's 95 % interval.")
     if weights:
         _weights(output, list(tolerances(template, engine)))
+
+
+def _share(change: "Flips") -> str:
+    """Return the share that flips; a coarse template is one, and flips or does not."""
+    if change.draws == 1:
+        return "yes" if change.flipped else "no"
+    low, high = 100 * change.low, 100 * change.high
+    return f"{100 * change.flipped:.0f} % ({low:.0f}-{high:.0f})"
 
 
 def _cost(template: "Template") -> dict[str, Any]:
@@ -126,15 +147,23 @@ def _feedback(template: "Template") -> list[Any]:
 
 def _lines(found: dict[str, Any]) -> list[tuple[str, str]]:
     settle = ", ".join(f"{n}×{n}: {number(t)} τ" for n, t in found.get("settle", ()))
-    margin = found.get("margin")
+    sizes = ", ".join(f"{each} {found[each]}" for each in ("layers", "inputs", "radius"))
     return [
         ("template", found["template"]),
+        ("form", f"well-formed: {sizes}"),
         ("stability", f"{found['stability']}. {found['why']}"),
         ("largest Euler step", f"{number(found['euler_step'])} τ"),
         ("settles within", settle or "not measured"),
-        ("margin of the bias", "none: a gray answer" if margin is None else number(margin)),
+        ("margin of the bias", _margin(found)),
         ("cost of a cell", _spent(found)),
     ]
+
+
+def _margin(found: dict[str, Any]) -> str:
+    if "margin" not in found:
+        return "not known without a check"
+    margin = found["margin"]
+    return "none: a gray answer" if margin is None else number(margin)
 
 
 def _spent(found: dict[str, Any]) -> str:

@@ -11,6 +11,7 @@ from cnnum.cli.output import Output, facts, number
 from cnnum.cli.saving import refuse_unwritable
 
 if TYPE_CHECKING:
+    from cnnum.templating.couplings import NonlinearCoupling
     from cnnum.templating.files import Entry
     from cnnum.templating.template import Template
 
@@ -52,9 +53,12 @@ def show(
     template, output = entry.template, Output(as_json)
     output.record({**_record(template), **_words(entry)})
     output.show(facts([*_facts(template), *_known(entry)]), "")
-    for part in ("A", "B"):
-        for label, kernel in _kernels(part, getattr(template, part)):
-            output.show(f"{label} =", _matrix(kernel), "")
+    from cnnum.templating.spelled import functions, matrices
+
+    for label, kernel in matrices(template):
+        output.show(f"{label} =", _matrix(kernel.tolist()), "")
+    for label, text in functions(template):
+        output.show(f"{label}: {text}", "")
 
     if transient is not None:
         _write_transient(template, transient, shown, times, engine)
@@ -122,7 +126,7 @@ def _known(entry: "Entry") -> list[tuple[str, str]]:
 
 
 def _record(template: "Template") -> dict[str, object]:
-    check = template.check
+    check, late = template.check, template.delayed
     return {
         "template": template.name,
         "description": template.description,
@@ -136,7 +140,30 @@ def _record(template: "Template") -> dict[str, object]:
         "initial": template.initial,
         "duration": template.duration,
         "output": template.output.name,
+        "nonlinear": [_coupling(each) for each in template.nonlinear],
+        "delayed": None
+        if late is None
+        else {"delay": late.delay, "A": late.A.tolist(), "B": late.B.tolist()},
+        "gains": [
+            {"to": gain.to, "source": gain.source, "points": gain.table.points}
+            for gain in template.gains
+        ],
         "check": {"name": check.name, **dict(check.parameters)} if check else None,
+    }
+
+
+def _coupling(coupling: "NonlinearCoupling") -> dict[str, object]:
+    return {
+        "weights": coupling.weights.tolist(),
+        "interpolation": coupling.function.interpolation,
+        "points": coupling.function.points,
+        "neighbour": coupling.neighbour,
+        "centre": coupling.centre,
+        "times_argument": coupling.times_argument,
+        "reversed_sign": coupling.reversed_sign,
+        "to": coupling.to,
+        "source": coupling.source,
+        "centre_source": coupling.centre_source,
     }
 
 
@@ -156,19 +183,6 @@ def _facts(template: "Template") -> list[tuple[str, str]]:
         ("duration", "until it settles" if settles else f"{template.duration:g} τ"),
         ("output", template.output.name),
         ("check", f"{check.name}{f' ({given})' if given else ''}" if check else "none"),
-    ]
-
-
-def _kernels(part: str, couplings: Any) -> list[tuple[str, list[list[float]]]]:
-    """Return each (k, k) kernel with its name; a single one needs no indices."""
-    layers, sources = couplings.shape[:2]
-    return [
-        (
-            part if layers * sources == 1 else f"{part}[{to}, {source}]",
-            couplings[to, source].tolist(),
-        )
-        for to in range(layers)
-        for source in range(sources)
     ]
 
 

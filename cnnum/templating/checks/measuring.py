@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
+from cnnum.errors import CnnumError
+from cnnum.templating.checks.pictures import binary_case
 from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.running import Engine, Result, run_case
@@ -26,6 +28,8 @@ _CHUNKS = 40
 _BIASES = np.geomspace(0.01, 8.0, 30)
 _STEP = 1.3
 """Between a bias of the ladder and the next one, 1.26, with room for an engine's own errors."""
+
+_RTOL = 1e-4
 
 _ALLOWED = 0.01
 """Of a mean over all states: engines end within 0.01 of each other, cell by cell."""
@@ -49,9 +53,18 @@ def measure(template: Template, engine: Engine) -> Measured:
         template.digest,
         mean,
         rms,
-        tuple((n, t) for n in SIDES if (t := _settle(template, engine, (n, n))) is not None),
+        settle_times(template, engine),
         _margin(template, engine, form, case) if form.digital else None,
     )
+
+
+def settle_times(template: Template, engine: Engine) -> tuple[tuple[int, float], ...]:
+    """Return cells along a side and time constants until the outputs rest, where they do.
+
+    A template without a check runs on black-and-white pictures.
+    """
+    found = ((n, _settle(template, engine, (n, n))) for n in SIDES)
+    return tuple((n, time) for n, time in found if time is not None)
 
 
 def summary(states: object) -> tuple[float, float]:
@@ -61,7 +74,8 @@ def summary(states: object) -> tuple[float, float]:
 
 
 def _case(template: Template, shape: Shape) -> Case:
-    return form_of(template).cases(template, np.random.default_rng(0), shape)
+    cases = binary_case if template.check is None else form_of(template).cases
+    return cases(template, np.random.default_rng(0), shape)
 
 
 def wrong_at(
@@ -106,23 +120,27 @@ def _before_first(wrong: list[bool]) -> float:
 
 
 def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
-    """Return when all outputs are within 0.01 of their end, a fortieth of the run too late."""
+    """Return when all outputs are within 0.01 of their end, a fortieth of the run too late.
+
+    A run goes on for the template's own duration, also where its check would stop it before.
+    """
     if template.output.discrete:
         return None
     # a run that knows its past or its clock cannot be cut into parts
     from_start = not autonomous(template)
-    form, case = form_of(template), _case(template, shape)
-    if case.duration is not None:
-        return None  # the check stops it on its way
-    whole = _run(template, engine, form, case)
+    case = replace(_case(template, shape), duration=None)
+    try:
+        whole = _run(template, engine, case)
+    except CnnumError:
+        return None  # it diverges, or settles within no time that an engine runs for
     end = float(np.max(whole.time))
-    if not 0.0 < end < np.inf:
+    if not 0.0 < end < np.inf or not np.isfinite(whole.output).all():
         return None
     goal, step = np.asarray(whole.output), end / _CHUNKS
     last, now = 0, case if template.inputs else replace(case, input=None, state=_start(case))
     for n in range(1, _CHUNKS):
         part = replace(case, duration=n * step) if from_start else replace(now, duration=step)
-        passed = _run(template, engine, form, part)
+        passed = _run(template, engine, part)
         now = replace(now, state=np.asarray(passed.state, dtype=np.float64))
         if not (np.abs(np.asarray(passed.output) - goal) <= NEAR).all():
             last = n
@@ -133,9 +151,6 @@ def unsettled(template: Template) -> str:
     """Return why a template that was measured has no settle time, in a sentence."""
     if template.output.discrete:
         return f"It runs in steps, for {template.duration} time constants."
-    duration = _case(template, SHAPE).duration
-    if duration is not None:
-        return f"Its check stops it on its way, after {duration:.3g} τ."
     if template.duration == "settle":
         return "A cell is still on its way when the longest run ends."
     return f"It is still on its way after {template.duration:g} τ."
@@ -145,8 +160,9 @@ def _start(case: Case) -> Floats:
     return case.pictures if case.state is None else case.state
 
 
-def _run(template: Template, engine: Engine, form: ClosedForm, case: Case) -> Result:
-    return run_case(template, engine, case, form.rtol)
+def _run(template: Template, engine: Engine, case: Case) -> Result:
+    rtol = _RTOL if template.check is None else form_of(template).rtol
+    return run_case(template, engine, case, rtol)
 
 
 def drift(template: Template, result: Result, measured: Measured) -> str:

@@ -64,3 +64,17 @@ def binary_input(template: Template, rng: np.random.Generator, shape: Shape) -> 
 def binary_pair(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
     """Return a case of unrelated black-and-white pictures as input and as initial state."""
     return Case(input=binary(rng, shape), state=rng.permutation(binary(rng, shape)))
+
+
+def binary_case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
+    """Return black-and-white pictures for all that a template reads: its inputs, or its state."""
+
+    def drawn(count: int) -> Floats:
+        maps = [rng.permutation(binary(rng, shape)) for _ in range(count)]
+        return maps[0] if count == 1 else np.stack(maps, axis=1)
+
+    given = drawn(template.inputs) if template.inputs else None
+    late = given if template.delayed is not None else None
+    return Case(
+        input=given, previous=late, state=None if template.inputs else drawn(template.layers)
+    )

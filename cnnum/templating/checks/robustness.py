@@ -1,8 +1,7 @@
 """How much the weights of a template may be off before a cell of its check is wrong."""
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from cnnum.templating.checks.measuring import SHAPE
 from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.running import Engine, run_case
+from cnnum.templating.numbers import numbers_of, weights_of, with_numbers
 from cnnum.templating.template import Template
 
 MISMATCHES = (0.01, 0.02, 0.05, 0.10)
@@ -22,6 +22,8 @@ STEPS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Relative changes of one weight that are tried."""
 
 DRAWS = 10
+
+_BY_LAYER = ("A", "B", "z", "delayed A", "delayed B")
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,8 @@ class Tolerance:
     Attributes
     ----------
     weight : str
-        As in "B[0, 2]", "z", rows and columns from the north-west.
+        As in "B[0, 2]", "z", "coupling 1[0, 2]" of a nonlinear one, "table 1[3]" of its values;
+        rows and columns from the north-west.
     value : float
     down, up : float
         Largest relative changes of those tried, 0 where the smallest flips a cell already.
@@ -79,8 +82,9 @@ def flips(
 ) -> tuple[Flips, ...]:
     """Return how often random mismatch and coarse weights make cells wrong.
 
-    Mismatch multiplies every number of A, B and z by 1 plus a normal number of that width; a
-    number of b bits is a whole multiple of the largest of its matrices over 2^(b−1) − 1.
+    Mismatch multiplies every weight and bias by 1 plus a normal number of that width, those of
+    nonlinear and delayed couplings too; a number of b bits, of a function table too, is a whole
+    multiple of the largest of its part over 2^(b−1) − 1.
     """
     job = Judge(template, engine)
     rng = np.random.default_rng(seed)
@@ -94,15 +98,14 @@ def flips(
 
 
 def tolerances(template: Template, engine: Engine) -> Iterator[Tolerance]:
-    """Yield for every number of A, B and z how far it may go."""
+    """Yield for every number that is not 0 how far it may go."""
     job = Judge(template, engine)
-    for part in ("A", "B", "z"):
-        array: Floats = getattr(template, part)
+    for part, array in numbers_of(template).items():
         for index in [tuple(place) for place in np.argwhere(array).tolist()]:
-            down, up = (_reach(job, part, index, sign) for sign in (-1.0, 1.0))
-            label = f"{part}{list(index[-2:])}" if part != "z" else "z"
-            if template.layers > 1:
-                label += f" of {list(index[: 2 if part != 'z' else 1])}"
+            down, up = (_reach(job, part, array, index, sign) for sign in (-1.0, 1.0))
+            label = part if part == "z" else f"{part}{list(index[-2:])}"
+            if template.layers > 1 and part in _BY_LAYER:
+                label += f" of {list(index[: max(1, array.ndim - 2)])}"
             yield Tolerance(label, float(array[index]), down, up)
 
 
@@ -144,36 +147,22 @@ class Judge:
         return [float(one.mean()) for one in wrong]
 
 
-def _reach(job: Judge, part: str, index: tuple[int, ...], sign: float) -> float:
-    array: Floats = getattr(job.template, part)
+def _reach(job: Judge, part: str, array: Floats, index: tuple[int, ...], sign: float) -> float:
     reached = 0.0
     for step in STEPS:
         moved = array.copy()
         moved[index] *= 1.0 + sign * step
-        if job.wrong(replace(job.template, **_given(part, moved))) > 0.0:
+        if job.wrong(with_numbers(job.template, {part: moved})) > 0.0:
             break
         reached = step
     return reached
 
 
-def _given(part: str, array: Floats) -> dict[str, Any]:
-    return {part: array.tolist() if part == "z" else array}
-
-
-def _scaled(template: Template, change: Callable[[Floats], Floats]) -> Template:
-    parts: dict[str, Any] = {"A": change(template.A), "z": change(template.z).tolist()}
-    if template.inputs:
-        parts["B"] = change(template.B)
-    return replace(template, **parts)
-
-
 def mismatched(template: Template, rng: np.random.Generator, width: float) -> Template:
-    """Return a template whose every number is off by a normal share of itself."""
-    return _scaled(template, _mismatch(rng, width))
-
-
-def _mismatch(rng: np.random.Generator, width: float) -> Callable[[Floats], Floats]:
-    return lambda array: array * (1.0 + width * rng.normal(size=array.shape))
+    """Return a template whose every weight is off by a normal share of itself."""
+    weights = weights_of(template)
+    off = {part: 1.0 + width * rng.normal(size=array.shape) for part, array in weights.items()}
+    return with_numbers(template, {part: off[part] * array for part, array in weights.items()})
 
 
 def _coarse(template: Template, bits: int) -> Template:
@@ -181,7 +170,8 @@ def _coarse(template: Template, bits: int) -> Template:
         step = max(float(np.abs(array).max(initial=0.0)), 1e-30) / (2 ** (bits - 1) - 1)
         return np.asarray(step * np.rint(array / step), dtype=np.float64)
 
-    return _scaled(template, rounded)
+    numbers = numbers_of(template)
+    return with_numbers(template, {part: rounded(array) for part, array in numbers.items()})
 
 
 def _flips(change: str, shares: list[float]) -> Flips:

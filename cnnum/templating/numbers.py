@@ -1,0 +1,83 @@
+"""All numbers of a template by the part that they stand in, and a template with other ones."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.function_tables import Table
+from cnnum.templating.template import Template
+
+Numbers = Mapping[str, Floats]
+
+
+def weights_of(template: Template) -> dict[str, Floats]:
+    """Return what weighs cells and inputs, and the bias.
+
+    Returns
+    -------
+    dict
+        "A", "z", "B", "coupling 1" (weights of a nonlinear coupling), "delayed A", "delayed B",
+        as far as the template has them.
+    """
+    found = {"A": template.A, "z": template.z}
+    found |= {"B": template.B} if template.inputs else {}
+    found |= {f"coupling {n}": each.weights for n, each in enumerate(template.nonlinear, 1)}
+    if template.delayed is not None:
+        found |= {"delayed A": template.delayed.A, "delayed B": template.delayed.B}
+    return found
+
+
+def numbers_of(template: Template) -> dict[str, Floats]:
+    """Return all weights, and the values of function tables, "table 1", and of gains, "gain 1"."""
+    tables = {f"table {n}": c.function for n, c in enumerate(template.nonlinear, 1)}
+    tables |= {f"gain {n}": gain.table for n, gain in enumerate(template.gains, 1)}
+    return weights_of(template) | {name: _values(table) for name, table in tables.items()}
+
+
+def with_numbers(template: Template, numbers: Numbers) -> Template:
+    """Return a template with other numbers in some parts, named as `numbers_of` names them.
+
+    Raises
+    ------
+    TemplateError
+        If a number is not finite.
+    """
+    parts: dict[str, Any] = {part: numbers[part] for part in ("A", "B") if part in numbers}
+    if "z" in numbers:
+        parts["z"] = numbers["z"].tolist()
+    if template.nonlinear:
+        coupled = enumerate(template.nonlinear, 1)
+        parts["nonlinear"] = [_coupled(each, n, numbers) for n, each in coupled]
+    if template.delayed is not None:
+        late = {part: numbers.get(f"delayed {part}") for part in ("A", "B")}
+        given: dict[str, Any] = {part: value for part, value in late.items() if value is not None}
+        parts["delayed"] = replace(template.delayed, **given)
+    if template.gains:
+        each = enumerate(template.gains, 1)
+        parts["gains"] = [
+            replace(gain, table=_tabled(gain.table, numbers.get(f"gain {n}"))) for n, gain in each
+        ]
+    return replace(template, **parts)
+
+
+def _coupled(coupling: NonlinearCoupling, n: int, numbers: Numbers) -> NonlinearCoupling:
+    return replace(
+        coupling,
+        weights=numbers.get(f"coupling {n}", coupling.weights),
+        function=_tabled(coupling.function, numbers.get(f"table {n}")),
+    )
+
+
+def _values(table: Table) -> Floats:
+    return np.array([value for _, value in table.points])
+
+
+def _tabled(table: Table, values: Floats | None) -> Table:
+    if values is None:
+        return table
+    places = [place for place, _ in table.points]
+    return replace(table, points=tuple(zip(places, values.tolist(), strict=True)))
