@@ -144,7 +144,7 @@ def _facts(card: Card) -> list[str]:
         verdict = "passed" if result.passed else "FAILED"
         lines.append(
             f"Check: {check.name}, error {result.error:.2g} of {result.tolerance:g} allowed, "
-            f"{verdict}; {1e3 * result.seconds:.2g} ms on {result.engine}."
+            f"{verdict}; {1e3 * result.seconds:.3g} ms on {result.engine}."
         )
     if measured is not None and measured.settle:
         times = ", ".join(f"{n}×{n}: {time:g} τ" for n, time in measured.settle)
@@ -157,10 +157,12 @@ def _facts(card: Card) -> list[str]:
 
 
 def _numbers(template: Template) -> str:
-    parts = [f"{label} =\n{_rows(kernel)}" for label, kernel in matrices(template)]
-    parts += [f"{label}: {text}" for label, text in functions(template)]
-    parts.append("z = " + ", ".join(f"{z:g}" for z in template.z))
-    return "".join(f"<pre>{escape(part)}</pre>" for part in parts)
+    parts = [(f"{label} =", _rows(kernel)) for label, kernel in matrices(template)]
+    parts += [(f"{label}:", text) for label, text in functions(template)]
+    parts.append(("z =", ", ".join(f"{z:g}" for z in template.z)))
+    return "".join(
+        f'<p class="facts">{escape(label)}</p><pre>{escape(text)}</pre>' for label, text in parts
+    )
 
 
 def _rows(block: Floats) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from cnnum.errors import TemplateError, UnknownNameError
-from cnnum.templating.checks import CheckResult, closed_form, form_of, run_check
+from cnnum.templating.checks import CheckResult, closed_form, form_of, run, run_check
 from cnnum.templating.checks.digital.neighbourhood import pattern
 from cnnum.templating.template import Check, Template
 
@@ -74,6 +74,17 @@ def test_exact_answer_passes_and_is_timed_after_a_first_run() -> None:
     assert result.reason == "nothing else is at hand"
     assert result.seconds > 0.0
     assert engine.runs == 4
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "expected"), [(1.0, 0.002, 0.002), (1.0, 0.6, 0.6), (9.0, 0.002, 9.0)]
+)
+def test_a_first_run_that_compiled_is_not_the_time(
+    first: float, second: float, expected: float
+) -> None:
+    times = iter([second] * 3)
+    assert run._time_of(first, 3, lambda: next(times)) == expected
+    assert len(list(times)) == {0.002: 0, 0.6: 2, 9.0: 3}[expected]
 
 
 def test_without_repeats_the_first_run_is_the_time() -> None:

@@ -2,7 +2,7 @@
 
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,10 @@ from cnnum.templating.files.measured import Measured
 from cnnum.templating.template import Template
 
 _SLOW = 0.5
-"""Seconds; longer runs are timed once, since compiling is a small part of them."""
+"""Seconds; a compiled run that takes longer is timed once."""
+
+_LONGEST_COMPILING = 3.0
+"""Seconds; a longer first run is the time, since compiling is a small part of it."""
 
 
 def run_check(
@@ -65,9 +68,7 @@ def run_check(
     form = form_of(template)
     case = form.cases(template, np.random.default_rng(seed), as_shape(shape))
     result, first = _timed(template, engine, case, method, form.rtol)
-    again = repeats if first < _SLOW else 0
-    others = [_timed(template, engine, case, method, form.rtol)[1] for _ in range(again)]
-    seconds = statistics.median(others or [first])
+    seconds = _time_of(first, repeats, lambda: _timed(template, engine, case, method, form.rtol)[1])
     error = _error(getattr(result, form.compares), form.expected(template, case))
     known = measured if seed == 0 and tuple(shape) == SHAPE else None
     note = drift(template, result, known) if known else ""
@@ -88,6 +89,15 @@ def run_check(
         settle=None if measured is None else dict(measured.settle).get(SHAPE[0]),
         note=note,
     )
+
+
+def _time_of(first: float, repeats: int, again: Callable[[], float]) -> float:
+    """Return the median time of further runs, as the first may have compiled; s."""
+    if not repeats or first > _LONGEST_COMPILING:
+        return first
+    times = [again()]
+    times += [again() for _ in range(repeats - 1 if times[0] < _SLOW else 0)]
+    return statistics.median(times)
 
 
 def _timed(
