@@ -1,6 +1,7 @@
 """The engine as users see it: it runs single templates and compiles programs."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from threading import RLock
@@ -18,18 +19,19 @@ from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
 from cnnum.integrators.choice import check_spec, choose
-from cnnum.integrators.estimate import LOST
 from cnnum.integrators.fusing import fuse
-from cnnum.integrators.linear_range import as_linear, stays_linear
 from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.programs import Program
-from cnnum.runs.arguments import as_frame, channels_and_lead, has_many_cells, maps_by_role
+from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.batches import run_batch
-from cnnum.runs.graph import graph_of, output_names
+from cnnum.runs.graph import graph_of
+from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
-from cnnum.runs.result import Result, result_of
+from cnnum.runs.result import Result
 from cnnum.runs.settling import at_rest, saturated
+from cnnum.runs.single import finished, outputs_of
+from cnnum.runs.stiff import implicit_spec, on_host, refuse_hopeless, stiffly
 from cnnum.runs.times import checked_times, run_at
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.batch import TemplateBatch
@@ -42,8 +44,6 @@ ROLES = ("input", "previous", "state", "bias", "mask")
 
 MOST_PREPARED = 64
 """Runs kept ready; each holds a template and a frame's arrays, so the oldest goes first."""
-
-NEVER_SATURATES = "no cell leaves the linear range"
 
 
 class Engine:
@@ -184,6 +184,8 @@ class Engine:
             for node in thinned.transients
             if isinstance(node.operation, Transient)
         }
+        if (host := on_host(name, thinned, solvers)) is not None:
+            return host
         built = fuse(thinned, solvers) if self.name in FUSING else thinned
         executable, backend = self._backend.build(built, solvers), self._backend
         about = (name, self.name, self.device, self.precision)
@@ -280,7 +282,10 @@ class Engine:
         form = form_of(template, arrays, asked)
         prepared = None if form is None else self._prepared.get(form)
         settles = (template.duration if duration is None else duration) == "settle"
-        result = None if prepared is None else prepared.run(arrays)
+        result = None
+        if prepared is not None:
+            with suppress(MethodError):  # its steps are too many: below, others are looked for
+                result = prepared.run(arrays)
         if (ready := saturated(result, template, rtol, atol) if settles else result) is not None:
             return ready
         given, shape = maps_by_role(template, dict(zip(ROLES, arrays, strict=True)))
@@ -329,22 +334,18 @@ class Engine:
         exact = spec.dt is None and spec.method in ("auto", "propagator")
         ran = as_linear(template) if exact and stays_linear(template, given) else template
         plan = self._plan_for((ran.digest, shape, names, spec), ran, shape, names, spec)
-        outputs = plan.run_large(list(given.values()), lead) if has_many_cells(shape) else None
-        if outputs is None:
-            outputs = plan.run_finite(as_frame(given, lead, np.dtype(self.precision)))
+        (solver,) = plan.solvers.values()
+        try:
+            refuse_hopeless(self.name, solver)
+            outputs = outputs_of(plan, given, lead)
+        except MethodError:
+            implicit = implicit_spec(self.name, ran, shape, spec)
+            if implicit is None:
+                raise
+            return stiffly(self._run(template, given, shape, implicit, None))
         if form is not None:
             self._prepare(form, template, plan, given, exact=exact)
-        (solver,) = plan.solvers.values()
-        if solver.forced:
-            outputs |= {
-                "settled": np.zeros_like(outputs["settled"]),
-                "error": np.full_like(outputs["error"], LOST),
-            }
-        if ran is not template:
-            # rounding may lie beyond 1
-            outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in output_names(template)}
-        reason = solver.reason if ran is template else f"{NEVER_SATURATES}; {solver.reason}"
-        return result_of(outputs, template.layers, solver.method, reason)
+        return finished(outputs, solver, template, linear=ran is not template)
 
     def _run_at(
         self,

@@ -9,6 +9,7 @@ from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.delays import delayed_rates, delayed_step, keeps_delays
 from cnnum.integrators.evaluations import Effort, chebyshev, effort, motion, pair
 from cnnum.integrators.propagator import DENSE_LIMIT, decay, propagator
+from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, implicit_steps
 from cnnum.integrators.schemes import (
     CHEBYSHEV,
     LAYER_METHODS,
@@ -182,6 +183,9 @@ class _Choice:
             count = _count(self.duration, 1.0)
             whole = FixedSteps((EULER,), 1.0, count, self.settle, 1.0)
             return whole, "it runs in discrete time", False
+        if self.spec.method in IMPLICIT_METHODS:
+            given = (template, self.shape, self.spec, self.duration)
+            return implicit_steps(*given, settle=self.settle), "it was asked for", False
         found = spectrum(template, self.shape)
         if self.spec.method == CHEBYSHEV:
             return self._chebyshev(found)
@@ -341,7 +345,8 @@ def _rounded(one: Effort) -> float:
 def _preset(template: Template, spec: RunSpec) -> tuple[ButcherTableau | None, float | None, str]:
     """Return the method where it is given, the fixed step where it must be, and the reason."""
     if spec.method not in ("auto", *TABLEAUX):
-        known = ("auto", "propagator", *TABLEAUX, CHEBYSHEV, *LAYER_METHODS)
+        steps = (*TABLEAUX, CHEBYSHEV, *LAYER_METHODS, *IMPLICIT_METHODS)
+        known = ("auto", "propagator", *steps)
         raise name_error("method", spec.method, known)
     asked = TABLEAUX.get(spec.method)
     if spec.dt is not None:

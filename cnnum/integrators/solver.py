@@ -3,11 +3,12 @@
 from dataclasses import dataclass
 
 from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
 
-Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps
+Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps | ImplicitSteps
 Linear = Decay | Propagator | Spectral
 """Exact schemes whose end is an affine map of start and drive."""
 

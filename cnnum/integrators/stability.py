@@ -12,13 +12,14 @@ from cnnum.arrays import Floats, Shape, as_shape
 from cnnum.errors import TemplateError, name_error
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.delays import delayed_rates, delayed_step
+from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, may_be_implicit
 from cnnum.integrators.schemes import CHEBYSHEV, LAYER_METHODS
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.tableau import TABLEAUX, ButcherTableau, LayerMethod
 from cnnum.safety.values import expect
 from cnnum.templating.template import Template
 
-METHODS = (*TABLEAUX, CHEBYSHEV, *LAYER_METHODS)
+METHODS = (*TABLEAUX, CHEBYSHEV, *LAYER_METHODS, *IMPLICIT_METHODS)
 """Names of the methods that take steps."""
 
 SHORTEST = 1e-4
@@ -93,6 +94,9 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
         step = chebyshev_step(MAX_STAGES, found)
     elif method in LAYER_METHODS:
         step = _layer_step(LAYER_METHODS[method], found, template)
+    elif method in IMPLICIT_METHODS:
+        # |R| ≤ 1 on all of the left half-plane
+        step = math.inf if may_be_implicit(template) else 0.0
     else:
         raise name_error("method", method, METHODS)
     return StabilityBound(step, found.exact, found.reason)

@@ -13,8 +13,8 @@ import numpy as np
 from cnnum.arrays import all_finite
 from cnnum.engines.backend import OneFrame
 from cnnum.errors import MethodError
-from cnnum.integrators.linear_range import may_stay_linear
 from cnnum.plan import Plan
+from cnnum.runs.linear_range import may_stay_linear
 from cnnum.runs.raw_pictures import LEAST_SQUARES, ROLES, refuse_grey_levels
 from cnnum.runs.result import Result, result_of
 from cnnum.templating.template import Template

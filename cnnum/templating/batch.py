@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import TemplateError
+from cnnum.safety.values import expect
 from cnnum.templating.template import Template
 
 
@@ -51,6 +52,7 @@ class TemplateBatch:
         z: ArrayLike | None = None,
         tau: ArrayLike | None = None,
     ) -> None:
+        expect("template", template, Template, TemplateError)
         if not template.plain:
             raise TemplateError(
                 f"A batch of '{template.name}' needs linear couplings, at once and constant in "

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 
 from cnnum.engine import Engine
 from cnnum.errors import MethodError
-from cnnum.integrators.linear_range import as_linear, room, stays_linear
+from cnnum.runs.linear_range import as_linear, room, stays_linear
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template
 

@@ -10,13 +10,15 @@ from cnnum.engine import Engine
 from cnnum.errors import MethodError
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.estimate import LOST
+from cnnum.integrators.rosenbrock import IMPLICIT_METHODS
 from cnnum.integrators.stability import METHODS, stability_bound
 from cnnum.lab.bench.followed_steps import frames, network
 from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
 from cnnum.templating.function_tables import Table
 
 SHAPE, NETWORKS = (5, 6), 40
-STEPS = tuple(method for method in METHODS if method != "runge-kutta-chebyshev")
+OWN_STEPS = ("runge-kutta-chebyshev", *IMPLICIT_METHODS)
+STEPS = tuple(method for method in METHODS if method not in OWN_STEPS)
 
 
 @pytest.fixture(scope="module")

@@ -10,6 +10,7 @@ import cnnum
 from cnnum.errors import MethodError
 from cnnum.integrators.enclosure import field_of_values
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
+from cnnum.integrators.rosenbrock import IMPLICIT_METHODS
 from cnnum.integrators.stability import METHODS, stability_bound
 from cnnum.integrators.tableau import TABLEAUX
 from cnnum.templating.couplings import DelayedCoupling, NonlinearCoupling
@@ -17,7 +18,8 @@ from cnnum.templating.function_tables import Table
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template
 
-STEPPING = [name for name in METHODS if name != "runge-kutta-chebyshev"]
+OWN_STEPS = ("runge-kutta-chebyshev", *IMPLICIT_METHODS)
+STEPPING = [name for name in METHODS if name not in OWN_STEPS]
 BOUNDARIES = np.array([0.0, -1.0, "zero-flux", "periodic"], dtype=object)
 ADVECTION = [[0, 0, 0], [-3.0, 0, 3.0], [0, 0, 0]]
 

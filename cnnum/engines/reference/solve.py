@@ -17,9 +17,11 @@ from scipy.integrate import DOP853, DenseOutput, OdeSolution, Radau
 from cnnum.arrays import Floats
 from cnnum.engines.reference.adaptive import march_adaptive
 from cnnum.engines.reference.equation import Given, StateEquation
+from cnnum.engines.reference.implicit import march_implicit
 from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
 from cnnum.integrators.propagator import Decay
+from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
 from cnnum.templating.network import Network
@@ -107,6 +109,8 @@ def _marched(equation: StateEquation, solver: Solver) -> Answer:
     scheme = solver.scheme
     if isinstance(scheme, FixedSteps):
         return Answer(*march(equation, solver, scheme), math.inf)
+    if isinstance(scheme, ImplicitSteps):
+        return Answer(*march_implicit(equation, solver, scheme))
     assert not isinstance(scheme, Exact)
     return Answer(*march_adaptive(equation, solver, scheme))
 

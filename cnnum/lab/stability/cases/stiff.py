@@ -24,6 +24,7 @@ METHODS = (
     "runge-kutta-chebyshev",
     "exponential-euler",
     "etd-rk2",
+    "rodas3",
 )
 FEW_STEPS = r"did not reach its end"
 """Of a refusal: explicit steps would be too many."""

@@ -1,0 +1,203 @@
+"""Implicit steps that follow their own error estimate, with sparse solves of the array.
+
+A run is solved twice, to the tolerance and to a tenth of it: how far the coarser one is off is the
+error that is stated. Steps are no longer than the growth of the array allows: an implicit method
+damps what it steps over, and would hold an array on a saddle.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_array, eye_array
+from scipy.sparse.linalg import splu
+
+from cnnum.arrays import Floats
+from cnnum.engines.failures import refuse_unfinished
+from cnnum.engines.reference.equation import StateEquation
+from cnnum.integrators.rosenbrock import MOST_STEPS, ImplicitSteps
+from cnnum.integrators.solver import Solver
+from cnnum.templating.boundary import halo_sources
+from cnnum.templating.network import taps
+from cnnum.templating.template import Template
+
+FINER = 0.1
+"""Part of the tolerance to which the run is solved the second time."""
+
+ROUNDINGS = 8.0
+"""Of the end: those of its last steps, as parts of the largest state."""
+
+MOST_LINEAR = 300
+"""Cells in the linear range up to which eigenvalues are looked at: some 50 ms."""
+
+LOOKED_AT = 5000
+"""Steps after which a run gives up whose end would take more than `MOST_STEPS` at that pace."""
+
+NEARBY = 1e-6
+"""Half of the stretch over which the slope of an output is taken."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Array:
+    """The couplings of an array as a sparse matrix, and its Jacobian at a state."""
+
+    equation: StateEquation
+    coupling: csc_array[np.float64]
+    rates: Floats
+    moving: Floats
+    growths: dict[bytes, float] = field(default_factory=dict[bytes, float])
+
+    @classmethod
+    def of(cls, equation: StateEquation) -> "_Array":
+        template, cells = equation.template, math.prod(equation.shape)
+        rates = np.repeat(1.0 / template.tau, cells)
+        held = equation.given.held
+        moving = np.ones(cells) if held is None else (~held).astype(np.float64).ravel()
+        coupling = _coupling(template, equation.shape)
+        return cls(equation, coupling, rates, np.tile(moving, template.layers))
+
+    def slopes(self, x: Floats) -> Floats:
+        """Return f' of every cell, (layers, rows, cols)."""
+        apart = NEARBY * np.maximum(1.0, np.abs(x))
+        outputs = self.equation.outputs
+        # without the noise of the difference, so that saturated arrays look alike
+        return np.round((outputs(x + apart) - outputs(x - apart)) / (2.0 * apart), 8)
+
+    def solver(self, slopes: Floats, h: float, gamma: float) -> Any:
+        """Return the factors of 1/(hγ) − J."""
+        coupling = self.coupling.copy()
+        coupling.data = coupling.data * np.repeat(slopes.ravel(), np.diff(coupling.indptr))
+        size = len(self.rates)
+        fast = self.rates * self.moving
+        scaled = coupling - eye_array(size, format="csc")
+        scaled.data = scaled.data * fast[scaled.indices]
+        return splu(csc_array(eye_array(size, format="csc") / (h * gamma) - scaled))
+
+    def longest(self, slopes: Floats, h: float) -> float:
+        """Return h, or the time constant of what grows fastest where that is shorter."""
+        bound = self._bound(slopes)
+        if bound * h <= 1.0:
+            return h
+        linear = np.flatnonzero(slopes.ravel() * self.moving)
+        if len(linear) > MOST_LINEAR:
+            return 1.0 / bound
+        # the others see themselves decay alone, whatever they hand on
+        known = self.growths.get(key := slopes.tobytes())
+        if known is None:
+            part = self.coupling[linear][:, linear].toarray() * slopes.ravel()[linear]
+            part = (part - np.eye(len(linear))) * self.rates[linear, np.newaxis]
+            self.growths.clear()
+            values = np.asarray(np.linalg.eigvals(part), dtype=np.complex128)
+            known = self.growths[key] = float(values.real.max(initial=0.0))
+        return min(h, 1.0 / known) if known > 0.0 else h
+
+    def _bound(self, slopes: Floats) -> float:
+        """Return a bound on the real parts of J: Gershgorin's, every layer scaled at its best.
+
+        The matrix of layers has in each place the largest sum of |J| over a row. Its own largest
+        eigenvalue is that of the best scaling (Perron).
+        """
+        template, centre = self.equation.template, self.equation.template.A.shape[-1] // 2
+        low, high = slopes.min(axis=(1, 2)), slopes.max(axis=(1, 2))
+        largest = np.abs(template.A).sum(axis=(2, 3)) * np.maximum(np.abs(low), np.abs(high))
+        for layer in range(template.layers):
+            own = float(template.A[layer, layer, centre, centre])
+            others = float(np.abs(template.A[layer, layer]).sum()) - abs(own)
+            most = max(abs(float(low[layer])), abs(float(high[layer])))
+            ends = own * float(low[layer]), own * float(high[layer])
+            largest[layer, layer] = others * most + max(ends) - 1.0
+        values = np.linalg.eigvals(np.asarray(largest / template.tau[:, np.newaxis]))
+        return float(np.asarray(values, dtype=np.complex128).real.max())
+
+
+def _coupling(template: Template, shape: tuple[int, int]) -> csc_array[np.float64]:
+    """Return A over the array, (states, states)."""
+    cells, radius = math.prod(shape), template.A.shape[-1] // 2
+    halo = halo_sources(template.boundary, shape, radius)
+    nothing = np.zeros(0, dtype=np.int64)
+    rows, columns, weights = [nothing], [nothing], [np.zeros(0)]
+    for layer in range(template.layers):
+        for tap in taps(template.A, layer):
+            top, left = radius + tap.row, radius + tap.col
+            seen = halo[top : top + shape[0], left : left + shape[1]].ravel()
+            inside = np.flatnonzero(seen >= 0)
+            rows.append(layer * cells + inside)
+            columns.append(tap.source * cells + seen[inside])
+            weights.append(np.full(len(inside), tap.weight))
+    size = template.layers * cells
+    places = (np.concatenate(rows), np.concatenate(columns))
+    return csc_array((np.concatenate(weights), places), shape=(size, size))
+
+
+def march_implicit(
+    equation: StateEquation, solver: Solver, scheme: ImplicitSteps
+) -> tuple[Floats, float, int, float]:
+    """Return the state, the time, the number of steps tried and the estimated error at the end.
+
+    Raises
+    ------
+    MethodError
+        If the end is not reached within `MOST_STEPS`.
+    """
+    array = _Array.of(equation)
+    coarse, _, first = _march(array, solver, scheme)
+    finer = replace(solver, rtol=FINER * solver.rtol, atol=FINER * solver.atol)
+    x, time, second = _march(array, finer, scheme)
+    size = float(np.abs(x).max(initial=0.0))
+    # where both end in one long step they may be off alike, by less than it may add
+    last = finer.atol + finer.rtol * size + ROUNDINGS * float(np.finfo(np.float64).eps) * size
+    return x, time, first + second, float(np.abs(x - coarse).max(initial=0.0)) + last
+
+
+def _march(array: _Array, solver: Solver, scheme: ImplicitSteps) -> tuple[Floats, float, int]:
+    equation, control = array.equation, scheme.control
+    drive, slowest = equation.drive(), float(equation.template.tau.max())
+    x, time, h, end, taken = equation.start(), 0.0, scheme.first_step, solver.duration, 0
+    while time < end * (1.0 - 1e-12):
+        late = taken >= LOOKED_AT and time * MOST_STEPS < end * taken
+        refuse_unfinished(np.array([late or taken == MOST_STEPS]))
+        slopes, rate = array.slopes(x), equation.rate(drive, x, None, time)
+        h, taken = min(array.longest(slopes, h), end - time), taken + 1
+        new, off = _step(array, scheme, drive, x, rate, slopes, h)
+        size = np.maximum(np.abs(x), np.abs(new))
+        worst = float((np.abs(off) / (solver.atol + solver.rtol * size)).max())
+        worst = worst if math.isfinite(worst) else math.inf
+        if worst <= 1.0:
+            x, time = new, time + h
+            change = np.abs(slowest * equation.rate(drive, x, None, time))
+            if solver.settle and (change <= solver.atol + solver.rtol * np.abs(x)).all():
+                break
+        longer = control.caution * max(worst, 1e-10) ** (-1.0 / control.order)
+        h *= min(max(longer, control.least), 5.0)
+    return x, time, taken
+
+
+def _step(
+    array: _Array,
+    scheme: ImplicitSteps,
+    drive: Floats,
+    x: Floats,
+    rate: Floats,
+    slopes: Floats,
+    h: float,
+) -> tuple[Floats, Floats]:
+    """Return the state after a step, and the estimate of its error."""
+    method, shape = scheme.rosenbrock, x.shape
+    factors = array.solver(slopes, h, float(method.gamma))
+    stages: list[Floats] = []
+    for a, c in zip(method.a, method.c, strict=True):
+        right = rate
+        if any(a):
+            right = array.equation.rate(drive, _added(x, a, stages), None, 0.0)
+        right = _added(right, c, stages, 1.0 / h)
+        stages.append(np.asarray(factors.solve(right.ravel())).reshape(shape))
+    return _added(x, method.m, stages), _added(np.zeros(shape), method.error, stages)
+
+
+def _added(start: Floats, row: Any, stages: list[Floats], scale: float = 1.0) -> Floats:
+    total = start
+    for weight, stage in zip(row, stages, strict=True):
+        if weight:
+            total = total + (scale * float(weight)) * stage
+    return total
