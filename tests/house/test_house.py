@@ -21,7 +21,7 @@ HEAVY = {
     "websockets": {"drivers/transports", "cnnum/live"},
     "matplotlib": {"cnnum/report", "cnnum/lab"},
     "PIL": {"cnnum/pictures.py", "cnnum/report"},
-    "numba": {"cnnum/engines/numba", "cnnum/lab/bench/peers"},
+    "numba": {"cnnum/design", "cnnum/engines/numba", "cnnum/lab/bench/peers"},
 }
 
 

@@ -266,6 +266,17 @@ def peers(device: str | None, quick: bool, out: Path | None, as_json: bool) -> i
     return _report("peers", found, None, engine.device, out, as_json)
 
 
+@command.command("design")
+@_options
+def design(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+    """Templates from pictures: celnn's two ways against ours, to the loss that it ends at."""
+    from cnnum.lab.bench.peers.design_race import measure_design
+
+    engine = _engine(device)
+    found = measure_design(quick=quick)
+    return _report("design", found, None, engine.device, out, as_json)
+
+
 @command.command("all")
 @_options
 @click.pass_context

@@ -153,6 +153,7 @@ CHARTS: Mapping[str, Callable[[Sequence[Row]], Picture]] = {
     "fusing": fusing,
     "scaling": scaling,
     "peers": peers,
+    "design": peers,
 }
 
 

@@ -28,6 +28,8 @@ class Peer:
         It takes Euler's steps of the length asked for; else it controls its own error.
     slow : bool
         On large arrays a run takes seconds.
+    extra : str
+        That installs the package.
     """
 
     name: str
@@ -35,6 +37,7 @@ class Peer:
     module: str
     fixed: bool = True
     slow: bool = False
+    extra: str = "peers"
 
     def load(self) -> Run:
         """Return its function.
@@ -49,7 +52,7 @@ class Peer:
         except ModuleNotFoundError:
             raise MissingExtraError(
                 f"Peer '{self.name}' needs '{self.package}': install it with "
-                "\"pip install 'cnnum[peers]'\"."
+                f"\"pip install 'cnnum[{self.extra}]'\"."
             ) from None
         except ImportError as error:
             raise MissingExtraError(
@@ -63,6 +66,8 @@ PEERS = (
     Peer("SciPy ndimage", "scipy", "ndimage_steps", slow=True),
     Peer("OpenCV filter2D", "opencv-python-headless", "opencv_steps"),
     Peer("Numba stencil", "numba", "numba_stencil"),
+    Peer("JAX", "jax", "jax_steps", extra="race"),
+    Peer("Taichi", "taichi", "taichi_steps", extra="race"),
     Peer("convolve2d + vode", "scipy", "vode", fixed=False, slow=True),
 )
 

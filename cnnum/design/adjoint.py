@@ -1,0 +1,303 @@
+"""Gradients where outputs are smooth: the adjoint of a run of fixed steps, exact but for rounding.
+
+A step is k_i = F(x_i), x_i = x + h Σ_j a_ij k_j, x⁺ = x + h Σ_i b_i k_i, and its adjoint, from the
+last stage to the first (Hager 2000):
+
+    κ_i = h (b_i λ + Σ_j a_ji μ_j),   μ_i = F'(x_i)ᵀ κ_i,   λ ← λ + Σ_i μ_i
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from cnnum.arrays import Floats, Shape, finite
+from cnnum.design.adjoint_steps import LINEAR, STANDARD, TANH, apply, back, march, products
+from cnnum.errors import SizeError, TemplateError
+from cnnum.integrators.tableau import EULER, HEUN, RK4, ButcherTableau
+from cnnum.templating.boundary import Boundary, halo_sources
+from cnnum.templating.template import Template
+
+KINDS: Mapping[str, int] = {"standard": STANDARD, "linear": LINEAR, "tanh": TANH}
+"""Outputs that have a slope almost everywhere."""
+
+METHODS: Mapping[str, ButcherTableau] = {one.name: one for one in (EULER, HEUN, RK4)}
+STEP = 0.05
+"""Longest step in time constants: the classic method is off by some 1e-7 of it where |λ| is 4."""
+
+MOST = 1 << 28
+"""Numbers that a run keeps for its adjoint: 2 GiB."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Gradients:
+    """Derivatives of a loss by the numbers of a template, and by the start.
+
+    Attributes
+    ----------
+    A : (layers, layers, k, k) float
+    B : (layers, inputs, k, k) float
+    z, tau : (layers,) float
+    state : (..., layers, rows, cols) float
+    """
+
+    A: Floats
+    B: Floats
+    z: Floats
+    tau: Floats
+    state: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Numbers:
+    """The numbers of a template, as a run takes them.
+
+    Attributes
+    ----------
+    A : (layers, layers, k, k) float
+    B : (layers, inputs, k, k) float
+    z, tau : (layers,) float
+    """
+
+    A: Floats
+    B: Floats
+    z: Floats
+    tau: Floats
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tau", np.array(self.tau, dtype=np.float64))
+
+    @classmethod
+    def of(cls, template: Template) -> "Numbers":
+        """Return those of a template."""
+        return cls(template.A, template.B, template.z, template.tau)
+
+
+class Pictures:
+    """Pictures that templates of one form are run on, by fixed steps.
+
+    Parameters
+    ----------
+    form : Template
+        Linear couplings, with an output that has a slope.
+    input : (..., rows, cols) or (..., inputs, rows, cols) float, optional
+    state : (..., rows, cols) or (..., layers, rows, cols) float, optional
+    bias : like `state`, optional
+    duration : float, optional
+        Time constants; the form's unless given.
+    step : float
+        In time constants, at most.
+    method : "euler", "heun" or "rk4"
+
+    Raises
+    ------
+    TemplateError
+        If the form has no gradient, or no end, or lacks an input or a state.
+    ArrayError
+        If an array has a number that is none.
+    SizeError
+        If a run keeps more than 2 GiB.
+    """
+
+    def __init__(
+        self,
+        form: Template,
+        *,
+        input: ArrayLike | None = None,
+        state: ArrayLike | None = None,
+        bias: ArrayLike | None = None,
+        duration: float | None = None,
+        step: float = STEP,
+        method: str = "rk4",
+    ) -> None:
+        time = _refused(form, form.duration if duration is None else duration, step, method)
+        if form.inputs and input is None:
+            raise TemplateError(f"A gradient of '{form.name}' needs an input, got none.")
+        self.form, tableau = form, METHODS[method]
+        begin = input if form.initial == "input" and state is None else state
+        given = [
+            (finite(name, maps), sources)
+            for name, maps, sources in (
+                ("input", input if form.inputs else None, form.inputs),
+                ("state", begin, form.layers),
+                ("bias", bias, form.layers),
+            )
+            if maps is not None
+        ]
+        if not given:
+            raise TemplateError(f"A gradient of '{form.name}' needs a state, got none.")
+        leads = [maps.shape[: -2 if sources == 1 else -3] for maps, sources in given]
+        self.lead, self.shape = np.broadcast_shapes(*leads), given[0][0].shape[-2:]
+        self.steps = max(1, int(np.ceil(time / step - 1e-9)))
+        self.h = time / self.steps
+        stages = tableau.stages
+        self.a, self.b = np.zeros((stages, stages)), np.array([float(b) for b in tableau.b])
+        for i, row in enumerate(tableau.a):
+            self.a[i, : len(row)] = [float(a) for a in row]
+        rim, fed = form.boundary, form.input_boundary
+        self.edge = float(form.output.numpy(np.array(rim.constant or 0.0)))
+        self.near = _seen(rim, self.shape, form.A.shape[-1])
+        self.fed = _seen(fed, self.shape, form.B.shape[-1])
+        self.start = self.flat(form.initial if begin is None else begin, form.layers)
+        self.bias = None if bias is None else self.flat(bias, form.layers)
+        kept = 2 * self.steps * stages * self.start.size
+        if kept > MOST:
+            raise SizeError(
+                f"A gradient keeps {8 * kept / 2**30:.1f} GiB of states, expected at most "
+                f"{8 * MOST / 2**30:.0f}: take fewer pictures, or longer steps."
+            )
+        self.input: Floats | None = None
+        if input is not None and form.inputs:
+            found = self.flat(input, form.inputs)
+            rimmed = np.full((form.inputs, found.shape[1] + 1, found.shape[2]), fed.constant or 0.0)
+            rimmed[:, :-1] = found
+            self.input = rimmed
+
+    def flat(self, maps: ArrayLike, sources: int) -> Floats:
+        """Return maps as (sources, cells, pictures)."""
+        found = finite("maps of a gradient", maps)
+        if sources == 1 and found.ndim:
+            found = found[..., np.newaxis, :, :]
+        full = np.broadcast_to(found, (*self.lead, sources, *self.shape))
+        cells = self.shape[0] * self.shape[1]
+        return np.array(full.reshape(-1, sources, cells).transpose(1, 2, 0), order="C")
+
+    def shaped(self, flat: Floats) -> Floats:
+        """Return maps of layers as they were given."""
+        layers = self.form.layers
+        own = () if layers == 1 else (layers,)
+        return flat.transpose(2, 0, 1).reshape(*self.lead, *own, *self.shape)
+
+    def run(self, numbers: Numbers) -> "Adjoint":
+        """Return the run of these numbers.
+
+        Raises
+        ------
+        TemplateError
+            If it diverges.
+        """
+        return Adjoint(self, numbers)
+
+
+class Adjoint:
+    """A run that gradients can be pulled back through; `adjoint` makes one of a template."""
+
+    def __init__(self, pictures: Pictures, numbers: Numbers) -> None:
+        self._of, self._numbers = pictures, numbers
+        form, start = pictures.form, pictures.start
+        self._kind = KINDS[form.output.name]
+        drive = np.zeros_like(start) + numbers.z[:, np.newaxis, np.newaxis]
+        if pictures.bias is not None:
+            drive += pictures.bias
+        if pictures.input is not None:
+            apply(_taps(numbers.B), pictures.fed, pictures.input, drive)
+        kept = (pictures.steps, len(pictures.b), *start.shape)
+        self._states, self._rates = np.empty(kept), np.empty(kept)
+        self._end = start.copy()
+        march(
+            self._kind, pictures.h, pictures.a, pictures.b, _taps(numbers.A), pictures.near,
+            pictures.edge, drive, numbers.tau, self._states, self._rates, self._end,
+        )  # fmt: skip
+        if not np.isfinite(self._end).all():
+            raise TemplateError(
+                f"'{form.name}' diverges within {pictures.steps} steps of {pictures.h:g} time "
+                "constants, so that it has no gradient: take shorter steps, or smaller weights."
+            )
+
+    @property
+    def state(self) -> Floats:
+        """The state at the end."""
+        return self._of.shaped(self._end)
+
+    @property
+    def output(self) -> Floats:
+        """The output at the end."""
+        return self._of.shaped(self._of.form.output.numpy(self._end))
+
+    @property
+    def times(self) -> tuple[int, float]:
+        """Number of steps, and their length in time constants."""
+        return self._of.steps, self._of.h
+
+    def pull(self, loss: ArrayLike) -> Gradients:
+        """Return the gradients of a loss from its derivatives by the output at the end.
+
+        Parameters
+        ----------
+        loss : shape of `output`
+        """
+        pictures, numbers, end = self._of, self._numbers, self._end
+        lam = pictures.flat(np.asarray(loss, dtype=np.float64), pictures.form.layers)
+        if self._kind == TANH:
+            lam *= 1.0 - np.tanh(end) ** 2
+        elif self._kind == STANDARD:
+            lam *= np.abs(end) < 1.0
+        by_a, by_b = np.zeros_like(_taps(numbers.A)), np.zeros_like(_taps(numbers.B))
+        tau, drive = np.zeros(numbers.tau.shape), np.zeros_like(pictures.start)
+        back(
+            self._kind, pictures.h, pictures.a, pictures.b, _taps(numbers.A), pictures.near,
+            pictures.edge, numbers.tau, self._states, self._rates, lam, by_a, tau, drive,
+        )  # fmt: skip
+        if pictures.input is not None:
+            products(drive, pictures.fed, pictures.input, by_b)
+        return Gradients(
+            by_a.reshape(numbers.A.shape),
+            by_b.reshape(numbers.B.shape),
+            drive.sum(axis=(1, 2)),
+            tau,
+            pictures.shaped(lam),
+        )
+
+
+def adjoint(
+    template: Template,
+    *,
+    input: ArrayLike | None = None,
+    state: ArrayLike | None = None,
+    bias: ArrayLike | None = None,
+    duration: float | None = None,
+    step: float = STEP,
+    method: str = "rk4",
+) -> Adjoint:
+    """Return the run of a template, which gradients can be pulled back through.
+
+    Parameters and errors are those of `Pictures`, and it raises where the run diverges.
+    """
+    maps = {"input": input, "state": state, "bias": bias}
+    pictures = Pictures(template, **maps, duration=duration, step=step, method=method)
+    return pictures.run(Numbers.of(template))
+
+
+def _taps(kernels: Floats) -> Floats:
+    # a copy that may be written: compiled loops know no other arrays
+    layers, sources, size, _ = kernels.shape
+    return np.array(kernels, dtype=np.float64).reshape(layers, sources, size * size)
+
+
+def _seen(boundary: Boundary, shape: Shape, size: int) -> NDArray[np.int64]:
+    """Return the cell that each sees through each weight; that after the last is virtual."""
+    rows, cols = shape
+    halo = halo_sources(boundary, shape, size // 2)
+    seen = np.stack(
+        [halo[r : r + rows, c : c + cols].ravel() for r in range(size) for c in range(size)]
+    )
+    seen[seen < 0] = rows * cols
+    return seen
+
+
+def _refused(form: Template, duration: object, step: float, method: str) -> float:
+    if not form.plain or form.output.name not in KINDS:
+        raise TemplateError(
+            f"'{form.name}' has no gradient here: expected linear couplings, at once and "
+            f"constant in time, and an output of {', '.join(KINDS)}; look for its weights by "
+            "[search]."
+        )
+    if method not in METHODS:
+        raise TemplateError(f"A gradient is of {', '.join(METHODS)}, got {method!r:.40}.")
+    if not isinstance(duration, int | float) or not 0.0 < duration < np.inf or not step > 0.0:
+        raise TemplateError(
+            f"A gradient of '{form.name}' needs a duration and a step above 0 in time constants, "
+            f"got {duration!r:.40} and {step:g}: give duration=…"
+        )
+    return float(duration)
