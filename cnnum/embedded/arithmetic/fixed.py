@@ -19,6 +19,7 @@ from cnnum.embedded.ir.expressions import (
     limited,
     magnitude,
     shifted,
+    total,
 )
 from cnnum.errors import NotSupportedError
 
@@ -247,21 +248,16 @@ class Fixed:
     def weighted(self, terms: Sequence[tuple[float, Quantity]], finest: int) -> Quantity:
         """Return a sum of quantities with weights that share a fraction."""
         whole, fraction = self.weights([weight for weight, _ in terms])
-        sums: dict[int, Expression] = {}
+        sums: dict[int, list[Expression]] = {}
         for weight, (_, one) in zip(whole, terms, strict=True):
             if not weight:
                 continue
             term = one.value if weight == 1 else call("multiply", one.value, Whole(weight))
-            known = sums.get(one.fraction)
-            sums[one.fraction] = term if known is None else call("add", known, term)
+            sums.setdefault(one.fraction, []).append(term)
         if not sums:
             return Quantity(Whole(0), 0)
         met = max(sums)
         met = min(met, min(sums) + SPREAD)
-        total: Expression | None = None
-        for at, each in sorted(sums.items()):
-            moved = shifted(each, met - at)
-            total = moved if total is None else call("add", total, moved)
-        assert total is not None
+        whole_sum = total([shifted(total(each), met - at) for at, each in sorted(sums.items())])
         fraction += met
-        return Quantity(shifted(total, min(0, finest - fraction)), min(fraction, finest))
+        return Quantity(shifted(whole_sum, min(0, finest - fraction)), min(fraction, finest))

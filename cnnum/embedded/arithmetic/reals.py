@@ -9,7 +9,7 @@ from fractions import Fraction
 
 from cnnum.embedded.arithmetic.fixed import Quantity
 from cnnum.embedded.formats import Format
-from cnnum.embedded.ir.expressions import Expression, Real, call
+from cnnum.embedded.ir.expressions import Expression, Real, call, total
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ class Reals:
 
     def power(self, a: Quantity, exponent: Fraction, finest: int) -> Quantity:
         """Return a to a power; 0 where a is not above 0."""
-        return Quantity(call("power", a.value, Real(float(exponent))))
+        return Quantity(call("power", _real(a), Real(float(exponent))))
 
     def exponential(self, a: Quantity, finest: int) -> Quantity:
         """Return e to the power of a."""
@@ -74,16 +74,15 @@ class Reals:
 
     def select(self, holds: Quantity, a: Quantity, b: Quantity, finest: int) -> Quantity:
         """Return a where a flag holds, else b."""
-        return Quantity(call("pick", holds.value, _real(a), _real(b)))
+        both = a.value, b.value
+        if None in (both[0].bounds, both[1].bounds):
+            both = _real(a), _real(b)
+        return Quantity(call("pick", holds.value, *both))
 
     def weighted(self, terms: Sequence[tuple[float, Quantity]], finest: int) -> Quantity:
         """Return a sum of quantities with weights."""
-        total: Expression | None = None
-        for weight, one in terms:
-            if weight:
-                term = call("multiply", one.value, Real(weight))
-                total = term if total is None else call("add", total, term)
-        return Quantity(Real(0.0) if total is None else total)
+        known = [call("multiply", _real(one), Real(weight)) for weight, one in terms if weight]
+        return Quantity(total(known) if known else Real(0.0))
 
 
 def _real(one: Quantity) -> Expression:

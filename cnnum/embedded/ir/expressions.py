@@ -4,7 +4,9 @@ The interval of an expression follows from those of its parts. So it says which 
 enough, and a value that could leave 64 bits is refused where the expression is made.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 from cnnum.embedded.ir.primitives import PRIMITIVES, Bounds
 from cnnum.errors import NotSupportedError
@@ -83,7 +85,7 @@ def call(primitive: str, *arguments: Expression, parameters: tuple[int, ...] = (
     bounds = [one.bounds for one in arguments if one.bounds is not None]
     if known.always is not None:
         return Call(primitive, arguments, parameters, known.always)
-    if len(bounds) < len(arguments):
+    if len(bounds) < len(arguments) or primitive == "to_real":
         return Call(primitive, arguments, parameters, None)
     if primitive == "multiply" and arguments[0] == arguments[1]:
         most = max(abs(bounds[0][0]), abs(bounds[0][1]))
@@ -95,6 +97,17 @@ def call(primitive: str, *arguments: Expression, parameters: tuple[int, ...] = (
             "precision with fewer bits, or narrower ranges."
         )
     return Call(primitive, arguments, parameters, wide[-1])
+
+
+CHAIN = 32
+"""Terms of a sum that are added one after the other; longer ones are sums of such sums."""
+
+
+def total(terms: Sequence[Expression]) -> Expression:
+    """Return the sum of terms, of which there is at least one."""
+    while len(terms) > CHAIN:
+        terms = [total(terms[at : at + CHAIN]) for at in range(0, len(terms), CHAIN)]
+    return reduce(lambda a, b: call("add", a, b), terms)
 
 
 def limited(value: Expression, low: int, high: int) -> Expression:

@@ -11,6 +11,7 @@ from cnnum.embedded.ir.expressions import Name, Real, Whole
 from cnnum.embedded.ir.statements import Array, Fold, IntegerProgram, Let, Set, Statement
 from cnnum.embedded.lowering.builder import FINE, Builder
 from cnnum.embedded.lowering.levels import Level, Levels, is_local, levels_of
+from cnnum.embedded.lowering.loops import lower_loop
 from cnnum.embedded.lowering.transients import lower_transient
 from cnnum.embedded.sizes import Formats, Sizes
 from cnnum.errors import NotSupportedError
@@ -65,9 +66,7 @@ def lower(
     memories = schedule.memories.values()
     levels = levels_of(schedule.nodes, schedule.outputs.values(), memories)
     work = Lowering(builder, schedule, solvers, levels)
-    work.sources()
-    for level in range(len(levels.levels)):
-        work.level(level)
+    work.levelwise()
     work.ends()
     return IntegerProgram(
         name,
@@ -105,6 +104,17 @@ class Lowering:
     outputs: dict[str, str] = field(default_factory=dict[str, str])
     _inverses: dict[int, Quantity] = field(default_factory=dict[int, Quantity])
     _direct: set[int] = field(default_factory=set[int])
+
+    def levelwise(self) -> None:
+        """Write all that runs, level by level."""
+        self.sources()
+        for number in range(len(self.levels.levels)):
+            self.level(number)
+
+    def body_of(self, schedule: Schedule, results: list[Node]) -> "Lowering":
+        """Return the work on a loop's body."""
+        levels = levels_of(schedule.nodes, results, ())
+        return Lowering(self.to, schedule, self.solvers, levels)
 
     def sources(self) -> None:
         """Write arrays of inputs, memories and constants."""
@@ -199,10 +209,8 @@ class Lowering:
     def _stage(self, node: Node) -> None:
         operation = node.operation
         if isinstance(operation, Loop):
-            raise NotSupportedError(
-                "A loop that runs until nothing changes is not exported: leave out the outputs "
-                "that need it."
-            )
+            lower_loop(self, node)
+            return
         assert isinstance(operation, Transient)
         picks = [
             user
@@ -213,7 +221,10 @@ class Lowering:
             role: [self._given(one) for one in some]
             for role, some in operation.by_role(node.arguments).items()
         }
-        self.maps |= lower_transient(self.to, node, self.solvers[node.index], given, picks)
+        solver = self.solvers[node.index]
+        maps, figures = lower_transient(self.to, node, solver, given, picks)
+        self.maps |= maps
+        self.numbers |= figures
 
     def _given(self, node: Node) -> Array | Quantity:
         return self.numbers[node.index] if node.scalar else self.maps[node.index]
@@ -225,7 +236,7 @@ class Lowering:
         for node in level.cells:
             self._invert(node)
         known, folds = dict(self.numbers), list[tuple[Node, Quantity]]()
-        with self._within() as body:
+        with self.within() as body:
             for one in (argument for node in level.cells for argument in node.arguments):
                 # before the loop's own values take their places
                 if isinstance(one.operation, Read) and not one.scalar:
@@ -247,7 +258,7 @@ class Lowering:
             self.numbers[node.index] = self.to.let(name, found)
 
     @contextmanager
-    def _within(self) -> Generator[list[Statement]]:
+    def within(self) -> Generator[list[Statement]]:
         """Let statements go into the body of a loop."""
         outer, self.to.body = self.to.body, []
         try:
@@ -341,7 +352,7 @@ class Lowering:
 
     def _copy(self, copied: list[tuple[Array, Node]]) -> None:
         known = dict(self.numbers)
-        with self._within() as body:
+        with self.within() as body:
             # all are read before any is written: memories may hold each other
             values = [self.operand(node) for _, node in copied]
             for (array, _), value in zip(copied, values, strict=True):

@@ -4,9 +4,10 @@ from typing import TYPE_CHECKING
 
 from cnnum.embedded.arithmetic.fixed import Quantity
 from cnnum.embedded.ir.expressions import Expression
-from cnnum.embedded.ir.statements import Array, Repeat, Store
+from cnnum.embedded.ir.statements import Array, Store
 from cnnum.embedded.lowering.builder import CELL
 from cnnum.embedded.lowering.neighbours import Padded, reach
+from cnnum.embedded.lowering.watch import Watch
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Pick
 from cnnum.integrators.schemes import FixedSteps
@@ -15,7 +16,6 @@ from cnnum.templating.network import taps
 
 if TYPE_CHECKING:
     from cnnum.embedded.lowering.transients import TransientWork
-
 
 def stepped(work: "TransientWork", scheme: FixedSteps) -> dict[int, Array]:
     """Write the steps, and return what is read at their end.
@@ -45,12 +45,13 @@ def stepped(work: "TransientWork", scheme: FixedSteps) -> dict[int, Array]:
         value = to.item(state)
         padded.fill(value if template.output.linear else work.clipped(value))
     inner, to.body = to.body, []
+    watch = Watch.of(work, scheme)
     for layer, (state, drive) in enumerate(zip(states, drives, strict=True)):
-        _step(work, layer, scheme.step, state, drive, seen)
+        _step(work, layer, scheme.step, state, drive, seen, watch)
     body, to.body = to.body, inner
     to.loop(body, cols=halo > 0, halo=halo)
     steps, to.body = to.body, outer
-    to.body.append(Repeat(scheme.count, tuple(steps)))
+    watch.repeat(work, scheme, steps)
     return _ends(work, states)
 
 
@@ -101,6 +102,7 @@ def _step(
     state: Array,
     drive: Array | None,
     seen: list[Padded],
+    watch: Watch,
 ) -> None:
     to, template = work.to, work.template
     share = step / float(template.tau[layer])
@@ -122,7 +124,16 @@ def _step(
     if work.given["mask"]:
         mask = work.cell(work.given["mask"][0])
         total = to.arithmetic.select(mask, to.item(state), total, total.fraction)
+    if watch.needed:
+        new = to.let(f"new{work.index}_{layer}", Quantity(to.stored(total, state), _places(state)))
+        to.body.append(watch.noted(new.value, to.item(state).value))
+        to.body.append(Store(state.name, CELL, new.value))
+        return
     to.store(state, total)
+
+
+def _places(array: Array) -> int:
+    return 0 if array.format is None else array.format.fraction
 
 
 def _merged(

@@ -18,7 +18,7 @@ from cnnum.embedded.lowering.stepping import stepped
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Node, Pick, Transient
 from cnnum.integrators.propagator import Decay, Propagator
-from cnnum.integrators.schemes import FixedSteps
+from cnnum.integrators.schemes import MAX_STEPS, FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.spectral import Spectral
 from cnnum.templating.network import taps
@@ -28,10 +28,14 @@ Given = Mapping[str, Sequence[Array | Quantity]]
 Terms = list[tuple[float, Quantity]]
 
 
+FIGURES = ("time", "steps", "settled")
+"""Of a run, beside its maps: its error is not followed."""
+
+
 def lower_transient(
     to: Builder, node: Node, solver: Solver, given: Given, picks: Sequence[Node]
-) -> dict[int, Array]:
-    """Write a transient; return the arrays of what is read of it, by their nodes.
+) -> tuple[dict[int, Array], dict[int, Quantity]]:
+    """Write a transient; return the arrays and figures that are read of it, by their nodes.
 
     Raises
     ------
@@ -40,19 +44,34 @@ def lower_transient(
     """
     operation = node.operation
     assert isinstance(operation, Transient)
-    work = TransientWork(to, operation.template, node.index, given, picks)
+    read = [(one, one.operation) for one in picks if isinstance(one.operation, Pick)]
+    wanted = {one.index: pick.what for one, pick in read if pick.what in FIGURES}
+    maps = [one for one in picks if one.index not in wanted]
+    work = TransientWork(to, operation.template, node.index, given, maps)
+    exact = {"steps": 0.0, "settled": float(solver.settle), "time": solver.duration}
+    work.figures = {name: constant(exact[name]) for name in wanted.values()}
     work.check()
-    scheme = solver.scheme
+    found = _lowered(work, solver)
+    return found, {index: work.figures[name] for index, name in wanted.items()}
+
+
+def _lowered(work: "TransientWork", solver: Solver) -> dict[int, Array]:
+    scheme, given = solver.scheme, work.given
     if isinstance(scheme, Decay) and not given["mask"]:
         return work.uncoupled(scheme.kept)
     if isinstance(scheme, Propagator):
         return propagated(work, scheme)
     if isinstance(scheme, Spectral):
         return through_modes(work, scheme)
-    if isinstance(scheme, FixedSteps) and not scheme.settle:
+    if isinstance(scheme, FixedSteps) and scheme.count > MAX_STEPS:
+        raise NotSupportedError(
+            f"Template '{work.template.name}' may take {scheme.count:,} steps, and at most "
+            f"{MAX_STEPS:,} are written: give it a duration, or leave out the outputs that need it."
+        )
+    if isinstance(scheme, FixedSteps):
         return stepped(work, scheme)
     raise NotSupportedError(
-        f"Template '{operation.template.name}' by {solver.method} is not exported: take "
+        f"Template '{work.template.name}' by {solver.method} is not exported: take "
         "method='euler', or leave out the outputs that need it."
     )
 
@@ -70,7 +89,9 @@ class TransientWork:
     given : mapping of str to sequence of Array or Quantity
         Arguments by role.
     picks : sequence of Node
-        What is read of it.
+        Maps that are read of it.
+    figures : dict of str to Quantity
+        Numbers that are read of it, by name.
     """
 
     to: Builder
@@ -78,6 +99,7 @@ class TransientWork:
     index: int
     given: Given
     picks: Sequence[Node]
+    figures: dict[str, Quantity] = field(default_factory=dict[str, Quantity])
     _padded: dict[tuple[int, float | None], Padded] = field(
         default_factory=dict[tuple[int, "float | None"], Padded]
     )
