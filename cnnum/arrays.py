@@ -20,6 +20,17 @@ Shape = tuple[int, int]
 HELD = {name: float(np.finfo(name).max) for name in ("float32", "float64")}
 """The largest number that a precision holds."""
 
+
+def number_type(precision: str) -> str:
+    """Return in which real numbers a precision is given its values; whole numbers in float64."""
+    return precision if precision in HELD else "float64"
+
+
+def held(precision: str) -> float:
+    """Return the largest number that a precision is given; whole numbers saturate on their own."""
+    return HELD[number_type(precision)]
+
+
 FEW = 4096
 """Numbers whose squares OpenBLAS sums in one thread; 16,384 are shared."""
 

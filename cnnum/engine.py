@@ -12,8 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Shape
-from cnnum.engines.backend import open_backend
+from cnnum.embedded.formats import is_integer
+from cnnum.embedded.lowering.solvers import whole_solver
+from cnnum.engines.backend import Backend, open_backend
 from cnnum.engines.support import FUSING
+from cnnum.engines.whole.ranges import measuring
 from cnnum.errors import MethodError, ProgramError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.nodes import Graph, RunSpec, Transient
@@ -57,7 +60,8 @@ class Engine:
     device : str, optional
         Part of a device's or platform's name; the fastest unless given.
     precision : str, optional
-        "float32" or "float64"; the engine's own unless given.
+        "float32" or "float64"; or whole numbers: "q15", "q7", or "qM.N" of up to 32 bits, on the
+        engines "opencl" and "reference". The engine's own unless given.
 
     Raises
     ------
@@ -93,7 +97,7 @@ class Engine:
 
     @property
     def precision(self) -> str:
-        """Either "float32" or "float64"."""
+        """One of "float32", "float64", "q15", "q7" and so on."""
         return self._backend.precision
 
     def __repr__(self) -> str:
@@ -121,6 +125,7 @@ class Engine:
         rtol: float | None = None,
         atol: float | None = None,
         dt: float | None = None,
+        like: ArrayLike | None = None,
     ) -> Plan:
         """Return a plan that runs the operations of the wanted outputs alone.
 
@@ -135,13 +140,16 @@ class Engine:
             Channels of a frame, in the order of its last axis.
         method, rtol, atol, dt : optional
             As in `run`, for every transient of the program; each one's own unless given.
+        like : (frames, ..., rows, cols, channels) float, optional
+            Of whole numbers: streams like those to come, on which the range of every value is
+            measured. Those of each batch itself unless given; a stream with memories needs it.
 
         Raises
         ------
         MethodError
             If a transient cannot run by that method, or not in such steps.
         ProgramError
-            If it is no program, or cannot be traced.
+            If it is no program, or cannot be traced; or if `like` is given to real numbers.
         UnknownNameError
             If a need is not among its outputs.
         NotSupportedError
@@ -156,7 +164,10 @@ class Engine:
             )
         asked: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
         asked = {name: value for name, value in asked.items() if value is not None}
-        return self._build(program.name, program.trace(shape, channels), channels, needs, asked)
+        graph, backend = program.trace(shape, channels), self._backend
+        if like is not None:
+            backend = measuring(backend, like, (*graph.shape, len(channels)))
+        return self._build(program.name, graph, channels, needs, asked, backend)
 
     def _build(
         self,
@@ -165,17 +176,20 @@ class Engine:
         channels: Sequence[str],
         needs: Sequence[str] | None,
         asked: Mapping[str, Any] = NOTHING,
+        backend: Backend | None = None,
     ) -> Plan:
+        backend, whole = backend or self._backend, is_integer(self.precision)
         thinned = schedule(graph, channels, needs)
         maps = len(thinned.channels_read) + sum(not n.scalar for n in thinned.outputs.values())
         refuse_on_host("A frame and its results", graph.shape, 8 * maps)
 
         def chosen_for(transient: Transient) -> Solver:
             spec = replace(transient.spec, **asked)
-            return choose(replace(transient, spec=spec), graph.shape)
+            solve = whole_solver if whole else choose
+            return solve(replace(transient, spec=spec), graph.shape)
 
         chosen = {
-            operation: self._backend.told(operation.template, chosen_for(operation))
+            operation: backend.told(operation.template, chosen_for(operation))
             for operation in {node.operation for node in thinned.transients}
             if isinstance(operation, Transient)
         }
@@ -186,8 +200,8 @@ class Engine:
         }
         if (host := on_host(name, thinned, solvers)) is not None:
             return host
-        built = fuse(thinned, solvers) if self.name in FUSING else thinned
-        executable, backend = self._backend.build(built, solvers), self._backend
+        built = fuse(thinned, solvers) if self.name in FUSING and not whole else thinned
+        executable = backend.build(built, solvers)
         about = (name, self.name, self.device, self.precision)
         return Plan(*about, thinned, built, solvers, executable, backend)
 
@@ -273,10 +287,10 @@ class Engine:
         if not isinstance(template, Template):
             template = by_name(template)
         if at is not None:
-            return self._run_at(
-                template, at, duration, (input, previous, state, bias, mask),
-                method=method, rtol=rtol, atol=atol, dt=dt, force=force, estimate=estimate,
-            )  # fmt: skip
+            run = partial(self.run, template, method=method, rtol=rtol, atol=atol, dt=dt,
+                          force=force, estimate=estimate)  # fmt: skip
+            maps = dict(zip(ROLES, (input, previous, state, bias, mask), strict=True))
+            return run_at(template, checked_times(at, duration), run, maps)
         arrays = (input, previous, state, bias, mask)
         asked = (duration, method, rtol, atol, dt, force, estimate)
         form = form_of(template, arrays, asked)
@@ -303,8 +317,9 @@ class Engine:
         spec: RunSpec,
     ) -> Result:
         """Return the result of a run to equilibrium, which runs on where there is none yet."""
-        if result.method == "propagator" and self.name != "reference":
-            return result  # exact; the reference engine steps there all the same
+        exact = result.method == "propagator" and self.name != "reference"
+        if exact or is_integer(self.precision):
+            return result  # whole numbers rest where a step moves none of them
 
         def again(given: dict[str, NDArray[np.floating]], duration: float) -> Result:
             return self._run(template, given, shape, replace(spec, duration=duration), None)
@@ -340,28 +355,12 @@ class Engine:
             outputs = outputs_of(plan, given, lead)
         except MethodError:
             implicit = implicit_spec(self.name, ran, shape, spec)
-            if implicit is None:
+            if implicit is None or is_integer(self.precision):
                 raise
             return stiffly(self._run(template, given, shape, implicit, None))
         if form is not None:
             self._prepare(form, template, plan, given, exact=exact)
         return finished(outputs, solver, template, linear=ran is not template)
-
-    def _run_at(
-        self,
-        template: Template,
-        at: ArrayLike,
-        duration: Duration | None,
-        arrays: tuple[ArrayLike | None, ...],
-        **options: Any,
-    ) -> Result:
-        """Return the results at several times."""
-        if duration is not None:
-            raise MethodError(
-                "A run has a duration, or times 'at' which it is looked at: not both."
-            )
-        maps: dict[str, ArrayLike | None] = dict(zip(ROLES, arrays, strict=True))
-        return run_at(template, checked_times(at), partial(self.run, template, **options), maps)
 
     def _prepare(
         self,

@@ -13,8 +13,10 @@ from cnnum.arrays import (
     Shape,
     all_finite,
     finite,
+    held,
     largest,
     magnitude,
+    number_type,
     numbers,
 )
 from cnnum.engines.backend import Backend, Executable, Solvers
@@ -342,7 +344,7 @@ class Plan:
         done = work(schedule.nodes, self.solvers, schedule.shape)
         maps = tuple(name for name, node in schedule.outputs.items() if not node.scalar)
         numbers = len(schedule.outputs) - len(maps)
-        width = 8 if self.precision == "float64" else 4
+        width = np.dtype(number_type(self.precision)).itemsize
         return Explanation(
             program=self.program,
             engine=self.engine,
@@ -381,9 +383,9 @@ class Plan:
 def _largest_held(array: Floats, precision: str) -> float:
     """Return the largest magnitude in an array; refuse one that the precision does not hold."""
     size = largest(finite("frame", array))
-    if size > HELD[precision]:
+    if size > held(precision):
         raise FrameError(
-            f"A frame in {precision} holds numbers up to {HELD[precision]:.3g}, got {size:.3g}: "
+            f"A frame in {precision} holds numbers up to {held(precision):.3g}, got {size:.3g}: "
             "leave that frame out, or scale its values."
         )
     return size

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.arrays import HELD, Floats, all_finite, magnitude
+from cnnum.arrays import Floats, all_finite, held, magnitude
 from cnnum.engines.backend import OneFrame
 from cnnum.errors import ArrayError, FrameError, MethodError
 
@@ -131,7 +131,7 @@ class Stream:
             # an earlier unusual frame left the values that overflow now: they are forgotten
             outputs = self._again(frames, lead)
         self.frames += 1
-        if unusual and size <= HELD[self.plan.precision] ** 0.25:
+        if unusual and size <= held(self.plan.precision) ** 0.25:
             self._usual = 2.0 * size
         elif not unusual:
             self._watch = max(0, self._watch - 1)

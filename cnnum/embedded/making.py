@@ -7,6 +7,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.c.files import Exported, exported
+from cnnum.embedded.c.program import c_text, size_of
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
 from cnnum.embedded.formats import Precision
 from cnnum.embedded.ir.statements import Array, IntegerProgram
@@ -15,6 +16,7 @@ from cnnum.embedded.lowering.solvers import solvers_for
 from cnnum.embedded.measuring import inputs_of, measured
 from cnnum.embedded.sizes import NoFormats
 from cnnum.graph.schedule import Schedule
+from cnnum.integrators.solver import Solver
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,6 +35,11 @@ class Made:
     precision: Precision
     method: str
     program: IntegerProgram
+
+    @property
+    def memory_bytes(self) -> int:
+        """Bytes of what is kept, and of what is worked in."""
+        return size_of(c_text(self.program).memory) + 4
 
     def inputs(self, frames: Floats) -> dict[str, Numbers]:
         """Return the channels of a batch of frames in their formats, (batch, cells) each.
@@ -121,7 +128,21 @@ def make(
     NotSupportedError
         If something in the schedule has no form in this precision.
     """
-    solvers = solvers_for(schedule, method)
+    return make_with(name, schedule, solvers_for(schedule, method), precision, frames, method)
+
+
+def make_with(
+    name: str,
+    schedule: Schedule,
+    solvers: Mapping[int, Solver],
+    precision: Precision,
+    frames: Floats,
+    method: str = "auto",
+) -> Made:
+    """Return a schedule in a precision, each transient by its solver.
+
+    Parameters and errors are those of `make`.
+    """
     formats = (
         measured(schedule, solvers, precision, frames)
         if precision.integer

@@ -7,6 +7,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.embedded.emulator import Emulator, cleared
 from cnnum.embedded.formats import Precision
+from cnnum.embedded.ir.statements import array_name
 from cnnum.embedded.lowering.schedules import lower
 from cnnum.embedded.sizes import NoFormats, Sizes
 from cnnum.graph.schedule import Schedule
@@ -40,13 +41,13 @@ def measured(
         emulator.run(inputs, state, first=number == 0)
     for name in schedule.channels_read:
         at = schedule.channels.index(name)
-        sizes[f"in_{name}"] = float(np.abs(frames[..., at]).max())
+        sizes[array_name("in", name)] = float(np.abs(frames[..., at]).max())
     return Sizes(precision, sizes, early)
 
 
 def inputs_of(schedule: Schedule, frame: Floats) -> dict[str, Floats]:
     """Return the channels that are read of a batch of frames, (batch, cells) each."""
     return {
-        f"in_{name}": frame[..., schedule.channels.index(name)].reshape(len(frame), -1)
+        array_name("in", name): frame[..., schedule.channels.index(name)].reshape(len(frame), -1)
         for name in schedule.channels_read
     }

@@ -1,13 +1,14 @@
 """The interface of every engine, and the registry that imports only the wanted one."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
-from typing import Protocol, cast
+from typing import Any, Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.embedded.formats import is_integer
 from cnnum.engines.notices import say_once
 from cnnum.engines.opencl_advice import how_to_get_opencl
 from cnnum.errors import NoOpenCLError, name_error
@@ -163,7 +164,7 @@ class Backend(Protocol):
 
     @property
     def precision(self) -> str:
-        """Either "float32" or "float64"."""
+        """One of "float32", "float64", "q15", "q7" and so on."""
         ...
 
     def told(self, template: Template, solver: Solver) -> Solver:
@@ -217,12 +218,20 @@ def open_backend(name: str | None, device: str | None, precision: str | None) ->
 def _opened(name: str, device: str | None, precision: str | None) -> Backend:
     if not isinstance(cast(object, name), str) or name not in _FACTORIES:
         raise name_error("engine", name, _FACTORIES)
+    if is_integer(precision):
+        from cnnum.engines.whole import whole_backend
+
+        assert precision is not None
+        return _tried(name, lambda: whole_backend(name, device, precision))
     module, factory = _FACTORIES[name]
+    return _tried(name, lambda: getattr(import_module(module), factory)(device, precision))
+
+
+def _tried(name: str, make: Callable[[], Any]) -> Backend:
     try:
-        room = import_module(module)
+        return cast(Backend, make())
     except ImportError as error:
         if name != "opencl":
             raise
         why = f"PyOpenCL cannot be imported ({error})"
         raise NoOpenCLError(why, how_to_get_opencl()) from error
-    return cast(Backend, getattr(room, factory)(device, precision))

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Floats
+from cnnum.arrays import Floats, number_type
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
@@ -23,7 +23,7 @@ def outputs_of(
         outputs = plan.run_large(list(given.values()), lead)
         if outputs is not None:
             return outputs
-    return plan.run_finite(as_frame(given, lead, np.dtype(plan.precision)))
+    return plan.run_finite(as_frame(given, lead, np.dtype(number_type(plan.precision))))
 
 
 def finished(

@@ -10,7 +10,7 @@ from cnnum.arrays import finite
 from cnnum.errors import ArrayError, MethodError
 from cnnum.runs.result import Result
 from cnnum.templating.reads import autonomous
-from cnnum.templating.template import Template
+from cnnum.templating.template import Duration, Template
 
 MOST = 10_000
 """Times of one run."""
@@ -22,14 +22,16 @@ Run = Callable[..., Result]
 """`Engine.run` of a template, without its duration."""
 
 
-def checked_times(at: ArrayLike) -> tuple[float, ...]:
+def checked_times(at: ArrayLike, duration: Duration | None = None) -> tuple[float, ...]:
     """Return times in time constants, each after the one before.
 
     Raises
     ------
     MethodError
-        If they are not, or there are none.
+        If they are not, or there are none; or if there is a duration, too.
     """
+    if duration is not None:
+        raise MethodError("A run has a duration, or times 'at' which it is looked at: not both.")
     try:
         times = finite("at", at)
     except ArrayError as error:

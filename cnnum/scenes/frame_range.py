@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.arrays import HELD, Floats, magnitude
+from cnnum.arrays import HELD, Floats, held, magnitude
 from cnnum.errors import FrameError
 from cnnum.frame import Frame
 
@@ -90,7 +90,7 @@ def unit_range(unit: str, precision: str) -> FrameRange:
     if unit == "count":
         why = f"beyond which {precision} does not hold every whole number"
         return FrameRange(WHOLE[precision], why, precision)
-    return FrameRange(HELD[precision] ** 0.5, f"whose square {precision} holds", precision)
+    return FrameRange(held(precision) ** 0.5, f"whose square {precision} holds", precision)
 
 
 def range_for(

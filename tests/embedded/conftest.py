@@ -13,7 +13,7 @@ from cnnum.frame import FORCE_AXES
 from cnnum.graph.passes import schedule
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-ffp-contract=off")
-SANITIZERS = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-g", "-O1")
+SANITIZERS = ("-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-O0")
 SHORT = {"rate": 40.0, "rest": 0.2}
 
 

@@ -1,68 +1,75 @@
 """The C99 of a program: no warning, clean under sanitizers, the emulator's numbers to the bit."""
 
+import os
 import subprocess
 
 import numpy as np
 import pytest
 
-from cnnum.embedded.c.expressions import element_type
-from cnnum.embedded.c.program import WIDTHS
+from cnnum.embedded.c.layout import packed, record_type
 from cnnum.embedded.emulator import cleared
+from cnnum.errors import NotSupportedError
+from cnnum.programs.library import program_names
 from tests.embedded.conftest import SANITIZERS, compiled, made, streams
 
-PROGRAMS = ("slip", "twist")
+FULL = "CNNUM_FRAMES" in os.environ
+FRAMES = 50 if FULL else 20
+STREAMS = max(2, int(os.environ.get("CNNUM_FRAMES", "0")) // FRAMES)
+"""Of so many frames each: `make embedded` runs 10,000 frames of every program."""
+
+QUICK = ("localize", "slip", "twist")
+LEFT_OUT = ("halfspace_equilibrium",)
+PROGRAMS = [
+    pytest.param(name, marks=() if FULL or name in QUICK else pytest.mark.skip("make embedded"))
+    for name in program_names("tactile")
+    if name not in LEFT_OUT
+]
 
 
-def random_inputs(program, frames, seed):
-    """Frames of the whole range of every input, and of its ends."""
+def random_inputs(program, frames, batch, seed):
+    """Streams of frames of the whole range of every input, and of its ends."""
     random = np.random.default_rng(seed)
     found = []
     for _ in range(frames):
         frame = {}
         for one in program.of_kind("input"):
             low, high = one.bounds
-            scale = 2.0 ** -random.integers(0, one.format.bits)
-            whole = random.integers(low, high, (1, one.length), endpoint=True) * scale
-            frame[one.name] = np.rint(whole).astype(np.int64)
+            scale = 2.0 ** -random.integers(0, one.format.bits, (batch, 1))
+            whole = random.integers(low, high, (batch, one.length), endpoint=True) * scale
+            ends = np.where(whole > 0, high, low)
+            frame[one.name] = np.where(random.random((batch, 1)) < 0.1, ends, np.rint(whole))
+            frame[one.name] = frame[one.name].astype(np.int64)
         found.append(frame)
     return found
-
-
-def packed(arrays, values):
-    """Bytes of a structure, its widest members first, as the header declares it."""
-    ordered = sorted(arrays, key=lambda one: -WIDTHS[element_type(one)])
-    fields = [
-        (
-            one.name,
-            element_type(one).removesuffix("_t").replace("float", "float32"),
-            max(1, one.length),
-        )
-        for one in ordered
-    ]
-    record = np.zeros((), dtype=np.dtype(fields, align=True))
-    if values is not None:
-        for one in ordered:
-            record[one.name] = values[one.name].reshape(-1)
-    return record
 
 
 @pytest.mark.parametrize("precision", ["q15", "q7"])
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_random_frames_give_the_same_bits(program, precision, compiler, tmp_path):
     found = made(program, precision)
-    found.export(streams((8, 8))[:, 0]).write(tmp_path)
+    found.export(streams((8, 8))[:2, 0]).write(tmp_path)
     main = compiled(compiler, tmp_path, program, "stream.c", *SANITIZERS)
-    frames = random_inputs(found.program, 50, 1)
+    frames = random_inputs(found.program, FRAMES, STREAMS, 1)
     inputs, outputs = (found.program.of_kind(kind) for kind in ("input", "output"))
-    given = b"".join(packed(inputs, frame).tobytes() for frame in frames)
-    answer = subprocess.run([main], input=given, capture_output=True, check=True).stdout
-    state, like = cleared(found.program, 1), packed(outputs, None)
-    got = np.frombuffer(answer, dtype=like.dtype)
-    assert len(got) == len(frames)
+    answers = []
+    for n in range(STREAMS):
+        own = [{name: one[n : n + 1] for name, one in frame.items()} for frame in frames]
+        given = b"".join(packed(inputs, frame, 1).tobytes() for frame in own)
+        done = subprocess.run([main], input=given, capture_output=True, check=True)
+        answers.append(np.frombuffer(done.stdout, dtype=record_type(outputs)))
+    got = np.stack(answers, axis=1)
+    assert got.shape == (FRAMES, STREAMS)
+    state = cleared(found.program, STREAMS)
     for number, frame in enumerate(frames):
         wanted = found.emulator().run(frame, state, first=number == 0)
         for one in outputs:
-            assert got[number][one.name].tolist() == wanted[one.name].ravel().tolist()
+            like = np.broadcast_to(wanted[one.name], got[number][one.name].shape)
+            np.testing.assert_array_equal(got[number][one.name], like, one.name)
+
+
+def test_one_program_is_refused_in_one_sentence():
+    with pytest.raises(NotSupportedError, match="57,608,898 steps"):
+        made("halfspace_equilibrium", "q15")
 
 
 @pytest.mark.parametrize("precision", ["q15", "float32"])

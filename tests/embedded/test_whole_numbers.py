@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, constant, significant
 from cnnum.embedded.emulator import Emulator
 from cnnum.embedded.formats import Format, fitting, is_integer, precision_named
-from cnnum.embedded.ir.expressions import Whole, call, limited, shifted
+from cnnum.embedded.ir.expressions import Name, Whole, call, limited, shifted
 from cnnum.embedded.ir.primitives import PRIMITIVES, cube_root, quotient, root
 from cnnum.embedded.ir.statements import IntegerProgram
 from cnnum.errors import NotSupportedError, UnknownNameError
@@ -133,7 +133,13 @@ def test_intervals_hold_the_values(a, b, which):
 
 def test_an_intermediate_beyond_64_bits_is_refused():
     with pytest.raises(NotSupportedError, match="64 bits"):
-        shifted(call("multiply", Whole(2**40), Whole(2**20)), 10)
+        shifted(call("multiply", Name("n", (0, 2**40)), Whole(2**20)), 10)
+
+
+def test_an_interval_of_one_number_is_that_number():
+    # a product of two constants overflowed in the C text, where both were of 32 bits
+    assert call("multiply", Whole(-76_303_427), Whole(8192)) == Whole(-76_303_427 * 8192)
+    assert call("multiply", Name("n", (0, 0)), Whole(2**58)) == Whole(0)
 
 
 def test_powers_of_two_only_move_the_point():

@@ -40,6 +40,7 @@ def live(body: Sequence[Statement], needed: set[str]) -> list[Statement]:
             if statement.name not in needed:
                 continue
             value = statement.value if isinstance(statement, Let) else statement.term
+            needed.discard(statement.name)  # another one by that name may stand in another loop
             needed |= names_in(value)
         elif isinstance(statement, Cells | Repeat | Rounds):
             found = _live_block(statement, needed)
@@ -61,8 +62,8 @@ def _live_block(statement: Cells | Repeat | Rounds, needed: set[str]) -> Stateme
         needed.add(statement.running)
     if isinstance(statement, Repeat | Rounds):
         # what a round reads may have been made by the one before
-        live(statement.body, needed)
-    inner = tuple(live(statement.body, needed))
+        _within(statement.body, needed)
+    inner = tuple(_within(statement.body, needed))
     if not inner:
         return None
     if isinstance(statement, Cells):
@@ -70,6 +71,14 @@ def _live_block(statement: Cells | Repeat | Rounds, needed: set[str]) -> Stateme
     if isinstance(statement, Repeat):
         return Repeat(statement.count, inner)
     return Rounds(statement.running, statement.limit, inner)
+
+
+def _within(body: Sequence[Statement], needed: set[str]) -> list[Statement]:
+    """Return what is live of a block, whose own variables are not known outside."""
+    inner = set(needed)
+    found = live(body, inner)
+    needed |= inner
+    return found
 
 
 @dataclass(frozen=True, slots=True)

@@ -96,7 +96,10 @@ def call(primitive: str, *arguments: Expression, parameters: tuple[int, ...] = (
             f"An intermediate value of '{primitive}' would need more than 64 bits: take a "
             "precision with fewer bits, or narrower ranges."
         )
-    return Call(primitive, arguments, parameters, wide[-1])
+    low, high = wide[-1]
+    if low == high:  # expressions do nothing else than have a value
+        return Whole(low)
+    return Call(primitive, arguments, parameters, (low, high))
 
 
 CHAIN = 32

@@ -9,6 +9,7 @@ Repeat       rounds one after the other
 Rounds       rounds as long as a flag holds, up to a limit
 """
 
+import re
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -19,6 +20,12 @@ from cnnum.arrays import Shape
 from cnnum.embedded.formats import Format
 from cnnum.embedded.ir.expressions import Expression
 from cnnum.embedded.ir.primitives import Bounds
+
+
+def array_name(prefix: str, name: str) -> str:
+    """Return the name of the array of a channel or an output, which is one that C allows."""
+    return re.sub(r"\W", "_", f"{prefix}_{name}")
+
 
 Kind = Literal["input", "state", "work", "table", "output"]
 

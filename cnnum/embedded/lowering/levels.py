@@ -98,5 +98,5 @@ def _file(node: Node, level: Level) -> None:
         level.stages.append(node)
     elif isinstance(operation, Reduce) or is_local(node):
         level.cells.append(node)
-    elif node.scalar and not isinstance(operation, Parameter):
+    elif node.scalar and not isinstance(operation, Parameter | Pick):  # a stage leaves its picks
         level.numbers.append(node)

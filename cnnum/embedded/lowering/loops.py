@@ -5,13 +5,13 @@ from typing import TYPE_CHECKING
 
 from cnnum.embedded.arithmetic.fixed import Quantity
 from cnnum.embedded.ir.expressions import Expression, Name, Whole, call
-from cnnum.embedded.ir.statements import Array, Fold, Let, Rounds, Set, Statement
+from cnnum.embedded.ir.primitives import LOGIC
+from cnnum.embedded.ir.statements import Array, Fold, Let, Rounds, Set, Statement, Store
+from cnnum.embedded.lowering.builder import CELL
 from cnnum.graph.nodes import CAPTURED, Loop, Node, Parameter, Pick
 
 if TYPE_CHECKING:
     from cnnum.embedded.lowering.schedules import Lowering
-
-LOGIC = (0, 1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,13 +132,12 @@ def _hand_on(inner: "Lowering", loop: Loop, carried: list[Carried], changed: str
     with inner.within() as body:
         values = [(one.array, inner.operand(result)) for one, result in maps]
         news = [
-            (array, to.let(f"new_{array.name}", Quantity(to.stored(value, array), 0)).value)
-            for array, value in values
+            (array, to.let(f"new_{array.name}", Quantity(to.stored(one, array), 0)).value)
+            for array, one in values
         ]
-        for array, new in news:
-            moved = call("not", call("equal", new, to.item(array).value))
-            to.body.append(Fold(changed, "maximum", moved))
-            to.store(array, Quantity(new, 0 if array.format is None else array.format.fraction))
+        for array, value in news:
+            moved = call("not", call("equal", value, to.item(array).value))
+            to.body += [Fold(changed, "maximum", moved), Store(array.name, CELL, value)]
     inner.numbers = known
     to.loop(body)
     to.body += last

@@ -8,7 +8,15 @@ from cnnum.embedded.arithmetic.elements import applied
 from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, constant
 from cnnum.embedded.arithmetic.reals import Reals
 from cnnum.embedded.ir.expressions import Name, Real, Whole
-from cnnum.embedded.ir.statements import Array, Fold, IntegerProgram, Let, Set, Statement
+from cnnum.embedded.ir.statements import (
+    Array,
+    Fold,
+    IntegerProgram,
+    Let,
+    Set,
+    Statement,
+    array_name,
+)
 from cnnum.embedded.lowering.builder import FINE, Builder
 from cnnum.embedded.lowering.levels import Level, Levels, is_local, levels_of
 from cnnum.embedded.lowering.loops import lower_loop
@@ -127,9 +135,9 @@ class Lowering:
                 )
             if isinstance(operation, Input):
                 channel = operation.channel
-                form = self.to.formats.stored(f"in_{channel}")
+                form = self.to.formats.stored(array_name("in", channel))
                 self.maps[node.index] = self.to.array(
-                    f"in_{channel}", "input", self.to.cells, form, f"channel {channel}"
+                    array_name("in", channel), "input", self.to.cells, form, f"channel {channel}"
                 )
             elif isinstance(operation, ConstantMap):
                 table, _ = self.to.table(f"k{node.index}", operation.values, "constant map")
@@ -174,11 +182,6 @@ class Lowering:
         if node.index in self.numbers:
             return
         operation = node.operation
-        if isinstance(operation, Pick):
-            raise NotSupportedError(
-                f"The figure '{operation.what}' of a run is not exported: leave out the outputs "
-                "that need it."
-            )
         if not isinstance(operation, Apply):
             raise NotSupportedError(f"{operation} is not exported yet as one number.")
         given = [self.operand(one) for one in node.arguments]
@@ -364,10 +367,10 @@ class Lowering:
         return self.numbers[node.index]
 
     def _output(self, name: str, node: Node) -> Array:
-        form = self.to.formats
+        form, name_of = self.to.formats, array_name("out", name)
         length = 0 if node.scalar else self.to.cells
-        wide = form.register(f"out_{name}") if node.scalar else form.stored(f"out_{name}")
-        return self.to.array(f"out_{name}", "output", length, wide, name, logic=node.logic)
+        wide = form.register(name_of) if node.scalar else form.stored(name_of)
+        return self.to.array(name_of, "output", length, wide, name, logic=node.logic)
 
 
 def _divisor(node: Node) -> Node | None:

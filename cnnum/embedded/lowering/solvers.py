@@ -24,13 +24,16 @@ def solvers_for(schedule: Schedule, method: str = "auto") -> dict[int, Solver]:
     for node in schedule.transients:
         operation = node.operation
         assert isinstance(operation, Transient)
-        found[node.index] = _solver(operation, schedule.shape, method)
+        spec = replace(operation.spec, method=method)
+        found[node.index] = whole_solver(replace(operation, spec=spec), schedule.shape)
     return found
 
 
-def _solver(transient: Transient, shape: Shape, method: str) -> Solver:
+def whole_solver(transient: Transient, shape: Shape) -> Solver:
+    """Return how a transient runs in whole numbers, by the method of its specification."""
+    method = transient.spec.method
     exact = choose(replace(transient, spec=replace(transient.spec, method="auto")), shape)
-    steps = method != "auto" or not isinstance(exact.scheme, EXPORTED)
+    steps = method not in ("auto", "propagator") or not isinstance(exact.scheme, EXPORTED)
     uncoupled = isinstance(exact.scheme, Decay)
     settled = exact.settle and isinstance(exact.scheme, Propagator | Spectral)
     if uncoupled or settled or not steps:

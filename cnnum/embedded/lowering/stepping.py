@@ -17,6 +17,7 @@ from cnnum.templating.network import taps
 if TYPE_CHECKING:
     from cnnum.embedded.lowering.transients import TransientWork
 
+
 def stepped(work: "TransientWork", scheme: FixedSteps) -> dict[int, Array]:
     """Write the steps, and return what is read at their end.
 

@@ -29,7 +29,7 @@ Terms = list[tuple[float, Quantity]]
 
 
 FIGURES = ("time", "steps", "settled")
-"""Of a run, beside its maps: its error is not followed."""
+"""Numbers of a run; its error is not followed."""
 
 
 def lower_transient(

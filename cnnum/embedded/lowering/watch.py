@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cnnum.embedded.arithmetic.fixed import Quantity, constant
-from cnnum.embedded.formats import LONGEST
 from cnnum.embedded.ir.expressions import Expression, Name, Real, Whole, call
+from cnnum.embedded.ir.primitives import LOGIC
 from cnnum.embedded.ir.statements import Fold, Let, Repeat, Rounds, Set, Statement
 from cnnum.embedded.lowering.builder import FINE
 from cnnum.integrators.schemes import FixedSteps
@@ -20,7 +20,7 @@ STILL = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """Variables that say how far the last step moved a cell, and how many steps there were.
+    """Variables that say whether the last step moved a cell, and how many steps there were.
 
     Attributes
     ----------
@@ -37,22 +37,23 @@ class Watch:
     @classmethod
     def of(cls, work: "TransientWork", scheme: FixedSteps) -> "Watch":
         """Return those of a transient."""
-        names = (f"{name}{work.index}" for name in ("moved", "steps", "running"))
-        return cls(*names, needed=scheme.settle or "settled" in work.figures)
+        at, needed = work.index, scheme.settle or "settled" in work.figures
+        return cls(f"moved{at}", f"steps{at}", f"running{at}", needed)
 
     def noted(self, new: Expression, old: Expression) -> Fold:
-        """Return the statement that takes in by how much a cell moves."""
-        return Fold(self.moved, "maximum", call("absolute", call("subtract", new, old)))
+        """Return the statement that takes in whether a cell moves."""
+        if new.bounds is not None:
+            return Fold(self.moved, "maximum", call("not", call("equal", new, old)))
+        far = call("absolute", call("subtract", new, old))
+        return Fold(self.moved, "maximum", call("greater", far, Real(STILL)))
 
     def repeat(self, work: "TransientWork", scheme: FixedSteps, steps: Sequence[Statement]) -> None:
         """Write the steps and the figures of the run."""
         to, count = work.to, constant(float(scheme.count))
-        # the difference of two words
-        bounds = (0, 1 << LONGEST) if to.integer else None
-        moves = call("greater", Name(self.moved, bounds), to.zero() if to.integer else Real(STILL))
+        moves = Name(self.moved, LOGIC)
         if self.needed:
-            to.body.append(Let(self.moved, to.zero(), bounds))
-            steps = (Set(self.moved, to.zero()), *steps)
+            to.body.append(Let(self.moved, Whole(0), LOGIC))
+            steps = (Set(self.moved, Whole(0)), *steps)
         if scheme.settle:
             count = self._until_still(work, scheme, steps, moves)
             time = to.arithmetic.multiply(count, constant(scheme.step), FINE)
@@ -79,7 +80,7 @@ class Watch:
         body = (*steps, counted, Set(self.running, moves))
         to.body += [
             Let(self.steps, Whole(0), many),
-            Let(self.running, Whole(1), (0, 1)),
+            Let(self.running, Whole(1), LOGIC),
             Rounds(self.running, scheme.count, body),
         ]
         found = Name(self.steps, many)

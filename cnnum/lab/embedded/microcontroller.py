@@ -7,7 +7,6 @@ testing (Unicorn is under the GPL); nothing of them is part of the package.
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import import_module
@@ -19,11 +18,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.embedded.c.expressions import element_type
 from cnnum.embedded.c.files import identifier
-from cnnum.embedded.c.program import WIDTHS
+from cnnum.embedded.c.layout import packed, record_type
 from cnnum.embedded.emulator import Numbers
-from cnnum.embedded.ir.statements import Array
 from cnnum.embedded.making import Made
 from cnnum.errors import DeviceError, MissingExtraError, name_error
 
@@ -44,22 +41,6 @@ TOOLS = ("ziglang", "unicorn", "elftools")
 def missing_tools() -> tuple[str, ...]:
     """Return which of the tools are not installed."""
     return tuple(name for name in TOOLS if find_spec(name) is None)
-
-
-def record_type(arrays: Sequence[Array]) -> np.dtype[Any]:
-    """Return the layout of a structure of the header, its widest members first."""
-    ordered = sorted(arrays, key=lambda one: -WIDTHS[element_type(one)])
-    names = {"float": "<f4", "uint8_t": "<u1", "int8_t": "<i1", "int16_t": "<i2", "int32_t": "<i4"}
-    members = [(one.name, names[element_type(one)], max(1, one.length)) for one in ordered]
-    return np.dtype(members, align=True)
-
-
-def packed(arrays: Sequence[Array], values: Mapping[str, Numbers]) -> bytes:
-    """Return the bytes of a structure."""
-    record = np.zeros((), dtype=record_type(arrays))
-    for one in arrays:
-        record[one.name] = values[one.name].reshape(-1)
-    return record.tobytes()
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,7 +173,7 @@ class Board:
         counts, wrong = list[int](), 0
         for number, frame in enumerate(frames):
             given = self.made.inputs(frame[np.newaxis])
-            machine.write("board_input", packed(inputs, given))
+            machine.write("board_input", packed(inputs, given, 1).tobytes())
             counts.append(machine.call("board_step"))
             answer: NDArray[Any] = np.frombuffer(
                 machine.read("board_output", layout.itemsize), layout

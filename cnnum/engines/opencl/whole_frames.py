@@ -1,0 +1,104 @@
+"""Frames of a program in whole numbers on an OpenCL device: a work item runs a stream's frame."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pyopencl as cl
+
+from cnnum.embedded.c.kernel import KERNEL, kernel_text
+from cnnum.embedded.c.layout import packed, record_type, unpacked
+from cnnum.embedded.c.program import c_text
+from cnnum.embedded.emulator import Numbers
+from cnnum.embedded.ir.statements import IntegerProgram
+from cnnum.engines.forks import refuse_after_fork
+from cnnum.engines.opencl.building import build_program
+from cnnum.engines.opencl.runtime.device_trouble import build_failure, run_failure
+from cnnum.engines.opencl.runtime.selection import choose_device
+
+
+def opened(device: str | None) -> tuple[str, cl.CommandQueue]:
+    """Return a device's label, and a queue of it.
+
+    Raises
+    ------
+    DeviceError
+        If there is no such device.
+    NoOpenCLError
+        If none works.
+    """
+    chosen = choose_device(device)
+    return chosen.label, cl.CommandQueue(cl.Context([chosen.handle]))
+
+
+class DeviceFrames:
+    """Runs frames of a program.
+
+    Parameters
+    ----------
+    program : IntegerProgram
+        Of whole numbers.
+    queue : CommandQueue
+
+    Raises
+    ------
+    NotSupportedError
+        If the device's compiler refuses the text.
+    """
+
+    def __init__(self, program: IntegerProgram, queue: cl.CommandQueue) -> None:
+        refuse_after_fork()
+        self._queue, self._parts = queue, c_text(program)
+        self._inputs, self._outputs = program.of_kind("input"), program.of_kind("output")
+        self.source = kernel_text(program, self._parts)
+        try:
+            built = build_program(queue.context, self.source, ["-w"])
+            self._kernel = cl.Kernel(built, KERNEL)
+        except cl.Error as error:
+            raise build_failure(self.source, error, queue.device) from error
+
+    def run(
+        self, inputs: Mapping[str, Numbers], state: dict[str, Numbers], *, first: bool
+    ) -> dict[str, Numbers]:
+        """Run a frame of every stream and bring the state up to date, as the emulator does.
+
+        Parameters
+        ----------
+        inputs : mapping of str to (batch, cells) int
+        state : mapping of str to (batch, length) int
+        first : bool
+
+        Returns
+        -------
+        dict of str to (batch, length) int
+            By the arrays of the outputs.
+
+        Raises
+        ------
+        DeviceError
+            If the device does not end the run.
+        """
+        refuse_after_fork()
+        batch = max([1, *(len(one) for one in (*inputs.values(), *state.values()))])
+        given = packed(self._inputs, inputs, batch)
+        memory = packed(self._parts.memory, state, batch, memory=True)
+        answers = np.zeros(batch, dtype=record_type(self._outputs))
+        try:
+            self._launch(given, answers, memory, first=first)
+        except cl.Error as error:
+            raise run_failure(error, self._queue) from error
+        kept = unpacked([one for one in self._parts.memory if one.name in state], memory)
+        state.update(kept)
+        return unpacked(self._outputs, answers)
+
+    def _launch(self, given: Numbers, answers: Numbers, memory: Numbers, *, first: bool) -> None:
+        queue, flags = self._queue, cl.mem_flags
+        copied = flags.COPY_HOST_PTR
+        buffers = [
+            cl.Buffer(queue.context, flags.READ_ONLY | copied, hostbuf=given),
+            cl.Buffer(queue.context, flags.READ_WRITE | copied, hostbuf=answers),
+            cl.Buffer(queue.context, flags.READ_WRITE | copied, hostbuf=memory),
+        ]
+        self._kernel(queue, (len(given),), None, *buffers, np.int32(first))
+        cl.enqueue_copy(queue, answers, buffers[1])
+        cl.enqueue_copy(queue, memory, buffers[2])
+        queue.finish()

@@ -1,0 +1,173 @@
+"""A schedule in whole numbers: measured, lowered, and run frame by frame."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.embedded.emulator import Numbers, cleared
+from cnnum.embedded.formats import Precision
+from cnnum.embedded.ir.statements import IntegerProgram
+from cnnum.embedded.making import Made, make_with
+from cnnum.engines.backend import Solvers
+from cnnum.errors import ProgramError
+from cnnum.graph.nodes import Pick
+from cnnum.graph.schedule import Schedule
+from cnnum.integrators.estimate import LOST
+
+
+class Runner(Protocol):
+    """Runs the frames of a program."""
+
+    def run(
+        self, inputs: Mapping[str, Numbers], state: dict[str, Numbers], *, first: bool
+    ) -> dict[str, Numbers]:
+        """Run a frame of every stream and bring the state up to date."""
+        ...
+
+
+@dataclass(slots=True, eq=False)
+class WholeMemory:
+    """What streams keep between frames; None before the first one."""
+
+    state: dict[str, Numbers] | None = None
+
+
+@dataclass(slots=True, eq=False)
+class WholeExecutable:
+    """Runs a schedule in whole numbers.
+
+    Attributes
+    ----------
+    schedule : Schedule
+    solvers : mapping of int to Solver
+    kind : Precision
+    runner : callable
+    launches : int
+        A frame.
+    like : (frames, batch, rows, cols, channels) float or None
+    """
+
+    schedule: Schedule
+    solvers: Solvers
+    kind: Precision
+    runner: Callable[[IntegerProgram], Runner]
+    launches: int
+    like: Floats | None
+    _made: Made | None = None
+    _runners: dict[str, Runner] = field(default_factory=dict[str, Runner])
+
+    def __post_init__(self) -> None:
+        if self.like is not None:
+            self._made = self._measured(self.like)
+
+    @property
+    def source(self) -> str:
+        """The text of one frame, as C."""
+        from cnnum.embedded.c.program import c_text
+
+        if self._made is None:
+            return "The text follows the ranges of the first batch."
+        return "\n".join([*c_text(self._made.program).body, ""])
+
+    @property
+    def private_bytes(self) -> int:
+        """None: a frame is worked in where the memories are."""
+        return 0
+
+    @property
+    def local_bytes(self) -> int:
+        """None."""
+        return 0
+
+    @property
+    def scratch_bytes(self) -> int:
+        """What a frame is worked in; 0 while formats are not known."""
+        return 0 if self._made is None else self._made.memory_bytes
+
+    @property
+    def strategies(self) -> Mapping[int, str]:
+        """Transients run in one way alone."""
+        return {}
+
+    def new_memory(self, batch: int) -> object:
+        """Return cleared memories."""
+        made = self._made
+        return WholeMemory(None if made is None else cleared(made.program, batch))
+
+    def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
+        """Return the whole numbers of memories."""
+        assert isinstance(memory, WholeMemory)
+        return tuple(one.astype(np.float64) for one in (memory.state or {}).values())
+
+    def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
+        """Let memories hold a copy of these numbers."""
+        assert isinstance(memory, WholeMemory)
+        names = memory.state or {}
+        memory.state = {
+            name: values.astype(np.int64) for name, values in zip(names, numbers, strict=True)
+        }
+
+    def one(self, memory: object) -> None:
+        """A single frame goes the way of a batch."""
+        return
+
+    def run_large(self, maps: object, lead: tuple[int, ...]) -> None:
+        """Large arrays go the way of others."""
+        return
+
+    def run(
+        self, frames: NDArray[np.floating], memory: object, *, first: bool
+    ) -> dict[str, Floats]:
+        """Run a batch.
+
+        Raises
+        ------
+        ProgramError
+            If frames follow each other, and no streams were given to measure ranges on.
+        """
+        assert isinstance(memory, WholeMemory)
+        made = self._made
+        if made is None:
+            if self.schedule.memories and not first:
+                raise ProgramError(
+                    "A stream in whole numbers needs the ranges of its values: give "
+                    "engine.compile(..., like=frames) frames like those to come."
+                )
+            made = self._measured(np.asarray(frames, dtype=np.float64)[np.newaxis])
+        if memory.state is None or self._made is None:
+            memory.state = cleared(made.program, len(frames))
+        inputs = made.inputs(np.asarray(frames, dtype=np.float64))
+        runner = self._runner(made.program)
+        found = made.outputs(runner.run(inputs, memory.state, first=first))
+        lost = {name: np.full(len(frames), LOST) for name in self._errors()}
+        return {name: found.get(name, lost.get(name)) for name in self.schedule.outputs}  # type: ignore[misc]
+
+    def _errors(self) -> list[str]:
+        """Return the outputs that are errors of runs, which are not followed."""
+        return [name for name, node in self.schedule.outputs.items() if _is_error(node.operation)]
+
+    def _measured(self, streams: Floats) -> Made:
+        read, errors = self.schedule.channels_read, self._errors()
+        if streams.shape[-1] != len(read):
+            at = [self.schedule.channels.index(name) for name in read]
+            streams = streams[..., at]
+        outputs = {n: node for n, node in self.schedule.outputs.items() if n not in errors}
+        nodes = tuple(n for n in self.schedule.nodes if not _is_error(n.operation))
+        schedule = replace(self.schedule, channels=read, outputs=outputs, nodes=nodes)
+        return make_with("plan", schedule, self.solvers, self.kind, streams)
+
+    def _runner(self, program: IntegerProgram) -> Runner:
+        """Return what runs a program; the last one again if that is it."""
+        key = str((program.body, list(program.arrays)))
+        if key not in self._runners:
+            self._runners.clear()
+            self._runners[key] = self.runner(program)
+        return self._runners[key]
+
+
+def _is_error(operation: object) -> bool:
+    return isinstance(operation, Pick) and operation.what == "error"
