@@ -289,6 +289,7 @@ class Engine:
         if at is not None:
             run = partial(self.run, template, method=method, rtol=rtol, atol=atol, dt=dt,
                           force=force, estimate=estimate)  # fmt: skip
+            maps: dict[str, ArrayLike | None]
             maps = dict(zip(ROLES, (input, previous, state, bias, mask), strict=True))
             return run_at(template, checked_times(at, duration), run, maps)
         arrays = (input, previous, state, bias, mask)
