@@ -11,7 +11,7 @@ LONGEST_GUESSED = 80
 
 
 LONGEST_SENTENCE = 1500
-"""Signs of an error's sentence: what came is not repeated in full, however long it is."""
+"""Signs of an error's sentence: a longer one loses its middle, and keeps the remedy at its end."""
 
 
 class CnnumError(Exception):
@@ -21,7 +21,9 @@ class CnnumError(Exception):
         said = super().__str__()
         if "\n" in said:  # an array that came has lines
             said = " ".join(said.split())
-        return said if len(said) <= LONGEST_SENTENCE else f"{said[: LONGEST_SENTENCE - 1]}…"
+        if len(said) <= LONGEST_SENTENCE:
+            return said
+        return f"{said[: LONGEST_SENTENCE // 2]}…{said[1 - LONGEST_SENTENCE // 2 :]}"
 
 
 class ArrayError(CnnumError, ValueError):

@@ -1,9 +1,12 @@
 """Tables of numbers in CSV files: read whole, and refused with the file and the line."""
 
 import csv
+import json
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from io import TextIOWrapper
 from itertools import islice
 from pathlib import Path
@@ -21,6 +24,48 @@ row). In memory such a file took 12 times its size, one of two digits a field 24
 """
 
 
+SEPARATORS = (";", "\t", "|")
+"""Signs between fields other than the comma."""
+
+_NUMBER = re.compile(r"[+-]?\d+[.\d]*(e[+-]?\d+)?", re.IGNORECASE)
+_POINTED = re.compile(r"\s*[+-]?\d+,\d+\s*")
+"""A number with a decimal comma."""
+
+FEW = 6
+"""Columns that the sentence of an error names."""
+
+
+@dataclass(frozen=True, slots=True)
+class TextForm:
+    """The form of a CSV file.
+
+    Attributes
+    ----------
+    separator : str
+        One sign between fields.
+    decimal : "." or ","
+        The sign in numbers.
+    header : bool
+        Whether the first line names the columns.
+    skip : int
+        Lines before it.
+    """
+
+    separator: str = ","
+    decimal: str = "."
+    header: bool = True
+    skip: int = 0
+
+    def plain(self, fields: list[str]) -> tuple[str, ...]:
+        """Return the fields of a line, with points in numbers."""
+        if self.decimal == ".":
+            return tuple(fields)
+        return tuple(field.replace(self.decimal, ".") for field in fields)
+
+
+PLAIN = TextForm()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class TextTable:
     """The rows of a CSV file under its header.
@@ -33,12 +78,15 @@ class TextTable:
         As they stand in the file, all as long as the header.
     lines : tuple of int
         Number of the line of each row, from 1.
+    head : int
+        Number of the line of the header.
     """
 
     path: Path
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
+    head: int = 1
 
     def numbers(self, columns: Sequence[str], *, finite: bool = True) -> Floats:
         """Return columns as numbers, (rows, columns).
@@ -47,7 +95,7 @@ class TextTable:
         ----------
         columns : sequence of str
         finite : bool
-            Whether NaN and infinity are refused, too.
+            Whether NaN and infinity are refused, too. If not, an empty field is NaN.
 
         Raises
         ------
@@ -67,26 +115,41 @@ class TextTable:
 
     def _place(self, column: str) -> int:
         if column not in self.header:
-            raise CodecError(f"'{self.path}', line 1: expected a column '{column}', found none.")
+            near = get_close_matches(column, self.header, n=1)
+            names = near or self.header[:FEW]
+            held = ", ".join(shown(name) for name in names)
+            raise CodecError(
+                f"'{self.path}', line {self.head}: expected a column {shown(column)}, found none "
+                f"of that name; {'near is' if near else 'the first are'} {held}{self.hint()}."
+            )
         return self.header.index(column)
+
+    def hint(self) -> str:
+        """Return the key of a layout that the header seems to need."""
+        other = next((s for s in SEPARATORS if len(self.header) == 1 and s in self.header[0]), "")
+        if other:
+            return f"; a layout can set separator = {json.dumps(other)}"
+        numbers = all(_NUMBER.fullmatch(name) for name in self.header)
+        return "; a layout can set header = false" if numbers else ""
 
     def _number(self, text: str, row: int, column: str, finite: bool) -> float:
         value: float | None
         try:
-            value = float(text)
+            value = float(text) if finite or text.strip() else math.nan
         except ValueError:
             value = None
         if value is None or (finite and not math.isfinite(value)):
             kind = "a finite number" if finite else "a number"
+            hint = "; a layout can set decimal = ','" if _POINTED.fullmatch(text) else ""
             raise CodecError(
                 f"'{self.path}', line {self.lines[row]}: expected {kind} in the column "
-                f"'{column}', got {shown(text)}."
+                f"'{column}', got {shown(text)}{hint}."
             )
         return value
 
 
-def read_table(path: Path) -> TextTable:
-    """Read a CSV file with a header.
+def read_table(path: Path, form: TextForm = PLAIN) -> TextTable:
+    """Read a CSV file; without a header its columns are "1", "2" and so on.
 
     Raises
     ------
@@ -95,29 +158,46 @@ def read_table(path: Path) -> TextTable:
     CodecError
         If it is empty, has too many rows, or one longer or shorter than the header, or is not text.
     """
-    try:
-        with (
-            open_regular(path, most=LARGEST) as raw,
-            TextIOWrapper(raw, encoding="utf-8", newline="") as file,
-        ):
-            reader = csv.reader(file)
-            rows = ((reader.line_num, tuple(row)) for row in reader if row)
-            found = list(islice(rows, MOST_ROWS + 2))
-    except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {error.strerror}.") from None
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise CodecError(f"'{path}' is not a CSV text file in UTF-8: {error}.") from None
+    found = _lines(path, form)
     if len(found) > MOST_ROWS + 1:
         raise CodecError(f"'{path}' has more than {MOST_ROWS} rows: give a part of it.")
     if not found:
         raise CodecError(f"'{path}' is empty: expected a header and rows of numbers.")
-    (_, header), *rest = found
-    for line, row in rest:
-        if len(row) != len(header):
+    if form.header:
+        (head, names), *rest = found
+        header = tuple(name.strip() for name in names)
+    else:
+        head, rest = form.skip + 1, found
+        header = tuple(str(number + 1) for number in range(len(found[0][1])))
+    table = TextTable(path, header, tuple(row for _, row in rest), tuple(n for n, _ in rest), head)
+    _refuse_torn(table)
+    return table
+
+
+def _lines(path: Path, form: TextForm) -> list[tuple[int, tuple[str, ...]]]:
+    """Return the fields of all lines, but one line more than a table may have."""
+    try:
+        with (
+            open_regular(path, most=LARGEST) as raw,
+            TextIOWrapper(raw, encoding="utf-8-sig", newline="") as file,  # Excel writes a mark
+        ):
+            for _ in islice(file, form.skip):
+                pass
+            reader = csv.reader(file, delimiter=form.separator, skipinitialspace=True)
+            rows = ((form.skip + reader.line_num, form.plain(row)) for row in reader if row)
+            return list(islice(rows, MOST_ROWS + 2))
+    except OSError as error:
+        raise RecordingError(f"'{path}' cannot be read: {error.strerror}.") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise CodecError(f"'{path}' is not a CSV text file in UTF-8: {error}.") from None
+
+
+def _refuse_torn(table: TextTable) -> None:
+    for line, row in zip(table.lines, table.rows, strict=True):
+        if len(row) != len(table.header):
             raise CodecError(
-                f"'{path}', line {line}: expected {len(header)} fields as in the header, "
-                f"got {len(row)}."
+                f"'{table.path}', line {line}: expected {len(table.header)} fields as in line "
+                f"{table.head}, got {len(row)}{table.hint()}."
             )
-    if not rest:
-        raise CodecError(f"'{path}' has a header and no rows: expected rows of numbers.")
-    return TextTable(path, header, tuple(row for _, row in rest), tuple(n for n, _ in rest))
+    if not table.rows:
+        raise CodecError(f"'{table.path}' has a header and no rows: expected rows of numbers.")

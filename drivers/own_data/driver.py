@@ -58,8 +58,8 @@ class DataFileOptions:
         if not names_something(path):
             raise RecordingError(f"There is no file '{path}'.")
         try:
-            if suffix == ".csv" and self.layout is None and is_own(table := read_table(path)):
-                return DataFile(read_own(table), calibration=_beside(path))
+            if suffix == ".csv" and self.layout is None and is_own(path):
+                return DataFile(read_own(read_table(path)), calibration=_beside(path))
             layout = read_layout(self._layout())
             return DataFile(_recording(path, layout), layout)
         except ArrayError as error:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from cnnum.drivers.options import read_options, require
+from cnnum.drivers.text_table import TextForm
 from cnnum.errors import ArrayError, SceneError
 from cnnum.recordings.recording import FASTEST, channel_names
 from cnnum.safety.reading import read_text
@@ -19,6 +20,9 @@ SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
 MOST_CELLS = 1 << 20
 """Taxels of an array."""
+
+MOST_SKIPPED = 1000
+"""Lines before the numbers of a CSV file."""
 
 _PLACE = re.compile(r"\{(row|col|n|axis)\}")
 
@@ -52,6 +56,14 @@ class DataLayout:
         Pads that lie side by side in the columns.
     pitch : float, optional
         Distance of the taxels, m.
+    separator : str
+        Between the fields of a CSV file.
+    decimal : "." or ","
+        In the numbers of a CSV file.
+    header : bool
+        Whether the first line of a CSV file names the columns; if not, they are "1", "2", …
+    skip : int
+        Lines of a CSV file before that.
     """
 
     shape: tuple[int, int]
@@ -66,6 +78,10 @@ class DataLayout:
     truth: tuple[str, ...] = ()
     pads: int = 1
     pitch: float | None = None
+    separator: str = ","
+    decimal: Literal[".", ","] = "."
+    header: bool = True
+    skip: int = 0
 
     def __post_init__(self) -> None:
         rows, cols = self.shape
@@ -77,6 +93,9 @@ class DataLayout:
         require("pads", 1 <= self.pads <= cols, f"1 to the {cols} columns", self.pads)
         holds = self.pitch is None or 1e-7 <= self.pitch <= 1.0
         require("pitch", holds, "1e-7 to 1 m", self.pitch)
+        holds = len(self.separator) == 1 and self.separator not in '\r\n"' + self.decimal
+        require("separator", holds, "one sign other than that of 'decimal'", self.separator)
+        require("skip", 0 <= self.skip <= MOST_SKIPPED, f"0 to {MOST_SKIPPED}", self.skip)
         try:
             channel_names(self.axes, len(self.axes))
         except ArrayError as error:
@@ -92,8 +111,18 @@ class DataLayout:
         """Numbers of a frame."""
         return self.shape[0] * self.shape[1] * len(self.axes)
 
-    def columns(self) -> tuple[str, ...]:
+    @property
+    def form(self) -> TextForm:
+        """Form of a CSV file."""
+        return TextForm(self.separator, self.decimal, self.header, self.skip)
+
+    def columns(self, header: tuple[str, ...]) -> tuple[str, ...]:
         """Return the columns of a CSV file, row by row, the axes of a taxel together.
+
+        Parameters
+        ----------
+        header : tuple of str
+            All columns of the file: without a line of names, those but the times and truths.
 
         Raises
         ------
@@ -102,6 +131,8 @@ class DataLayout:
         """
         if isinstance(self.values, tuple):
             found = self.values
+        elif not self.header and not self.values:
+            found = tuple(name for name in header if name not in {self.time, *self.truth})
         else:
             pattern = self.values or "r{row}_c{col}_{axis}"
             found = tuple(_named(pattern, place) for place in self._places())

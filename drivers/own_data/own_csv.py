@@ -2,12 +2,14 @@
 
 import re
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 
-from cnnum.drivers.text_table import TextTable
-from cnnum.errors import CodecError
+from cnnum.drivers.text_table import LARGEST, TextTable
+from cnnum.errors import CodecError, RecordingError
 from cnnum.recordings.recording import Recording, rate_of
+from cnnum.safety.reading import open_regular
 
 HEAD = ("sequence", "time (s)", "quality")
 """The first columns."""
@@ -16,9 +18,20 @@ TRUTH = "truth "
 _CELL = re.compile(r"r(\d{1,5})_c(\d{1,5})_(.{1,80}) \((.{1,80})\)")
 
 
-def is_own(table: TextTable) -> bool:
-    """Return whether a table is one that `cnnum record` or `cnnum recover` wrote."""
-    return table.header[: len(HEAD)] == HEAD
+def is_own(path: Path) -> bool:
+    """Return whether a CSV file is one that `cnnum record` or `cnnum recover` wrote.
+
+    Raises
+    ------
+    RecordingError
+        If it cannot be read.
+    """
+    head = ",".join(HEAD).encode()
+    try:
+        with open_regular(path, most=LARGEST) as file:
+            return file.read(len(head)) == head
+    except OSError as error:
+        raise RecordingError(f"'{path}' cannot be read: {error.strerror}.") from None
 
 
 def read_own(table: TextTable) -> Recording:

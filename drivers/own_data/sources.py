@@ -28,9 +28,9 @@ VALUES = "values"
 
 def csv_columns(path: Path, layout: DataLayout) -> Arrays:
     """Return the columns of a CSV file; the values are (frames, numbers of a frame)."""
-    table = read_table(path)
+    table = read_table(path, layout.form)
     singles = {name: table.numbers([name])[:, 0] for name in _singles(layout)}
-    return {VALUES: table.numbers(layout.columns(), finite=False), **singles}
+    return {VALUES: table.numbers(layout.columns(table.header), finite=False), **singles}
 
 
 def npy_array(path: Path, layout: DataLayout) -> Arrays:

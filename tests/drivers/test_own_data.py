@@ -88,11 +88,44 @@ def test_columns_by_a_list_and_one_axis(tmp_path):
     assert driver.counters.frames == 2
 
 
+FORMS = {
+    "mark of Excel": ("\ufeffa,b\r\n1.5,2\r\n", ""),
+    "spaces": ("a, b\n1.5, 2\n", ""),
+    "semicolons": ("a;b\n1.5;2\n", 'separator = ";"\n'),
+    "tabs": ("a\tb\n1.5\t2\n", 'separator = "\\t"\n'),
+    "decimal commas": ("a;b\n1,5;2\n", 'separator = ";"\ndecimal = ","\n'),
+    "lines before": ("# of a logger\n\na,b\n1.5,2\n", "skip = 2\n"),
+    "no header": ("1.5,2\n", "header = false\n"),
+    "columns by number": ("9,2,1.5\n", 'header = false\nvalues = ["3", "2"]\n'),
+    "all columns but the time's": ("0,1.5,2\n", 'header = false\ntime = "1"\n'),
+}
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_forms_of_csv_that_programs_write(name, tmp_path):
+    text, more = FORMS[name]
+    (tmp_path / "p.csv").write_text(text, newline="")
+    named = "" if "header" in more else 'values = ["a", "b"]\n'
+    layout = f'shape = [1, 2]\naxes = ["z"]\nrate = 10\n{named}{more}'
+    (tmp_path / "p.toml").write_text(layout)
+    assert cnnum.load_recording(tmp_path / "p.csv").values.ravel().tolist() == [1.5, 2.0]
+
+
+def test_an_empty_field_is_a_value_that_is_missing(tmp_path):
+    (tmp_path / "p.csv").write_text("a,b\n1,2\n,2\n")
+    (tmp_path / "p.toml").write_text(
+        'shape = [1, 2]\naxes = ["z"]\nrate = 10\nvalues = ["a", "b"]\n'
+    )
+    recording = cnnum.load_recording(tmp_path / "p.csv")
+    assert np.array_equal(recording.values.ravel(), [1, 2, np.nan, 2], equal_nan=True)
+
+
 WRONG = {
     "no rate": ("", "'rate' must be given, or 'time'"),
     "unknown key": ("rat = 3\n", "Unknown option 'rat'"),
     "wrong pattern": ('rate = 1\nvalues = "t{axis}"\n', "name 2×3×3 = 18 different columns, got 3"),
-    "missing column": ('rate = 1\nvalues = "q{n}_{axis}"\n', "expected a column 'q0_x'"),
+    "missing column": ('rate = 1\nvalues = "q{n}_{axis}"\n', "'q0_x', found none of that name"),
+    "near column": ('rate = 1\nvalues = "t{n}_{axis}"\n', "found none of that name; near is 't"),
     "no such time": ('values = "t{n}_{axis}"\nfirst = 1\ntime = "when"\n', "a column 'when'"),
     "axis twice": ('rate = 1\naxes = ["x", "x", "z"]\n', "name each of the 3 channels once"),
     "no TOML": ("rate = \n", "is not TOML"),
@@ -131,6 +164,27 @@ def test_a_missing_layout_says_how_to_write_one(tmp_path, values):
     np.save(tmp_path / "own.npy", values)
     with pytest.raises(CnnumError, match=r"no layout '.*own.toml'.* write one with shape = "):
         cnnum.load_recording(tmp_path / "own.npy")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("a;b\n1;2\n", 'a layout can set separator = ";"'),
+        ("a;b\n1,5;2,5\n", 'a layout can set separator = ";"'),
+        ('a,b\n"1,5",2\n', "a layout can set decimal = ','"),
+        ("1.5,2\n3,4\n", "a layout can set header = false"),
+        ("a,b\n1,two\n", "line 2: expected a number in the column 'b', got 'two'"),
+        ("a,b\n1\n", "line 2: expected 2 fields as in line 1, got 1"),
+    ],
+)
+def test_another_form_is_named(text, said, tmp_path):
+    (tmp_path / "p.csv").write_text(text)
+    (tmp_path / "p.toml").write_text(
+        'shape = [1, 2]\naxes = ["z"]\nrate = 10\nvalues = ["a", "b"]\n'
+    )
+    with pytest.raises(CnnumError) as caught:
+        cnnum.load_recording(tmp_path / "p.csv")
+    assert said in str(caught.value)
 
 
 BAD = {
