@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Sequence
 
-from cnnum.errors import name_error
+from cnnum.errors import ProgramError, name_error
 from cnnum.graph.cost import node_flops
 from cnnum.graph.nodes import Apply, Constant, Graph, Input, Loop, Node, Read, Reduce, Transient
 from cnnum.graph.schedule import LeftOut, Schedule, everything
@@ -42,7 +42,11 @@ def schedule(graph: Graph, channels: Sequence[str], needs: Sequence[str] | None)
     ------
     UnknownNameError
         If a need is not an output of the program.
+    ProgramError
+        If it is one text in place of a list.
     """
+    if isinstance(needs, str):  # its letters would be taken for names
+        raise ProgramError(f"'needs' is a list of outputs, as in [{needs!r:.60}], got one text.")
     try:
         wanted = tuple(dict.fromkeys(graph.outputs if needs is None else needs))
     except TypeError:  # no sequence, or one of lists

@@ -10,6 +10,7 @@ and hold no numbers, so a Python `if` on one of them is refused.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import cast
 
 from cnnum.arrays import as_shape
 from cnnum.errors import ProgramError, SizeError
@@ -67,7 +68,19 @@ class Program:
         return Program(self.function, self.name, tuple(merged.items()))
 
     def __call__(self, frame: FrameFields) -> Mapping[str, Field]:
-        """Use the program inside another one."""
+        """Use the program inside another one.
+
+        Raises
+        ------
+        ProgramError
+            If it is called on numbers.
+        """
+        if not isinstance(cast(object, frame), FrameFields):
+            raise ProgramError(
+                f"Program '{self.name}' was called on {type(frame).__name__}, and runs on no frame "
+                f"by itself: make plan = engine.compile({self.name}, shape=(rows, cols)), and call "
+                "plan(frame)."
+            )
         return self.function(frame, **dict(self.parameters))
 
     def trace(self, shape: Sequence[int], channels: Sequence[str] = FORCE_AXES) -> Graph:

@@ -58,6 +58,18 @@ class Field:
             "instead of 'if', and & | ~ instead of 'and', 'or', 'not'."
         )
 
+    def __iter__(self) -> NoReturn:
+        raise _no_values("its own sum, mean, max or min in place of Python's")
+
+    def __getitem__(self, _: object) -> NoReturn:
+        raise _no_values("cnnum.where to pick cells, and cnnum.shift to look at other ones")
+
+    def __float__(self) -> NoReturn:
+        raise _no_values("NumPy's functions in place of those of 'math'")
+
+    def __int__(self) -> NoReturn:
+        raise _no_values("a comparison in place of a whole number")
+
     def __array_ufunc__(
         self, ufunc: np.ufunc, method: str, *operands: object, **options: object
     ) -> "Field":
@@ -338,6 +350,10 @@ _UFUNCS: Mapping[np.ufunc, Callable[..., Field]] = {
     np.invert: Field.__invert__,
 }
 """NumPy's functions as operations; all their operands are fields."""
+
+
+def _no_values(instead: str) -> ProgramError:
+    return ProgramError(f"A program is traced once, and a field has no values yet: use {instead}.")
 
 
 def _unknown_to_fields(asked: str) -> ProgramError:

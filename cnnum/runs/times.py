@@ -40,7 +40,7 @@ def checked_times(at: ArrayLike, duration: Duration | None = None) -> tuple[floa
     if not rising or times.size > MOST:
         raise MethodError(
             f"'at' is a list of 1 to {MOST} times from 0 up, each after the one before, in time "
-            f"constants, got {np.array2string(times, threshold=8)}."
+            f"constants, got {np.array2string(times, threshold=8).rstrip('.')}."
         )
     return tuple(float(time) for time in times)
 

@@ -16,6 +16,7 @@ from cnnum.frame import Frame, Quality
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
 from cnnum.programs.library import get_program
+from cnnum.safety.names import shown
 from cnnum.scenes.arrangement import bound, refuse_unfit, unknown_want
 from cnnum.scenes.bad_frames import BadFrames
 from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for, unit_of
@@ -245,7 +246,15 @@ class Scene:
         )
 
     def collect(self, frames: int | None = None) -> SceneRecord:
-        """Run the scene to its end, or for a number of frames, and return its fields and events."""
+        """Run the scene to its end, or for a number of frames, and return its fields and events.
+
+        Raises
+        ------
+        SceneError
+            If the number is not a whole one from 1 up.
+        """
+        if frames is not None and (not isinstance(cast(object, frames), int) or frames < 1):
+            raise SceneError(f"'frames' is a whole number from 1 up, got {shown(frames)}.")
         record = SceneRecord(self.fields)
         for moment in self.results():
             record.add(moment.number, moment.frame.time, moment.outputs, moment.events)

@@ -1,5 +1,6 @@
 """Mistakes of a first hour: each is one sentence, on the command line with exit code 2."""
 
+import math
 import subprocess
 import sys
 
@@ -62,6 +63,47 @@ IN_PYTHON = {
         compiled(cnnum.Program(lambda frame: {"a": np.sin(frame.normal)}, "waves")),
         "NumPy's 'sin' does not take a field",
     ),
+    "np.mean of a field": (
+        compiled(cnnum.Program(lambda frame: {"a": np.mean(frame.normal)}, "mean")),
+        "NumPy's 'mean' does not take a field .* the field's own sum, mean, max",
+    ),
+    "sum(field)": (
+        compiled(cnnum.Program(lambda frame: {"a": sum(frame.normal)}, "total")),
+        "a field has no values yet: use its own sum, mean",
+    ),
+    "max(field, 0)": (
+        compiled(cnnum.Program(lambda frame: {"a": max(frame.normal, 0)}, "most")),
+        "has no values yet: use cnnum.where",
+    ),
+    "field[0]": (
+        compiled(cnnum.Program(lambda frame: {"a": frame.normal[0]}, "first")),
+        "use cnnum.where to pick cells",
+    ),
+    "math.sqrt(field)": (
+        compiled(cnnum.Program(lambda frame: {"a": math.sqrt(frame.normal)}, "root")),
+        "use NumPy's functions in place of those of 'math'",
+    ),
+    "int(field)": (
+        compiled(cnnum.Program(lambda frame: {"a": frame.normal * int(frame.normal)}, "whole")),
+        "a comparison in place of a whole number",
+    ),
+    "no dict": (
+        compiled(cnnum.Program(lambda frame: frame.normal, "bare")),
+        "must return a dict of named fields, got Field",
+    ),
+    "a program called on an array": (
+        lambda: cnnum.program(touched)(np.zeros((8, 8, 3))),
+        "make plan = engine.compile.touched, shape=.rows, cols.., and call plan.frame.",
+    ),
+    "needs a text": (
+        compiled(cnnum.program(touched), needs="contact"),
+        r"as in \['contact'\], got one text",
+    ),
+    "minus one frame": (
+        lambda: cnnum.load_scene("contact", engine=cnnum.Engine("numba")).collect(frames=-1),
+        "'frames' is a whole number from 1 up, got -1",
+    ),
+    "one time": (run(input=RING, at=1.0), "'at' is a list of 1 to .* got 1[.]$"),
     "shape=8": (compiled(cnnum.program(touched), 8), r"rows and columns, as in \(8, 8\), got 8"),
     "shape='8x8'": (compiled(cnnum.program(touched), "8x8"), "got '8x8'"),
     "shape of halves": (compiled(cnnum.program(touched), (8.5, 8)), "two whole numbers"),
@@ -135,6 +177,20 @@ ON_THE_COMMAND_LINE = {
     "unknown want": ('wants=["slipp"]', "did you mean 'slip'"),
     "unknown want, events": ('wants=["wash"]', "'contact', 'slip', 'twist', 'edge'"),
 }
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("templates", "show", "HOLE", "--input", "ring.png"), "as in --transient HOLE.html"),
+        (("run", "demo", "--trace-frame", 3), "needs the page's file: --trace FILE.html"),
+        (("run", "demo", "--trace", "trace.pdf"), "expected FILE.html, got 'trace.pdf'"),
+    ],
+)
+def test_an_option_that_would_do_nothing_is_refused(call, arguments, said):
+    done = call(*arguments)
+    assert (done.exit_code, done.stdout) == (2, "")
+    assert said in done.stderr
 
 
 @pytest.mark.parametrize("name", ON_THE_COMMAND_LINE)

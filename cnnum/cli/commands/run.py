@@ -50,6 +50,7 @@ def command(
     Ctrl-C (or SIGTERM, SIGHUP) ends it with the summary.
     """
     changes = scene_changes(settings, engine, device, precision)
+    _refuse_trace(trace, trace_frame)
     refuse_unwritable(save, trace)
     output = Output(as_json)
     with busy(COMPILING, as_json=as_json):
@@ -72,6 +73,13 @@ def command(
     _write_trace(trace, load_scene(scene, changes=changes), number)
     click.echo(f"Written: {trace} (frame {number})", err=as_json)
     return code
+
+
+def _refuse_trace(page: Path | None, frame: int | None) -> None:
+    if page is None and frame is not None:
+        raise click.UsageError("--trace-frame needs the page's file: --trace FILE.html.")
+    if page is not None and page.suffix.lower() not in {".html", ".htm"}:
+        raise click.UsageError(f"The trace is a page: expected FILE.html, got '{page.name}'.")
 
 
 def _write_trace(path: Path, scene: "Scene", number: int) -> None:

@@ -45,6 +45,10 @@ def show(
     if transient is not None:
         refuse_unwritable(None, transient)
         _refuse_unknown_kind(transient)
+    elif picture is not None:
+        raise click.UsageError(
+            f"'{picture}' is the picture of a run: name its file, as in --transient {name}.html."
+        )
     shown = _picture(picture) if transient is not None else None
     from cnnum.templating.files import load_entry
     from cnnum.templating.library import get_entry
