@@ -11,6 +11,9 @@ from cnnum.arrays import Floats
 from cnnum.integrators.estimate import LOST
 from cnnum.sharing import html, tables
 
+FEW = 6
+"""Times that a picture shows."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Result:
@@ -45,6 +48,7 @@ class Result:
     error: Floats
     method: str
     reason: str
+    times: tuple[float, ...] = ()
 
     def __repr__(self) -> str:
         facts = ", ".join(f"{name} {value}" for name, value in self._facts())
@@ -55,6 +59,7 @@ class Result:
         return [
             ("output", str(self.output.shape)),
             ("time", f"{float(np.max(self.time)):.4g} τ"),
+            *((("times", str(len(self.times))),) if self.times else ()),
             ("steps", str(int(np.max(self.steps)))),
             ("settled", str(bool(settled.all()))),
             ("error", f"{float(np.max(self.error)):.2g}"),
@@ -62,7 +67,14 @@ class Result:
         ]
 
     def maps(self) -> dict[str, Floats]:
-        """Return the (rows, cols) output and state of the first array and layer."""
+        """Return the (rows, cols) output and state of the first array and layer.
+
+        Of a run `at` times these are its outputs at a few of them.
+        """
+        if self.times:
+            first = self.output.reshape(len(self.times), -1, *self.output.shape[-2:])[:, 0]
+            few = np.unique(np.linspace(0, len(self.times) - 1, FEW).round().astype(int)).tolist()
+            return {f"output at {self.times[n]:.4g} τ": first[n] for n in few}
         parts = {"output": self.output, "state": self.state}
         return {n: v.reshape(-1, *v.shape[-2:])[0] for n, v in parts.items()}
 
@@ -71,14 +83,18 @@ class Result:
         return html.facts("Result", [*self._facts(), ("reason", self.reason)], shown)
 
     def plot(self, ax: object = None) -> object:
-        """Draw output and state of the first array and layer, and return the axes."""
+        """Draw the `maps`, and return the axes."""
         from cnnum.sharing import plots
 
         return plots.maps(self.maps(), ax)
 
     def to_xarray(self) -> Any:
-        """Return an `xarray.Dataset` of output, state and figures (extra `tables`)."""
-        lead = [f"batch_{n}" for n in range(np.ndim(self.time))]
+        """Return an `xarray.Dataset` of output, state and figures (extra `tables`).
+
+        A run `at` times has them as its coordinate "tau".
+        """
+        batch = [f"batch_{n}" for n in range(np.ndim(self.time) - bool(self.times))]
+        lead = ["tau", *batch] if self.times else batch
         inner = self.output.ndim - len(lead)
         axes = [*lead, *(("layer",) if inner == 3 else ()), "row", "col"]
         figures = ("time", "steps", "settled", "error")
@@ -86,13 +102,16 @@ class Result:
             name: (axes, getattr(self, name)) for name in ("output", "state")
         }
         variables |= {name: (lead, getattr(self, name)) for name in figures}
-        return tables.dataset(variables, {}, {"method": self.method, "reason": self.reason})
+        places = {"tau": (("tau",), np.asarray(self.times))} if self.times else {}
+        return tables.dataset(variables, places, {"method": self.method, "reason": self.reason})
 
     def to_dataframe(self) -> Any:
-        """Return a `pandas.DataFrame` with a row a cell: its place, output, state."""
-        places = np.indices(self.output.shape).reshape(self.output.ndim, -1)
+        """Return a `pandas.DataFrame` with a row a cell: its time or place, output, state."""
+        places: list[Any] = list(np.indices(self.output.shape).reshape(self.output.ndim, -1))
         lead = self.output.ndim - 2
         names = [*(f"axis_{n}" for n in range(lead)), "row", "col"]
+        if self.times:
+            names[0], places[0] = "tau", np.asarray(self.times)[places[0]]
         columns: dict[str, Any] = dict(zip(names, places, strict=True))
         columns |= {"output": self.output.ravel(), "state": self.state.ravel()}
         return tables.data_frame(columns)

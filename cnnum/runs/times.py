@@ -100,4 +100,5 @@ def stacked(results: Sequence[Result], times: Sequence[float]) -> Result:
         error=over("error"),
         method=", ".join(methods),
         reason=results[-1].reason,
+        times=tuple(times),
     )

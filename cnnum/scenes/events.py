@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 Outputs = Mapping[str, NDArray[np.float64]]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Event:
     """Something that began or ended in a scene.
 
@@ -70,6 +70,9 @@ class Event:
             "gap_end": None if self.gap_end is None else round(self.gap_end, 6),
         }
         return {name: value for name, value in values.items() if value is not None}
+
+    def __repr__(self) -> str:
+        return f"Event({', '.join(f'{name}={value!r}' for name, value in self.record().items())})"
 
     def __str__(self) -> str:
         parts = [f"{self.t:8.3f} s  {self.phase + ' ' if self.phase else ''}{self.kind}"]

@@ -42,12 +42,17 @@ def plan():
     return cnnum.Engine("numba").compile(touched, (8, 8))
 
 
+def transient():
+    return cnnum.Engine("numba").run("HOLE", input=-np.ones((3, 8, 8)), at=[0, 0.5, 1])
+
+
 SHOWN = {
     "frame": (frame, "Frame(7 at 0.2500 s, 4×5, shear_x, shear_y, normal in count, SATURATED)"),
     "recording": (recording, "Recording(6 frames of 4×5, .* in count, 50 Hz, 0.100 s)"),
     "events": (events, "EventList(1 contact, 1 gross slip)"),
     "template": (lambda: cnnum.get_template("EDGE"), "Template('EDGE', layers=1, .*)"),
     "result": (result, "Result(output (3, 8, 8), time 5 τ, .*method .*)"),
+    "transient": (transient, "Result(output (3, 3, 8, 8), time 1 τ, times 3, .*)"),
     "plan": (plan, "Plan(touched on 8×8 cells, numba float32: contact)"),
 }
 
@@ -118,6 +123,18 @@ def test_datasets_have_named_axes():
     assert made.attrs["unit"] == "count"
     assert dict(result().to_xarray().sizes) == {"batch_0": 3, "row": 8, "col": 8}
     assert events().to_xarray().sizes["event"] == 2
+    steps = transient().to_xarray()
+    assert dict(steps.sizes) == {"tau": 3, "batch_0": 3, "row": 8, "col": 8}
+    assert steps["output"].sel(tau=0).to_numpy() == pytest.approx(1.0)  # HOLE starts all black
+    assert transient().to_dataframe()["tau"].unique().tolist() == [0.0, 0.5, 1.0]
+
+
+def test_a_transient_is_shown_at_its_times():
+    assert list(transient().maps()) == ["output at 0 τ", "output at 0.5 τ", "output at 1 τ"]
+
+
+def test_an_event_is_as_short_as_what_is_known_of_it():
+    assert repr(events()[1]) == "Event(t=0.7, kind='slip', phase='gross', direction=0.1, frame=14)"
 
 
 def test_a_library_that_is_missing_is_named(monkeypatch):
