@@ -13,6 +13,9 @@ from cnnum.sharing import html
 FORCE_AXES = ("shear_x", "shear_y", "normal")
 """The channels of a three-axial frame, in the order of its last axis."""
 
+NORMAL = FORCE_AXES[2]
+"""The channel in which strain and stress count a push as negative."""
+
 
 class Quality(IntFlag):
     """Faults of a frame that its driver knows; 0 is a good one."""
@@ -54,6 +57,22 @@ class Truth:
     def get(self, name: str, default: float = 0.0) -> float:
         """Return the value of that name, or `default`."""
         return self.values.get(name, default)
+
+
+def shown_maps(
+    values: NDArray[np.float64], channels: tuple[str, ...], unit: str
+) -> dict[str, NDArray[np.float64]]:
+    """Return the (rows, cols) maps that pictures show, by the channel's name.
+
+    A push is above 0 in all of them, so strain along the normal is shown as compression.
+    """
+    shown = {name: values[..., n] for n, name in enumerate(channels)}
+    if unit != "strain":
+        return shown
+    return {
+        f"{name}, compressive" if name == NORMAL else name: -part if name == NORMAL else part
+        for name, part in shown.items()
+    }
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -118,8 +137,8 @@ class Frame:
         return html.facts(f"Frame {self.sequence}", pairs, shown)
 
     def maps(self) -> dict[str, NDArray[np.float64]]:
-        """Return the (rows, cols) values of each channel by its name."""
-        return {name: self.values[..., n] for n, name in enumerate(self.channels)}
+        """Return the (rows, cols) values of each channel by its name, as `shown_maps`."""
+        return shown_maps(self.values, self.channels, self.unit)
 
     def plot(self, ax: object = None) -> object:
         """Draw a map a channel with Matplotlib, and return the axes."""

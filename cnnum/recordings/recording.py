@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, numbers
 from cnnum.errors import ArrayError
-from cnnum.frame import FORCE_AXES, Frame, Quality, Truth
+from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, shown_maps
 from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning
 from cnnum.recordings.export import export, suffix_of
 from cnnum.recordings.index import write_index
@@ -125,7 +125,7 @@ class Recording:
             ("axes", f"{', '.join(self.axes)} in {self.unit}"),
             ("truth", ", ".join(self.truth) or "none"),
         ]
-        last = {name: self.values[-1, ..., n] for n, name in enumerate(self.axes)}
+        last = shown_maps(self.values[-1], self.axes, self.unit)
         shown = [html.picture(f"{name}, last frame", values) for name, values in last.items()]
         return html.facts("Recording", pairs, shown)
 

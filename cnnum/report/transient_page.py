@@ -14,6 +14,7 @@ from cnnum.errors import MissingExtraError, ReportError, name_error
 from cnnum.pictures import as_pixels
 from cnnum.runs.result import Result
 from cnnum.safety.files import write_whole
+from cnnum.sharing.colours import style_rules
 from cnnum.sharing.html import picture
 from cnnum.templating.template import Template
 
@@ -28,7 +29,9 @@ _STYLE = """
 @media (prefers-color-scheme: dark) { :root { --paper: #14161a; --ink: #e8eaee; --soft: #9aa1ad; } }
 body { margin: 0 auto; max-width: 76rem; padding: 1.5rem 1rem; background: var(--paper);
        color: var(--ink); font: 15px/1.45 system-ui, sans-serif; }
-figcaption, p { color: var(--soft); } svg { max-width: 100%; height: auto; }
+figcaption, p { color: var(--soft); } p { max-width: 44rem; }
+.run { display: grid; grid-template-columns: repeat(auto-fill, minmax(9.5rem, 1fr)); gap: 0.8rem; }
+.run figure { margin: 0 !important; } .run svg { width: 100%; height: auto; }
 """
 
 
@@ -111,17 +114,18 @@ def _write_page(path: Path, template: Template, times: Floats, result: Result) -
     states = _layers(result.state, template)
     top = float(np.abs(states).max())
     shown = "".join(
-        picture(f"τ = {time:.4g}", state, top) for time, state in zip(times, states, strict=True)
+        picture(f"τ = {time:.4g}", state, top, styled=True)
+        for time, state in zip(times, states, strict=True)
     )
     about = escape(" ".join(template.description.split()))
     name = escape(template.name)
     text = (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{name}</title><style>{_STYLE}</style></head><body><h1>{name}</h1><p>{about}</p>"
+        f"<title>{name}</title><style>{_STYLE}{style_rules()}</style></head><body><h1>{name}</h1><p>{about}</p>"
         f"<p>The state at {len(times)} times, in time constants: blue above 0, orange below, to "
         f"±{top:.3g}. Method: {escape(result.method)}; estimated error at the end "
-        f"{float(np.max(result.error[-1])):.2g}.</p>{shown}</body></html>\n"
+        f"{float(np.max(result.error[-1])):.2g}.</p><div class='run'>{shown}</div></body></html>\n"
     )
     write_whole(path, text.encode("utf-8"))
 

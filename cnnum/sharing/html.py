@@ -34,7 +34,7 @@ def table(title: str, header: Sequence[str], rows: Iterable[Sequence[object]]) -
     return f"<div><b>{escape(title)}</b><table><tr>{head}</tr>{body}</table></div>"
 
 
-def picture(name: str, values: Floats, top: float | None = None) -> str:
+def picture(name: str, values: Floats, top: float | None = None, *, styled: bool = False) -> str:
     """Return a map as SVG: blue above 0, orange below, the middle at 0.
 
     Parameters
@@ -43,21 +43,24 @@ def picture(name: str, values: Floats, top: float | None = None) -> str:
     values : (rows, cols) float
     top : float, optional
         Value of the strongest colour; the largest magnitude unless given.
+    styled : bool
+        Whether the page has the rules of `style_rules`, which follow light and dark paper.
     """
     thin = -(-max(values.shape) // MOST_CELLS)
     shown = np.nan_to_num(values[::thin, ::thin])
     rows, cols = shown.shape
     side = max(2, min(CELL, 240 // max(rows, cols)))
     reach = float(np.abs(shown).max()) if top is None else top
-    colours = scale(LIGHT)
+    looks = [f"class='k{n}'" if styled else f"fill='{c}'" for n, c in enumerate(scale(LIGHT))]
     cells = "".join(
         f"<rect x='{col * side}' y='{row * side}' width='{side}' height='{side}' "
-        f"fill='{colours[step(float(shown[row, col]), reach)]}'/>"
+        f"{looks[step(float(shown[row, col]), reach)]}/>"
         for row in range(rows)
         for col in range(cols)
     )
     return (
         f"<figure style='display:inline-block;margin:4px'><svg width='{cols * side}' "
-        f"height='{rows * side}' role='img' aria-label='{escape(name)}'>{cells}</svg>"
+        f"height='{rows * side}' viewBox='0 0 {cols * side} {rows * side}' role='img' "
+        f"aria-label='{escape(name)}'>{cells}</svg>"
         f"<figcaption>{escape(name)}</figcaption></figure>"
     )

@@ -8,6 +8,7 @@ import pytest
 import cnnum
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.scenes.scene_record import SceneRecord
+from cnnum.sharing.colours import LIGHT, scale
 
 RNG = np.random.default_rng(4)
 
@@ -85,6 +86,20 @@ def test_plots_draw_what_is_there(name):
     assert drawn >= 1
     assert axes[0].get_xlabel()
     plt.close("all")
+
+
+def test_a_push_is_blue_in_strain_and_in_counts():
+    """Strain counts a push as negative, counts that rise under a push as positive."""
+    push = np.zeros((2, 2, 3))
+    push[0, 0, 2] = 1.0
+    of_counts = Frame(push, FORCE_AXES, "count", 0, 0.0)
+    of_strain = Frame(-push, FORCE_AXES, "strain", 0, 0.0)
+    for made in (of_counts, of_strain):
+        *_, normal = made.maps().values()
+        assert normal.tolist() == [[1.0, 0.0], [0.0, 0.0]]
+    assert list(of_strain.maps()) == ["shear_x", "shear_y", "normal, compressive"]
+    blue = scale(LIGHT)[-1]
+    assert blue in of_strain._repr_html_()
 
 
 def test_an_axes_of_ones_own_is_drawn_on():
