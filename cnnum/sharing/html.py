@@ -59,7 +59,8 @@ def picture(name: str, values: Floats, top: float | None = None, *, styled: bool
         for col in range(cols)
     )
     return (
-        f"<figure style='display:inline-block;margin:4px'><svg width='{cols * side}' "
+        f"<figure style='display:inline-block;margin:4px'><svg shape-rendering='crispEdges' "
+        f"width='{cols * side}' "
         f"height='{rows * side}' viewBox='0 0 {cols * side} {rows * side}' role='img' "
         f"aria-label='{escape(name)}'>{cells}</svg>"
         f"<figcaption>{escape(name)}</figcaption></figure>"

@@ -30,6 +30,9 @@ from cnnum.arrays import Floats
 from cnnum.drivers.simulated.motion import Command
 from cnnum.tactile.contact import contact_modulus, hertz
 
+ROUNDS = 9
+"""Of the means: they agree to all digits from ratios of 1e-9 on, and springs stand closer to 1."""
+
 
 @dataclass(frozen=True, slots=True)
 class Pair:
@@ -183,8 +186,15 @@ class Springs:
 
 
 def _k_less_e(ratio: Floats) -> Floats:
-    """Return K(k) - E(k) for k² = 1 - ratio²; `ellipkm1` takes ratio², exact for small ones."""
-    from scipy.special import ellipe, ellipkm1
+    """Return K(k) - E(k) for k² = 1 - ratio², by the arithmetic-geometric mean.
 
-    square = ratio * ratio
-    return np.asarray(ellipkm1(square) - ellipe(1 - square), dtype=np.float64)
+    Abramowitz and Stegun (1964), 17.6.3 and 17.6.4. SciPy's take longer to import than a scene to
+    begin.
+    """
+    mean, root = np.ones_like(ratio), ratio
+    total, weight = (1 - ratio * ratio) / 2, 0.5
+    for _ in range(ROUNDS):
+        mean, root, half = (mean + root) / 2, np.sqrt(mean * root), (mean - root) / 2
+        weight *= 2
+        total = total + weight * half * half
+    return np.asarray(np.pi / (2 * mean) * total, dtype=np.float64)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.simulated.motion import Command
-from cnnum.drivers.simulated.springs import Pair, Springs, State
+from cnnum.drivers.simulated.springs import Pair, Springs, State, _k_less_e
 from cnnum.drivers.simulated.tractions import abel
 from cnnum.tactile.contact import (
     hertz,
@@ -20,6 +20,15 @@ PAIR = Pair(radius=25e-3, youngs_modulus=0.87e6, friction=FRICTION)
 CONTACT = hertz(LOAD, PAIR.radius, PAIR.normal_modulus)
 A = float(CONTACT.contact_radius)
 SPRINGS = Springs(PAIR, reach=1.02 * A)
+
+
+def test_limits_of_twist_are_elliptic_integrals():
+    """Against SciPy's, which lose digits of the difference where the ratio is close to 1."""
+    from scipy.special import ellipe, ellipkm1
+
+    ratio = np.concatenate([np.geomspace(1e-9, 0.999, 400), [1.0]])
+    expected = ellipkm1(ratio**2) - ellipe(1 - ratio**2)
+    assert _k_less_e(ratio) == pytest.approx(expected, rel=1e-12, abs=1e-15)
 
 
 def pressed(load: float = LOAD, springs: Springs = SPRINGS) -> State:

@@ -1,7 +1,6 @@
 """The cover with hemispherical bumps, by the coefficients that finite elements gave."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,10 +10,8 @@ from cnnum.tactile import checks, halfspace
 from cnnum.tactile.checks import Array
 from cnnum.tactile.cover.axial import Profiles, to_components
 from cnnum.tactile.cover.protocol import arguments
+from cnnum.tactile.cover.spline import Spline, spline
 from cnnum.tactile.cover.tables import STRETCH, BumpTables, load_tables
-
-if TYPE_CHECKING:
-    from scipy.interpolate import CubicSpline
 
 COUPLE = 0.25
 """Half the distance between the forces of a bump's moment seen from afar, bump radii."""
@@ -61,7 +58,7 @@ class BumpCover:
     origin: tuple[float, float] = (0.0, 0.0)
     rigid_base: bool = False
     tables: BumpTables = field(default_factory=load_tables, repr=False, compare=False)
-    _spline: "CubicSpline" = field(init=False, repr=False, compare=False)
+    _spline: Spline = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         checks.positive("youngs_modulus", self.youngs_modulus)
@@ -114,10 +111,8 @@ class BumpCover:
             return np.broadcast_to(origin, load.shape)
         return np.asarray(origin + self.pitch * np.rint((load - origin) / self.pitch))
 
-    def _at_depth(self) -> "CubicSpline":
+    def _at_depth(self) -> Spline:
         """Return the seven profiles over the stretched distance, times (1 + depth)²."""
-        from scipy.interpolate import CubicSpline
-
         tables, depth = self.tables, checks.scalar("depth", checks.positive("depth", self.depth))
         low, high = tables.depths[0], tables.depths[-1]
         place = depth / self.bump_radius
@@ -129,16 +124,17 @@ class BumpCover:
         profiles = tables.rigid_base if self.rigid_base else tables.half_space
         flattened = profiles * ((1 + tables.depths) ** 2)[:, None, None]
         if len(tables.depths) > 1:
-            flattened = CubicSpline(np.log(tables.depths), flattened)(np.log(place))
+            flattened = spline(np.log(tables.depths), flattened)(np.log(place))
         else:
             flattened = flattened[0]
-        return CubicSpline(STRETCH, flattened, axis=-1)
+        return spline(STRETCH, flattened.T)
 
     def _rows(self, distance: Array) -> Array:
         """Return the seven profiles at distances, unit force and radius, (7, ...)."""
         spread = 1 + self.relative_depth
         stretched = distance / spread
-        near = self._spline(np.minimum(stretched, STRETCH[-1])) / spread**2
+        found = self._spline(np.minimum(stretched, STRETCH[-1])) / spread**2
+        near = np.moveaxis(found, -1, 0).copy()  # written to below, row by row
         beyond = stretched > STRETCH[-1]
         if self.rigid_base:
             return np.where(beyond, 0.0, near)
