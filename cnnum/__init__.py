@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from cnnum.programs.loops import branch, loop
     from cnnum.programs.transients import apply, shift, transient
     from cnnum.recordings.recording import Recording
+    from cnnum.runs.analysis import Analysis, analyse, analyse_program
     from cnnum.runs.result import Result
     from cnnum.scenes.event_list import EventList
     from cnnum.scenes.events import Event
@@ -41,6 +42,9 @@ _HOME = {
     "Recording": "cnnum.recordings.recording",
     "load_recording": "cnnum.drivers.recording_file",
     "Engine": "cnnum.engine",
+    "Analysis": "cnnum.runs.analysis",
+    "analyse": "cnnum.runs.analysis",
+    "analyse_program": "cnnum.runs.analysis",
     "Result": "cnnum.runs.result",
     "CnnumError": "cnnum.errors",
     "Event": "cnnum.scenes.events",
@@ -77,6 +81,7 @@ _HOME = {
 }
 
 __all__ = [
+    "Analysis",
     "Check",
     "CnnumError",
     "Engine",
@@ -93,6 +98,8 @@ __all__ = [
     "Template",
     "TemplateBatch",
     "__version__",
+    "analyse",
+    "analyse_program",
     "apply",
     "as_picture",
     "branch",

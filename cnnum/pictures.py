@@ -2,7 +2,7 @@
 
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -125,15 +125,21 @@ def save_picture(picture: ArrayLike, path: str | Path, *, scale: int = 1) -> Non
     MissingExtraError
         If Pillow is not installed.
     """
-    pixels = as_pixels(picture)
-    if pixels.ndim != 2 or scale < 1:
+    target, pixels = as_path(path, PictureError), as_pixels(picture)
+    whole = isinstance(cast(object, scale), int | np.integer)
+    if pixels.ndim != 2 or not pixels.size or not whole or scale < 1:
         raise ArrayError(
             f"A picture file holds (rows, cols) and a scale from 1 up, got {pixels.shape} and "
-            f"{scale}."
+            f"{scale!r:.60}."
+        )
+    if pixels.size * int(scale) ** 2 > MOST_PIXELS:
+        raise ArrayError(
+            f"A picture file has up to {MOST_PIXELS:,} pixels, got "
+            f"{pixels.size * int(scale) ** 2:,}: take a smaller scale."
         )
     image = _pillow()
     try:
-        image.fromarray(pixels.repeat(scale, axis=0).repeat(scale, axis=1)).save(path)
+        image.fromarray(pixels.repeat(scale, axis=0).repeat(scale, axis=1)).save(target)
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or error
         raise PictureError(f"'{path}' cannot be written as a picture: {why}.") from None

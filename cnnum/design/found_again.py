@@ -10,8 +10,8 @@ from cnnum.design.published import margins
 from cnnum.errors import CnnumError
 from cnnum.templating.checks.records import ClosedForm
 from cnnum.templating.checks.registry import form_of
-from cnnum.templating.checks.stability_class import stability_class
 from cnnum.templating.library import get_template, template_names
+from cnnum.templating.stability_class import stability_class
 from cnnum.templating.template import Template
 
 UNCOUPLED = ("linear and stable", "monostable cells", "bistable cells")

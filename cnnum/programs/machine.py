@@ -66,6 +66,10 @@ class FrameFields:
 
     def __init__(self, graph: Graph, channels: Sequence[str]) -> None:
         self._graph = graph
+        if isinstance(channels, str) or not isinstance(cast(object, channels), Sequence):
+            raise ProgramError(
+                f"Channels are a sequence of names, as in ('normal',), got {channels!r:.60}."
+            )
         self.channels = tuple(checked_name("a channel", c, ProgramError) for c in channels)
         self._made: dict[tuple[object, ...], object] = {}
 

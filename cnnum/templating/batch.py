@@ -92,8 +92,11 @@ class TemplateBatch:
         TemplateError
             If there is none, or they differ in more than A, B, z and tau.
         """
+        expect("templates", templates, Sequence, TemplateError)
         if not templates:
             raise TemplateError("A batch needs at least one template, got none.")
+        for one in templates:
+            expect("templates", one, Template, TemplateError)
         first = templates[0]
         for other in templates[1:]:
             if _form(other) != _form(first):
@@ -143,10 +146,11 @@ def _kernels(
     if value is None:
         return np.asarray(getattr(template, part), dtype=np.float64)
     found = finite(f"{part} of a batch of '{template.name}'", value)
-    if couples == (1, 1) and (found.ndim < 4 or found.shape[-4:-2] != (1, 1)):
+    plain = 2 <= found.ndim < 4 or (found.ndim >= 4 and found.shape[-4:-2] != (1, 1))
+    if couples == (1, 1) and plain:
         found = found[..., np.newaxis, np.newaxis, :, :]
     sizes = found.shape[-4:]
-    if sizes[:2] != couples or sizes[-1] != sizes[-2] or sizes[-1] % 2 == 0:
+    if len(sizes) < 4 or sizes[:2] != couples or sizes[-1] != sizes[-2] or sizes[-1] % 2 == 0:
         raise TemplateError(
             f"{part} of a batch of '{template.name}' must be (..., k, k) with k odd, for {couples} "
             f"couplings, got the shape {np.shape(value)}."

@@ -86,6 +86,16 @@ CALLS: dict[str, tuple[Any, dict[str, Any]]] = {
         cnnum.stability_bound,
         {"method": "euler", "template": cnnum.get_template("DIFFUS"), "shape": (8, 8)},
     ),
+    "analyse": (cnnum.analyse, {"template": cnnum.get_template("DIFFUS"), "shape": (8, 8)}),
+    "TemplateBatch": (cnnum.TemplateBatch, {"template": cnnum.get_template("EDGE"), "A": EYE}),
+    "TemplateBatch.of": (cnnum.TemplateBatch.of, {"templates": [cnnum.get_template("EDGE")]}),
+    "analyse_program": (
+        cnnum.analyse_program,
+        {"program": cnnum.get_program("contact"), "shape": (4, 4), "channels": ("normal",)},
+    ),
+    "Check": (cnnum.Check, {"name": "rule", "parameters": {}}),
+    "save_picture": (cnnum.save_picture, {"picture": PICTURE, "path": "none/none.png", "scale": 1}),
+    "save_template": (cnnum.save_template, {"template": cnnum.get_template("EDGE"), "path": 7}),
     "get_template": (cnnum.get_template, {"name": "EDGE"}),
     "get_program": (cnnum.get_program, {"name": "contact"}),
     "program_names": (cnnum.program_names, {"room": None}),
@@ -146,7 +156,8 @@ def changes(base: dict[str, Any]) -> st.SearchStrategy[dict[str, Any]]:
 
 
 @pytest.mark.parametrize("name", CALLS)
-def test_calls_answer_or_are_refused(name, fuzz):
+def test_calls_answer_or_are_refused(name, fuzz, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)  # some write files
     call, base = CALLS[name]
     fuzz(changes(base), lambda options: call(**options))
 

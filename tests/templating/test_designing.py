@@ -11,10 +11,10 @@ from cnnum.templating.checks import run_check
 from cnnum.templating.checks.audit import audit
 from cnnum.templating.checks.measuring import measure, shifted
 from cnnum.templating.checks.robustness import flips, tolerances
-from cnnum.templating.checks.stability_class import stability_class
 from cnnum.templating.files import load_entry, write_measured
 from cnnum.templating.library import get_entry, template_path
 from cnnum.templating.numbers import numbers_of, with_numbers
+from cnnum.templating.stability_class import stability_class
 
 
 @pytest.fixture(scope="module")

@@ -2,6 +2,7 @@
 
 import click
 
+from cnnum.cli.library.templates_analyse import analyse
 from cnnum.cli.library.templates_audit import audit
 from cnnum.cli.library.templates_check import check
 from cnnum.cli.library.templates_convert import export, import_files
@@ -25,7 +26,7 @@ def command(ctx: click.Context) -> None:
 
 
 _MEMBERS = (
-    *(list_templates, show, check, design, measure, audit, gallery),
+    *(list_templates, show, analyse, check, design, measure, audit, gallery),
     *(import_files, export),
 )
 

@@ -30,7 +30,8 @@ WIDE = 112
 """Columns from which all of a check's figures fit side by side."""
 
 
-def _shape(ctx: click.Context, parameter: click.Parameter, value: str) -> tuple[int, int]:
+def array_shape(ctx: click.Context, parameter: click.Parameter, value: str) -> tuple[int, int]:
+    """Return the rows and columns in an option's text."""
     rows, _, cols = value.lower().replace("×", "x").partition("x")
     if not (rows.isdigit() and cols.isdigit() and int(rows) and int(cols)):
         raise click.BadParameter(f"expected ROWSxCOLS, as in 8x8, got '{value}'.", ctx, parameter)
@@ -42,7 +43,9 @@ def _shape(ctx: click.Context, parameter: click.Parameter, value: str) -> tuple[
 @click.option("--engine", "engines", multiple=True, help="Again for more; all unless given.")
 @click.option("--device", help="Part of the OpenCL device's name.")
 @click.option("--precision", help="float32 or float64; each engine's own unless given.")
-@click.option("--shape", default="8x8", callback=_shape, help="Array of the pictures: ROWSxCOLS.")
+@click.option(
+    "--shape", default="8x8", callback=array_shape, help="Array of the pictures: ROWSxCOLS."
+)
 @click.option("--seed", default=0, type=click.IntRange(min=0), help="Of the random pictures.")
 @click.option("--method", default="auto", help="Integration method.")
 @click.option(

@@ -92,7 +92,7 @@ def report(
     from cnnum.integrators.stability import stability_bound
     from cnnum.templating.checks.measuring import measure, settle_times
     from cnnum.templating.checks.robustness import flips, tolerances
-    from cnnum.templating.checks.stability_class import stability_class
+    from cnnum.templating.stability_class import stability_class
 
     kind = stability_class(template)
     found = {

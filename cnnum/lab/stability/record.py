@@ -55,6 +55,8 @@ class Case:
         Regular expression of a sentence with which it may be refused; "" where it may not.
     slow : str
         Why the reference engine leaves it out; "" where it does not.
+    patience : float
+        Seconds after which it is said to hang; 0 for the usual ones.
     """
 
     name: str
@@ -67,6 +69,7 @@ class Case:
     reason: str
     refusal: str = ""
     slow: str = ""
+    patience: float = 0.0
 
     def allowed(self, precision: str) -> float:
         """Return the largest error that passes."""

@@ -47,12 +47,12 @@ def run(
     try:
         for case in cases:
             pool = pool or ProcessPoolExecutor(1, get_context("spawn"))
-            begun = time.perf_counter()
+            begun, patience = time.perf_counter(), case.patience or PATIENCE
             try:
-                yield pool.submit(run_named, case.name, engine, precision, device).result(PATIENCE)
+                yield pool.submit(run_named, case.name, engine, precision, device).result(patience)
                 continue
             except TimeoutError:
-                why = f"It did not end within {PATIENCE:g} s."
+                why = f"It did not end within {patience:g} s."
             except BrokenProcessPool:
                 why = "It ended its process."
             _end(pool)

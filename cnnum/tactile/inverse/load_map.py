@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from math import log
+from math import inf, log
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -91,6 +91,20 @@ class LoadMap:
         left, sizes, right = np.linalg.svd(matrix, full_matrices=False)
         for name, value in (("_left", left), ("_sizes", sizes), ("_right", right)):
             object.__setattr__(self, name, value)
+
+    @property
+    def condition(self) -> float:
+        """The best over the worst seen pattern of tractions, in signal over noise.
+
+        By how much noise counts more in the worst pattern without `regularisation`; infinite where
+        a pattern is not seen at all.
+        """
+        best, worst = float(self._sizes[0]), float(self._sizes[-1])
+        unseen = (
+            len(self._sizes) < self._right.shape[1]
+            or worst <= len(self._sizes) * float(np.finfo(np.float64).eps) * best
+        )
+        return inf if unseen else best / worst
 
     @property
     def grid(self) -> Grid:

@@ -7,7 +7,7 @@ from pathlib import Path
 from cnnum.errors import TemplateError, TemplateFileError
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST
-from cnnum.safety.values import as_path
+from cnnum.safety.values import as_path, expect
 from cnnum.templating.files import matcnn_format, tem_format
 from cnnum.templating.files.cnnsim_format import CNNSIM
 from cnnum.templating.files.entry import Entry, FileFormat
@@ -119,6 +119,7 @@ def save_template(
     TemplateError
         If the suffix is unknown.
     """
+    expect("template", template, Template, TemplateError)
     save_entry(Entry(template, tuple(aliases)), path)
 
 
@@ -134,7 +135,7 @@ def save_entry(entry: Entry, path: str | PathLike[str]) -> None:
     NotSupportedError
         If the format cannot hold a part of the template.
     """
-    target = Path(path)
+    target = as_path(path, TemplateFileError)
     form = _format(target)
     write_text(target, form.write(entry))
 

@@ -25,6 +25,10 @@ def write_text(target: Path, text: str) -> None:
         ) from None
     try:
         write_whole(target, content)
+    except ValueError as error:  # a name with a zero byte, or that the file system cannot hold
+        raise TemplateFileError(
+            f"No file can have the name {str(target)!r:.60}: {error}."
+        ) from None
     except OSError as error:
         raise TemplateFileError(
             f"The template file '{target}' cannot be written: {error.strerror}; "

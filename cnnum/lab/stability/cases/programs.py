@@ -1,6 +1,7 @@
 """Programs of the cover and of streams, at the ends of their ranges."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,9 +12,13 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.library import get_program
 from cnnum.programs.machine import FrameFields
+from cnnum.scenes.pipeline import load_scene
 from cnnum.templating.checks.tactile.lattice_cover import block_displacement, cover_stress, on_plane
 
 SHAPE = (8, 8)
+YEARS = 10.0 * 365.25 * 86400.0
+"""Ten of them, in seconds."""
+
 AXES = ("xz", "yz", "zz")
 
 
@@ -25,9 +30,11 @@ def cases() -> Iterator[Case]:
         yield _stack(layers)
     for poisson in (0.0, 0.3, 0.49, 0.499, 0.4999, 0.5):
         yield _equilibrium(poisson)
-    for frames in (1_000, 50_000):
+    yield _rim_load()
+    for frames in (1_000, 50_000, 1_000_000):
         yield _leaky_stream(frames)
     yield _counter()
+    yield _after_years()
     for name, load in (("no-load", 0.0), ("one-taxel", 1.0), ("one-taxel-tiny", 1e-30)):
         yield _sparse_contact(name, load)
 
@@ -76,6 +83,32 @@ def _cover(depth: float) -> Case:
         (1e-4, 1e-4),
         "the read-out of the waves, as a share of the largest stress",
         r"thickness|depth",
+    )
+
+
+def _rim_load() -> Case:
+    """Loads on the outermost taxels alone, half of whose field lies beyond the array."""
+    load = _load()
+    load[1:-1, 1:-1] = 0.0
+    truth = cover_stress(load, 1.0)
+    size = float(np.abs(truth).max())
+
+    def solve(engine: Engine) -> Solved:
+        bound = get_program("halfspace_stress").bind(thickness=1e-3, pitch=1e-3)
+        wanted = [f"stress_{axis}" for axis in AXES]
+        out = engine.compile(bound, SHAPE, wanted)(load)
+        found = np.stack([np.asarray(out[each], dtype=np.float64) for each in wanted], axis=-1)
+        return Solved(found / size)
+
+    return Case(
+        "cover-rim-load",
+        "extreme",
+        "stress under loads on the rim of the array alone",
+        solve,
+        lambda: truth / size,
+        1e-4,
+        1e-4,
+        "the read-out of the waves, as a share of the largest stress",
     )
 
 
@@ -141,9 +174,10 @@ def _leaky_stream(frames: int) -> Case:
     def solve(engine: Engine) -> Solved:
         plan = engine.compile(_remembering, SHAPE)
         stream, out = plan.stream(), {}
-        frame = np.full((*SHAPE, 3), 0.7)
+        # one channel is read
+        frame = np.full((*SHAPE, 1), 0.7, dtype=engine.precision)
         for _ in range(frames):
-            out = stream.push(frame)
+            out = stream.push_read(frame, 0.7)
         return Solved(np.asarray(out["mean"], dtype=np.float64))
 
     left = 0.99**frames
@@ -156,6 +190,8 @@ def _leaky_stream(frames: int) -> Case:
         2.0**-24 / 0.01,
         2.0**-52 / 0.01,
         "one rounding a frame, over the leak of 0.01",
+        slow="it takes minutes there" if frames > 100_000 else "",
+        patience=6e-4 * frames,
     )
 
 
@@ -204,3 +240,34 @@ def _sparse_contact(name: str, load: float) -> Case:
         0.0,
         "every number is finite",
     )
+
+
+def _after_years() -> Case:
+    """Frames with times and numbers of ten years of 1 kHz: the same events as from 0."""
+
+    def solve(engine: Engine) -> Solved:
+        return Solved(_times(engine, YEARS, 1000 * int(YEARS)) - YEARS)
+
+    return Case(
+        "years-of-frames",
+        "extreme",
+        "a press after ten years of frames: times of its events",
+        solve,
+        lambda: _times(Engine("reference"), 0.0, 0),
+        # the spacing of double precision at ten years of seconds
+        6e-8,
+        6e-8,
+        "the spacing of times of ten years, in seconds",
+    )
+
+
+def _times(engine: Engine, later: float, number: int) -> Floats:
+    """Return the times of the events of a press whose frames begin then, with that number."""
+    press = [{"kind": "press", "load": 1.0, "duration": 0.2}]
+    scene = load_scene("contact", engine=engine, changes={"array.script": press})
+    way, found = scene.path(), list[float]()
+    with scene.driver:
+        for place, frame in enumerate(scene.driver.frames()):
+            moved = replace(frame, time=frame.time + later, sequence=frame.sequence + number)
+            found += [event.t for event in way.step(place + number, moved).events]
+    return np.array(found)

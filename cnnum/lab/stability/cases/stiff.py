@@ -9,7 +9,7 @@ from scipy.sparse.linalg import spsolve
 
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
-from cnnum.lab.stability.cases.solving import linear
+from cnnum.lab.stability.cases.solving import integrated, linear
 from cnnum.lab.stability.record import Case, Solved, states
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template
@@ -45,6 +45,8 @@ def cases() -> Iterator[Case]:
             yield _diffusion(number, output)
     for method in METHODS:
         yield _diffusion(100.0, "standard", method)
+    for weight in (1e3, 1e5, 1e6):
+        yield _symmetric(weight)
     for weight in (10.0, 1e3, 1e6):
         yield _feedback(weight)
         yield _together(weight)
@@ -196,6 +198,25 @@ def _together(weight: float) -> Case:
         6e-4 * weight,
         "the tolerance, of a state as large as the sum",
         f"{FEW_STEPS}|{UNFIT}",
+    )
+
+
+def _symmetric(weight: float) -> Case:
+    """A random symmetric kernel on a small array, whose cells saturate one after the other."""
+    rng = np.random.default_rng(1)
+    kernel = rng.normal(size=(3, 3))
+    kernel = weight * (kernel + kernel[::-1, ::-1])
+    start = rng.uniform(-0.5, 0.5, (1, 3, 3))
+    template = Template("symmetric", kernel, duration=2.0)
+    return Case(
+        f"symmetric-{weight:g}",
+        "stiff",
+        f"a symmetric kernel of weights of {weight:g}",
+        lambda engine: states(engine.run(template, state=start[0])),
+        lambda: integrated(kernel[np.newaxis, np.newaxis], 0.0, start, 2.0)[0],
+        3e-4 * weight,
+        3e-4 * weight,
+        "the tolerance, of states of up to four times the weights",
     )
 
 

@@ -35,6 +35,7 @@ def stability_class(template: Template) -> StabilityClass:
         return StabilityClass("unknown", "No theorem here covers couplings nonlinear in the state.")
     return (
         _contracting(template)
+        or _unbounded(template)
         or _uncoupled(template)
         or _symmetric(template)
         or _feed_forward(template)
@@ -52,6 +53,15 @@ def _contracting(template: Template) -> StabilityClass | None:
     return StabilityClass(
         "linear and stable",
         f"The weights of A sum to {pull.max():.3g} in size, below 1, so that differences decay.",
+    )
+
+
+def _unbounded(template: Template) -> StabilityClass | None:
+    """Theorems of rest need outputs that are bounded."""
+    if not template.output.linear:
+        return None
+    return StabilityClass(
+        "unknown", "Its output is linear: it rests if every mode decays, which its rates say."
     )
 
 
@@ -74,7 +84,10 @@ def _uncoupled(template: Template) -> StabilityClass | None:
 
 def _symmetric(template: Template) -> StabilityClass | None:
     mirrored = template.A.transpose(1, 0, 2, 3)[:, :, ::-1, ::-1]
-    if not np.array_equal(template.A, mirrored):
+    # a mirror at the rim keeps couplings symmetric only if they are even along each axis
+    even = np.array_equal(template.A, template.A[:, :, ::-1])
+    mirror = template.boundary.pad_mode == "symmetric"
+    if not np.array_equal(template.A, mirrored) or (mirror and not even):
         return None
     return StabilityClass(
         "symmetric A", "A is symmetric, so that an energy falls until rest (Chua & Yang 1988)."

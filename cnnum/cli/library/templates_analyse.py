@@ -1,0 +1,65 @@
+"""`cnnum templates analyse NAME`."""
+
+import math
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import click
+
+from cnnum.cli.library.templates_check import array_shape
+from cnnum.cli.library.templates_choice import is_place
+from cnnum.cli.options import json_option
+from cnnum.cli.output import Output, facts, table
+
+if TYPE_CHECKING:
+    from cnnum.runs.analysis import Analysis
+
+
+@click.command("analyse")
+@click.argument("name")
+@click.option("--shape", default="8x8", callback=array_shape, help="Array: ROWSxCOLS.")
+@json_option
+def analyse(name: str, shape: tuple[int, int], as_json: bool) -> None:
+    """Show what is known of a template before it runs.
+
+    Its rates, how stiff it is, the longest stable step of every method, its class of stability and
+    why, and what saturation does. NAME is a template of the library or a file, or a program, of
+    which every template is shown.
+    """
+    from cnnum.runs.analysis import step, text
+
+    output = Output(as_json)
+    for one in _analysed(name, shape):
+        output.record(_plain(one))
+        rows, cols = one.shape
+        output.show(facts([("template", f"{one.template} on {rows}×{cols}"), *text(one)]), "")
+        shown = table("Method", ">longest stable step")
+        for method, bound in one.bounds.items():
+            shown.add_row(method, step(bound, method))
+        output.show(shown)
+
+
+def _analysed(name: str, shape: tuple[int, int]) -> "tuple[Analysis, ...]":
+    from cnnum.programs.library import get_program, program_names
+    from cnnum.runs.analysis import analyse, analyse_program
+    from cnnum.templating.files import load_template
+
+    if is_place(name):
+        return (analyse(load_template(name), shape),)
+    if name in program_names():
+        return analyse_program(get_program(name), shape)
+    return (analyse(name, shape),)
+
+
+def _plain(one: "Analysis") -> dict[str, object]:
+    """Return the record, in which what is infinite or not known is null."""
+    found: dict[str, object] = asdict(one)
+    found["steps"] = {
+        name: bound.step if math.isfinite(bound.step) else None
+        for name, bound in one.bounds.items()
+    }
+    del found["bounds"]
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in found.items()
+    }
