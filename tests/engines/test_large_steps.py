@@ -1,7 +1,5 @@
 """Steps of large arrays, strip by strip, and of wide batches are the reference's own steps."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.ndimage import correlate
@@ -36,7 +34,7 @@ def runs_of(output, radius, boundary):
     return [("float64" if n in double else "float32", *run) for n, run in enumerate(SHAPES)]
 
 
-def random_template(rng, boundary, output, radius, symmetric=False):
+def random_template(rng, boundary, output, radius, symmetric=False, tau=1.5):
     k = 2 * radius + 1
     feedback = rng.normal(size=(k, k)) * (0.3 / k)
     return Template(
@@ -44,7 +42,7 @@ def random_template(rng, boundary, output, radius, symmetric=False):
         0.5 * (feedback + feedback[::-1]) if symmetric else feedback,
         rng.normal(size=(3, 3)),
         0.1,
-        tau=1.5,
+        tau=tau,
         boundary=boundary,
         output=output,
     )
@@ -131,7 +129,7 @@ def test_arrays_of_any_form_step_as_one(number, monkeypatch):
 def test_discrete_time_goes_by_strips():
     """A thresholded sum a step, x⁺ = w + A ∗ sign(x), with nothing left of the state before."""
     rng = np.random.default_rng(7)
-    template = replace(random_template(rng, "periodic", "sign", 1), tau=1.0)
+    template = random_template(rng, "periodic", "sign", 1, tau=1.0)
     feedback, control = template.A[0, 0], template.B[0, 0]
     u, x = rng.uniform(-1, 1, (2, 300, 290))
     got = Engine("opencl", precision="float64").run(template, input=u, state=x, duration=5)

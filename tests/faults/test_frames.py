@@ -239,7 +239,7 @@ def test_what_is_compared_is_what_the_engine_reads():
     assert unit_range("count", "float32").size(frame) == 2.0**24 + 1
     assert unit_range("count", "float64").size(frame) == 2.0**24 + 1
     frame = Frame(np.full((1, 1, 1), 2.0**53 + 4), ("normal",), "count", 0, 0.0)
-    with pytest.raises(ArrayError, match="whole numbers apart"):
+    with pytest.raises(ArrayError, match="does not hold every whole number"):
         unit_range("count", "float64").size(frame)
 
 
