@@ -11,6 +11,8 @@ from cnnum.errors import PortError
 
 KNOWN_USB = {
     "1a86:55d3": "PaXini's converter has this USB bridge: try the protocol 'paxini'",
+    "16d0:14cc": "Robotiq's TSF-85 has these USB numbers: try the protocol 'robotiq-tsf85'",
+    "04b4:f232": "older hubs of Robotiq's TSF-85 have these USB numbers: try 'robotiq-tsf85'",
 }
 """USB numbers to a hint."""
 

@@ -1,8 +1,10 @@
 """Robotiq TSF-85: 7×4 static taxels at 60 Hz, one dynamic channel and inertia at up to 1 kHz.
 
 Facts of the wire: the maker's public repository ``robotiq/tactile_sensors``. A packet is 0x9A, a
-byte that is not used, a command, a length of at most 60, and parts: a byte that names the sensor
-(high nibble) and the finger (bits 2 and 3), then big-endian numbers.
+byte that is not used, a command, a length, and parts: a byte that names the sensor (high nibble)
+and the finger (bits 2 and 3), then big-endian numbers. Since firmware 1.1.7 a packet may hold parts
+of both fingers, and the time of a finger is a u64 in µs; before, packets had at most 60 bytes of
+data, and the time was a u16 in ms.
 """
 
 import struct
@@ -14,11 +16,18 @@ from cnnum.drivers.codecs.stream import MORE, Decoder, Found, Skip, to_marker
 from cnnum.drivers.codecs.wire import Asked, Form, Wire
 from cnnum.errors import CodecError, SceneError
 
-START, HEAD, MOST = b"\x9a", 4, 60
-READ, AUTOSEND = 0x61, 0x58
+START, HEAD = b"\x9a", 4
+READ, AUTOSEND, AUTOSEND_ALONE = 0x61, 0x58, 0x59
+COMMANDS = (READ, AUTOSEND, AUTOSEND_ALONE)
 STATIC, DYNAMIC, TIMESTAMP = 0x10, 0x20, 0x70
-PARTS = {0x10: 56, 0x20: 2, 0x30: 6, 0x40: 6, 0x50: 6, 0x60: 2, 0x70: 2}
+PARTS = {0x10: 56, 0x20: 2, 0x30: 6, 0x40: 6, 0x50: 6, 0x60: 2}
 """Type of a sensor to the bytes of its numbers."""
+
+CLOCKS = {8: 1, 2: 1000}
+"""Bytes of a time to the µs of its unit: since firmware 1.1.7, and before."""
+
+Parts = list[tuple[int, int, bytes]]
+"""Type, finger and bytes of each part of a packet."""
 
 INERTIA = {0x30: "acceleration", 0x40: "turning", 0x50: "field"}
 SHAPE = (7, 4)
@@ -73,7 +82,8 @@ class Tsf85:
         self._finger = finger
         self._extras: dict[str, float] = {}
         self._peak = 0.0
-        self._millis: int | None = None
+        self._clock = 8
+        self._time: int | None = None
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
         """Return the scan, gap or wait at the front of `data`."""
@@ -82,12 +92,12 @@ class Tsf85:
             return before
         if len(data) < HEAD:
             return MORE
-        if data[2] not in (READ, AUTOSEND) or not 0 < data[3] <= MOST:
+        if data[2] not in COMMANDS or not data[3]:
             return Skip(1)
         size = HEAD + data[3]
         if len(data) < size:
             return MORE
-        parts = parts_of(bytes(data[HEAD:size]))
+        parts = self._parts(bytes(data[HEAD:size]))
         after = bytes(data[size : size + HEAD + 1])
         if parts is None or not begins(after):
             return Skip(1, bad=locked)
@@ -95,11 +105,19 @@ class Tsf85:
             return MORE
         return Found(size, self._scan(parts))
 
-    def _scan(self, parts: list[tuple[int, int, bytes]]) -> Scan | None:
+    def _parts(self, data: bytes) -> "Parts | None":
+        """Return the parts, with the time that the firmware sent last, or with the other one."""
+        for clock in sorted(CLOCKS, key=lambda width: width != self._clock):
+            parts = parts_of(data, clock)
+            if parts is not None:
+                return parts
+        return None
+
+    def _scan(self, parts: "Parts") -> Scan | None:
         values = None
         for kind, finger, data in parts:
             if kind == TIMESTAMP:
-                self._millis = int.from_bytes(data, "big")
+                self._keep_time(finger, data)
             elif finger == self._finger:
                 if kind == STATIC:
                     values = np.frombuffer(data, ">u2").astype(float).reshape(*SHAPE, 1)
@@ -109,8 +127,15 @@ class Tsf85:
             return None
         peak, self._peak = self._peak, 0.0
         extras = {**self._extras, "device_dynamic_peak": peak}
-        time = None if self._millis is None else 1000 * self._millis
-        return Scan(values, ("normal",), "count", time_us=time, time_wrap=1000 << 16, extras=extras)
+        unit = CLOCKS[self._clock]
+        time = None if self._time is None else unit * self._time
+        wrap = unit << 8 * self._clock
+        return Scan(values, ("normal",), "count", time_us=time, time_wrap=wrap, extras=extras)
+
+    def _keep_time(self, finger: int, data: bytes) -> None:
+        """Take in a time: the finger's own, or that of an older firmware, which has but one."""
+        if len(data) == 2 or finger == self._finger:
+            self._clock, self._time = len(data), int.from_bytes(data, "big")
 
     def _note(self, kind: int, data: bytes) -> None:
         numbers = struct.unpack(f">{len(data) // 2}h", data)
@@ -126,18 +151,25 @@ class Tsf85:
 
 def begins(data: bytes) -> bool:
     """Return whether bytes begin a packet, as far as there are any."""
-    known = {0: START, 2: (READ, AUTOSEND), 3: range(1, MOST + 1)}
+    known = {0: START, 2: COMMANDS, 3: range(1, 256)}
     good = all(data[at] in values for at, values in known.items() if at < len(data))
-    return good and (len(data) <= HEAD or data[HEAD] & 0xF0 in PARTS)
+    return good and (len(data) <= HEAD or data[HEAD] & 0xF0 in (*PARTS, TIMESTAMP))
 
 
-def parts_of(data: bytes) -> list[tuple[int, int, bytes]] | None:
-    """Return type, finger and bytes of each part, or None if they do not fill the packet."""
-    parts: list[tuple[int, int, bytes]] = []
+def parts_of(data: bytes, clock: int) -> Parts | None:
+    """Return type, finger and bytes of each part, or None if they do not fill the packet.
+
+    Parameters
+    ----------
+    data : bytes
+    clock : int
+        Bytes of a time.
+    """
+    parts: Parts = []
     at = 0
     while at < len(data):
         kind, finger = data[at] & 0xF0, data[at] >> 2 & 3
-        size = PARTS.get(kind)
+        size = clock if kind == TIMESTAMP else PARTS.get(kind)
         if size is None or at + 1 + size > len(data):
             return None
         parts.append((kind, finger, data[at + 1 : at + 1 + size]))
@@ -146,7 +178,7 @@ def parts_of(data: bytes) -> list[tuple[int, int, bytes]] | None:
 
 
 def encode(scan: Scan, finger: int = 0) -> bytes:
-    """Return the packets of a scan: its time, then its taxels.
+    """Return the packet of a scan, as firmware 1.1.8 sends it: dynamic channel, time, taxels.
 
     Raises
     ------
@@ -157,9 +189,8 @@ def encode(scan: Scan, finger: int = 0) -> bytes:
         raise CodecError(f"The TSF-85 has 7×4 taxels of one axis, got {scan.values.shape}.")
     counts = np.clip(np.rint(np.asarray(scan.values, np.float64)), 0, 65_535).astype(">u2")
     dynamic = int(scan.extras.get("device_dynamic", 0.0)) & 0xFFFF
-    millis = (scan.time_us or 0) // 1000 % (1 << 16)
-    first = bytes([DYNAMIC | finger << 2]) + dynamic.to_bytes(2, "big")
-    first += bytes([TIMESTAMP]) + millis.to_bytes(2, "big")
-    return command(AUTOSEND, first) + command(
-        AUTOSEND, bytes([STATIC | finger << 2]) + counts.tobytes()
-    )
+    own = finger << 2
+    data = bytes([STATIC | own]) + counts.tobytes()
+    data += bytes([DYNAMIC | own]) + dynamic.to_bytes(2, "big")
+    data += bytes([TIMESTAMP | own]) + (scan.time_us or 0).to_bytes(8, "big")
+    return command(AUTOSEND, data)
