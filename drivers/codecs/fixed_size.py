@@ -33,7 +33,8 @@ class FixedSize:
         self._counter = len(self._header)
         self._time = self._counter + bytes_of(d.counter)
         self._cells = self._time + bytes_of(d.time)
-        self._check = self._cells + int(np.prod(d.whole)) * d.dtype.itemsize + d.unused
+        self._dtype, self._count, self._channels = d.dtype, int(np.prod(d.whole)), d.channels
+        self._check = self._cells + self._count * self._dtype.itemsize + d.unused
         width = CHECKS[d.check][0] if d.check != "none" else 0
         self._end = self._check + width
         self.size = self._end + len(self._tail)
@@ -50,7 +51,7 @@ class FixedSize:
             return Skip(len(data), bad=True)  # an answer has its size, or it is none
         packet = bytes(data[: self.size])
         if packet[self._end :] != self._tail:
-            return Skip(1, bad=bool(self._header) and locked)
+            return self._to_tail(data, locked=locked)
         if not self._checked(packet):
             return Skip(1, bad=True)
         values = self._values(packet)
@@ -58,6 +59,13 @@ class FixedSize:
             return Skip(1, bad=True)
         seen = self._believed(data, locked=locked, ended=ended)
         return Found(self.size, self._scan(packet, values)) if isinstance(seen, Found) else seen
+
+    def _to_tail(self, data: bytearray, *, locked: bool) -> Skip:
+        """Return the bytes before the next place of which the tail stands where it must."""
+        if self._header:
+            return Skip(1, bad=locked)
+        at = data.find(self._tail, self._end)
+        return Skip(at - self._end if at > 0 else len(data) - self.size + 1)
 
     def _checked(self, packet: bytes) -> bool:
         d = self._descriptor
@@ -99,9 +107,8 @@ class FixedSize:
     def _values(self, packet: bytes) -> Floats | None:
         """Return the raw numbers, or None where they are out of range."""
         d = self._descriptor
-        count = int(np.prod(d.whole))
-        cells = np.frombuffer(packet, d.dtype, count, self._cells)
-        if d.dtype.kind == "f" and not np.isfinite(cells).all():
+        cells = np.frombuffer(packet, self._dtype, self._count, self._cells)
+        if self._dtype.kind == "f" and not np.isfinite(cells).all():
             return None
         raw = cells.astype(np.float64)
         if d.limits is not None and ((raw < d.limits[0]) | (raw > d.limits[1])).any():
@@ -117,7 +124,7 @@ class FixedSize:
         time = int.from_bytes(packet[self._time : self._cells], order) * MICROS[d.time_unit]
         return Scan(
             values=values * d.scale if d.scale != 1.0 else values,
-            channels=d.channels,
+            channels=self._channels,
             unit=d.unit,
             sequence=int.from_bytes(packet[self._counter : self._time], order)
             if has_counter

@@ -179,10 +179,20 @@ def overtaken(
                 return count
         return DEPTH
 
-    rivals = [at for at in range(1, size) if data.startswith(marker, at)]
+    rivals = places(data, marker, 1, size)
     if not rivals:
         return Found(size)
     if len(data) < (1 + DEPTH) * size and not ended:
         return MORE
     stands = max(map(chain, rivals)) <= chain(0)
     return Found(size) if stands else Skip(1, bad=True)
+
+
+def places(data: bytearray, marker: bytes, begin: int, end: int) -> list[int]:
+    """Return the places from `begin` on, before `end`, at which a marker begins."""
+    found: list[int] = []
+    at = data.find(marker, begin)
+    while 0 <= at < end:
+        found.append(at)
+        at = data.find(marker, at + 1)
+    return found

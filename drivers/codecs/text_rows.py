@@ -13,7 +13,8 @@ from cnnum.errors import CodecError
 DIGITS = 32
 """Signs of the longest number."""
 
-ALLOWED = set(b"0123456789+-.eE ,;\t\r\n")
+ALLOWED = b"0123456789+-.eE ,;\t\r\n"
+BLANKS = bytes.maketrans(b",;", b"  ")
 
 
 class TextRows:
@@ -23,6 +24,7 @@ class TextRows:
         self._descriptor = descriptor
         rows, cols, axes = descriptor.whole
         self._rows, self._numbers = rows, cols * axes
+        self._channels = descriptor.channels
         self._longest = rows * (self._numbers * DIGITS + 2) + 2
 
     def look(self, data: bytearray, *, locked: bool, ended: bool) -> Found | Skip | None:
@@ -46,7 +48,7 @@ class TextRows:
             end,
             Scan(
                 values * d.scale if d.scale != 1.0 else values,
-                d.channels,
+                self._channels,
                 d.unit,
                 period_us=round(1e6 / d.rate) if d.rate else 0,
             ),
@@ -100,9 +102,9 @@ def _index(lines: list[bytes], full: list[bytes], rows: int) -> int:
 
 def _floats(line: bytes) -> list[float]:
     """Return the numbers of a line; none where one is no number."""
-    if not set(line) <= ALLOWED:
+    if line.translate(None, ALLOWED):
         return []
     try:
-        return [float(word) for word in line.replace(b",", b" ").replace(b";", b" ").split()]
+        return list(map(float, line.translate(BLANKS).split()))
     except ValueError:
         return []

@@ -34,12 +34,13 @@ TEXT = {"3d-vitac", "anyskin-text", "xela"}
 ASKED = {"paxini", "velostat"}
 
 
-def spoken(name: str) -> Wire:
-    return wire(name, Asked(shape=FORMS[name][0]))
+def spoken(name: str, shape: tuple[int, int] | None = None) -> Wire:
+    return wire(name, Asked(shape=shape or FORMS[name][0]))
 
 
-def drawn(name: str, number: int, seed: int = 0) -> Scan:
+def drawn(name: str, number: int, seed: int = 0, small: tuple[int, int] | None = None) -> Scan:
     shape, channels, unit, kind = FORMS[name]
+    shape = small or shape
     rng = np.random.default_rng([seed, number])
     whole = (*shape, len(channels))
     if kind == "f4":
