@@ -10,7 +10,7 @@ QUICK := $(addprefix tests/,cli/test_devices.py cli/test_run.py engines/test_mac
     engines/test_working_devices.py tactile/test_contact.py test_plan.py programs/test_programs.py scenes/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test situations faults fuzz mutate platforms docs lint style mypy pyright bench lock clean
+.PHONY: demo test situations faults arrays fuzz mutate platforms docs lint style mypy pyright bench lock clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html
@@ -29,6 +29,13 @@ situations: $(VENV)/dev.stamp
 # recordings, frames, caches, files and processes under faults on purpose; a short version is in `test`
 faults: $(VENV)/dev.stamp
 	CNNUM_FAULTS=full $(PYTEST) tests/faults tests/drivers/test_serial_gaps.py tests/scenes/test_long_runs.py
+
+# arrays for long: a million damaged packets a protocol, 200 kills of a recorder, 20 unplugs, and five
+# minutes of a line at 1 kHz, which needs a core of its own; a short version is in `test`
+arrays: $(VENV)/dev.stamp
+	CNNUM_FAULTS=full CNNUM_CODEC_INPUTS=1000000 $(PYTEST) --dist load tests/faults/test_codecs.py \
+	    tests/faults/test_recordings.py::test_kill
+	CNNUM_FAULTS=full CNNUM_LINE_SECONDS=300 $(BIN)/python -m pytest tests/drivers/test_virtual_array.py
 
 # ten minutes of random input for all parsers and public functions; a short version is in `test`
 fuzz: $(VENV)/dev.stamp
