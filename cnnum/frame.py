@@ -96,6 +96,9 @@ class Frame:
     monotonic_ns, wall_ns : int or None
         When it came, by the host's clock that never goes back and by the time of day; None of
         frames that did not just come.
+    calibration : str
+        Id of the calibration that belongs to the values (`Calibration.identity`); empty where the
+        driver knows none.
     """
 
     values: NDArray[np.float64]
@@ -107,6 +110,7 @@ class Frame:
     truth: Truth | None = None
     monotonic_ns: int | None = None
     wall_ns: int | None = None
+    calibration: str = ""
 
     def __post_init__(self) -> None:
         if not isinstance(cast(object, self.values), np.ndarray) or not isinstance(

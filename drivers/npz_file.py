@@ -85,8 +85,8 @@ class Archive:
         if not frames:
             raise CodecError("there is no frame in it.")
 
-    def frame(self, number: int) -> Frame:
-        """Return one of the frames."""
+    def frame(self, number: int, calibration: str = "") -> Frame:
+        """Return one of the frames, with the id of its calibration."""
         known = zip(self.truths, self.truth[number].tolist(), strict=True)
         return Frame(
             values=self.values[number],
@@ -96,6 +96,7 @@ class Archive:
             time=float(self.time[number]),
             quality=Quality(int(self.quality[number])),
             truth=Truth(dict(known)) if self.truths else None,
+            calibration=calibration,
         )
 
     def lost_before(self, number: int) -> int:
@@ -241,8 +242,9 @@ class NpzFile(Closing):
     def frames(self) -> Iterator[Frame]:
         """Yield the frames as fast as they are fetched; a second call starts again."""
         self._counters = Counters()
+        known = self.calibration.identity if self.calibration else ""
         for number in range(self.total_frames):
-            frame, seen = self._recording.frame(number), self._counters
+            frame, seen = self._recording.frame(number, known), self._counters
             self._counters = replace(
                 seen,
                 frames=seen.frames + (not frame.repeated),

@@ -13,6 +13,7 @@ from cnnum.drivers.mailbox import Mailbox
 from cnnum.drivers.options import require
 from cnnum.drivers.serial_reader import SerialReader
 from cnnum.drivers.timing.clock_fit import ClockFit
+from cnnum.drivers.transports.tap import Take
 from cnnum.errors import PortError
 from cnnum.frame import Frame, Quality
 
@@ -172,12 +173,20 @@ class SerialArray(Closing):
         PortError
             If the array went away and did not come back in the attempts that the options allow.
         """
+        self._reader.tap.begin()
         while (frame := self._mail.get()) is not None:
             self._handed_on += not frame.repeated
             waited = time.monotonic_ns() - (frame.monotonic_ns or 0)
             if waited > 1e9 * self._options.stale:
                 frame = replace(frame, quality=frame.quality | Quality.STALE)
             yield frame
+
+    def tap(self, take: Take | None) -> None:
+        """Hand the bytes to `take` as they come, from the first one on; None for no one.
+
+        Those that came before are kept until then, 1 MiB at most; none are once frames are taken.
+        """
+        self._reader.tap.to(take)
 
     @property
     def clock(self) -> ClockFit:

@@ -11,6 +11,7 @@ from cnnum.drivers.mailbox import Mailbox
 from cnnum.drivers.serial_port import SerialPort
 from cnnum.drivers.timing.clock_fit import ClockFit
 from cnnum.drivers.timing.sequence import FrameClock
+from cnnum.drivers.transports.tap import Tap
 from cnnum.drivers.transports.websocket import WebSocketPort, is_address
 from cnnum.errors import OtherArrayError, PortError
 
@@ -41,6 +42,11 @@ class Link(Protocol):
 class SerialReader:
     """Reads from a thread of its own into a mailbox, from the moment that it is made.
 
+    Attributes
+    ----------
+    tap : Tap
+        Gets the bytes as they come.
+
     Raises
     ------
     PortError
@@ -58,6 +64,7 @@ class SerialReader:
         self._started = Event()
         self._error: PortError | None = None
         self._settle_at = self._ask_at = 0.0
+        self.tap = Tap()
         self._port = self._open()
         self._thread = Thread(target=self._run, name=f"read {link.port}", daemon=True)
         self._thread.start()
@@ -176,7 +183,10 @@ class SerialReader:
             self._decoder.flush()  # half an answer must not run into the next
             self._ask_at = time.monotonic() + ASK_AGAIN
             self._port.write(self._wire.request)
-        scans = self._decoder.feed(self._port.read())
+        data = self._port.read()
+        if data:
+            self.tap.add(data, time.monotonic_ns())
+        scans = self._decoder.feed(data)
         if scans:
             self._ask_at = 0.0
         if self._decoder.conflict:

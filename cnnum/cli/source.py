@@ -46,6 +46,14 @@ def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
     return open_driver(spec.driver, spec.driver_options, base=spec.base)
 
 
+def scene_text(source: str) -> str:
+    """Return the text of a scene; empty where the source is a driver, or cannot be read."""
+    from cnnum.drivers.registry import is_driver
+    from cnnum.scenes.scene_file import text_of
+
+    return "" if is_driver(source) else text_of(source)
+
+
 def limited(driver: "Driver", seconds: float | None, frames: int | None) -> "Iterator[Frame]":
     """Yield frames up to a count, or a time by the host's clock."""
     begin = time.monotonic()

@@ -2,9 +2,11 @@
 
 import contextlib
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
+from cnnum.recordings.attachments import Held, records
 from cnnum.recordings.chunks import beginning
 from cnnum.recordings.index import write_index
 from cnnum.recordings.layout import Layout
@@ -17,6 +19,8 @@ class ChunkFile:
     Parameters
     ----------
     path : Path
+    held : sequence of Held
+        Files that travel in it.
 
     Raises
     ------
@@ -26,13 +30,13 @@ class ChunkFile:
         If it cannot be created.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, held: Sequence[Held] = ()) -> None:
         self.path = path
         # unbuffered: a write is a call of the system, and nothing waits in a buffer of ours
         self._file: IO[bytes] = path.open("xb+", buffering=0)
         self._end = 0
         try:
-            self.append(beginning())
+            self.append(beginning() + records(held))
         except BaseException:
             self.discard()
             raise

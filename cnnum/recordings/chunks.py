@@ -177,11 +177,14 @@ class Waiting:
         These, then the messages.
     index : tuple of (int, int)
         The host's time of each message in ns, and its place in `records`.
+    channel : int
+        Of all these messages.
     """
 
     opening: bytes
     records: bytes
     index: tuple[tuple[int, int], ...]
+    channel: int = CHANNEL
 
     def chunk(self) -> bytes:
         """Return the frames as one chunk, with its index."""
@@ -195,7 +198,7 @@ class Waiting:
             uncompressed_crc=zlib.crc32(self.records),
             uncompressed_size=len(self.records),
         ).write(whole)
-        MessageIndex(CHANNEL, list(self.index)).write(whole)
+        MessageIndex(self.channel, list(self.index)).write(whole)
         return built(whole)
 
     def halves(self) -> "tuple[Waiting, ...]":
@@ -207,8 +210,8 @@ class Waiting:
         shift = cut - len(self.opening)
         rest = tuple((log_time, place - shift) for log_time, place in self.index[middle:])
         return (
-            Waiting(self.opening, self.records[:cut], self.index[:middle]),
-            Waiting(self.opening, self.opening + self.records[cut:], rest),
+            Waiting(self.opening, self.records[:cut], self.index[:middle], self.channel),
+            Waiting(self.opening, self.opening + self.records[cut:], rest, self.channel),
         )
 
 

@@ -12,7 +12,11 @@ from cnnum.errors import CodecError
 from cnnum.frame import Frame, Quality, Truth
 from cnnum.recordings.chunks import ENCODING, SCHEMA
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.raw_chunks import is_raw
 from cnnum.recordings.records import PREFIX, Fields, records_in
+
+NO_FRAMES = np.dtype([("sequence", np.int64)])
+"""Of a chunk of raw bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +51,8 @@ class Decoder:
         CodecError
             If they are none of a recording, or of another one than those before.
         """
+        if is_raw(records):
+            return np.empty(0, NO_FRAMES)
         parts = list[bytes]()
         for opcode, begin, end in records_in(records):
             if opcode == Opcode.MESSAGE and not parts:
@@ -138,5 +144,6 @@ def frames_of(rows: NDArray[np.void], layout: Layout) -> Iterator[tuple[Frame, i
             time=time,
             quality=Quality(quality),
             truth=known,
+            calibration=layout.calibration_id,
         )
         yield frame, log_time

@@ -5,17 +5,19 @@ from pathlib import Path
 from typing import IO
 
 from cnnum.errors import name_error
+from cnnum.recordings.attachments import records
 from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning
 from cnnum.recordings.csv_table import write_table
 from cnnum.recordings.hdf5_writer import write_hdf5
 from cnnum.recordings.index import write_index
 from cnnum.recordings.npz_writer import write_archive
 from cnnum.recordings.place import placed
+from cnnum.recordings.raw_chunks import RawMaker
 from cnnum.recordings.reader import Contents
 
 
 def write_chunks(file: IO[bytes], contents: Contents) -> None:
-    """Write the frames to chunks anew, and the index.
+    """Write files, frames and raw bytes to chunks anew, and the index.
 
     Raises
     ------
@@ -24,14 +26,20 @@ def write_chunks(file: IO[bytes], contents: Contents) -> None:
     RecordingError, CodecError
         If the recording can no longer be read.
     """
-    file.write(beginning())
-    maker = ChunkMaker(contents.layout)
+    file.write(beginning() + records(contents.held))
+    maker, raw = ChunkMaker(contents.layout), RawMaker()
     for frame, log_time in contents.stored():
         maker.add(frame, log_time)
         if maker.size >= CHUNK_BYTES:
             file.write(maker.end())
     if maker.count:
         file.write(maker.end())
+    for log_time, data in contents.raw():
+        raw.add(data, log_time)
+        if raw.size >= CHUNK_BYTES:
+            file.write(raw.take().chunk())
+    if raw.count:
+        file.write(raw.take().chunk())
     write_index(file, contents.layout)
 
 

@@ -10,8 +10,10 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import ChunkIndex, DataEnd, Footer, McapRecord, Statistics, SummaryOffset
 
+from cnnum.recordings.attachments import attached
 from cnnum.recordings.chunks import CHANNEL, SCHEMA, channel_of
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.raw_chunks import RAW_CHANNEL, RAW_SCHEMA, raw_channel
 from cnnum.recordings.records import MAGIC, PREFIX, WholeChunk, built, index_end, records_in
 from cnnum.recordings.scan import scan
 
@@ -86,36 +88,45 @@ def write_index(file: IO[bytes], layout: Layout) -> None:
     end = RecordBuilder()
     DataEnd(0).write(end)
     file.write(built(end))
-    summary = _Summary(file, file.tell())
-    with summary.group(Opcode.SCHEMA):
-        summary.add(SCHEMA)
-    with summary.group(Opcode.CHANNEL):
-        summary.add(channel_of(layout))
-    chunks = messages = 0
-    first, last = _FAR, 0
+    summary, totals = _Summary(file, file.tell()), _Totals()
     with summary.group(Opcode.CHUNK_INDEX):
-        for index, count in _indexes(file, size):
+        for index, channel, count in _indexes(file, size):
             file.seek(0, 2)
             summary.add(index)
-            chunks, messages = chunks + 1, messages + count
-            first = min(index.message_start_time, first)
-            last = max(index.message_end_time, last)
+            totals.add(index, channel, count)
+    known = [(SCHEMA, channel_of(layout))]
+    if RAW_CHANNEL in totals.messages:
+        known.append((RAW_SCHEMA, raw_channel()))
+    with summary.group(Opcode.SCHEMA):
+        for schema, _ in known:
+            summary.add(schema)
+    with summary.group(Opcode.CHANNEL):
+        for _, channel in known:
+            summary.add(channel)
+    held = list(attached(file, len(MAGIC), size))
+    file.seek(0, 2)
+    if held:
+        with summary.group(Opcode.ATTACHMENT_INDEX):
+            for begin, end, one in held:
+                summary.add(one.index(begin, end))
     with summary.group(Opcode.STATISTICS):
-        summary.add(_statistics(chunks, messages, first, last))
+        summary.add(totals.statistics(len(held)))
     file.seek(0, 2)
     summary.close()
 
 
-def _indexes(file: IO[bytes], size: int) -> Iterator[tuple[ChunkIndex, int]]:
-    """Yield the entry of each whole chunk of a file, and the number of its messages."""
+def _indexes(file: IO[bytes], size: int) -> Iterator[tuple[ChunkIndex, int, int]]:
+    """Yield the entry of each whole chunk of a file, its channel, and the number of messages."""
     for part in scan(file, size):
         if not isinstance(part, WholeChunk):
             continue
-        times = [
-            _LOG_TIME.unpack_from(part.records, begin + PREFIX.size + 6)[0]
+        places = [
+            begin + PREFIX.size
             for opcode, begin, _ in records_in(part.records)
             if opcode == Opcode.MESSAGE
         ]
+        times = [_LOG_TIME.unpack_from(part.records, place + 6)[0] for place in places]
+        channel = int.from_bytes(part.records[places[0] : places[0] + 2], "little")
         behind = index_end(file, part.end, size)
         yield (
             ChunkIndex(
@@ -125,23 +136,39 @@ def _indexes(file: IO[bytes], size: int) -> Iterator[tuple[ChunkIndex, int]]:
                 compressed_size=part.packed,
                 message_end_time=max(times),
                 message_index_length=behind - part.end if behind else 0,
-                message_index_offsets={CHANNEL: part.end} if behind else {},
+                message_index_offsets={channel: part.end} if behind else {},
                 message_start_time=min(times),
                 uncompressed_size=len(part.records),
             ),
+            channel,
             len(times),
         )
 
 
-def _statistics(chunks: int, messages: int, first: int, last: int) -> Statistics:
-    return Statistics(
-        attachment_count=0,
-        channel_count=1,
-        channel_message_counts={CHANNEL: messages},
-        chunk_count=chunks,
-        message_count=messages,
-        message_end_time=last,
-        message_start_time=first,
-        metadata_count=0,
-        schema_count=1,
-    )
+class _Totals:
+    """Counts over all chunks of a file."""
+
+    def __init__(self) -> None:
+        self.messages = {CHANNEL: 0}
+        self._chunks, self._first, self._last = 0, _FAR, 0
+
+    def add(self, index: ChunkIndex, channel: int, count: int) -> None:
+        """Count a chunk."""
+        self._chunks += 1
+        self.messages[channel] = self.messages.get(channel, 0) + count
+        self._first = min(index.message_start_time, self._first)
+        self._last = max(index.message_end_time, self._last)
+
+    def statistics(self, attachments: int) -> Statistics:
+        """Return the counts as the summary holds them."""
+        return Statistics(
+            attachment_count=attachments,
+            channel_count=len(self.messages),
+            channel_message_counts=self.messages,
+            chunk_count=self._chunks,
+            message_count=sum(self.messages.values()),
+            message_end_time=self._last,
+            message_start_time=self._first,
+            metadata_count=0,
+            schema_count=len(self.messages),
+        )

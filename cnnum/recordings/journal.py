@@ -1,14 +1,17 @@
 """Recording while frames come: none of them waits in memory for longer than a moment."""
 
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from threading import Event, Lock, Thread
 
 from cnnum.errors import RecordingError
 from cnnum.frame import Frame
+from cnnum.recordings.attachments import Held
 from cnnum.recordings.chunk_file import ChunkFile
 from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, Waiting
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.raw_chunks import RawMaker
 from cnnum.tactile.taxel import Calibration
 
 MOMENT = 0.4
@@ -29,6 +32,8 @@ class Journal:
         Of the array.
     calibration : Calibration or None
         Of the array.
+    held : sequence of Held
+        Files that travel in it.
 
     Attributes
     ----------
@@ -45,13 +50,20 @@ class Journal:
         If it cannot be created.
     """
 
-    def __init__(self, path: Path, rate: float, calibration: Calibration | None) -> None:
+    def __init__(
+        self,
+        path: Path,
+        rate: float,
+        calibration: Calibration | None,
+        held: Sequence[Held] = (),
+    ) -> None:
         self.path = path
         self.came = self.stored = 0
         self.failure: OSError | None = None
         self._rate, self._calibration = rate, calibration
-        self._file = ChunkFile(path)
+        self._file = ChunkFile(path, held)
         self._maker: ChunkMaker | None = None
+        self._raw = RawMaker()
         self._oldest = 0
         # a clock that is set while frames come must not shuffle them
         self._epoch = time.time_ns() - time.monotonic_ns()
@@ -80,6 +92,17 @@ class Journal:
             if self.failure is not None:
                 raise _full(self.path, self.failure)
 
+    def add_raw(self, data: bytes, arrived: int) -> None:
+        """Take in bytes as they came at a time by the host's monotonic clock, ns.
+
+        It never raises: the frames that are decoded from them say that the file takes no more.
+        """
+        with self._lock:
+            if self.failure is None and not self._ended.is_set():
+                self._raw.add(data, self._epoch + arrived)
+                if self._raw.size >= CHUNK_BYTES:
+                    self._write()
+
     def close(self, *, index: bool) -> None:
         """Write the waiting frames, and the index if it is wanted; then close the file.
 
@@ -105,10 +128,14 @@ class Journal:
         return self._maker
 
     def _write(self) -> None:
-        """Append the waiting frames; the lock is held."""
-        if self._maker is None or not self._maker.count or self.failure is not None:
-            return
-        self._store(self._maker.take())
+        """Append the waiting frames, then the waiting bytes; the lock is held."""
+        if self._maker is not None and self._maker.count and self.failure is None:
+            self._store(self._maker.take())
+        if self._raw.count and self.failure is None:
+            try:
+                self._file.append(self._raw.take().chunk())
+            except OSError as error:
+                self.failure = error
 
     def _store(self, waiting: Waiting) -> bool:
         """Append frames, on a disk that is full as many of them as it takes."""

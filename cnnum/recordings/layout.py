@@ -11,7 +11,7 @@ import numpy as np
 from cnnum.arrays import Shape
 from cnnum.errors import CalibrationError, CodecError
 from cnnum.frame import Frame
-from cnnum.tactile.taxel import Calibration
+from cnnum.tactile.taxel import Calibration, identity_of
 
 KIND = "cnnum recording 2"
 """Of the MCAP recordings; the NumPy archives are of kind 1."""
@@ -65,6 +65,11 @@ class Layout:
             truths=tuple(frame.truth.values) if frame.truth else (),
             calibration="" if calibration is None else calibration.to_text(),
         )
+
+    @property
+    def calibration_id(self) -> str:
+        """Id of the calibration, as `Calibration.identity` says it; empty where there is none."""
+        return identity_of(self.calibration) if self.calibration else ""
 
     @property
     def whole(self) -> tuple[int, int, int]:

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from cnnum.errors import CodecError, RecordingError, RecordingWarning
 from cnnum.frame import Frame, Quality
+from cnnum.recordings.attachments import Held, attached
 from cnnum.recordings.decode import Decoder, frames_of
 from cnnum.recordings.layout import Layout
-from cnnum.recordings.records import WholeChunk
+from cnnum.recordings.raw_chunks import is_raw, raw_of
+from cnnum.recordings.records import MAGIC, WholeChunk
 from cnnum.recordings.scan import End, Hole, scan
 
 
@@ -37,6 +39,8 @@ class Contents:
         Bytes of all these places, and of the one at the end.
     indexed : bool
         Whether a whole index stands at the end.
+    held : tuple of Held
+        Files that travel in it.
     """
 
     path: Path
@@ -49,6 +53,7 @@ class Contents:
     unreadable: int
     tail: int
     indexed: bool
+    held: tuple[Held, ...] = ()
 
     @property
     def whole(self) -> bool:
@@ -83,6 +88,13 @@ class Contents:
         """Yield frames, and the host's time of each in ns; errors are those of `chunks`."""
         for rows in self.chunks():
             yield from frames_of(rows, self.layout)
+
+    def raw(self) -> Iterator[tuple[int, bytes]]:
+        """Yield times, in ns by the host, and bytes as they came from the port; errors as above."""
+        with opened(self.path) as file:
+            for part in _scanned(file, self.size, self.path):
+                if isinstance(part, WholeChunk) and is_raw(part.records):
+                    yield from raw_of(part.records)
 
     def warn(self) -> None:
         """Name in one sentence the part that cannot be read, if any."""
@@ -136,6 +148,7 @@ def look(path: Path) -> Contents:
                 tally.skip(part, size)
             else:
                 tally.indexed = part.indexed
+        held = tuple(one for _, _, one in attached(file, len(MAGIC), size))
     if decoder.layout is None or not tally.frames:
         raise CodecError(
             f"'{path}' is no recording of cnnum: there is no whole chunk of frames in its "
@@ -152,6 +165,7 @@ def look(path: Path) -> Contents:
         unreadable=tally.unreadable,
         tail=tally.tail,
         indexed=tally.indexed,
+        held=held,
     )
 
 

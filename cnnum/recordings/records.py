@@ -203,6 +203,10 @@ class Fields:
         except UnicodeDecodeError:
             raise CodecError("a name in it is not text.") from None
 
+    def raw(self, size: int) -> bytes:
+        """Return that many bytes."""
+        return self._bytes(size)
+
     def mapping(self) -> dict[str, str]:
         """Return a map of strings."""
         end = self.number(4) + self._place

@@ -101,19 +101,7 @@ def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None
     SceneError
         If the file is not there, is not TOML, or a key is unknown, missing or of a wrong type.
     """
-    if not isinstance(cast(object, scene), str | Path):
-        raise SceneError(f"A scene is a TOML file or the name of one, got {type(scene).__name__}.")
-    path = Path(scene)
-    packaged = resources.files("cnnum.scenes") / f"{scene}.toml"
-    if str(scene) in scene_names():
-        text, base = packaged.read_text(encoding="utf-8"), Path()
-    elif names_something(path):
-        text, base = _read(path), path.parent
-    else:
-        known = ", ".join(scene_names())
-        raise SceneError(
-            f"There is no scene {shown(str(scene))}: expected a TOML file or one of {known}."
-        )
+    text, base = _found(scene)
     try:
         table = parse_toml(text)
     except ValueError as error:
@@ -121,6 +109,33 @@ def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None
     for key, value in (changes or {}).items():
         _set(table, key, value)
     return _spec(str(scene), table, base)
+
+
+def text_of(scene: str | Path) -> str:
+    """Return the text of a scene file, or of one of the scenes that come with the package.
+
+    Raises
+    ------
+    SceneError
+        If it is not there, or cannot be read.
+    """
+    return _found(scene)[0]
+
+
+def _found(scene: str | Path) -> tuple[str, Path]:
+    """Return the text of a scene, and the folder that its paths start from."""
+    if not isinstance(cast(object, scene), str | Path):
+        raise SceneError(f"A scene is a TOML file or the name of one, got {type(scene).__name__}.")
+    path = Path(scene)
+    if str(scene) in scene_names():
+        packaged = resources.files("cnnum.scenes") / f"{scene}.toml"
+        return packaged.read_text(encoding="utf-8"), Path()
+    if names_something(path):
+        return _read(path), path.parent
+    known = ", ".join(scene_names())
+    raise SceneError(
+        f"There is no scene {shown(str(scene))}: expected a TOML file or one of {known}."
+    )
 
 
 def _read(path: Path) -> str:

@@ -136,6 +136,7 @@ class DataFile(Closing):
     def frames(self) -> Iterator[Frame]:
         """Yield the frames as fast as they are fetched; a second call starts again."""
         self._counters = Counters()
+        known = self.calibration.identity if self.calibration else ""
         for frame in self.recording.frames():
             seen = self._counters
             self._counters = replace(
@@ -143,4 +144,4 @@ class DataFile(Closing):
                 frames=seen.frames + (not frame.repeated),
                 repeated=seen.repeated + frame.repeated,
             )
-            yield frame
+            yield replace(frame, calibration=known) if known else frame

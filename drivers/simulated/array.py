@@ -66,6 +66,7 @@ class SimulatedArray(Closing):
         self._taxel = _taxel(options, self._rng)
         self._noise = self._rng.bit_generator.state
         self.calibration: Calibration = self._taxel.calibration(options.depth)
+        self._calibration_id = self.calibration.identity
         self.total_frames = total_scans(options.script, options.rate)
         self._counters = Counters()
         self._closed = False
@@ -144,6 +145,7 @@ class SimulatedArray(Closing):
             time=number / self.rate,
             quality=Quality.SATURATED if saturated else Quality.GOOD,
             truth=truth,
+            calibration=self._calibration_id,
         )
 
     def _check_inside(self, states: list[State]) -> None:

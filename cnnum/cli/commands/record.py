@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 @click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after so long.")
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
 @click.option("--force", is_flag=True, help="Replace FILE if it is there.")
+@click.option("--raw/--no-raw", default=True, help="Keep the port's bytes, too (.mcap only).")
 @json_option
 def command(
     source: str,
@@ -35,6 +36,7 @@ def command(
     seconds: float | None,
     frames: int | None,
     force: bool,
+    raw: bool,
     as_json: bool,
 ) -> int:
     """Record the frames of the array SOURCE (a driver's name, or a scene) to FILE.
@@ -44,9 +46,13 @@ def command(
     off. It ends by itself, by Ctrl-C, or because the array went away.
     """
     from cnnum.cli.commands.recorders import Recorder
+    from cnnum.cli.source import scene_text
 
     with open_source(source, assignments(settings)) as driver:
-        recorder, stopped = Recorder(file, driver, force=force), True
+        recorder, stopped = (
+            Recorder(file, driver, force=force, scene=scene_text(source), raw=raw),
+            True,
+        )
         try:
             with suppress(KeyboardInterrupt), stoppable() as stop:
                 with progress("frames", frames, as_json=as_json) as steps:

@@ -1,11 +1,13 @@
 """The file of `cnnum record`: a journal at first, then the wanted format."""
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cnnum.errors import CnnumError, RecordingError
 from cnnum.frame import Frame
+from cnnum.recordings.attachments import CALIBRATION, SCENE, Held
 from cnnum.recordings.export import export, suffix_of
 from cnnum.recordings.journal import Journal
 from cnnum.recordings.place import put, taken
@@ -13,6 +15,7 @@ from cnnum.recordings.reader import look
 
 if TYPE_CHECKING:
     from cnnum.drivers.driver import Driver
+    from cnnum.tactile.taxel import Calibration
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +51,10 @@ class Recorder:
     driver : Driver
     force : bool
         Whether a file that is there already is replaced, when the recording is complete.
+    scene : str
+        Text of the scene whose array it is; empty where there is none.
+    raw : bool
+        Whether an MCAP file also holds the bytes as they come from a port.
 
     Raises
     ------
@@ -57,7 +64,15 @@ class Recorder:
         If there is such a file already, or it cannot be written.
     """
 
-    def __init__(self, target: Path, driver: "Driver", *, force: bool = False) -> None:
+    def __init__(
+        self,
+        target: Path,
+        driver: "Driver",
+        *,
+        force: bool = False,
+        scene: str = "",
+        raw: bool = False,
+    ) -> None:
         self._target, self._force = target, force
         # whatever is at this name, also a link to nowhere, is not ours to touch
         there = target.exists() or target.is_symlink()
@@ -67,7 +82,8 @@ class Recorder:
         path = target if direct else journal_of(target)
         calibration = getattr(driver, "calibration", None)
         try:
-            self._journal = Journal(path, driver.rate, calibration)
+            held = _held(calibration, scene)
+            self._journal = Journal(path, driver.rate, calibration, held)
         except FileExistsError:
             raise taken(path) if direct else _unfinished(path, target) from None
         except OSError as error:
@@ -75,6 +91,9 @@ class Recorder:
                 f"'{target}' cannot be written: {error.strerror}; choose a folder that exists "
                 "and may be written to."
             ) from None
+        tap = getattr(driver, "tap", None)
+        if tap is not None:
+            tap(self._journal.add_raw if raw and suffix_of(target) == ".mcap" else None)
 
     def add(self, frame: Frame) -> None:
         """Take in a frame.
@@ -127,6 +146,12 @@ class Recorder:
             f"'{path}' takes no more ({_why(failure)}): {kept} frames are kept in it, {lost} that "
             f"had come are not; 'cnnum recover {path} OUT' makes a whole file where there is room."
         )
+
+
+def _held(calibration: "Calibration | None", scene: str) -> list[Held]:
+    """Return the files that travel in a recording."""
+    texts = {CALIBRATION: calibration.to_text() if calibration else "", SCENE: scene}
+    return [Held(name, text, time.time_ns()) for name, text in texts.items() if text]
 
 
 def journal_of(target: Path) -> Path:

@@ -5,7 +5,7 @@ Forward: `Coupling` (cover to silicon), `Bridge` (silicon), `Readout` (electroni
 """
 
 from cnnum.tactile.taxel.bridge import Bridge
-from cnnum.tactile.taxel.calibration import Calibration
+from cnnum.tactile.taxel.calibration import Calibration, identity_of
 from cnnum.tactile.taxel.coupling import Coupling
 from cnnum.tactile.taxel.fit import CalibrationFit, fit_calibration
 from cnnum.tactile.taxel.readout import Heat, Reading, Readout
@@ -27,6 +27,7 @@ __all__ = [
     "ReceptiveField",
     "Taxel",
     "fit_calibration",
+    "identity_of",
     "receptive_field",
     "von_mises",
 ]

@@ -1,5 +1,6 @@
 """The way back: amplified bridge voltages to signals (4.14) and strain (4.15)."""
 
+import hashlib
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -16,6 +17,11 @@ from cnnum.safety.values import is_real
 from cnnum.tactile.taxel import calibration_file
 from cnnum.tactile.taxel.readout import Heat, frame_times
 from cnnum.tactile.taxel.signals import COMBINE, SIDES, rows_of, trailing
+
+
+def identity_of(text: str) -> str:
+    """Return the id of a calibration: 12 hexadecimal digits of the SHA-256 of its TOML text."""
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -245,6 +251,11 @@ class Calibration:
     def to_text(self) -> str:
         """Return the TOML text that `save` writes."""
         return calibration_file.to_text(self._values())
+
+    @property
+    def identity(self) -> str:
+        """Id by which frames and recordings name it."""
+        return identity_of(self.to_text())
 
     @classmethod
     def load(cls, path: str | Path) -> "Calibration":
