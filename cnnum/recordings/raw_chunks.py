@@ -17,7 +17,7 @@ RAW_SCHEMA = Schema(
     id=2,
     name="cnnum_msgs/msg/RawBytes",
     encoding="ros2msg",
-    data=b"# Bytes of a tactile array in the order in which they came, cut anywhere\nuint8[] data\n",
+    data=b"# Bytes of a tactile array in the order in which they came\nuint8[] data\n",
 )
 
 _HEAD = struct.Struct("<BQHIQQ4sI")

@@ -49,10 +49,8 @@ def command(
     from cnnum.cli.source import scene_text
 
     with open_source(source, assignments(settings)) as driver:
-        recorder, stopped = (
-            Recorder(file, driver, force=force, scene=scene_text(source), raw=raw),
-            True,
-        )
+        scene, stopped = scene_text(source), True
+        recorder = Recorder(file, driver, force=force, scene=scene, raw=raw)
         try:
             with suppress(KeyboardInterrupt), stoppable() as stop:
                 with progress("frames", frames, as_json=as_json) as steps:
