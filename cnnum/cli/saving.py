@@ -1,6 +1,7 @@
 """The option `--save`: fields of a scene into a file, next to its events."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Generator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,25 @@ save_option = click.option(
     metavar="FILE.npz|csv|nc",
     help="Write the fields that the scene wants, a row a frame.",
 )
+
+
+rerun_option = click.option(
+    "--rerun",
+    metavar="FILE.rrd|ADDRESS",
+    help="Send pictures and events to Rerun: a file, or a viewer that runs.",
+)
+
+
+@contextmanager
+def to_rerun(scene: "Scene", target: str | None) -> Generator[Callable[["FrameResult"], object]]:
+    """Yield the function that sends a moment to Rerun; one that does nothing without a target."""
+    if target is None:
+        yield lambda _: None
+        return
+    from cnnum.live.rerun_sink import RerunSink
+
+    with RerunSink(scene, target) as sink:
+        yield sink.add
 
 
 class FieldSaver:

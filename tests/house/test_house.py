@@ -19,6 +19,7 @@ HEAVY = {
     "zstandard": {"cnnum/recordings"},
     "lz4": {"cnnum/recordings"},
     "websockets": {"drivers/transports", "cnnum/live"},
+    "rerun": {"cnnum/live/rerun_sink.py"},
     "matplotlib": {"cnnum/report", "cnnum/lab"},
     "PIL": {"cnnum/pictures.py", "cnnum/report"},
     "numba": {"cnnum/design", "cnnum/engines/numba", "cnnum/lab/bench/peers"},

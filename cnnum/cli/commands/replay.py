@@ -8,7 +8,14 @@ from cnnum.cli.following import follow
 from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
-from cnnum.cli.saving import FieldSaver, refuse_unwritable, save_option
+from cnnum.cli.saving import (
+    FieldSaver,
+    refuse_unwritable,
+    rerun_option,
+    save_option,
+    to_rerun,
+    watching,
+)
 
 RAW = ("count", "V")
 """Units of arrays that nothing is known of: no scene fits all of them."""
@@ -25,6 +32,7 @@ DEFAULT = "demo"
 @set_option
 @engine_options
 @save_option
+@rerun_option
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
 @click.option(
     "--speed",
@@ -43,6 +51,7 @@ def command(
     device: str | None,
     precision: str | None,
     save: Path | None,
+    rerun: str | None,
     frames: int | None,
     speed: float,
     begin: float | None,
@@ -70,7 +79,9 @@ def command(
 
             loaded.driver = Paced(loaded.driver, speed, begin, end)
     saver = FieldSaver(save, loaded)
-    return follow(loaded, Output(as_json), frames=frames, watch=saver.add, keep=saver.write)
+    with to_rerun(loaded, rerun) as send:
+        watch = watching(saver.add, send)
+        return follow(loaded, Output(as_json), frames=frames, watch=watch, keep=saver.write)
 
 
 def _usual_scene(file: Path, array: dict[str, object], given: dict[str, object]) -> str:

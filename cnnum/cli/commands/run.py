@@ -9,7 +9,14 @@ from cnnum.cli.following import follow
 from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
-from cnnum.cli.saving import FieldSaver, refuse_unwritable, save_option, watching
+from cnnum.cli.saving import (
+    FieldSaver,
+    refuse_unwritable,
+    rerun_option,
+    save_option,
+    to_rerun,
+    watching,
+)
 
 if TYPE_CHECKING:
     from cnnum.scenes.pipeline import FrameResult, Scene
@@ -20,6 +27,7 @@ if TYPE_CHECKING:
 @set_option
 @engine_options
 @save_option
+@rerun_option
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
 @click.option(
     "--trace",
@@ -40,6 +48,7 @@ def command(
     device: str | None,
     precision: str | None,
     save: Path | None,
+    rerun: str | None,
     frames: int | None,
     trace: Path | None,
     trace_frame: int | None,
@@ -58,16 +67,17 @@ def command(
 
         loaded = load_scene(scene, changes=changes)
     saver = FieldSaver(save, loaded)
-    if trace is None:
-        return follow(loaded, output, frames=frames, watch=saver.add, keep=saver.write)
     eventful: list[int] = []
 
     def watch(moment: "FrameResult") -> None:
         if moment.events and not eventful:
             eventful.append(moment.number)
 
-    watches = watching(watch, saver.add)
-    code = follow(loaded, output, frames=frames, watch=watches, keep=saver.write)
+    with to_rerun(loaded, rerun) as send:
+        watches = watching(watch, saver.add, send)
+        code = follow(loaded, output, frames=frames, watch=watches, keep=saver.write)
+    if trace is None:
+        return code
     number = trace_frame if trace_frame is not None else next(iter(eventful), 0)
     # a driver runs once: the scene is opened again for its trace
     _write_trace(trace, load_scene(scene, changes=changes), number)
