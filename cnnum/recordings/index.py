@@ -90,10 +90,10 @@ def write_index(file: IO[bytes], layout: Layout) -> None:
     file.write(built(end))
     summary, totals = _Summary(file, file.tell()), _Totals()
     with summary.group(Opcode.CHUNK_INDEX):
-        for index, channel, count in _indexes(file, size):
+        for index, number, count in _indexes(file, size):
             file.seek(0, 2)
             summary.add(index)
-            totals.add(index, channel, count)
+            totals.add(index, number, count)
     known = [(SCHEMA, channel_of(layout))]
     if RAW_CHANNEL in totals.messages:
         known.append((RAW_SCHEMA, raw_channel()))
@@ -107,8 +107,8 @@ def write_index(file: IO[bytes], layout: Layout) -> None:
     file.seek(0, 2)
     if held:
         with summary.group(Opcode.ATTACHMENT_INDEX):
-            for begin, end, one in held:
-                summary.add(one.index(begin, end))
+            for start, stop, one in held:
+                summary.add(one.index(start, stop))
     with summary.group(Opcode.STATISTICS):
         summary.add(totals.statistics(len(held)))
     file.seek(0, 2)

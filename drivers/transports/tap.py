@@ -40,5 +40,6 @@ class Tap:
         """Hand all bytes to `take` from now on, or to no one."""
         with self._lock:
             early, self._early, self._take = self._early or (), None, take
-            for data, arrived in early if take is not None else ():
-                take(data, arrived)
+            if take is not None:
+                for data, arrived in early:
+                    take(data, arrived)

@@ -28,8 +28,9 @@ class Stream:
     """Keeps all that is logged, with its time."""
 
     def __init__(self, name: str) -> None:
-        self.name, self.logged, self.now, self.target = name, [], {}, ""
-        self.closed = False
+        self.name, self.target, self.closed = name, "", False
+        self.logged: list[tuple[str, dict[str, Any], Any]] = []
+        self.now: dict[str, Any] = {}
 
     def set_time(self, timeline: str, **value: Any) -> None:
         (self.now[timeline],) = value.values()
