@@ -49,9 +49,12 @@ def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
 def scene_text(source: str) -> str:
     """Return the text of a scene; empty where the source is a driver, or cannot be read."""
     from cnnum.drivers.registry import is_driver
+
+    if is_driver(source):
+        return ""
     from cnnum.scenes.scene_file import text_of
 
-    return "" if is_driver(source) else text_of(source)
+    return text_of(source)
 
 
 def limited(driver: "Driver", seconds: float | None, frames: int | None) -> "Iterator[Frame]":
