@@ -233,6 +233,9 @@ def test_an_embedded_engineer(hour, tmp_path):
     rows = [json.loads(line) for line in grouped]
     assert sum(row["flops"] for row in rows) == plan["flops"]
     assert {"program", "line", "count", "flops", "bytes", "live_bytes"} <= set(rows[0])
+    by_line = hour.does("plan", "scene.toml", *FAST, "--ops", "--lines").splitlines()
+    assert len([row for row in by_line if row.startswith("   line ")]) == len(rows)
+    wrong("give --ops", "plan", "scene.toml", "--lines")
     assert "frames" in hour.does("probe", "pad:Options", "--frames", 20)
     assert "40 frames" in hour.does("record", "pad:Options", "tape.mcap")
     wrong("is there already", "record", "pad:Options", "tape.mcap")

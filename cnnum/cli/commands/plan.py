@@ -11,6 +11,7 @@ from cnnum.cli.output import Output, facts, quantity, table
 
 if TYPE_CHECKING:
     from cnnum.plan import Explanation, Plan
+    from cnnum.runs.op_groups import OpGroup
 
 
 @click.command("plan")
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 @set_option
 @engine_options
 @click.option("--ops", is_flag=True, help="List the operations by function; --json has every line.")
+@click.option("--lines", is_flag=True, help="With --ops: by the lines of each function, too.")
 @click.option("--source", is_flag=True, help="Print the text of the kernels instead.")
 @json_option
 def command(
@@ -27,10 +29,13 @@ def command(
     device: str | None,
     precision: str | None,
     ops: bool,
+    lines: bool,
     source: bool,
     as_json: bool,
 ) -> None:
     """Show the operations of SCENE for a frame, those left out, and the saving."""
+    if lines and not ops:
+        raise click.UsageError("--lines are those of the operations: give --ops, too.")
     from cnnum.scenes.pipeline import load_scene
 
     output = Output(as_json)
@@ -38,7 +43,7 @@ def command(
     with opened.driver:
         explanation, text = opened.plan.explain(), opened.plan.source if source else ""
     if ops:
-        _show_ops(output, opened.plan)
+        _show_ops(output, opened.plan, lines)
         return
     if source:
         output.record({"scene": opened.spec.name, "source": text}, text)
@@ -47,18 +52,25 @@ def command(
     _show(output, opened.spec.name, opened.spec.wants, explanation)
 
 
-def _show_ops(output: Output, plan: "Plan") -> None:
-    """Print the operations by function, as records by line of the program."""
+def _show_ops(output: Output, plan: "Plan", lines: bool) -> None:
+    """Print the operations by function, and by line if asked to; as records always by line."""
     from cnnum.runs.op_groups import by_function, op_groups
 
     groups = op_groups(plan.built, dict(plan.solvers))
     for group in groups:
         output.record(asdict(group))
     made = table("Function", ">ops", ">flops", ">results", ">live at most")
-    for group in by_function(groups):
-        sizes = (quantity(group.bytes, "B"), quantity(group.live_bytes, "B"))
-        made.add_row(group.program, str(group.count), quantity(group.flops, "flop"), *sizes)
+    for function in by_function(groups):
+        made.add_row(*_ops_row(function.program, function))
+        for group in sorted(groups, key=lambda group: group.line) if lines else ():
+            if group.program == function.program:
+                made.add_row(*_ops_row(f"  line {group.line}", group))
     output.show(made)
+
+
+def _ops_row(name: str, group: "OpGroup") -> tuple[str, ...]:
+    sizes = (quantity(group.bytes, "B"), quantity(group.live_bytes, "B"))
+    return (name, str(group.count), quantity(group.flops, "flop"), *sizes)
 
 
 def _record(scene: str, wants: tuple[str, ...], plan: "Explanation") -> dict[str, object]:

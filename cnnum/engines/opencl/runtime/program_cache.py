@@ -14,7 +14,8 @@ import os
 import shutil
 import threading
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import cast
@@ -160,15 +161,20 @@ def keep_programs() -> None:
         return
     with _LOCK:
         for name, laid in _PROGRAMS.items():
-            files = {
-                file.relative_to(folder).as_posix(): file
-                for made in laid.folders
-                for file in made.rglob("*")
-                if file.is_file() and file.name not in PASSED_OVER
-            }
-            if not laid.kept >= files.keys():
-                SHELF.put(name, _packed(files))
-                laid.kept = frozenset(files)
+            with suppress(OSError):  # PoCL has just moved or removed a file: the next time keeps it
+                files = _files_of(laid.folders, folder)
+                if not laid.kept >= files.keys():
+                    SHELF.put(name, _packed(files))
+                    laid.kept = frozenset(files)
+
+
+def _files_of(folders: Iterable[Path], base: Path) -> dict[str, Path]:
+    return {
+        file.relative_to(base).as_posix(): file
+        for made in folders
+        for file in made.rglob("*")
+        if file.is_file() and file.name not in PASSED_OVER
+    }
 
 
 def _packed(files: dict[str, Path]) -> bytes:

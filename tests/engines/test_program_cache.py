@@ -1,0 +1,32 @@
+"""Built programs are kept while PoCL, in another thread or process, works in the same folder."""
+
+import shutil
+
+import pytest
+
+program_cache = pytest.importorskip("cnnum.engines.opencl.runtime.program_cache")
+
+
+def test_a_folder_that_goes_while_it_is_read_is_kept_the_next_time(tmp_path, monkeypatch):
+    built, kept = tmp_path / "AB", {}
+    built.mkdir()
+    (built / "kernel.so").write_bytes(b"code")
+    laid = program_cache._Laid(frozenset({built}), frozenset())
+    monkeypatch.setattr(program_cache, "work_folder", lambda: tmp_path)
+    monkeypatch.setattr(program_cache, "_PROGRAMS", {"entry": laid})
+    monkeypatch.setattr(program_cache.Shelf, "put", lambda _, name, content: kept.update({name: 1}))
+    packed = program_cache._packed
+
+    def gone(files):
+        shutil.rmtree(built)
+        return packed(files)
+
+    monkeypatch.setattr(program_cache, "_packed", gone)
+    program_cache.keep_programs()
+    assert (kept, laid.kept) == ({}, frozenset())
+
+    built.mkdir()
+    (built / "kernel.so").write_bytes(b"code")
+    monkeypatch.setattr(program_cache, "_packed", packed)
+    program_cache.keep_programs()
+    assert (list(kept), laid.kept) == (["entry"], frozenset({"AB/kernel.so"}))
