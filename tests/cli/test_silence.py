@@ -135,10 +135,15 @@ def test_a_stopped_demo_prints_its_summary():
     assert 0 < summary["frames"] < 1500
 
 
-@pytest.mark.parametrize("command", ["reproduce", "demo"])
+@pytest.mark.parametrize(
+    "command",
+    ["reproduce --out", "demo --out", "score --out", "stability --out", "templates gallery --out",
+     "sweep experiment.toml --page", "sweep experiment.toml --output",
+     "calibrate scan.csv --youngs-modulus 1e6 --out"],
+)  # fmt: skip
 def test_a_folder_that_is_not_there_is_said_before_the_work(call, command):
     began = time.monotonic()
-    done = call(command, "--out", "no/such/page.html")
+    done = call(*command.split(), "no/such/page.html")
     assert (done.exit_code, done.stdout) == (2, "")
     assert "There is no folder 'no/such'" in done.stderr
     assert time.monotonic() - began < 5.0  # all of either takes many times as long

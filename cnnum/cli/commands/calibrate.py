@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.options import json_option
+from cnnum.cli.options import in_a_folder, json_option
 from cnnum.cli.output import Output, facts, quantity
 
 if TYPE_CHECKING:
@@ -35,6 +35,7 @@ COLUMNS = ("x", "y", "fx", "fy", "fz", "left", "right", "top", "bottom")
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),
     default=Path("calibration.toml"),
+    callback=in_a_folder,
     show_default=True,
 )
 @json_option

@@ -4,18 +4,26 @@ from pathlib import Path
 
 import click
 
-from cnnum.cli.options import json_option
+from cnnum.cli.options import in_a_folder, json_option
 from cnnum.cli.output import Output, facts, number, quantity
 from cnnum.cli.progress import progress
 
 
 @click.command("sweep")
 @click.argument("experiment", type=click.Path(path_type=Path, dir_okay=False))
-@click.option("--output", type=click.Path(path_type=Path), help="Results: a .nc or .zarr.")
+@click.option(
+    "--output",
+    type=click.Path(path_type=Path),
+    callback=in_a_folder,
+    help="Results: a .nc or .zarr.",
+)
 @click.option("--scheduler", help="Address of a Dask scheduler, as in tcp://host:8786.")
 @click.option("--engine", help="Instead of the experiment's.")
 @click.option(
-    "--page", type=click.Path(path_type=Path, dir_okay=False), help="Write a page of pictures."
+    "--page",
+    type=click.Path(path_type=Path, dir_okay=False),
+    callback=in_a_folder,
+    help="Write a page of pictures.",
 )
 @json_option
 def command(

@@ -6,17 +6,24 @@ from pathlib import Path
 import click
 
 from cnnum.cli.library.templates_choice import chosen
-from cnnum.cli.options import json_option
+from cnnum.cli.options import in_a_folder, json_option
 from cnnum.cli.output import Output
 from cnnum.cli.progress import progress
 
 
 @click.command("gallery")
 @click.argument("names", nargs=-1, metavar="[NAMES]...")
-@click.option("--out", default="gallery.html", show_default=True, help="The page's file.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, dir_okay=False),
+    default=Path("gallery.html"),
+    callback=in_a_folder,
+    show_default=True,
+    help="The page's file.",
+)
 @click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
 @json_option
-def gallery(names: tuple[str, ...], out: str, engine: str, as_json: bool) -> None:
+def gallery(names: tuple[str, ...], out: Path, engine: str, as_json: bool) -> None:
     """Write one searchable page of templates with their pictures, numbers and checks.
 
     NAMES are templates, files or folders; the whole library unless given. The page needs no other
@@ -37,5 +44,6 @@ def gallery(names: tuple[str, ...], out: str, engine: str, as_json: bool) -> Non
             strip = filmstrip(entry.template, used)
             found.append(Card(entry, path.parent.name, strip, result))
             steps.advance(entry.template.name)
-    write_text(Path(out), gallery_page(found))
-    Output(as_json).record({"templates": len(found), "file": out}, f"{len(found)} templates: {out}")
+    write_text(out, gallery_page(found))
+    done = {"templates": len(found), "file": str(out)}
+    Output(as_json).record(done, f"{len(found)} templates: {out}")
