@@ -10,7 +10,7 @@ import numpy as np
 
 from cnnum.arrays import Floats, Shape, all_finite, finite
 from cnnum.drivers.driver import Driver
-from cnnum.errors import SceneError
+from cnnum.errors import CalibrationError, SceneError
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.tactile.array_calibration import (
     ArrayCalibration,
@@ -176,7 +176,7 @@ def conversion_for(
     SceneError
         If the array has bridges and nothing says how to read them.
     CalibrationError
-        If the file cannot be read, or does not fit the array.
+        If the file cannot be read, does not fit the array, or takes all frames for its tare.
     """
     channels = driver.channels
     known = cast(Calibration | None, getattr(driver, "calibration", None))
@@ -184,6 +184,12 @@ def conversion_for(
         scale = read_array_calibration(base / use)
     if scale is not None:
         scale.form(driver.shape, len(channels))
+        total = getattr(driver, "total_frames", None)
+        if total is not None and scale.tare >= total:
+            raise CalibrationError(
+                f"'tare' takes {scale.tare} frames at rest, and the recording has {total}: take "
+                "those before the first touch."
+            )
         return ByArrayCalibration(scale, driver.shape, channels)
     bridges = channels == SIDES
     if use not in ("driver", "none"):

@@ -46,7 +46,7 @@ class ArrayCalibration:
     Raises
     ------
     CalibrationError
-        If a part is not finite, the gain has no unit, or the tare is no count of frames.
+        If a part is not finite, the gain is 0 or has no unit, or the tare is no count of frames.
     """
 
     gain: Floats
@@ -62,6 +62,10 @@ class ArrayCalibration:
             parts = {name: frozen(finite(name, value)) for name, value in given.items()}
         except ArrayError as error:
             raise CalibrationError(f"A calibration: {error}") from None
+        if not parts["gain"].any():
+            raise CalibrationError(
+                "A 'gain' is another number than 0, got 0 only: no load would be left."
+            )
         if unit:
             checked_name("a unit", unit, CalibrationError)
         elif not (parts["gain"].ndim == 0 and float(parts["gain"]) == 1.0):
