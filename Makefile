@@ -37,9 +37,11 @@ arrays: $(VENV)/dev.stamp
 	    tests/faults/test_recordings.py::test_kill
 	CNNUM_FAULTS=full CNNUM_LINE_SECONDS=300 $(BIN)/python -m pytest tests/drivers/test_virtual_array.py
 
-# ten minutes of random input for all parsers and public functions; a short version is in `test`
+# ten minutes of random input for all parsers and public functions; a short version is in `test`.
+# Two of them are Atheris', which looks where damage to a file leads (Linux on x86-64 alone)
 fuzz: $(VENV)/dev.stamp
-	CNNUM_FUZZ=600 $(BIN)/python -m pytest tests/fuzz
+	CNNUM_FUZZ=480 $(BIN)/python -m pytest tests/fuzz
+	$(BIN)/python tests/fuzz/guided.py 120
 
 # faults put into a copy of the code, one at a time: the tests must catch each (tests/mutations)
 mutate: $(VENV)/dev.stamp

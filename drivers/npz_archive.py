@@ -45,7 +45,7 @@ Values of 64 bits of which the lowest is noise take a 64th at best. Frames that 
 compressed further: these pass up to `SPARED` bytes, a recording without compression always."""
 
 # Errors of zipfile, zlib and NumPy on bytes of another kind.
-_DAMAGE = (
+DAMAGE = (
     zipfile.BadZipFile,
     zlib.error,
     struct.error,
@@ -120,7 +120,7 @@ def _read(path: Path, file: IO[bytes], wanted: Collection[str]) -> dict[str, NDA
     size = file.seek(0, 2)
     try:
         archive = zipfile.ZipFile(_Bounded(file))  # pyright: ignore[reportArgumentType, reportCallIssue]
-    except _DAMAGE:
+    except DAMAGE:
         raise CodecError(f"'{path}' is no NumPy archive (.npz), or it is cut off.") from None
     with archive:
         members = _members(path, archive, wanted)
@@ -156,7 +156,7 @@ def _header(path: Path, archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> _Hea
             header = _parsed(member)
     except OSError as error:
         raise _damaged(path, name, str(error.strerror or error)) from None
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise _damaged(path, name, str(error) or type(error).__name__) from None
     if info.file_size != header.length + header.bytes:
         raise _damaged(
@@ -231,7 +231,7 @@ def _values(
             return flat.reshape(header.shape, order="F" if header.by_columns else "C")
     except OSError as error:
         raise _damaged(path, name, str(error.strerror or error)) from None
-    except _DAMAGE as error:
+    except DAMAGE as error:
         raise _damaged(path, name, str(error) or type(error).__name__) from None
 
 

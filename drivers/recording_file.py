@@ -48,10 +48,12 @@ def _has_layout(file: Path) -> bool:
 def _is_own_archive(file: Path) -> bool:
     import zipfile
 
+    from cnnum.drivers.npz_archive import DAMAGE
+
     try:
         with zipfile.ZipFile(file) as archive:
             return KIND in archive.namelist()
-    except (OSError, ValueError, zipfile.BadZipFile):
+    except (OSError, *DAMAGE):
         return False
 
 

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 from cnnum.drivers.npz_file import KIND, read_npz
+from cnnum.drivers.recording_file import load_recording
 from cnnum.drivers.text_table import read_table
 from cnnum.drivers.uskin_csv import UskinCsvOptions
 from cnnum.errors import CnnumError
@@ -141,6 +142,17 @@ def test_damaged_recordings(faults, tmp_path, compressed):
         if fault := fault_of(read_frames, path, read):
             faults.lose(f"trial {trial}: {fault}")
     assert len(read) < 0.75 * faults.tried  # the damage does damage
+
+
+def test_an_archive_of_a_later_kind_is_refused(tmp_path):
+    """`zipfile` raises NotImplementedError for it; guided fuzzing found that."""
+    path = tmp_path / "recording.npz"
+    archive(path, compressed=False)
+    content = bytearray(path.read_bytes())
+    content[content.index(b"PK\x01\x02") + 6] = 200  # the version that it takes to read it
+    path.write_bytes(content)
+    with pytest.raises(CnnumError, match=r"recording\.npz"):
+        load_recording(path)
 
 
 def read_frames(path, read=None):

@@ -1,0 +1,98 @@
+"""How well the error that a run states covers the true one, over random networks, on every engine.
+
+    python -m cnnum.lab.stability.stated_error 40
+    python -m cnnum.lab.stability.stated_error 40 numba reference
+
+The sample is that of `followed_steps`: one layer or two with their own time constants, radius 1 or
+2, every output and boundary, feedback that contracts or decides. Each network is run for its time
+with `method="auto"`, by steps or exactly, and up to a rest where its output is bounded, whether it
+ever rests or not.
+"""
+
+import sys
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.engine import Engine
+from cnnum.errors import MethodError
+from cnnum.lab.bench.followed_steps import Known, sample
+from cnnum.lab.stability import ENGINES
+
+BATCH = 8
+"""Frames of a network."""
+
+SMALL = 1e-8
+"""True errors below it are no measure of how loose an estimate is."""
+
+Judged = tuple[str, Floats, Floats]
+"""What was run, the stated errors of a batch, and the true ones."""
+
+
+def judged(engine: Engine, known: Known) -> Iterator[Judged]:
+    """Yield the stated and the true errors of a batch, for its time and up to a rest."""
+    input, state = known.maps["input"], known.maps["state"]
+    found = engine.run(known.template, input=input, state=state)
+    off = np.abs(found.state - known.truth.state)
+    kind = "without steps" if found.method == "propagator" else "by steps"
+    yield kind, found.error, _true(off, known.truth.error)
+    if known.template.output.linear:
+        return
+    try:
+        rest = engine.run(known.template, input=input, state=state, duration="settle")
+    except MethodError:  # one frame of the batch did not reach its end, as it says
+        return
+    yield "settle", rest.error, _true(_from_rest(rest.state, rest.settled, known), 0.0)
+
+
+def _true(off: Floats, unknown: Floats | float) -> Floats:
+    largest = off.max(axis=tuple(range(1, off.ndim)))
+    return np.asarray(np.maximum(largest - unknown, 0.0), dtype=np.float64)
+
+
+def _from_rest(state: Floats, settled: NDArray[np.bool_], known: Known) -> Floats:
+    """Return how far states that say they rest still go in 40 time constants; 0 for others."""
+    engine, slowest = Engine("numba", precision="float64"), float(known.template.tau.max())
+    later = engine.run(
+        known.template,
+        input=known.maps["input"],
+        state=state,
+        method="dormand-prince",
+        rtol=1e-10,
+        atol=1e-10,
+        duration=40.0 * slowest,
+    )
+    still = settled.reshape(-1, *(1,) * (state.ndim - 1))
+    return np.asarray(np.where(still, np.abs(later.state - state), 0.0))
+
+
+def report(name: str, runs: Sequence[Judged]) -> Iterator[str]:
+    """Yield a line for each kind of run."""
+    for kind in dict.fromkeys(run[0] for run in runs):
+        stated = np.concatenate([run[1] for run in runs if run[0] == kind])
+        true = np.concatenate([run[2] for run in runs if run[0] == kind])
+        known = np.isfinite(stated)
+        loose = (stated / np.maximum(true, 1e-300))[known & (true > SMALL)]
+        median = f"{np.median(loose):.1f} times the true one" if len(loose) else "not to be said"
+        yield (
+            f"{name} {kind}: {len(true)} runs, {np.mean(stated >= true):.2%} covered, "
+            f"{np.mean(~known):.0%} with no error known; in the median of {len(loose)} {median}"
+        )
+
+
+def main(count: int, names: Sequence[str]) -> None:
+    """Print how often each engine's stated error covers the true one, and how loose it is."""
+    networks = list(sample(count, BATCH))
+    for name, precision in ENGINES:
+        if names and name not in names:
+            continue
+        engine = Engine(name, precision=precision)
+        runs = [one for known in networks for one in judged(engine, known)]
+        for line in report(f"{name} {precision}", runs):
+            print(line, flush=True)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2:])
