@@ -39,19 +39,18 @@ def only(wanted: str) -> None:
 
     Processes that a test starts choose for themselves: `measure` counts all devices, as they do.
     """
-    from cnnum.engines.opencl import devices
-    from cnnum.engines.opencl.runtime import peak_measurement as measure
-    from cnnum.engines.opencl.runtime import selection, self_test
+    from cnnum.engines.devices import listing, selection, self_test
     from cnnum.errors import DeviceError
+    from cnnum.lab.bench.device import peak_measurement as measure
 
-    listed = devices.list_devices
+    listed = listing.list_devices
     # their own names for it are kept: they count devices as the processes that they start do
     assert measure.list_devices is self_test.list_devices is listed
     try:
         label = selection.choose_device(wanted).label
     except DeviceError as error:
         raise pytest.UsageError(str(error)) from None
-    devices.list_devices = selection.list_devices = lambda: tuple(
+    listing.list_devices = selection.list_devices = lambda: tuple(
         device for device in listed() if wanted.lower() in device.label.lower()
     )
     assert selection.choose_device(None).label == label

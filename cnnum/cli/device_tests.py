@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from cnnum.engines.opencl.devices import Device
+    from cnnum.engines.devices.listing import Device
 
 TEMPLATES = ("EDGE", "DIFFUS", "HOLE", "LAPLACE", "SHADOW", "leaky_cell", "THRESHOLD")
 """Cells alone and in waves, exact and in steps, with weights of one and of both signs."""

@@ -21,7 +21,7 @@ FLOORS: list[dict[str, str]] = [
     {"graph": "operations of a program, and their schedule", "tactile": "closed forms"},
     {"integrators": "methods as data, bounds, and the choice among them"},
     {"embedded": "programs in whole numbers, their emulator, and C99"},
-    {"engines": "opencl, numba and reference"},
+    {"engines": "opencl, numba and reference, and the devices of OpenCL"},
     {"programs": "the language of analogic programs"},
     {"plan": "a compiled program", "stream": "frames in time"},
     {"runs": "runs of single templates"},

@@ -2,12 +2,12 @@
 
 import pytest
 
-from cnnum.engines.opencl.devices import list_devices
-from cnnum.engines.opencl.runtime import peak_measurement as room
-from cnnum.engines.opencl.runtime.peak_kernels import Arithmetic, Bench
-from cnnum.engines.opencl.runtime.peak_measurement import measure
-from cnnum.engines.opencl.runtime.selection import choose_device
+from cnnum.engines.devices.listing import list_devices
+from cnnum.engines.devices.selection import choose_device
 from cnnum.errors import DeviceError
+from cnnum.lab.bench.device import peak_measurement as room
+from cnnum.lab.bench.device.peak_kernels import Arithmetic, Bench
+from cnnum.lab.bench.device.peak_measurement import measure
 
 
 def test_every_device_with_its_figures(call, records):

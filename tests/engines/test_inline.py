@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import cnnum
+from cnnum.engines.devices.inline import VARIABLE, partner_of
+from cnnum.engines.devices.listing import list_devices
+from cnnum.engines.devices.selection import choose_device
 from cnnum.engines.opencl import executable
-from cnnum.engines.opencl.devices import list_devices
-from cnnum.engines.opencl.inline import VARIABLE, partner_of
-from cnnum.engines.opencl.runtime.selection import choose_device
 
 
 @pytest.fixture
@@ -62,7 +62,7 @@ def test_few_frames_are_as_those_of_a_large_batch():
 
 
 def test_what_a_user_has_set_stands():
-    text = "from cnnum.engines.opencl.devices import list_devices; print(list_devices()[0].name)"
+    text = "from cnnum.engines.devices.listing import list_devices; print(list_devices()[0].name)"
     environment = {**os.environ, VARIABLE: "basic"}
     found = subprocess.run(
         [sys.executable, "-c", text], env=environment, capture_output=True, text=True, check=False

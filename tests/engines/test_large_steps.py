@@ -5,8 +5,8 @@ import pytest
 from scipy.ndimage import correlate
 
 from cnnum.engine import Engine
+from cnnum.engines.devices.selection import working_devices
 from cnnum.engines.opencl.lowering import kernel_source
-from cnnum.engines.opencl.runtime.selection import working_devices
 from cnnum.templating.template import Template
 
 REFERENCE = Engine("reference")

@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from cnnum.engines.opencl.runtime.selection import working_devices
+from cnnum.engines.devices.selection import working_devices
 
 DEVICES = [device.label for device in working_devices()]
 

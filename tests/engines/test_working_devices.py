@@ -11,9 +11,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from cnnum.engines.opencl.runtime import pocl_wheel, selection, self_test
-from cnnum.engines.opencl.runtime.child import Ended
-from cnnum.engines.opencl.runtime.verdicts import (
+from cnnum.engines.devices import pocl_wheel, selection, self_test
+from cnnum.engines.devices.child import Ended
+from cnnum.engines.devices.verdicts import (
     SHELF,
     Verdict,
     keep_verdict,

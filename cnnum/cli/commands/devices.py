@@ -11,9 +11,9 @@ from cnnum.cli.output import Output, facts
 from cnnum.cli.progress import progress
 
 if TYPE_CHECKING:
-    from cnnum.engines.opencl.devices import Device
-    from cnnum.engines.opencl.runtime.peak_measurement import Figures
-    from cnnum.engines.opencl.runtime.verdicts import Verdict
+    from cnnum.engines.devices.listing import Device
+    from cnnum.engines.devices.verdicts import Verdict
+    from cnnum.lab.bench.device.peak_measurement import Figures
 
 
 @click.command("devices")
@@ -132,9 +132,9 @@ class _Tried:
 
 def _tried(asked: str | None, *, measure: bool, as_json: bool) -> list[_Tried]:
     """Try every device anew, whatever it showed before; measure those that work."""
-    from cnnum.engines.opencl.devices import list_devices
-    from cnnum.engines.opencl.runtime.peak_measurement import measure as measured
-    from cnnum.engines.opencl.runtime.selection import devices_named, verdict_on
+    from cnnum.engines.devices.listing import list_devices
+    from cnnum.engines.devices.selection import devices_named, verdict_on
+    from cnnum.lab.bench.device.peak_measurement import measure as measured
 
     found, named, tried = list_devices(), devices_named(asked), list[_Tried]()
     with progress("devices", len(found), as_json=as_json) as steps:

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
+from cnnum.engines.devices.building import build_program
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.forks import refuse_after_fork
-from cnnum.engines.opencl.building import build_program
 from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.engines.opencl.runtime.device_trouble import build_failure, run_failure

@@ -212,7 +212,7 @@ def _launches(engine: Engine, cost: Explanation) -> tuple[Callable[[], None], ..
     """Return a launch that does nothing, and one in the thread that asks; none without OpenCL."""
     if engine.name != "opencl":
         return ()
-    from cnnum.engines.opencl.runtime.empty_launch import EmptyLaunch
+    from cnnum.lab.bench.device.empty_launch import EmptyLaunch
 
     copies = (engine.device, cost.bytes_in, cost.bytes_out)
     return EmptyLaunch(*copies).run, EmptyLaunch(*copies, alone=True).run

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats, Shape
 from cnnum.engine import Engine
 from cnnum.graph.nodes import RunSpec
-from cnnum.lab.bench.device_peak import PeakMeter
+from cnnum.lab.bench.device.peak_meter import PeakMeter
 from cnnum.lab.bench.errors import STEPS, ends_error
 from cnnum.lab.bench.samples import channelwise, even_template, frames, full_template
 from cnnum.lab.bench.timing import difference, seconds_of

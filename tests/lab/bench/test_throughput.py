@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from cnnum.cli.commands import bench
-from cnnum.engines.opencl.runtime import peak_measurement as device
-from cnnum.engines.opencl.runtime.peak_kernels import arithmetic_kernels
-from cnnum.engines.opencl.runtime.peak_measurement import Figures
 from cnnum.lab.bench import throughput
+from cnnum.lab.bench.device import peak_measurement as device
+from cnnum.lab.bench.device.peak_kernels import arithmetic_kernels
+from cnnum.lab.bench.device.peak_measurement import Figures
 from cnnum.lab.bench.timing import Difference, Timing, difference
 
 SMALL = tuple(

@@ -4,14 +4,16 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from importlib import resources
 from itertools import product
+from string import Template
+from textwrap import indent
 
 import numpy as np
 import pyopencl as cl
 
-from cnnum.engines.opencl.building import build_program
-from cnnum.engines.opencl.devices import Device
-from cnnum.engines.opencl.text import fill, indented
+from cnnum.engines.devices.building import build_program
+from cnnum.engines.devices.listing import Device
 
 FORMS = {"a*b + c": "{0} * factor + term", "fma(a, b, c)": "fma({0}, factor, term)"}
 """Ways to write a multiply-add."""
@@ -56,11 +58,11 @@ class Arithmetic:
         vector = vector_type(self.width)
         begin = [f"{vector} {name} = start[2] + {n}.0f;" for n, name in enumerate(names)]
         step = [f"{name} = {FORMS[self.form].format(name)};" for name in names]
-        return fill(
-            "measure",
+        text = Template((resources.files("cnnum.lab.bench.device") / "measure.cl").read_text())
+        return text.substitute(
             vector=vector,
-            begin=indented(begin, 1),
-            step=indented(step, 2),
+            begin=indent("\n".join(begin), " " * 4),
+            step=indent("\n".join(step), " " * 8),
             sum=" + ".join(names),
         )
 

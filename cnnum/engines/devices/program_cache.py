@@ -25,7 +25,7 @@ from pyopencl.characterize import has_src_build_cache
 
 from cnnum import __version__
 from cnnum.engines.cache import Shelf
-from cnnum.engines.opencl.runtime.pocl_folder import work_folder
+from cnnum.engines.devices.pocl_folder import work_folder
 from cnnum.engines.processor import processor
 
 SHELF = Shelf("kernels")

@@ -1,16 +1,16 @@
 """Which device is used: the fastest that has shown that it works, or the one asked for."""
 
-from cnnum.engines.notices import say_once
-from cnnum.engines.opencl.devices import Device, list_devices
-from cnnum.engines.opencl.inline import partner_of
-from cnnum.engines.opencl.runtime.pocl_wheel import remedy_for, rename_target
-from cnnum.engines.opencl.runtime.self_test import try_in_child
-from cnnum.engines.opencl.runtime.verdicts import (
+from cnnum.engines.devices.inline import partner_of
+from cnnum.engines.devices.listing import Device, list_devices
+from cnnum.engines.devices.pocl_wheel import remedy_for, rename_target
+from cnnum.engines.devices.self_test import try_in_child
+from cnnum.engines.devices.verdicts import (
     Verdict,
     keep_verdict,
     kept_verdict,
     subject_of,
 )
+from cnnum.engines.notices import say_once
 from cnnum.engines.opencl_advice import how_to_get_opencl
 from cnnum.errors import DeviceError, NoOpenCLError
 

@@ -14,7 +14,7 @@ from typing import cast
 
 from cnnum import __version__
 from cnnum.engines.cache import Shelf
-from cnnum.engines.opencl.devices import Device
+from cnnum.engines.devices.listing import Device
 from cnnum.engines.processor import processor
 
 SHELF = Shelf("verdicts")

@@ -6,7 +6,7 @@ from threading import Lock
 
 import pyopencl as cl
 
-from cnnum.engines.opencl.runtime.program_cache import build_kept, switch_off_pyopencl_caches
+from cnnum.engines.devices.program_cache import build_kept, switch_off_pyopencl_caches
 
 switch_off_pyopencl_caches()
 

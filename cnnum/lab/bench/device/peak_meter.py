@@ -27,8 +27,8 @@ class PeakMeter:
         """Measure all kernels a number of times."""
         if self._name is None:
             return
-        from cnnum.engines.opencl.runtime.peak_measurement import measure
-        from cnnum.engines.opencl.runtime.selection import choose_device
+        from cnnum.engines.devices.selection import choose_device
+        from cnnum.lab.bench.device.peak_measurement import measure
 
         for _ in range(times):
             found = measure(choose_device(self._name))
@@ -42,8 +42,8 @@ class PeakMeter:
         """
         if self._name is None:
             return lambda: math.nan
-        from cnnum.engines.opencl.runtime.peak_kernels import Bench, arithmetic_kernels
-        from cnnum.engines.opencl.runtime.selection import choose_device
+        from cnnum.engines.devices.selection import choose_device
+        from cnnum.lab.bench.device.peak_kernels import Bench, arithmetic_kernels
 
         (kernel,) = (known for known in arithmetic_kernels() if known.label == self.kernel)
         return Bench(choose_device(self._name)).rate(kernel)

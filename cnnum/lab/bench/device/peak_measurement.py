@@ -11,11 +11,11 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from cnnum.engines.opencl.devices import Device, list_devices
-from cnnum.engines.opencl.runtime.child import run_child
-from cnnum.engines.opencl.runtime.peak_kernels import Bench, arithmetic_kernels
-from cnnum.engines.opencl.runtime.selection import verdict_on
+from cnnum.engines.devices.child import run_child
+from cnnum.engines.devices.listing import Device, list_devices
+from cnnum.engines.devices.selection import verdict_on
 from cnnum.errors import DeviceError
+from cnnum.lab.bench.device.peak_kernels import Bench, arithmetic_kernels
 
 PATIENCE_S = 60.0
 """s after which a device that answers nothing is given up."""

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import pyopencl as cl
 
+from cnnum.engines.devices.inline import asked_for, without_partners
+from cnnum.engines.devices.pocl_folder import given_a_folder
 from cnnum.engines.forks import note_opencl, refuse_after_fork
-from cnnum.engines.opencl.inline import asked_for, without_partners
-from cnnum.engines.opencl.runtime.pocl_folder import given_a_folder
 from cnnum.engines.opencl_advice import how_to_get_opencl
 from cnnum.errors import NoOpenCLError
 

@@ -1,23 +1,24 @@
 """A small kernel with a known answer: a device is used only after it has shown that it works.
 
 The kernel is built and run in a process of its own, for a compiler can end the process
-(`python -m cnnum.engines.opencl.runtime.self_test PLACE [TARGET]` is that process).
+(`python -m cnnum.engines.devices.self_test PLACE [TARGET]` is that process).
 """
 
 import json
 import signal
 import sys
+from importlib import resources
+from string import Template
 
 import numpy as np
 import pyopencl as cl
 from numpy.typing import NDArray
 
-from cnnum.engines.opencl.building import build_program
-from cnnum.engines.opencl.devices import Device, list_devices
-from cnnum.engines.opencl.inline import partner_of
-from cnnum.engines.opencl.runtime.child import Ended, run_child
-from cnnum.engines.opencl.runtime.pocl_wheel import rename_target
-from cnnum.engines.opencl.text import fill
+from cnnum.engines.devices.building import build_program
+from cnnum.engines.devices.child import Ended, run_child
+from cnnum.engines.devices.inline import partner_of
+from cnnum.engines.devices.listing import Device, list_devices
+from cnnum.engines.devices.pocl_wheel import rename_target
 
 PATIENCE_S = 120.0
 """s after which a device that gives no answer counts as broken: a first build takes under ten."""
@@ -82,8 +83,9 @@ def _run(
     context: cl.Context, queue: cl.CommandQueue, dtype: np.dtype[np.floating], width: int
 ) -> NDArray[np.floating]:
     real = "float" if dtype == np.float32 else "double"
-    text = fill(
-        "self_test",
+    text = Template(
+        (resources.files("cnnum.engines.devices") / "self_test.cl").read_text()
+    ).substitute(
         real=real,
         vector=real if width == 1 else f"{real}{width}",
         load="READ" if width == 1 else f"vload{width}",

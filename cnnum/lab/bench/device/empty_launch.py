@@ -3,9 +3,9 @@
 import numpy as np
 import pyopencl as cl
 
-from cnnum.engines.opencl.building import build_program
-from cnnum.engines.opencl.inline import partner_of
-from cnnum.engines.opencl.runtime.selection import choose_device
+from cnnum.engines.devices.building import build_program
+from cnnum.engines.devices.inline import partner_of
+from cnnum.engines.devices.selection import choose_device
 
 _TEXT = """
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
