@@ -6,8 +6,7 @@ from functools import cache
 from importlib import resources
 from string import Template as Text
 
-from cnnum.engines.opencl.ir.expressions import Expression
-from cnnum.engines.opencl.ir.statements import Note, Statement, Verbatim
+from cnnum.engines.opencl import ir
 
 WIDE_BYTES = 64
 """Vectors from this size on have no built-ins that every compiler can handle."""
@@ -38,7 +37,7 @@ def _check_places(name: str, values: Mapping[str, object]) -> None:
         raise ValueError(f"Kernel text '{name}.cl' has no place for {sorted(unused)}.")
 
 
-def filled(name: str, **values: str | int | Expression | Sequence[Statement]) -> Verbatim:
+def filled(name: str, **values: str | int | ir.Expression | Sequence[ir.Statement]) -> ir.Verbatim:
     """Return the kernel text of that file with records in the places of its names.
 
     Raises
@@ -49,7 +48,7 @@ def filled(name: str, **values: str | int | Expression | Sequence[Statement]) ->
         If a value has no place in the text.
     """
     _check_places(name, values)
-    pieces: list[str | Expression | tuple[Statement, ...]] = []
+    pieces: list[str | ir.Expression | tuple[ir.Statement, ...]] = []
     at, text = 0, _kernel_text(name)
     for place in text.pattern.finditer(text.template):
         value = values[place["named"] or place["braced"]]
@@ -57,14 +56,14 @@ def filled(name: str, **values: str | int | Expression | Sequence[Statement]) ->
         if isinstance(value, str | int):
             pieces.append(str(value))
         else:
-            pieces.append(value if isinstance(value, Expression) else tuple(value))
+            pieces.append(value if isinstance(value, ir.Expression) else tuple(value))
         at = place.end()
-    return Verbatim((*pieces, text.template[at:]))
+    return ir.Verbatim((*pieces, text.template[at:]))
 
 
-def comment(words: str) -> Note:
+def comment(words: str) -> ir.Note:
     """Return a comment: a line of signs that do not end it."""
-    return Note(f"// {re.sub('[^A-Za-z0-9 _.,:+*=-]', '_', words)}")
+    return ir.Note(f"// {re.sub('[^A-Za-z0-9 _.,:+*=-]', '_', words)}")
 
 
 def indented(lines: list[str], depth: int) -> str:

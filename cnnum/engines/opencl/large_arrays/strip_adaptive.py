@@ -3,27 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from cnnum.engines.opencl.ir.expressions import (
-    CELL,
-    ZERO,
-    Cast,
-    Integer,
-    Name,
-    pick,
-    real,
-)
-from cnnum.engines.opencl.ir.statements import (
-    Accumulate,
-    Assign,
-    Branch,
-    Declare,
-    Statement,
-    StripSteps,
-    While,
-    declare,
-    fixed,
-    sweep,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
 from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS, by_turns
@@ -53,10 +33,10 @@ from cnnum.engines.opencl.transients.step_control import ACCEPT, TIME, Attempt, 
 from cnnum.integrators.chebyshev import MAX_STAGES
 from cnnum.integrators.schemes import AdaptiveSteps
 
-CONTROLS, MAXIMA = Name("strip_control"), Name("strip_maxima")
+CONTROLS, MAXIMA = ir.Name("strip_control"), ir.Name("strip_maxima")
 """The registers between the plan's body and the strips."""
 
-STAGES, LEVELS, AT = Name("stages"), Name("levels"), Name("at")
+STAGES, LEVELS, AT = ir.Name("stages"), ir.Name("levels"), ir.Name("at")
 """Of a step; a variable of loops."""
 
 
@@ -97,11 +77,11 @@ class Trial:
     case: str
     end: str
     levels: int
-    begin: list[Statement]
-    tell: list[Statement]
-    advance: list[Statement]
+    begin: list[ir.Statement]
+    tell: list[ir.Statement]
+    advance: list[ir.Statement]
     count: str = "most"
-    told: Name | None = None
+    told: ir.Name | None = None
 
 
 def pair_attempts(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
@@ -117,9 +97,9 @@ def pair_attempts(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
             case=f"number % {stages}",
             end=f"(x[{{strip_control}} + {MOVED}] != 0 ? {{strip_xs}} : 0)",
             levels=stages,
-            begin=[Assign(CONTROLS[MOVED], ZERO)],
-            tell=[Assign(CONTROLS[LENGTH], H), Assign(CONTROLS[BEGINS], TIME)],
-            advance=[Assign(CONTROLS[MOVED], ACCEPT)],
+            begin=[ir.Assign(CONTROLS[MOVED], ir.ZERO)],
+            tell=[ir.Assign(CONTROLS[LENGTH], H), ir.Assign(CONTROLS[BEGINS], TIME)],
+            advance=[ir.Assign(CONTROLS[MOVED], ACCEPT)],
         ),
     )
 
@@ -135,7 +115,7 @@ def chebyshev_attempts(text: TransientBuilder, table: int) -> Attempt:
     """
     stages = f"(int)x[{{strip_control}} + {STAGES_AT}]"
     size = CONTROL - ROWS
-    row = text.tables.number_at(Integer(table) + STAGES * size + AT)
+    row = text.tables.number_at(ir.Integer(table) + STAGES * size + AT)
     return _attempt(
         text,
         Trial(
@@ -147,22 +127,22 @@ def chebyshev_attempts(text: TransientBuilder, table: int) -> Attempt:
             end=f"(int)x[{{strip_control}} + {STATE}] * {{{ARRAYS[1]}}}",
             levels=MAX_STAGES + 1,
             begin=[
-                Assign(CONTROLS[place], real(n))
+                ir.Assign(CONTROLS[place], ir.real(n))
                 for n, place in enumerate((STATE, RATES, EVEN, ODD))
             ],
             tell=[
-                Assign(CONTROLS[STEP], H),
-                Assign(CONTROLS[STAGES_AT], Cast("real", STAGES)),
+                ir.Assign(CONTROLS[STEP], H),
+                ir.Assign(CONTROLS[STAGES_AT], ir.Cast("real", STAGES)),
                 # a loop of this kind is no sweep, which would be a launch of its own
-                declare(AT, 0, of="int"),
-                While(
+                ir.declare(AT, 0, of="int"),
+                ir.While(
                     AT < size,
                     (
-                        Assign(CONTROLS[Integer(ROWS) + AT], row),
-                        Assign(AT, Integer(1), "+="),
+                        ir.Assign(CONTROLS[ir.Integer(ROWS) + AT], row),
+                        ir.Assign(AT, ir.Integer(1), "+="),
                     ),
                 ),
-                fixed(LEVELS, STAGES + 1, of="int"),
+                ir.fixed(LEVELS, STAGES + 1, of="int"),
             ],
             advance=_changed_places(),
             count=f"min(most, {stages} + 1 - done)",
@@ -171,19 +151,19 @@ def chebyshev_attempts(text: TransientBuilder, table: int) -> Attempt:
     )
 
 
-def _changed_places() -> list[Statement]:
+def _changed_places() -> list[ir.Statement]:
     """Return the statements that take a step over: its end is the begin of the next."""
-    state, rates, even, odd = (Name(name) for name in ("state", "rates", "even", "odd"))
+    state, rates, even, odd = (ir.Name(name) for name in ("state", "rates", "even", "odd"))
     changed = (STAGES % 2).differs(0)
     taken = (
-        Declare("real", ((state, CONTROLS[STATE]), (rates, CONTROLS[RATES])), fixed=True),
-        Declare("real", ((even, CONTROLS[EVEN]), (odd, CONTROLS[ODD])), fixed=True),
-        Assign(CONTROLS[STATE], pick(changed, odd, even)),
-        Assign(CONTROLS[RATES], pick(changed, even, odd)),
-        Assign(CONTROLS[EVEN], state),
-        Assign(CONTROLS[ODD], rates),
+        ir.Declare("real", ((state, CONTROLS[STATE]), (rates, CONTROLS[RATES])), fixed=True),
+        ir.Declare("real", ((even, CONTROLS[EVEN]), (odd, CONTROLS[ODD])), fixed=True),
+        ir.Assign(CONTROLS[STATE], ir.pick(changed, odd, even)),
+        ir.Assign(CONTROLS[RATES], ir.pick(changed, even, odd)),
+        ir.Assign(CONTROLS[EVEN], state),
+        ir.Assign(CONTROLS[ODD], rates),
     )
-    return [Branch(ACCEPT.differs(ZERO), taken)]
+    return [ir.Branch(ACCEPT.differs(ir.ZERO), taken)]
 
 
 def _attempt(text: TransientBuilder, trial: Trial) -> Attempt:
@@ -196,7 +176,7 @@ def _attempt(text: TransientBuilder, trial: Trial) -> Attempt:
     span = layout.vectors * layout.width
     lengths = {"control": trial.control, "maxima": len(FIGURES) * each, "cells": span}
     for name, length in lengths.items():
-        text.array(Name(f"strip_{name}"), length)
+        text.array(ir.Name(f"strip_{name}"), length)
         place = text.arena.places[f"strip_{name}"]
         offsets[f"strip_{name}"] = place - text.arena.places[trial.arrays[0]]
     places = dict(offsets)
@@ -223,11 +203,11 @@ def _attempt(text: TransientBuilder, trial: Trial) -> Attempt:
     strips = strip_kernel(text, own, layout, size, trial.levels)
     text.tables.strips.append(strips.text)
     return Attempt(
-        begin=[*trial.begin, StripSteps(replace(strips, count=0, ends=False))],
-        stages=[*trial.tell, StripSteps(replace(strips, begins=False, ends=False), trial.told)],
+        begin=[*trial.begin, ir.StripSteps(replace(strips, count=0, ends=False))],
+        stages=[*trial.tell, ir.StripSteps(replace(strips, begins=False, ends=False), trial.told)],
         judge=_gathered(each),
         advance=trial.advance,
-        end=[StripSteps(replace(strips, count=0, begins=False))],
+        end=[ir.StripSteps(replace(strips, count=0, begins=False))],
     )
 
 
@@ -241,10 +221,10 @@ def _forget(maxima: int, most: int, layout: RowLayout) -> list[str]:
     ]
 
 
-def _gathered(each: int) -> list[Statement]:
+def _gathered(each: int) -> list[ir.Statement]:
     """Return the statements that make one number of the findings of all strips and lanes."""
     judge = [
-        Accumulate(Name(figure), "greater", MAXIMA[Integer(n * each) + CELL])
+        ir.Accumulate(ir.Name(figure), "greater", MAXIMA[ir.Integer(n * each) + ir.CELL])
         for n, figure in enumerate(FIGURES)
     ]
-    return [sweep(CELL, each, judge)]
+    return [ir.sweep(ir.CELL, each, judge)]

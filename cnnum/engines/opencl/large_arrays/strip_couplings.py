@@ -9,8 +9,7 @@ from itertools import product
 
 import numpy as np
 
-from cnnum.engines.opencl.ir.expressions import Constant, Expression, Name
-from cnnum.engines.opencl.ir.statements import add
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
 from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name
 from cnnum.engines.opencl.transients.stencil_sums import shares_products, weighted_terms
@@ -238,14 +237,14 @@ def _gather(rows: Rows, block: list[At], through: Through) -> list[str]:
     lines = [f"const vec {name(*at)} = {through.value(*at)};" for at in sorted(places)]
     for at in block:
 
-        def number(weight: float, layer: int = at.layer) -> Expression:
-            return Constant(_weight(rows, through, layer, weight))
+        def number(weight: float, layer: int = at.layer) -> ir.Expression:
+            return ir.Constant(_weight(rows, through, layer, weight))
 
-        def output(tap: Tap, row: int = at.row) -> Expression:
-            return Name(name(tap.source, row + tap.row, tap.col))
+        def output(tap: Tap, row: int = at.row) -> ir.Expression:
+            return ir.Name(name(tap.source, row + tap.row, tap.col))
 
         terms = weighted_terms(through.taps[at.layer], number, output)
-        lines += rows.text.tables.printer.lines([add(Name(at.sum), term) for term in terms])
+        lines += rows.text.tables.printer.lines([ir.add(ir.Name(at.sum), term) for term in terms])
     return lines
 
 

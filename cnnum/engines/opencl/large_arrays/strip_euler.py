@@ -4,7 +4,7 @@ A step then reads and writes half as much. Of the rows of a block a vector's nei
 registers from one vector to the next, so that each state is read, and its output made, once.
 """
 
-from cnnum.engines.opencl.ir.statements import StripSteps
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
 from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS, by_turns
 from cnnum.engines.opencl.large_arrays.strip_couplings import Kept, coupled
@@ -55,7 +55,7 @@ def state_steps(text: TransientBuilder, scheme: FixedSteps, scales: tuple[float,
         end=f"({scheme.count & 1} ? {odd} : 0)",
     )
     strips = strip_kernel(text, own, layout, size, scheme.count)
-    text.body.append(StripSteps(strips))
+    text.body.append(ir.StripSteps(strips))
     text.tables.strips.append(strips.text)
 
 

@@ -1,7 +1,6 @@
 """Inputs that the cells of large arrays go on reading, in lanes."""
 
-from cnnum.engines.opencl.ir.expressions import Name
-from cnnum.engines.opencl.ir.statements import Assign, Sweep, Verbatim
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.lane_rows import (
     OWN,
     lane_text,
@@ -17,7 +16,7 @@ from cnnum.engines.opencl.transients.builder import NOW, ROW, TransientBuilder
 def keep_rows(text: TransientBuilder, number: int) -> None:
     """Append the array of an input, and the sweep of its rows to their lanes, for strips."""
     boundary = text.template.input_boundary
-    layout, array = row_layout(text, boundary), Name(inputs_of(number))
+    layout, array = row_layout(text, boundary), ir.Name(inputs_of(number))
     text.array(array, size_of(text, layout))
     source = lane_text(text, layout) + rim_text(text, layout, "", boundary.constant)
     types, kind = text.tables.types, "rows in lanes"
@@ -31,13 +30,13 @@ def keep_rows(text: TransientBuilder, number: int) -> None:
         width=layout.width,
         last=max(0, layout.vectors - layout.width),
         cols=text.shape[1],
-        value=[Assign(NOW, text.operands.inputs[number])],
+        value=[ir.Assign(NOW, text.operands.inputs[number])],
         to=array,
         place=f"ROW{suffix}(row)",
         vec=f"vec{suffix}",
         keep_lanes=f"keep_lanes{suffix}",
     )
-    sides = Verbatim((f"sides{suffix}(", array, f", ROW{suffix}(row));"))
-    each = (Verbatim(("const int row = r;",)), row, sides)
-    text.body.append(Sweep(ROW, text.shape[0], each))
-    text.body += [Verbatim((f"{side}{suffix}(", array, ");")) for side in ("upper", "lower")]
+    sides = ir.Verbatim((f"sides{suffix}(", array, f", ROW{suffix}(row));"))
+    each = (ir.Verbatim(("const int row = r;",)), row, sides)
+    text.body.append(ir.Sweep(ROW, text.shape[0], each))
+    text.body += [ir.Verbatim((f"{side}{suffix}(", array, ");")) for side in ("upper", "lower")]

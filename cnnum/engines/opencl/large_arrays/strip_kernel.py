@@ -3,9 +3,8 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from cnnum.engines.opencl.ir.expressions import CELL, ONE, ZERO, Name, pick
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.ir.launch_plan import Strips
-from cnnum.engines.opencl.ir.statements import Assign
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.lane_rows import BLOCK_ROWS, OWN, lane_text, size_of
 from cnnum.engines.opencl.large_arrays.strip_boundary import (
@@ -43,7 +42,7 @@ SHOWN = {
 }
 """Outputs of a vector of states `x`, by name; `one` is 1 in every lane."""
 
-HELD_CELLS = Name("held")
+HELD_CELLS = ir.Name("held")
 """The array that is 1 where a mask holds a cell, as cells lie elsewhere."""
 
 DRIVE = "strip_w"
@@ -115,12 +114,12 @@ def declare_arrays(
     names = names or OUTPUTS
     if text.operands.mask is not None:
         text.array(HELD_CELLS, text.cells)
-        held = pick(text.operands.mask.differs(ZERO), ONE, ZERO)
-        text.over_cells([Assign(HELD_CELLS[CELL], held)])
+        held = ir.pick(text.operands.mask.differs(ir.ZERO), ir.ONE, ir.ZERO)
+        text.over_cells([ir.Assign(HELD_CELLS[ir.CELL], held)])
         names = (*names, HELD)
     names = tuple(dict.fromkeys((*names, *padded_arrays(text), DRIVE, *OUTPUTS)))
     for name in names:
-        text.array(Name(name), size)
+        text.array(ir.Name(name), size)
     first, given = text.arena.places[names[0]], [inputs_of(n) for n in moving_inputs(text.template)]
     return {name: text.arena.places[name] - first for name in (*names, *given)}
 

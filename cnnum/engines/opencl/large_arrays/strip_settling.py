@@ -7,32 +7,8 @@ began, up to that step's end.
 
 from dataclasses import dataclass, replace
 
-from cnnum.engines.opencl.ir.expressions import (
-    ONE,
-    ROUND,
-    ZERO,
-    Cast,
-    Integer,
-    Name,
-    call,
-    pick,
-    real,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.ir.launch_plan import Strips
-from cnnum.engines.opencl.ir.statements import (
-    Accumulate,
-    Assign,
-    Branch,
-    Counted,
-    Declare,
-    Loop,
-    Note,
-    Statement,
-    StripSteps,
-    While,
-    add,
-    declare,
-)
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
 from cnnum.engines.opencl.large_arrays.strip_boundary import first_states
@@ -50,9 +26,9 @@ CHANGES, CONTROL = "strip_changes", "strip_control"
 takes, in how many strips, and how many steps came before."""
 
 
-CONTROLS, SEEN = Name(CONTROL), Name(CHANGES)
+CONTROLS, SEEN = ir.Name(CONTROL), ir.Name(CHANGES)
 
-TAKEN, LEVELS, AT, K, ANY = (Name(name) for name in ("taken", "levels", "at", "k", "changes"))
+TAKEN, LEVELS, AT, K, ANY = (ir.Name(name) for name in ("taken", "levels", "at", "k", "changes"))
 """Steps and levels of a launch; of its steps the first without a change, and whether any is."""
 
 
@@ -151,45 +127,47 @@ class Watch:
         """Levels that a frame takes of at most `most` after those that are `done`."""
         return f"min(most, (int)x[{self.rows.offsets[CONTROL]}] - done)"
 
-    def body(self, scheme: FixedSteps, strips: Strips) -> list[Statement]:
+    def body(self, scheme: FixedSteps, strips: Strips) -> list[ir.Statement]:
         """Return the statements that launch the kernel until nothing changes."""
         about = f"at most {scheme.count} steps of {scheme.step:g}, until nothing changes any more"
         levels = replace(strips, begins=False, ends=False)
-        count = Cast("int", STEPS)
+        count = ir.Cast("int", STEPS)
         rounds = (
-            declare(TAKEN, call("min", self.steps, Integer(scheme.count) - count), of="int"),
-            declare(LEVELS, TAKEN * self.stages, of="int"),
-            Assign(CONTROLS[0], real(LEVELS)),
-            Assign(CONTROLS[2], STEPS),
-            StripSteps(levels, LEVELS),
+            ir.declare(
+                TAKEN, ir.call("min", self.steps, ir.Integer(scheme.count) - count), of="int"
+            ),
+            ir.declare(LEVELS, TAKEN * self.stages, of="int"),
+            ir.Assign(CONTROLS[0], ir.real(LEVELS)),
+            ir.Assign(CONTROLS[2], STEPS),
+            ir.StripSteps(levels, LEVELS),
             *self._find_end(),
-            add(STEPS, real(AT)),
-            Assign(SETTLED, ONE - ANY),
-            Assign(RUNNING, pick(STEPS < real(scheme.count), ANY, ZERO)),
-            Assign(LEVELS, AT * self.stages),
-            Assign(CONTROLS[0], real(LEVELS)),
-            Branch(AT < TAKEN, (StripSteps(replace(levels, again=True), LEVELS),)),
+            ir.add(STEPS, ir.real(AT)),
+            ir.Assign(SETTLED, ir.ONE - ANY),
+            ir.Assign(RUNNING, ir.pick(STEPS < ir.real(scheme.count), ANY, ir.ZERO)),
+            ir.Assign(LEVELS, AT * self.stages),
+            ir.Assign(CONTROLS[0], ir.real(LEVELS)),
+            ir.Branch(AT < TAKEN, (ir.StripSteps(replace(levels, again=True), LEVELS),)),
         )
-        begun = ((RUNNING, ONE), (STEPS, ZERO), (SETTLED, ZERO))
+        begun = ((RUNNING, ir.ONE), (STEPS, ir.ZERO), (SETTLED, ir.ZERO))
         return [
-            Note(f"// {scheme.name}, by strips: {about}"),
-            Declare("real", begun),
-            Assign(CONTROLS[2], ZERO),
-            StripSteps(replace(strips, count=0, ends=False)),
-            Counted(ROUND, 0, -(-scheme.count // self.steps), RUNNING, rounds),
-            StripSteps(replace(strips, count=0, begins=False)),
+            ir.Note(f"// {scheme.name}, by strips: {about}"),
+            ir.Declare("real", begun),
+            ir.Assign(CONTROLS[2], ir.ZERO),
+            ir.StripSteps(replace(strips, count=0, ends=False)),
+            ir.Counted(ir.ROUND, 0, -(-scheme.count // self.steps), RUNNING, rounds),
+            ir.StripSteps(replace(strips, count=0, begins=False)),
         ]
 
-    def _find_end(self) -> list[Statement]:
+    def _find_end(self) -> list[ir.Statement]:
         """Return the search for the first step at whose start nothing changes, the last one."""
-        ends = Cast("int", CONTROLS[1]) * self.rows.layout.width
+        ends = ir.Cast("int", CONTROLS[1]) * self.rows.layout.width
         seen = SEEN[AT * self.each + K]
-        strips = Loop(K, ends, (Accumulate(ANY, "fmax", seen),))
-        again = (Assign(ANY, ZERO), strips, Assign(AT, Integer(1), "+="))
+        strips = ir.Loop(K, ends, (ir.Accumulate(ANY, "fmax", seen),))
+        again = (ir.Assign(ANY, ir.ZERO), strips, ir.Assign(AT, ir.Integer(1), "+="))
         return [
-            declare(AT, 0, of="int"),
-            declare(ANY, ONE),
-            While((AT < TAKEN) & ANY.differs(ZERO), again),
+            ir.declare(AT, 0, of="int"),
+            ir.declare(ANY, ir.ONE),
+            ir.While((AT < TAKEN) & ANY.differs(ir.ZERO), again),
         ]
 
 
@@ -222,7 +200,7 @@ def watch(
     lengths = {CONTROL: 3, CHANGES: steps * size[1] * layout.width}
     lengths |= {CELLS: span} if span > layout.cols else {}
     for name, length in lengths.items():
-        text.array(Name(name), length)
+        text.array(ir.Name(name), length)
         offsets[name] = text.arena.places[name] - text.arena.places[first]
     tau = text.template.tau
     factors = tuple(float(tau.max() / t) / scale for t, scale in zip(tau, scales, strict=True))

@@ -2,8 +2,7 @@
 
 from dataclasses import replace
 
-from cnnum.engines.opencl.ir.expressions import Number, call
-from cnnum.engines.opencl.ir.statements import StripSteps, add
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit, row_layout, size_of
 from cnnum.engines.opencl.large_arrays.strip_euler import keeps_states, state_steps
 from cnnum.engines.opencl.large_arrays.strip_kernel import (
@@ -72,7 +71,7 @@ def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     outputs = moments.keep_outputs(offsets, size_of(text, layout), seen.steps if seen else 0)
     if text.has_history:
         text.over_cells(
-            [add(later, w) for later, w in zip(text.each(LATER), text.each(W), strict=True)]
+            [ir.add(later, w) for later, w in zip(text.each(LATER), text.each(W), strict=True)]
         )
     rows = Rows(text, layout, scales, offsets)
     own = StripText(
@@ -97,9 +96,9 @@ def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     levels = stages * (seen.steps if seen else scheme.count)
     strips = strip_kernel(text, own, layout, size, levels)
     text.tables.strips.append(strips.text)
-    text.body += [StripSteps(strips)] if seen is None else seen.body(scheme, strips)
+    text.body += [ir.StripSteps(strips)] if seen is None else seen.body(scheme, strips)
     figures = fixed_figures(text, scheme.count, settle=scheme.settle)
     if scheme.settle:
-        time = call("fmin", STEPS * Number(scheme.step), Number(text.solver.duration))
+        time = ir.call("fmin", STEPS * ir.Number(scheme.step), ir.Number(text.solver.duration))
         figures["time"] = time
     return figures

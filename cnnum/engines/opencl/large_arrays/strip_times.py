@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cnnum.engines.opencl.ir.expressions import Constant, Name
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.strip_boundary import LATER, OUTPUTS, by_turns
 from cnnum.engines.opencl.large_arrays.strip_couplings import NEXT, PART, PAST
 from cnnum.engines.opencl.transients.builder import TransientBuilder
@@ -22,7 +22,7 @@ RING = "strip_ring"
 
 def gain_lines(text: TransientBuilder, since: str) -> list[str]:
     """Return the text that finds the varying factors, at a time since the start."""
-    return text.tables.printer.lines(gains(text, Constant(since)))
+    return text.tables.printer.lines(gains(text, ir.Constant(since)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ class Moments:
             return turns
         # a level writes while one before it, a few rows ahead, reads outputs a delay old
         slots, first = self.lag + 2 + again, next(iter(offsets))
-        self.text.array(Name(RING), slots * size)
+        self.text.array(ir.Name(RING), slots * size)
         offsets[RING] = self.text.arena.places[RING] - self.text.arena.places[first]
         ring = f"x + {offsets[RING]} + (size_t)(level / {self.stages} % {slots}) * {size}"
         return ring if self.stages == 1 else f"level % {self.stages} ? {turns} : {ring}"

@@ -2,17 +2,7 @@
 
 import numpy as np
 
-from cnnum.engines.opencl.ir.expressions import CELL, Expression, Integer, Name, total
-from cnnum.engines.opencl.ir.statements import (
-    Assign,
-    Declare,
-    Loop,
-    Statement,
-    add,
-    block,
-    declare,
-    fixed,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.graph.nodes import Product
 
@@ -22,12 +12,12 @@ SUMS = 6
 COLUMNS = 4
 """Columns of a matrix that are added at a time to the sums of a single frame."""
 
-J, K, V = Name("j"), Name("k"), Name("v")
+J, K, V = ir.Name("j"), ir.Name("k"), ir.Name("v")
 
 
 def product(
-    tables: Tables, operation: Product, sources: list[Expression], slot: Name
-) -> list[Statement]:
+    tables: Tables, operation: Product, sources: list[ir.Expression], slot: ir.Name
+) -> list[ir.Statement]:
     """Return statements that set an array to Σ matrix · source + constant.
 
     Parameters
@@ -44,46 +34,48 @@ def product(
 
 
 def _by_rows(
-    tables: Tables, operation: Product, sources: list[Expression], slot: Name
-) -> list[Statement]:
+    tables: Tables, operation: Product, sources: list[ir.Expression], slot: ir.Name
+) -> list[ir.Statement]:
     """Each number of a matrix meets many frames: sums stay in registers."""
-    cells, constant = operation.constant.size, Integer(tables.data(operation.constant))
+    cells, constant = operation.constant.size, ir.Integer(tables.data(operation.constant))
     block = _divisor(cells, SUMS)
-    sums = [Name(f"sum{m}") for m in range(block)]
-    body: list[Statement] = [
-        declare(sum, tables.number_at(constant + K + m)) for m, sum in enumerate(sums)
+    sums = [ir.Name(f"sum{m}") for m in range(block)]
+    body: list[ir.Statement] = [
+        ir.declare(sum, tables.number_at(constant + K + m)) for m, sum in enumerate(sums)
     ]
     for matrix, source in zip(operation.matrices, sources, strict=True):
-        at = Integer(tables.data(np.ascontiguousarray(matrix)))
+        at = ir.Integer(tables.data(np.ascontiguousarray(matrix)))
         adds = [
-            add(sum, tables.number_at(at + (K + m) * cells + CELL) * V)
+            ir.add(sum, tables.number_at(at + (K + m) * cells + ir.CELL) * V)
             for m, sum in enumerate(sums)
         ]
-        body.append(Loop(CELL, cells, (fixed(V, source), *adds)))
-    body += [Assign(slot[K + m], sum) for m, sum in enumerate(sums)]
-    return [Loop(K, cells, tuple(body), step=block)]
+        body.append(ir.Loop(ir.CELL, cells, (ir.fixed(V, source), *adds)))
+    body += [ir.Assign(slot[K + m], sum) for m, sum in enumerate(sums)]
+    return [ir.Loop(K, cells, tuple(body), step=block)]
 
 
 def _by_columns(
-    tables: Tables, operation: Product, sources: list[Expression], slot: Name
-) -> list[Statement]:
+    tables: Tables, operation: Product, sources: list[ir.Expression], slot: ir.Name
+) -> list[ir.Statement]:
     """Only one frame: compilers vectorise along the cells."""
-    cells, constant = operation.constant.size, Integer(tables.data(operation.constant))
+    cells, constant = operation.constant.size, ir.Integer(tables.data(operation.constant))
     columns = _divisor(cells, COLUMNS)
-    values = [Name(f"v{m}") for m in range(columns)]
-    lines: list[Statement] = [Loop(K, cells, (Assign(slot[K], tables.number_at(constant + K)),))]
+    values = [ir.Name(f"v{m}") for m in range(columns)]
+    lines: list[ir.Statement] = [
+        ir.Loop(K, cells, (ir.Assign(slot[K], tables.number_at(constant + K)),))
+    ]
     for matrix, source in zip(operation.matrices, sources, strict=True):
-        at = Integer(tables.data(np.ascontiguousarray(matrix.T)))
-        body: list[Statement] = [Declare("real", tuple((value, None) for value in values))]
+        at = ir.Integer(tables.data(np.ascontiguousarray(matrix.T)))
+        body: list[ir.Statement] = [ir.Declare("real", tuple((value, None) for value in values))]
         body += [
-            block(fixed(CELL, J + m, of="int"), Assign(value, source))
+            ir.block(ir.fixed(ir.CELL, J + m, of="int"), ir.Assign(value, source))
             for m, value in enumerate(values)
         ]
-        terms: list[Expression] = [
+        terms: list[ir.Expression] = [
             tables.number_at(at + (J + m) * cells + K) * value for m, value in enumerate(values)
         ]
-        body.append(Loop(K, cells, (add(slot[K], total(terms)),)))
-        lines.append(Loop(J, cells, tuple(body), step=columns))
+        body.append(ir.Loop(K, cells, (ir.add(slot[K], ir.total(terms)),)))
+        lines.append(ir.Loop(J, cells, tuple(body), step=columns))
     return lines
 
 

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.engines.backend import Solvers
-from cnnum.engines.opencl.ir.expressions import CELL, Cast, Expression, Name, call
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.ir.launch_plan import LaunchPlan
 from cnnum.engines.opencl.ir.number_types import NumberType
-from cnnum.engines.opencl.ir.statements import Array, Statement, Verbatim, sweep
 from cnnum.engines.opencl.lowering.kernel_split import split_kernels
 from cnnum.engines.opencl.lowering.program import FRAME, LAST, MEMORY, Lowering
 from cnnum.engines.opencl.lowering.storage import (
@@ -27,10 +26,10 @@ from cnnum.engines.opencl.text import WIDE_BYTES, fill
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
 
-OUTPUT = Name("output")
+OUTPUT = ir.Name("output")
 """The buffer of results."""
 
-_MINE = Verbatim(("__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;",))
+_MINE = ir.Verbatim(("__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;",))
 
 WHOLE_CELLS = 256 * 256
 """Largest array that one work item runs the whole plan for. While other work had one of two cores,
@@ -141,10 +140,10 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
         for k, maps in enumerate(lowering.values.slots)
     ]
     slots += [
-        Array(placed_name(at), schedule.cells, OUTPUT + Cast("size_t", FRAME) * size + at)
+        ir.Array(placed_name(at), schedule.cells, OUTPUT + ir.Cast("size_t", FRAME) * size + at)
         for at in placed.values()
     ]
-    body: list[Statement] = [*slots, *lowering.body, *writes]
+    body: list[ir.Statement] = [*slots, *lowering.body, *writes]
     parts = None
     own = "\n".join([tables.text, *dict.fromkeys(tables.strips)])
     if not whole:
@@ -183,22 +182,22 @@ def _placed(schedule: Schedule) -> dict[int, int]:
 
 def _write_outputs(
     lowering: Lowering,
-) -> tuple[dict[str, tuple[slice, tuple[int, ...]]], list[Statement]]:
+) -> tuple[dict[str, tuple[slice, tuple[int, ...]]], list[ir.Statement]]:
     schedule, values = lowering.schedule, lowering.values
     size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
     places: dict[str, tuple[slice, tuple[int, ...]]] = {}
-    numbers: list[Statement] = []
-    maps: dict[int, list[Statement]] = {}
+    numbers: list[ir.Statement] = []
+    maps: dict[int, list[ir.Statement]] = {}
 
-    def scattered(start: Expression, stride: int, value: Expression) -> Verbatim:
-        return Verbatim((call("scatter", start, FRAME, LAST, stride, value), ";"))
+    def scattered(start: ir.Expression, stride: int, value: ir.Expression) -> ir.Verbatim:
+        return ir.Verbatim((ir.call("scatter", start, FRAME, LAST, stride, value), ";"))
 
-    def write(node: Node, base: Name, at: int, stride: int) -> None:
+    def write(node: Node, base: ir.Name, at: int, stride: int) -> None:
         value = values.read(node)
         if node.scalar:
             numbers.append(scattered(base + at, stride, value))
-        elif base != OUTPUT or value != placed_name(at)[CELL]:  # it may be there
-            store = scattered(base + at + CELL, stride, value)
+        elif base != OUTPUT or value != placed_name(at)[ir.CELL]:  # it may be there
+            store = scattered(base + at + ir.CELL, stride, value)
             maps.setdefault(schedule.size_of(node), []).append(store)
 
     at = 0
@@ -210,7 +209,10 @@ def _write_outputs(
     numbers.append(scattered(OUTPUT + at, size, UNFINISHED))
     for number, memory in schedule.memories.items():
         write(memory.store, MEMORY, lowering.memory_at[number], lowering.memory_size)
-    return places, [*(sweep(CELL, length, stores) for length, stores in maps.items()), *numbers]
+    return places, [
+        *(ir.sweep(ir.CELL, length, stores) for length, stores in maps.items()),
+        *numbers,
+    ]
 
 
 def _prelude(lanes: int, numbers: NumberType) -> str:

@@ -9,30 +9,9 @@ different ways, a register of their own says whether a part is theirs.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from cnnum.engines.opencl.ir.expressions import (
-    ZERO,
-    Constant,
-    Expression,
-    Integer,
-    Name,
-    Negative,
-    Number,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.ir.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
 from cnnum.engines.opencl.ir.printer import OpenCLPrinter
-from cnnum.engines.opencl.ir.statements import (
-    Array,
-    Assign,
-    Block,
-    Branch,
-    Counted,
-    Declare,
-    Note,
-    Statement,
-    StripSteps,
-    Sweep,
-    declare,
-)
 from cnnum.engines.opencl.ir.uses import Uses, uses
 from cnnum.engines.opencl.lowering.program import FIRST
 from cnnum.engines.opencl.lowering.split_scopes import Fixed, GlobalArray, Meaning, Register, Scope
@@ -44,7 +23,7 @@ PIECE = 1024
 """Values that a work item takes of a sweep that does not go by rows."""
 
 
-def split_kernels(body: Sequence[Statement], rows: int, printer: OpenCLPrinter) -> LaunchPlan:
+def split_kernels(body: Sequence[ir.Statement], rows: int, printer: OpenCLPrinter) -> LaunchPlan:
     """Return the parts of a plan.
 
     Parameters
@@ -58,7 +37,7 @@ def split_kernels(body: Sequence[Statement], rows: int, printer: OpenCLPrinter) 
     split = _Split(rows, printer)
     scope = Scope()
     scope.meanings[FIRST.text] = Fixed("R(is_first)")
-    split.walk((declare(UNFINISHED, ZERO),), scope, None)
+    split.walk((ir.declare(UNFINISHED, ir.ZERO),), scope, None)
     split.walk(body, scope, None)
     split.flush()
     return LaunchPlan(tuple(split.parts), "\n".join(split.kernels), split.registers, split.partials)
@@ -92,25 +71,27 @@ class _Split:
         """Registers so far."""
         return len(self.known)
 
-    def walk(self, statements: Sequence[Statement], scope: Scope, guard: Register | None) -> None:
+    def walk(
+        self, statements: Sequence[ir.Statement], scope: Scope, guard: Register | None
+    ) -> None:
         """Split statements, for the frames whose guard is not 0."""
         for statement in statements:
-            if isinstance(statement, Note):
+            if isinstance(statement, ir.Note):
                 self.note = statement.text
-            elif isinstance(statement, Declare):
+            elif isinstance(statement, ir.Declare):
                 self._declare(statement, scope, guard)
-            elif isinstance(statement, Array):
+            elif isinstance(statement, ir.Array):
                 self._array(statement, scope)
-            elif isinstance(statement, StripSteps):
+            elif isinstance(statement, ir.StripSteps):
                 self._strips(statement, scope, guard)
-            elif isinstance(statement, Block):
+            elif isinstance(statement, ir.Block):
                 self.walk(statement.body, Scope(scope), guard)
-            elif isinstance(statement, Sweep):
+            elif isinstance(statement, ir.Sweep):
                 self._sweep(statement, scope, guard)
-            elif isinstance(statement, Branch):
+            elif isinstance(statement, ir.Branch):
                 within = self._guard(guard, statement.condition, scope)
                 self.walk(statement.body, Scope(scope), within)
-            elif isinstance(statement, Counted):
+            elif isinstance(statement, ir.Counted):
                 self._counted(statement, Scope(scope), guard)
             else:
                 self._wait(statement, scope, guard)
@@ -136,7 +117,7 @@ class _Split:
 
     # numbers
 
-    def _wait(self, statement: Statement, scope: Scope, guard: Register | None) -> None:
+    def _wait(self, statement: ir.Statement, scope: Scope, guard: Register | None) -> None:
         found = scope.found(uses((statement,)).names)
         lines = self._printer(found).lines([statement])
         self.waiting.append(_Waiting(guard, lines, tuple(found.values())))
@@ -145,7 +126,7 @@ class _Split:
         names = {name: meaning.name for name, meaning in found.items()}
         return replace(self.printer, names=names)
 
-    def _declare(self, new: Declare, scope: Scope, guard: Register | None) -> None:
+    def _declare(self, new: ir.Declare, scope: Scope, guard: Register | None) -> None:
         for name, value in new.variables:
             if new.fixed and value is not None and _is_constant(value):
                 scope.meanings[name.text] = Fixed(f"({self.printer.expression(value)})")
@@ -156,26 +137,26 @@ class _Split:
                 self._assign(register, value, scope, guard)
             scope.meanings[name.text] = register
 
-    def _register(self, kind: str, name: Name) -> Register:
+    def _register(self, kind: str, name: ir.Name) -> Register:
         register = Register(f"{name.text}_{self.registers}", kind, self.registers)
         self.known.append(register)
         return register
 
     def _assign(
-        self, register: Register, value: Expression, scope: Scope, guard: Register | None
+        self, register: Register, value: ir.Expression, scope: Scope, guard: Register | None
     ) -> None:
         found = scope.found(_names(value))
         line = f"{register.name} = {self._printer(found).expression(value)};"
         self.waiting.append(_Waiting(guard, [line], (register, *found.values())))
 
-    def _array(self, array: Array, scope: Scope) -> None:
+    def _array(self, array: ir.Array, scope: Scope) -> None:
         assert array.start is not None
         start = self.printer.expression(array.start)
         meaning = GlobalArray(f"{array.name.text}_{len(self.arrays)}", start)
         scope.meanings[array.name.text] = meaning
         self.arrays.append(meaning)
 
-    def _strips(self, steps: StripSteps, scope: Scope, guard: Register | None) -> None:
+    def _strips(self, steps: ir.StripSteps, scope: Scope, guard: Register | None) -> None:
         self.flush()
         levels = scope.find(steps.levels.text) if steps.levels else None
         place = levels.place if isinstance(levels, Register) else None
@@ -183,7 +164,7 @@ class _Split:
 
     # sweeps
 
-    def _sweep(self, sweep: Sweep, scope: Scope, guard: Register | None) -> None:
+    def _sweep(self, sweep: ir.Sweep, scope: Scope, guard: Register | None) -> None:
         self.flush()
         pieces = sweep.count
         if sweep.variable != ROW:
@@ -211,7 +192,7 @@ class _Split:
             gathered = _gathered(register.name, how, slot, pieces)
             self.waiting.append(_Waiting(guard, gathered, (register,)))
 
-    def _used_by(self, sweep: Sweep, scope: Scope) -> tuple[dict[str, Meaning], Uses]:
+    def _used_by(self, sweep: ir.Sweep, scope: Scope) -> tuple[dict[str, Meaning], Uses]:
         """Return what the names in a sweep mean, and what it does with them.
 
         Raises
@@ -228,14 +209,14 @@ class _Split:
 
     # ways that frames take by themselves
 
-    def _guard(self, outer: Register | None, condition: Expression, scope: Scope) -> Register:
+    def _guard(self, outer: Register | None, condition: ir.Expression, scope: Scope) -> Register:
         """Return the register of a new condition within another one."""
-        register = self._register("int", Name("go"))
+        register = self._register("int", ir.Name("go"))
         self._renew(register, outer, condition, scope)
         return register
 
     def _renew(
-        self, register: Register, outer: Register | None, condition: Expression, scope: Scope
+        self, register: Register, outer: Register | None, condition: ir.Expression, scope: Scope
     ) -> None:
         found = scope.found(_names(condition))
         holds = f"({self._printer(found).expression(condition)})"
@@ -243,12 +224,12 @@ class _Split:
         used = (register, *([] if outer is None else [outer]), *found.values())
         self.waiting.append(_Waiting(None, [f"{register.name} = {both};"], used))
 
-    def _counted(self, loop: Counted, scope: Scope, guard: Register | None) -> None:
+    def _counted(self, loop: ir.Counted, scope: Scope, guard: Register | None) -> None:
         often = loop.end if isinstance(loop.end, int) and loop.running is None else None
         count: Register | None = None
         if often is None or loop.variable.text in uses(loop.body).names:
             count = self._register("int", loop.variable)
-            self._assign(count, Integer(loop.start), scope, guard)
+            self._assign(count, ir.Integer(loop.start), scope, guard)
             scope.meanings[loop.variable.text] = count
         within = guard if often is not None else self._guard(guard, loop.condition, scope)
         self.flush()
@@ -263,7 +244,7 @@ class _Split:
             rounds = Rounds(tuple(self.parts), count=often - loop.start)
         else:
             assert within is not None
-            bound = scope.find(loop.end.text) if isinstance(loop.end, Name) else None
+            bound = scope.find(loop.end.text) if isinstance(loop.end, ir.Name) else None
             rounds = Rounds(tuple(self.parts), flag=within.place)
             if isinstance(bound, Register) and loop.running is None:
                 rounds = Rounds(tuple(self.parts), bound=(bound.place, loop.start))
@@ -276,14 +257,14 @@ class _Split:
         self.parts.append(Launch(name, pieces))
 
 
-def _names(value: Expression) -> tuple[str, ...]:
-    return uses((Assign(Name(""), value),)).names
+def _names(value: ir.Expression) -> tuple[str, ...]:
+    return uses((ir.Assign(ir.Name(""), value),)).names
 
 
-def _is_constant(value: Expression) -> bool:
+def _is_constant(value: ir.Expression) -> bool:
     """Return whether a value is the same in every frame."""
-    inner = value.value if isinstance(value, Negative) else value
-    return isinstance(inner, Number | Constant)
+    inner = value.value if isinstance(value, ir.Negative) else value
+    return isinstance(inner, ir.Number | ir.Constant)
 
 
 def _partial(slot: int, pieces: int, piece: str) -> str:

@@ -4,30 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from cnnum.engines.backend import Solvers
-from cnnum.engines.opencl.ir.expressions import (
-    CELL,
-    ONE,
-    ZERO,
-    Cast,
-    Expression,
-    Integer,
-    Name,
-    after,
-    call,
-    pick,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.ir.formulas import formula
-from cnnum.engines.opencl.ir.statements import (
-    Assign,
-    Block,
-    Statement,
-    declare,
-    fixed,
-    sweep,
-)
-from cnnum.engines.opencl.ir.statements import (
-    Loop as Rounds,
-)
 from cnnum.engines.opencl.lowering.dense_products import product
 from cnnum.engines.opencl.lowering.program_loops import lower_loop
 from cnnum.engines.opencl.lowering.read_outs import begun, chained, chains, rounds, step, taken_in
@@ -51,13 +29,13 @@ from cnnum.graph.nodes import (
 )
 from cnnum.graph.schedule import Schedule
 
-FRAME, LAST = Name("frame"), Name("last")
+FRAME, LAST = ir.Name("frame"), ir.Name("last")
 """The first frame of a work item, and the batch's last."""
 
-INPUT, MEMORY, FIRST = Name("input"), Name("memory"), Name("first")
+INPUT, MEMORY, FIRST = ir.Name("input"), ir.Name("memory"), ir.Name("first")
 """Buffers, and whether the frame is the first of its stream."""
 
-K = Name("k")
+K = ir.Name("k")
 
 OUTLIVES = -1
 """Last use of a node that outputs, memories or a loop's end still read."""
@@ -76,7 +54,7 @@ class Lowering:
     arena: Arena
     values: Values
     in_chains: bool
-    body: list[Statement] = field(default_factory=list[Statement])
+    body: list[ir.Statement] = field(default_factory=list[ir.Statement])
     group: list[Node] = field(default_factory=list[Node])
     grouped: set[int] = field(default_factory=set[int])
     sums: set[int] = field(default_factory=set[int])
@@ -107,14 +85,14 @@ class Lowering:
             self._node(node)
         self._flush()
 
-    def over_cells(self, body: Sequence[Statement], maps: int = 1) -> None:
+    def over_cells(self, body: Sequence[ir.Statement], maps: int = 1) -> None:
         """Run the body for every cell `i` of a number of maps."""
         if body:
-            self.body.append(sweep(CELL, maps * self.schedule.cells, body))
+            self.body.append(ir.sweep(ir.CELL, maps * self.schedule.cells, body))
 
-    def stored(self, node: Node, value: Expression) -> Assign:
+    def stored(self, node: Node, value: ir.Expression) -> ir.Assign:
         """Return the statement that keeps a map's value in cell `i` in an array of its own."""
-        return Assign(self.values.take_slot(node)[CELL], value)
+        return ir.Assign(self.values.take_slot(node)[ir.CELL], value)
 
     def _place_memories(self) -> None:
         for number, memory in self.schedule.memories.items():
@@ -170,7 +148,7 @@ class Lowering:
             self._flush()
         arguments = [self.values.read(argument) for argument in node.arguments]
         name = self.values.name_scalar(node)
-        self.body.append(fixed(name, _call(operation, arguments)))
+        self.body.append(ir.fixed(name, _call(operation, arguments)))
 
     def _flush(self) -> None:
         if not self.group:
@@ -180,17 +158,17 @@ class Lowering:
         read_outs = [node for node in group if isinstance(node.operation, Reduce)]
         by_vectors = self.in_chains and self.tables.lanes == 1
         stays = {node.arguments[0].index for node in read_outs} if by_vectors else set[int]()
-        loop: list[Statement] = []
-        kept: list[tuple[Node, Name]] = []
+        loop: list[ir.Statement] = []
+        kept: list[tuple[Node, ir.Name]] = []
         for node in group:
             arguments = [self.values.read(argument) for argument in node.arguments]
             if isinstance(node.operation, Reduce):
                 if not by_vectors:
                     loop.append(self._step(node, node.operation, arguments[0]))
                 continue
-            name = Name(f"v{node.index}")
+            name = ir.Name(f"v{node.index}")
             assert isinstance(node.operation, Apply)
-            loop.append(fixed(name, _call(node.operation, arguments)))
+            loop.append(ir.fixed(name, _call(node.operation, arguments)))
             self.values.alias(node, name)
             if self.last_use[node.index] not in inside or node.index in stays:
                 kept.append((node, name))
@@ -205,7 +183,7 @@ class Lowering:
             self._free_after(node)
 
     def _sweep_and_read_out(
-        self, loop: list[Statement], read_outs: Sequence[Node], maps: int
+        self, loop: list[ir.Statement], read_outs: Sequence[Node], maps: int
     ) -> None:
         """Append a loop over the cells, and then what is read out of the arrays that it leaves."""
         read = {node.arguments[0].index: node.arguments[0] for node in read_outs}
@@ -219,24 +197,24 @@ class Lowering:
             self.values.free_slot(node)
             self.values.alias(node, value)
 
-    def _read_out(self, node: Node, array: Name | None, maps: int) -> None:
+    def _read_out(self, node: Node, array: ir.Name | None, maps: int) -> None:
         assert isinstance(node.operation, Reduce)
         assert array is not None
         cells = self.schedule.cells
         count = maps * cells if self.tables.lanes == 1 else chains(cells)
         name = chained(self.tables, node.operation.function, count, cells)
-        self.body.append(fixed(self.values.name_scalar(node), call(name, array)))
+        self.body.append(ir.fixed(self.values.name_scalar(node), ir.call(name, array)))
 
-    def _step(self, node: Node, operation: Reduce, value: Expression) -> Statement:
+    def _step(self, node: Node, operation: Reduce, value: ir.Expression) -> ir.Statement:
         """Return the statement that takes a cell into a read-out, which begins here."""
         function, count = operation.function, chains(self.schedule.cells)
         if self.in_chains and rounds(function):
             slot = self.values.take_slot(node)
-            self.body.append(Rounds(K, count, (Assign(slot[K], begun(function)),)))
-            chain = slot[CELL % count]
-            return Assign(chain, step(function, chain, value))
+            self.body.append(ir.Loop(K, count, (ir.Assign(slot[K], begun(function)),)))
+            chain = slot[ir.CELL % count]
+            return ir.Assign(chain, step(function, chain, value))
         total = self.values.name_scalar(node)
-        self.body.append(declare(total, begun(function)))
+        self.body.append(ir.declare(total, begun(function)))
         return taken_in(function, total, value)
 
     def _end(self, read_outs: Sequence[Node]) -> None:
@@ -254,23 +232,23 @@ class Lowering:
             count = len(self.schedule.channels_read)
             place, base = self.schedule.channels_read.index(operation.channel), INPUT
             # large arrays come channel by channel, small ones as frames have them
-            at: Expression = CELL * count + place
+            at: ir.Expression = ir.CELL * count + place
             if not self.arena.private:
-                at = Integer(place * self.schedule.cells) + CELL
+                at = ir.Integer(place * self.schedule.cells) + ir.CELL
             stride = self.schedule.cells * count
         else:
-            at, base = Integer(self.memory_at[operation.memory]) + CELL, MEMORY
+            at, base = ir.Integer(self.memory_at[operation.memory]) + ir.CELL, MEMORY
             stride = self.memory_size
         if node.scalar:
             assert isinstance(operation, Read)
             start = base + self.memory_at[operation.memory]
-            value = call("gather", start, FRAME, LAST, stride)
-            self.body.append(fixed(self.values.name_scalar(node), value))
+            value = ir.call("gather", start, FRAME, LAST, stride)
+            self.body.append(ir.fixed(self.values.name_scalar(node), value))
             return
         if self._stays(node, operation):
-            self.values.alias(node, base[after(Cast("size_t", FRAME) * stride, at)])
+            self.values.alias(node, base[ir.after(ir.Cast("size_t", FRAME) * stride, at)])
             return
-        value = call("gather", after(base, at), FRAME, LAST, stride)
+        value = ir.call("gather", ir.after(base, at), FRAME, LAST, stride)
         self.over_cells([self.stored(node, value)], node.maps)
 
     def _stays(self, node: Node, operation: Input | Read) -> bool:
@@ -293,12 +271,12 @@ class Lowering:
             self.tables,
         )
         text.body += [
-            fixed(name, self._weights(node)[Integer(k)])
+            ir.fixed(name, self._weights(node)[ir.Integer(k)])
             for k, name in enumerate(text.operands.weights.values())
         ]
         picks = self.users[node.index]
         scalars = [node for node in picks if node.scalar]
-        self.body += [declare(self.values.name_scalar(node)) for node in scalars]
+        self.body += [ir.declare(self.values.name_scalar(node)) for node in scalars]
         mark = self.arena.mark()
         strategy = strategy_of(text)
         self.strategies[node.index] = strategy
@@ -306,32 +284,32 @@ class Lowering:
         wanted = {node.operation.what for node in picks if isinstance(node.operation, Pick)}
         if "settled" in wanted and "settled" not in figures:
             settled_now(text, strategy)
-            figures["settled"] = pick(CHANGE <= ONE, ONE, ZERO)
+            figures["settled"] = ir.pick(CHANGE <= ir.ONE, ir.ONE, ir.ZERO)
         text.over_cells([self._pick_map(node, text) for node in picks if not node.scalar])
         text.body += [
-            Assign(self.values.variable(node), figures[node.operation.what])
+            ir.Assign(self.values.variable(node), figures[node.operation.what])
             for node in scalars
             if isinstance(node.operation, Pick) and node.operation.what in FIGURES
         ]
         self.arena.release(mark)
-        self.body.append(Block(tuple(text.body)))
+        self.body.append(ir.Block(tuple(text.body)))
 
     def _operands(self, node: Node, operation: Transient) -> Operands:
         values = [self.values.read(argument) for argument in node.arguments]
         roles = operation.by_role(values)
         mask = roles["mask"][0] if roles["mask"] else None
-        names = {w: Name(f"weight_{k}") for k, w in enumerate(operation.weights)}
+        names = {w: ir.Name(f"weight_{k}") for k, w in enumerate(operation.weights)}
         return Operands(
             roles["input"], roles["previous"], roles["state"], roles["bias"], mask, names
         )
 
-    def _weights(self, node: Node) -> Name:
+    def _weights(self, node: Node) -> ir.Name:
         """Return the array that holds the weights of a transient's frames."""
         array = self.values.array_of(node.arguments[-1])
         assert array is not None
         return array
 
-    def _pick_map(self, node: Node, text: TransientBuilder) -> Statement:
+    def _pick_map(self, node: Node, text: TransientBuilder) -> ir.Statement:
         assert isinstance(node.operation, Pick)
         state = X[text.at(node.operation.layer)]
         shown = node.operation.what != "state"
@@ -343,5 +321,5 @@ def _swept(node: Node) -> int:
     return (node.arguments[0] if isinstance(node.operation, Reduce) else node).maps
 
 
-def _call(operation: Apply, arguments: list[Expression]) -> Expression:
+def _call(operation: Apply, arguments: list[ir.Expression]) -> ir.Expression:
     return formula(operation.function.opencl, **dict(zip("abc", arguments, strict=False)))

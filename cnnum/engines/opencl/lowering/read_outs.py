@@ -5,21 +5,13 @@ may not change its order, they work out all that shares its loop one cell at a t
 a plan sums up in the same order, so that a frame's results do not depend on its neighbours.
 """
 
-from cnnum.engines.opencl.ir.expressions import Binary, Call, Expression, Integer, Name
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.ir.formulas import formula
-from cnnum.engines.opencl.ir.statements import (
-    Accumulate,
-    Array,
-    Assign,
-    Loop,
-    Statement,
-    Verbatim,
-)
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.engines.opencl.text import filled
 from cnnum.graph.elementwise import SUM, ReduceOp
 
-CHAIN, NUMBERS, K, AT = Name("chain"), Name("numbers"), Name("k"), Name("at")
+CHAIN, NUMBERS, K, AT = ir.Name("chain"), ir.Name("numbers"), ir.Name("k"), ir.Name("at")
 
 CHAINS = 8
 """Of 4, 8 and 16 chains single frames take as long, and with 16 large batches take 1 % more."""
@@ -62,12 +54,12 @@ def chained(tables: Tables, function: ReduceOp, count: int, cells: int) -> str:
     return name
 
 
-def step(function: ReduceOp, total: Expression, value: Expression) -> Expression:
+def step(function: ReduceOp, total: ir.Expression, value: ir.Expression) -> ir.Expression:
     """Return a total after one more value."""
     return formula(function.step, total=total, a=value)
 
 
-def taken_in(function: ReduceOp, total: Name, value: Expression) -> Accumulate:
+def taken_in(function: ReduceOp, total: ir.Name, value: ir.Expression) -> ir.Accumulate:
     """Return the statement that takes a value into a total.
 
     Raises
@@ -76,32 +68,32 @@ def taken_in(function: ReduceOp, total: Name, value: Expression) -> Accumulate:
         If the order of the values matters in another way than by rounding.
     """
     new = step(function, total, value)
-    if isinstance(new, Binary) and (new.sign, new.left) == ("+", total):
-        return Accumulate(total, "+", value)
-    if isinstance(new, Call) and new.arguments == (total, value):
-        return Accumulate(total, new.function, value)
+    if isinstance(new, ir.Binary) and (new.sign, new.left) == ("+", total):
+        return ir.Accumulate(total, "+", value)
+    if isinstance(new, ir.Call) and new.arguments == (total, value):
+        return ir.Accumulate(total, new.function, value)
     raise ValueError(f"The read-out '{function.name}' takes values in as no sweep can.")
 
 
-def begun(function: ReduceOp) -> Expression:
+def begun(function: ReduceOp) -> ir.Expression:
     """Return a total before the first value."""
     return formula(function.start)
 
 
-def _body(function: ReduceOp, count: int, width: int) -> list[Statement]:
+def _body(function: ReduceOp, count: int, width: int) -> list[ir.Statement]:
     last = count // width * width
 
-    def into(end: int, value: Expression) -> Loop:
-        return Loop(K, end, (Assign(CHAIN[K], step(function, CHAIN[K], value)),))
+    def into(end: int, value: ir.Expression) -> ir.Loop:
+        return ir.Loop(K, end, (ir.Assign(CHAIN[K], step(function, CHAIN[K], value)),))
 
-    lines: list[Statement] = [
-        Array(CHAIN, width, None),
-        Loop(K, width, (Assign(CHAIN[K], NUMBERS[K]),)),
-        Loop(AT, last, (into(width, NUMBERS[AT + K]),), start=width, step=width),
-        into(count - last, NUMBERS[Integer(last) + K]),
+    lines: list[ir.Statement] = [
+        ir.Array(CHAIN, width, None),
+        ir.Loop(K, width, (ir.Assign(CHAIN[K], NUMBERS[K]),)),
+        ir.Loop(AT, last, (into(width, NUMBERS[AT + K]),), start=width, step=width),
+        into(count - last, NUMBERS[ir.Integer(last) + K]),
     ]
     while width > 1:
         half = (width + 1) // 2
-        lines.append(into(width - half, CHAIN[Integer(half) + K]))
+        lines.append(into(width - half, CHAIN[ir.Integer(half) + K]))
         width = half
-    return [*lines, Verbatim(("return ", CHAIN[0], ";"))]
+    return [*lines, ir.Verbatim(("return ", CHAIN[0], ";"))]

@@ -6,20 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.engines.opencl.ir.expressions import (
-    CELL,
-    Element,
-    Expression,
-    Integer,
-    Name,
-    Number,
-    Operand,
-    after,
-    real,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.ir.number_types import number_type
 from cnnum.engines.opencl.ir.printer import OpenCLPrinter
-from cnnum.engines.opencl.ir.statements import Array
 from cnnum.graph.nodes import Constant, ConstantMap, Node
 from cnnum.templating.boundary import Boundary, halo_sources
 
@@ -27,13 +16,13 @@ PRIVATE_CELLS = 16 * 16
 """Largest array that a work item keeps in private memory. Of 32×32 cells a step takes 1.6 times as
 long there as in scratch, and the program `contact` twice as long."""
 
-DATA = Name("data")
+DATA = ir.Name("data")
 """The plan's constant numbers."""
 
-UNFINISHED = Name("unfinished")
+UNFINISHED = ir.Name("unfinished")
 """Whether a transient or a loop of a frame did not reach its end."""
 
-MINE = Name("mine")
+MINE = ir.Name("mine")
 """A frame's scratch."""
 
 ALIGNED = 16
@@ -53,12 +42,12 @@ class Arena:
     _top: int = 0
     places: dict[str, int] = field(default_factory=dict[str, int])
 
-    def array(self, name: str, length: int) -> Array:
+    def array(self, name: str, length: int) -> ir.Array:
         """Return the declaration of an array."""
         start = self.places[name] = self._top
         self._top += length if self.private else -(-length // ALIGNED) * ALIGNED + APART
         self.size = max(self.size, self._top)
-        return Array(Name(name), length, None if self.private else MINE + start)
+        return ir.Array(ir.Name(name), length, None if self.private else MINE + start)
 
     def mark(self) -> int:
         """Return a mark to release to at the end of a block."""
@@ -117,7 +106,7 @@ class Tables:
 
     def halo(
         self, boundary: Boundary, shape: tuple[int, int], radius: int
-    ) -> tuple[Name, Name, int]:
+    ) -> tuple[ir.Name, ir.Name, int]:
         """Return the names of two tables (padded cell, padded source) and their length."""
         name = f"halo_{boundary.pad_mode}_{shape[0]}x{shape[1]}_{radius}"
         sources = halo_sources(boundary, shape, radius)
@@ -128,19 +117,19 @@ class Tables:
         row, col = np.divmod(sources.ravel()[rim], shape[1])
         self._index(f"{name}_to", rim)
         self._index(f"{name}_from", (row + radius) * pitch + col + radius)
-        return Name(f"{name}_to"), Name(f"{name}_from"), rim.size
+        return ir.Name(f"{name}_to"), ir.Name(f"{name}_from"), rim.size
 
     def _index(self, name: str, values: NDArray[np.int64]) -> None:
         body = ", ".join(str(int(value)) for value in values)
         self._tables[name] = f"__constant int {name}[{values.size}] = {{{body}}};"
 
-    def constant(self, values: Floats, at: Operand) -> Expression:
+    def constant(self, values: Floats, at: ir.Operand) -> ir.Expression:
         """Return the number that stands there among these, which the data buffer gets."""
-        return self.number_at(after(Integer(self.data(values)), at))
+        return self.number_at(ir.after(ir.Integer(self.data(values)), at))
 
-    def number_at(self, at: Expression) -> Expression:
+    def number_at(self, at: ir.Expression) -> ir.Expression:
         """Return the number that stands at a place of the data buffer."""
-        return real(DATA[at])
+        return ir.real(DATA[at])
 
     def data(self, values: Floats) -> int:
         """Return the offset of these numbers in the data buffer."""
@@ -162,14 +151,14 @@ class Tables:
         return flat.astype(self.dtype)
 
 
-def placed_name(at: int) -> Name:
+def placed_name(at: int) -> ir.Name:
     """Return the name of the map that stands there among a frame's outputs."""
-    return Name(f"out{at}")
+    return ir.Name(f"out{at}")
 
 
-def slot_name(number: int) -> Name:
+def slot_name(number: int) -> ir.Name:
     """Return the name of the array of a slot."""
-    return Name(f"s{number}")
+    return ir.Name(f"s{number}")
 
 
 @dataclass(slots=True)
@@ -188,40 +177,40 @@ class Values:
 
     tables: Tables
     placed: dict[int, int] = field(default_factory=dict[int, int])
-    _values: dict[int, Expression] = field(default_factory=dict[int, Expression])
+    _values: dict[int, ir.Expression] = field(default_factory=dict[int, ir.Expression])
     _slots: dict[int, int] = field(default_factory=dict[int, int])
     _free: list[int] = field(default_factory=list[int])
     slots: list[int] = field(default_factory=list[int])
 
-    def read(self, node: Node) -> Expression:
+    def read(self, node: Node) -> ir.Expression:
         """Return the expression for a node's value in cell `i`."""
         operation = node.operation
         if isinstance(operation, Constant):
-            return Number(operation.value)
+            return ir.Number(operation.value)
         if isinstance(operation, ConstantMap):
-            return self.tables.constant(operation.values, CELL)
+            return self.tables.constant(operation.values, ir.CELL)
         return self._values[node.index]
 
-    def variable(self, node: Node) -> Name | Element:
+    def variable(self, node: Node) -> ir.Name | ir.Element:
         """Return the variable of a node's value, which can be assigned."""
         value = self._values[node.index]
-        assert isinstance(value, Name | Element)
+        assert isinstance(value, ir.Name | ir.Element)
         return value
 
-    def name_scalar(self, node: Node) -> Name:
+    def name_scalar(self, node: Node) -> ir.Name:
         """Return the name of a new variable for one number a frame."""
-        name = self._values[node.index] = Name(f"n{node.index}")
+        name = self._values[node.index] = ir.Name(f"n{node.index}")
         return name
 
-    def alias(self, node: Node, value: Expression) -> None:
+    def alias(self, node: Node, value: ir.Expression) -> None:
         """Say that a node's value is read by this expression."""
         self._values[node.index] = value
 
-    def take_slot(self, node: Node) -> Name:
+    def take_slot(self, node: Node) -> ir.Name:
         """Return the name of the array that holds this map, or stack, from now on."""
         if node.index in self.placed:
             name = placed_name(self.placed[node.index])
-            self._values[node.index] = name[CELL]
+            self._values[node.index] = name[ir.CELL]
             return name
         fits = [slot for slot in self._free if self.slots[slot] == node.maps]
         if fits:
@@ -232,10 +221,10 @@ class Values:
             self.slots.append(node.maps)
         self._slots[node.index] = slot
         name = slot_name(slot)
-        self._values[node.index] = name[CELL]
+        self._values[node.index] = name[ir.CELL]
         return name
 
-    def array_of(self, node: Node) -> Name | None:
+    def array_of(self, node: Node) -> ir.Name | None:
         """Return the name of the array that holds a node's value alone, None without one."""
         slot = self._slots.get(node.index)
         return None if slot is None else slot_name(slot)

@@ -4,26 +4,8 @@ from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from cnnum.engines.opencl.ir.expressions import (
-    CELL,
-    PLACE,
-    Element,
-    Expression,
-    Integer,
-    Name,
-    Number,
-    size,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.ir.formulas import formula
-from cnnum.engines.opencl.ir.statements import (
-    Assign,
-    Declare,
-    Loop,
-    Statement,
-    Sweep,
-    add,
-    sweep,
-)
 from cnnum.engines.opencl.lowering.storage import Arena, Tables
 from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
 from cnnum.integrators.choice import Solver
@@ -32,10 +14,10 @@ from cnnum.templating.network import Tap
 from cnnum.templating.reads import delays_inputs
 from cnnum.templating.template import Template
 
-ROW, COL, RIM = Name("r"), Name("c"), Name("q")
+ROW, COL, RIM = ir.Name("r"), ir.Name("c"), ir.Name("q")
 """Variables of loops: rows, columns, and cells of rims."""
 
-SUM, NOW = Name("sum"), Name("now")
+SUM, NOW = ir.Name("sum"), ir.Name("now")
 
 VECTORISE = "#pragma clang loop vectorize(assume_safety)"
 """With many neighbours compilers give up to prove that no round writes what others read."""
@@ -48,12 +30,12 @@ class Operands:
     `weights` are the variables of frames' own weights, by the numbers that stand for them in A.
     """
 
-    inputs: tuple[Expression, ...]
-    previous: tuple[Expression, ...]
-    states: tuple[Expression, ...]
-    biases: tuple[Expression, ...]
-    mask: Expression | None
-    weights: Mapping[float, Name] = field(default_factory=dict[float, Name])
+    inputs: tuple[ir.Expression, ...]
+    previous: tuple[ir.Expression, ...]
+    states: tuple[ir.Expression, ...]
+    biases: tuple[ir.Expression, ...]
+    mask: ir.Expression | None
+    weights: Mapping[float, ir.Name] = field(default_factory=dict[float, ir.Name])
 
 
 @dataclass(slots=True)
@@ -71,7 +53,7 @@ class TransientBuilder:
     operands: Operands
     arena: Arena
     tables: Tables
-    body: list[Statement] = field(default_factory=list[Statement])
+    body: list[ir.Statement] = field(default_factory=list[ir.Statement])
 
     @property
     def cells(self) -> int:
@@ -110,77 +92,79 @@ class TransientBuilder:
 
     def literal(self, value: float) -> str:
         """Return the text of a number of the kernel's type."""
-        return self.tables.printer.expression(Number(value))
+        return self.tables.printer.expression(ir.Number(value))
 
-    def at(self, layer: int) -> Expression:
+    def at(self, layer: int) -> ir.Expression:
         """Return the place of cell `i` of a layer among the stacked states."""
-        return Integer(layer * self.cells) + CELL
+        return ir.Integer(layer * self.cells) + ir.CELL
 
-    def padded_at(self, layer: int) -> Expression:
+    def padded_at(self, layer: int) -> ir.Expression:
         """Return the place of cell `i` of a layer among padded ones."""
-        return Integer(layer * self.padded) + PLACE
+        return ir.Integer(layer * self.padded) + ir.PLACE
 
-    def each(self, array: Name) -> list[Element]:
+    def each(self, array: ir.Name) -> list[ir.Element]:
         """Return cell `i` of every layer of stacked states."""
         return [array[self.at(layer)] for layer in range(self.layers)]
 
-    def output(self, state: Expression) -> Expression:
+    def output(self, state: ir.Expression) -> ir.Expression:
         """Return f(state)."""
         return formula(self.template.output.opencl, x=state)
 
-    def array(self, name: Name, length: int) -> None:
+    def array(self, name: ir.Name, length: int) -> None:
         """Declare an array of the block."""
         self.body.append(self.arena.array(name.text, length))
 
     @contextmanager
-    def aside(self) -> Generator[list[Statement]]:
+    def aside(self) -> Generator[list[ir.Statement]]:
         """Collect what is appended within the block instead of appending it."""
         kept, self.body = self.body, []
         yield self.body
         self.body = kept
 
-    def over_cells(self, body: Sequence[Statement]) -> None:
+    def over_cells(self, body: Sequence[ir.Statement]) -> None:
         """Run the body for every cell `i`."""
-        self.body.append(sweep(CELL, self.cells, body))
+        self.body.append(ir.sweep(ir.CELL, self.cells, body))
 
-    def over_grid(self, body: Sequence[Statement]) -> None:
+    def over_grid(self, body: Sequence[ir.Statement]) -> None:
         """Run the body for every cell `i` that stands at `p` in a padded array."""
         rows, cols = self.shape
         place = (ROW + self.radius) * self.pitch + COL + self.radius
-        places = Declare("int", ((CELL, ROW * cols + COL), (PLACE, place)), fixed=True)
+        places = ir.Declare("int", ((ir.CELL, ROW * cols + COL), (ir.PLACE, place)), fixed=True)
         hint = "" if self.arena.private else VECTORISE
-        self.body.append(Sweep(ROW, rows, (Loop(COL, cols, (places, *body), hint=hint),)))
+        self.body.append(ir.Sweep(ROW, rows, (ir.Loop(COL, cols, (places, *body), hint=hint),)))
 
     def fill_rims(
-        self, array: Name, layers: int, boundary: Boundary, constant: float | None
+        self, array: ir.Name, layers: int, boundary: Boundary, constant: float | None
     ) -> None:
         """Fill the rims of all layers of a padded array: a constant, or copies of its cells."""
         if self.radius == 0:
             return
         to, source, count = self.tables.halo(boundary, self.shape, self.radius)
-        places = [Integer(layer * self.padded) for layer in range(layers)]
+        places = [ir.Integer(layer * self.padded) for layer in range(layers)]
         body = [
-            Assign(
+            ir.Assign(
                 array[place + to[RIM]],
-                array[place + source[RIM]] if constant is None else Number(constant),
+                array[place + source[RIM]] if constant is None else ir.Number(constant),
             )
             for place in places
         ]
-        self.body.append(sweep(RIM, count, body))
+        self.body.append(ir.sweep(RIM, count, body))
 
-    def neighbour(self, array: Name, tap: Tap) -> Element:
+    def neighbour(self, array: ir.Name, tap: Tap) -> ir.Element:
         """Return a neighbour of cell `p`."""
-        return array[PLACE + (tap.source * self.padded + tap.row * self.pitch + tap.col)]
+        return array[ir.PLACE + (tap.source * self.padded + tap.row * self.pitch + tap.col)]
 
-    def weighted(self, array: Name, found: tuple[Tap, ...], total: Name = SUM) -> list[Statement]:
+    def weighted(
+        self, array: ir.Name, found: tuple[Tap, ...], total: ir.Name = SUM
+    ) -> list[ir.Statement]:
         """Return statements that add the weighted neighbours of cell `p` to `total`."""
         terms = weighted_terms(found, self.number, lambda tap: self.neighbour(array, tap))
-        return [add(total, term) for term in terms]
+        return [ir.add(total, term) for term in terms]
 
-    def number(self, weight: float) -> Expression:
+    def number(self, weight: float) -> ir.Expression:
         """Return a weight: a number, or the variable that the number stands for."""
-        return self.operands.weights.get(weight) or Number(weight)
+        return self.operands.weights.get(weight) or ir.Number(weight)
 
-    def scale(self, value: Expression) -> Expression:
+    def scale(self, value: ir.Expression) -> ir.Expression:
         """Return the tolerance of a value of this size."""
-        return Number(self.solver.atol) + Number(self.solver.rtol) * size(value)
+        return ir.Number(self.solver.atol) + ir.Number(self.solver.rtol) * ir.size(value)

@@ -5,32 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.engines.opencl.ir.expressions import (
-    CELL,
-    ONE,
-    Cast,
-    Constant,
-    Expression,
-    Integer,
-    Name,
-    Number,
-    call,
-    size,
-)
-from cnnum.engines.opencl.ir.statements import (
-    Accumulate,
-    Assign,
-    Block,
-    Counted,
-    Declare,
-    Note,
-    Statement,
-    While,
-    add,
-    declare,
-    fixed,
-    sweep,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.strip_adaptive import STAGES, chebyshev_attempts
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
@@ -63,12 +38,12 @@ from cnnum.engines.opencl.transients.step_control import (
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.schemes import ChebyshevSteps
 
-OLD, K1 = Name("old"), rates_of(1)
+OLD, K1 = ir.Name("old"), rates_of(1)
 """The stage before the last, and the rates at the step's end."""
 
-REACH, TABLE_ROW, STAGE, NEW = Name("reach"), Name("row"), Name("j"), Name("new")
+REACH, TABLE_ROW, STAGE, NEW = ir.Name("reach"), ir.Name("row"), ir.Name("j"), ir.Name("new")
 BEGIN, BACK1, BACK2, WEIGHT, START = (
-    Name("begin"), Name("back1"), Name("back2"), Name("weight"), Name("start"),
+    ir.Name("begin"), ir.Name("back1"), ir.Name("back2"), ir.Name("weight"), ir.Name("start"),
 )  # fmt: skip
 """Numbers of a method's rows."""
 
@@ -87,34 +62,36 @@ def _controlled(
     text: TransientBuilder,
     scheme: ChebyshevSteps,
     attempts: Callable[[TransientBuilder, int], Attempt],
-    first: Callable[[TransientBuilder, Name, Then, Instant], None],
+    first: Callable[[TransientBuilder, ir.Name, Then, Instant], None],
 ) -> Figures:
     """Append steps of such attempts; `first` finds the rates at the start."""
     text.array(K0, text.states)
     attempt = attempts(text, text.tables.data(_coefficients()))
     with text.aside() as first_rates:
-        first(text, X, lambda at, _: [Assign(K0[at], RATE)], Instant())
-    longest = Number(scheme.control.longest)
-    left = Number(text.solver.duration) - TIME
+        first(text, X, lambda at, _: [ir.Assign(K0[at], RATE)], Instant())
+    longest = ir.Number(scheme.control.longest)
+    left = ir.Number(text.solver.duration) - TIME
     control = Control(
         about="runge-kutta-chebyshev: steps follow the error estimate, stages follow the steps",
         scheme=scheme,
-        length=call("fmin", H, call("fmin", longest, left)),
+        length=ir.call("fmin", H, ir.call("fmin", longest, left)),
         carries=False,
     )
     stages = [*_count_stages(scheme), *attempt.stages]
     return controlled(text, control, first_rates, attempt, stages)
 
 
-def _count_stages(scheme: ChebyshevSteps) -> list[Statement]:
+def _count_stages(scheme: ChebyshevSteps) -> list[ir.Statement]:
     """Return what finds the stages of a step: the lane with the longest says how many all take."""
-    reach = RUNNING * H * Number(scheme.fastest) * Number(1.0 / _reach())
-    short = Cast("scalar", STAGES * STAGES) < REACH
+    reach = RUNNING * H * ir.Number(scheme.fastest) * ir.Number(1.0 / _reach())
+    short = ir.Cast("scalar", STAGES * STAGES) < REACH
     return [
-        Note("// the lane with the longest step says how many stages all of them take"),
-        fixed(REACH, call("LARGEST_LANE", reach) + Cast("scalar", Integer(1)), of="scalar"),
-        declare(STAGES, 2, of="int"),
-        While((STAGES < MAX_STAGES) & short, (Assign(STAGES, Integer(1), "+="),)),
+        ir.Note("// the lane with the longest step says how many stages all of them take"),
+        ir.fixed(
+            REACH, ir.call("LARGEST_LANE", reach) + ir.Cast("scalar", ir.Integer(1)), of="scalar"
+        ),
+        ir.declare(STAGES, 2, of="int"),
+        ir.While((STAGES < MAX_STAGES) & short, (ir.Assign(STAGES, ir.Integer(1), "+="),)),
     ]
 
 
@@ -123,40 +100,48 @@ def _sweeps(text: TransientBuilder, table: int) -> Attempt:
     for name in (XS, OLD, K1):
         text.array(name, text.states)
 
-    def then(at: Expression, _: int) -> list[Statement]:
-        states = (ONE - BACK1 - BACK2) * X[at] + BACK1 * XS[at] + BACK2 * OLD[at]
-        return [Assign(OLD[at], states + H * (WEIGHT * RATE + START * K0[at]))]
+    def then(at: ir.Expression, _: int) -> list[ir.Statement]:
+        states = (ir.ONE - BACK1 - BACK2) * X[at] + BACK1 * XS[at] + BACK2 * OLD[at]
+        return [ir.Assign(OLD[at], states + H * (WEIGHT * RATE + START * K0[at]))]
 
-    def number(place: int) -> Expression:
+    def number(place: int) -> ir.Expression:
         return text.tables.number_at(TABLE_ROW + place if place else TABLE_ROW)
 
     with text.aside() as stage:
         _rates(text, XS, then, Instant())
     with text.aside() as last_rates:
-        _rates(text, XS, lambda at, _: [Assign(K1[at], RATE)], Instant())
+        _rates(text, XS, lambda at, _: [ir.Assign(K1[at], RATE)], Instant())
     # what was before is not needed any more: the two change places
-    swap: list[Statement] = [
-        fixed(NEW, OLD[CELL]),
-        Assign(OLD[CELL], XS[CELL]),
-        Assign(XS[CELL], NEW),
+    swap: list[ir.Statement] = [
+        ir.fixed(NEW, OLD[ir.CELL]),
+        ir.Assign(OLD[ir.CELL], XS[ir.CELL]),
+        ir.Assign(XS[ir.CELL], NEW),
     ]
-    first = [Assign(OLD[CELL], X[CELL]), Assign(XS[CELL], X[CELL] + BEGIN * H * K0[CELL])]
+    first = [
+        ir.Assign(OLD[ir.CELL], X[ir.CELL]),
+        ir.Assign(XS[ir.CELL], X[ir.CELL] + BEGIN * H * K0[ir.CELL]),
+    ]
     weights = [
-        Declare("real", ((BACK1, number(0)), (BACK2, number(1))), fixed=True),
-        Declare("real", ((WEIGHT, number(2)), (START, number(3))), fixed=True),
+        ir.Declare("real", ((BACK1, number(0)), (BACK2, number(1))), fixed=True),
+        ir.Declare("real", ((WEIGHT, number(2)), (START, number(3))), fixed=True),
     ]
-    each = (add(TABLE_ROW, Integer(4)), *weights, *stage, sweep(CELL, text.states, swap))
-    stages: list[Statement] = [
-        declare(TABLE_ROW, Integer(table) + STAGES * MAX_STAGES * 4, of="int"),
-        fixed(BEGIN, number(2)),
-        sweep(CELL, text.states, first),
-        Counted(STAGE, 1, STAGES, None, each),
-        Block(tuple(last_rates)),
+    each = (
+        ir.add(TABLE_ROW, ir.Integer(4)),
+        *weights,
+        *stage,
+        ir.sweep(ir.CELL, text.states, swap),
+    )
+    stages: list[ir.Statement] = [
+        ir.declare(TABLE_ROW, ir.Integer(table) + STAGES * MAX_STAGES * 4, of="int"),
+        ir.fixed(BEGIN, number(2)),
+        ir.sweep(ir.CELL, text.states, first),
+        ir.Counted(STAGE, 1, STAGES, None, each),
+        ir.Block(tuple(last_rates)),
     ]
     return Attempt([], stages, _judge(text), advance(text, K1), [])
 
 
-def _rates(text: TransientBuilder, state: Name, then: Then, instant: Instant) -> None:
+def _rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) -> None:
     outputs(text, text.each(state))
     rates(text, state, then, instant)
 
@@ -176,18 +161,18 @@ def _coefficients() -> Floats:
     return table
 
 
-def _judge(text: TransientBuilder) -> list[Statement]:
+def _judge(text: TransientBuilder) -> list[ir.Statement]:
     """Return what finds the worst error of a step, and the change at its end."""
-    tau, e = Number(float(text.template.tau.max())), Name("e")
+    tau, e = ir.Number(float(text.template.tau.max())), ir.Name("e")
     # Sommeijer, Shampine & Verwer 1998, section 2.2
-    states = call("R", Constant("0.8")) * (X[CELL] - XS[CELL])
-    error = states + call("R", Constant("0.4")) * H * (K0[CELL] + K1[CELL])
-    larger = call("fmax", size(X[CELL]), size(XS[CELL]))
-    body: list[Statement] = [
-        fixed(e, size(error)),
-        Accumulate(WORST, "greater", e / text.scale(larger)),
-        Accumulate(ADDED, "greater", e + rounding(text) * size(XS[CELL])),
-        Accumulate(SPEED, "greater", size(K1[CELL])),
-        Accumulate(CHANGE, "greater", size(tau * K1[CELL]) / text.scale(XS[CELL])),
+    states = ir.call("R", ir.Constant("0.8")) * (X[ir.CELL] - XS[ir.CELL])
+    error = states + ir.call("R", ir.Constant("0.4")) * H * (K0[ir.CELL] + K1[ir.CELL])
+    larger = ir.call("fmax", ir.size(X[ir.CELL]), ir.size(XS[ir.CELL]))
+    body: list[ir.Statement] = [
+        ir.fixed(e, ir.size(error)),
+        ir.Accumulate(WORST, "greater", e / text.scale(larger)),
+        ir.Accumulate(ADDED, "greater", e + rounding(text) * ir.size(XS[ir.CELL])),
+        ir.Accumulate(SPEED, "greater", ir.size(K1[ir.CELL])),
+        ir.Accumulate(CHANGE, "greater", ir.size(tau * K1[ir.CELL]) / text.scale(XS[ir.CELL])),
     ]
-    return [sweep(CELL, text.states, body)]
+    return [ir.sweep(ir.CELL, text.states, body)]

@@ -6,30 +6,7 @@ from typing import Any
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.engines.opencl.ir.expressions import (
-    CELL,
-    ONE,
-    ZERO,
-    Element,
-    Expression,
-    Integer,
-    Name,
-    Number,
-    pick,
-    size,
-    total,
-)
-from cnnum.engines.opencl.ir.statements import (
-    Accumulate,
-    Assign,
-    Loop,
-    Statement,
-    Sweep,
-    add,
-    declare,
-    fixed,
-    sweep,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive, drive_of
@@ -39,8 +16,13 @@ from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.solver import Linear
 from cnnum.integrators.spectral import Spectral
 
-LARGEST, X0, HALFWAY, MODES = Name("largest"), Name("x0"), Name("halfway"), Name("modes")
-J, K, V = Name("j"), Name("k"), Name("v")
+LARGEST, X0, HALFWAY, MODES = (
+    ir.Name("largest"),
+    ir.Name("x0"),
+    ir.Name("halfway"),
+    ir.Name("modes"),
+)
+J, K, V = ir.Name("j"), ir.Name("k"), ir.Name("v")
 
 
 def exact(text: TransientBuilder, scheme: Linear) -> Figures:
@@ -55,33 +37,33 @@ def exact(text: TransientBuilder, scheme: Linear) -> Figures:
 def begin_exact(text: TransientBuilder, why: str) -> None:
     """Append what stands before all else."""
     text.body.append(comment(f"exact after {text.solver.duration:g}{why}"))
-    text.body.append(declare(LARGEST, ZERO))
+    text.body.append(ir.declare(LARGEST, ir.ZERO))
 
 
 def exact_figures(text: TransientBuilder, roundings: float) -> Figures:
     """Return the figures of a run without steps, which is off by some roundings of `largest`."""
-    rounding = Number(float(np.finfo(text.tables.dtype).eps) * roundings)
+    rounding = ir.Number(float(np.finfo(text.tables.dtype).eps) * roundings)
     figures: Figures = {
-        "time": Number(text.solver.duration),
-        "steps": ZERO,
+        "time": ir.Number(text.solver.duration),
+        "steps": ir.ZERO,
         "error": rounding * LARGEST,
     }
-    return figures | ({"settled": ONE} if text.solver.settle else {})
+    return figures | ({"settled": ir.ONE} if text.solver.settle else {})
 
 
-def _largest(value: Expression) -> Accumulate:
-    return Accumulate(LARGEST, "greater", size(value))
+def _largest(value: ir.Expression) -> ir.Accumulate:
+    return ir.Accumulate(LARGEST, "greater", ir.size(value))
 
 
 def _decay(text: TransientBuilder, scheme: Decay) -> tuple[int, float]:
     text.array(X, text.states)
-    body: list[Statement] = []
+    body: list[ir.Statement] = []
     for layer in range(text.layers):
         kept, to, origin = float(scheme.kept[layer]), drive_of(text, layer), start_of(text, layer)
-        value = to if kept == 0.0 else to + Number(kept) * (origin - to)
+        value = to if kept == 0.0 else to + ir.Number(kept) * (origin - to)
         if text.operands.mask is not None:
-            value = pick(text.operands.mask.differs(ZERO), origin, value)
-        body += [Assign(X[text.at(layer)], value), _largest(to), _largest(origin)]
+            value = ir.pick(text.operands.mask.differs(ir.ZERO), origin, value)
+        body += [ir.Assign(X[text.at(layer)], value), _largest(to), _largest(origin)]
     text.over_cells(body)
     return int(np.count_nonzero(text.template.B)) + 2, 1.0
 
@@ -94,18 +76,24 @@ def _drives(text: TransientBuilder) -> bool:
     if not any(constant):
         return False
     text.array(W, text.states)
-    text.over_cells([Assign(w, Number(z)) for w, z in zip(text.each(W), constant, strict=True)])
+    text.over_cells(
+        [ir.Assign(w, ir.Number(z)) for w, z in zip(text.each(W), constant, strict=True)]
+    )
     return True
 
 
 def _propagate(text: TransientBuilder, scheme: Propagator) -> tuple[int, float]:
     n, gain = text.states, 0.0
-    offset, products, seen = text.tables.data(scheme.constant), list[Statement](), list[Statement]()
+    offset, products, seen = (
+        text.tables.data(scheme.constant),
+        list[ir.Statement](),
+        list[ir.Statement](),
+    )
 
-    def multiply(matrix: Floats, array: Name) -> float:
-        at = Integer(text.tables.data(matrix)) + CELL * n + J
-        products.append(add(SUM, text.tables.number_at(at) * array[J]))
-        seen.append(_largest(array[CELL]))
+    def multiply(matrix: Floats, array: ir.Name) -> float:
+        at = ir.Integer(text.tables.data(matrix)) + ir.CELL * n + J
+        products.append(ir.add(SUM, text.tables.number_at(at) * array[J]))
+        seen.append(_largest(array[ir.CELL]))
         return float(np.abs(matrix).sum(axis=1).max())
 
     if scheme.state.any():
@@ -115,19 +103,19 @@ def _propagate(text: TransientBuilder, scheme: Propagator) -> tuple[int, float]:
         gain += multiply(scheme.drive, W)
     text.array(X, n)
     body = [
-        declare(SUM, text.tables.number_at(Integer(offset) + CELL)),
-        Loop(J, n, tuple(products)),
-        Assign(X[CELL], SUM),
+        ir.declare(SUM, text.tables.number_at(ir.Integer(offset) + ir.CELL)),
+        ir.Loop(J, n, tuple(products)),
+        ir.Assign(X[ir.CELL], SUM),
         *seen,
     ]
-    text.body.append(sweep(CELL, n, body))
+    text.body.append(ir.sweep(ir.CELL, n, body))
     return 2 * n, max(gain, 1.0)
 
 
 def _spectral(text: TransientBuilder, scheme: Spectral) -> tuple[int, float]:
     """Append the way into the modes, their factors, and the way back."""
     (rows, cols), n = text.shape, text.states
-    parts: list[tuple[Name, Floats]] = []
+    parts: list[tuple[ir.Name, Floats]] = []
     if scheme.state.any():
         start(text, X0)
         parts.append((X0, scheme.state))
@@ -141,15 +129,15 @@ def _spectral(text: TransientBuilder, scheme: Spectral) -> tuple[int, float]:
             _right(text, (array, at), (HALFWAY, 0), scheme.cols.T)
             _left(text, (HALFWAY, 0), (_modes(array), at), scheme.rows)
     text.array(MODES, n)
-    body: list[Statement] = []
+    body: list[ir.Statement] = []
     for to in range(text.layers):
-        terms: list[Expression] = [
-            text.tables.constant(factors[to, source], CELL) * _modes(array)[text.at(source)]
+        terms: list[ir.Expression] = [
+            text.tables.constant(factors[to, source], ir.CELL) * _modes(array)[text.at(source)]
             for array, factors in parts
             for source in range(text.layers)
             if factors[to, source].any()
         ]
-        body.append(Assign(MODES[text.at(to)], total(terms)))
+        body.append(ir.Assign(MODES[text.at(to)], ir.total(terms)))
     body += [_largest(value) for array, _ in parts for value in text.each(array)]
     text.over_cells(body)
     text.array(X, n)
@@ -159,17 +147,17 @@ def _spectral(text: TransientBuilder, scheme: Spectral) -> tuple[int, float]:
         _left(text, (HALFWAY, 0), (X, at), scheme.rows.T)
     if scheme.constant.any():
         places = [text.at(m) for m in range(text.layers)]
-        text.over_cells([add(X[at], text.tables.constant(scheme.constant, at)) for at in places])
+        text.over_cells([ir.add(X[at], text.tables.constant(scheme.constant, at)) for at in places])
     strongest = sum(float(np.abs(factors).sum(axis=1).max()) for _, factors in parts)
     # the transforms keep lengths, so they spread roundings over the cells and do not add them up
     return 2 * (rows + cols), max(1.0, strongest)
 
 
-def _modes(array: Name) -> Name:
-    return Name(f"{array.text}_modes")
+def _modes(array: ir.Name) -> ir.Name:
+    return ir.Name(f"{array.text}_modes")
 
 
-Place = tuple[Name, int]
+Place = tuple[ir.Name, int]
 """An array, and where in it a map begins."""
 
 
@@ -177,7 +165,7 @@ def _right(text: TransientBuilder, source: Place, to: Place, matrix: Floats) -> 
     """Append to = source · matrix, maps row by row."""
     rows, cols = text.shape
     weight = text.tables.constant(np.ascontiguousarray(matrix), COL * cols + K)
-    value = source[0][Integer(source[1]) + ROW * cols + COL]
+    value = source[0][ir.Integer(source[1]) + ROW * cols + COL]
     _product(text, rows, cols, cols, (_target(to, cols), value, weight))
 
 
@@ -185,12 +173,12 @@ def _left(text: TransientBuilder, source: Place, to: Place, matrix: Floats) -> N
     """Append to = matrix · source."""
     rows, cols = text.shape
     value = text.tables.constant(np.ascontiguousarray(matrix), ROW * rows + COL)
-    weight = source[0][Integer(source[1]) + COL * cols + K]
+    weight = source[0][ir.Integer(source[1]) + COL * cols + K]
     _product(text, rows, rows, cols, (_target(to, cols), value, weight))
 
 
-def _target(to: Place, cols: int) -> Element:
-    return to[0][Integer(to[1]) + ROW * cols + K]
+def _target(to: Place, cols: int) -> ir.Element:
+    return to[0][ir.Integer(to[1]) + ROW * cols + K]
 
 
 def _product(
@@ -198,21 +186,21 @@ def _product(
     outer: int,
     inner: int,
     across: int,
-    names: tuple[Element, Expression, Expression],
+    names: tuple[ir.Element, ir.Expression, ir.Expression],
 ) -> None:
     """Append target(r, k) = Σ_c value(r, c) · weight(c, k)."""
     target, value, weight = names
     if text.tables.lanes > 1:  # sums in registers
-        sums = Loop(COL, inner, (add(SUM, value * weight),))
-        each = (declare(SUM, ZERO), sums, Assign(target, SUM))
-        body: tuple[Statement, ...] = (Loop(K, across, each),)
+        sums = ir.Loop(COL, inner, (ir.add(SUM, value * weight),))
+        each = (ir.declare(SUM, ir.ZERO), sums, ir.Assign(target, SUM))
+        body: tuple[ir.Statement, ...] = (ir.Loop(K, across, each),)
     else:  # rows that compilers vectorise
-        row = Loop(K, across, (add(target, V * weight),))
+        row = ir.Loop(K, across, (ir.add(target, V * weight),))
         body = (
-            Loop(K, across, (Assign(target, ZERO),)),
-            Loop(COL, inner, (fixed(V, value), row)),
+            ir.Loop(K, across, (ir.Assign(target, ir.ZERO),)),
+            ir.Loop(COL, inner, (ir.fixed(V, value), row)),
         )
-    text.body.append(Sweep(ROW, outer, body))
+    text.body.append(ir.Sweep(ROW, outer, body))
 
 
 _ENDS: dict[type, Callable[[TransientBuilder, Any], tuple[int, float]]] = {

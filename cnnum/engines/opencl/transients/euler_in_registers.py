@@ -9,25 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.engines.opencl.ir.expressions import (
-    ROUND,
-    ZERO,
-    Call,
-    Component,
-    Expression,
-    Name,
-    Number,
-    call,
-    total,
-)
-from cnnum.engines.opencl.ir.statements import (
-    Assign,
-    Counted,
-    Note,
-    Statement,
-    declare,
-    fixed,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.text import fill
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive
@@ -82,12 +64,12 @@ def row_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     with text.aside() as step:
         _step(text, scheme)
     text.body += [
-        Note(
+        ir.Note(
             f"// {scheme.name}: {scheme.count} steps of {scheme.step:g}, "
             "the array in registers, a row a vector"
         ),
         *_begin(text, scheme),
-        Counted(ROUND, 0, scheme.count, None, tuple(step)),
+        ir.Counted(ir.ROUND, 0, scheme.count, None, tuple(step)),
         *_end(text),
     ]
     return fixed_figures(text, scheme.count, settle=False)
@@ -97,20 +79,20 @@ def _each(text: TransientBuilder) -> list[tuple[int, int]]:
     return [(layer, row) for layer in range(text.layers) for row in range(text.shape[0])]
 
 
-def _row(array: str, layer: int, row: int) -> Name:
+def _row(array: str, layer: int, row: int) -> ir.Name:
     """Return the vector that holds a row: of states x, outputs y, the drive w or new states s."""
-    return Name(f"{array}{layer}_{row}")
+    return ir.Name(f"{array}{layer}_{row}")
 
 
-def _begin(text: TransientBuilder, scheme: FixedSteps) -> list[Statement]:
+def _begin(text: TransientBuilder, scheme: FixedSteps) -> list[ir.Statement]:
     """Return the rows of states and of the scaled drive."""
-    lines: list[Statement] = [
-        declare(_row("x", layer, r), _gathered(text, X, layer, r), of="row")
+    lines: list[ir.Statement] = [
+        ir.declare(_row("x", layer, r), _gathered(text, X, layer, r), of="row")
         for layer, r in _each(text)
     ]
     if constant_drive(text) is None:
         lines += [
-            fixed(
+            ir.fixed(
                 _row("w", layer, r),
                 _number(text, scheme, layer) * _gathered(text, W, layer, r),
                 of="row",
@@ -120,41 +102,43 @@ def _begin(text: TransientBuilder, scheme: FixedSteps) -> list[Statement]:
     return lines
 
 
-def _gathered(text: TransientBuilder, array: Name, layer: int, row: int) -> Expression:
+def _gathered(text: TransientBuilder, array: ir.Name, layer: int, row: int) -> ir.Expression:
     cols = text.shape[1]
     start = layer * text.cells + row * cols
     return _vector(text, [array[start + c] for c in range(cols)])
 
 
-def _vector(text: TransientBuilder, cells: Sequence[Expression]) -> Call:
+def _vector(text: TransientBuilder, cells: Sequence[ir.Expression]) -> ir.Call:
     """Return a row of cells; lanes without one hold 0."""
     rest = (width(text.shape[1]) or 0) - len(cells)
-    return call("(row)", *cells, *(ZERO for _ in range(rest)))
+    return ir.call("(row)", *cells, *(ir.ZERO for _ in range(rest)))
 
 
-def _number(text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
-    return Number(factor * scheme.move(layer, float(text.template.tau[layer])))
+def _number(
+    text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0
+) -> ir.Number:
+    return ir.Number(factor * scheme.move(layer, float(text.template.tau[layer])))
 
 
 def _step(text: TransientBuilder, scheme: FixedSteps) -> None:
     output = text.template.output
     for layer, r in _each(text):
         state = _row("x", layer, r)
-        shown = call("clip_row", state) if _clips(output) and not output.limited else state
-        text.body.append(fixed(_row("y", layer, r), shown, of="row"))
+        shown = ir.call("clip_row", state) if _clips(output) and not output.limited else state
+        text.body.append(ir.fixed(_row("y", layer, r), shown, of="row"))
         _moved(text, layer, r)
     constant = constant_drive(text)
     for layer, r in _each(text):
-        kept = Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
-        drive: Expression = _row("w", layer, r)
+        kept = ir.Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
+        drive: ir.Expression = _row("w", layer, r)
         if constant is not None:
-            drive = call("(row)", _number(text, scheme, layer, constant[layer]))
+            drive = ir.call("(row)", _number(text, scheme, layer, constant[layer]))
         terms = [drive, kept * _row("x", layer, r), *_weighted(text, scheme, layer, r)]
-        text.body.append(declare(_row("s", layer, r), total(terms), of="row"))
+        text.body.append(ir.declare(_row("s", layer, r), ir.total(terms), of="row"))
     for layer, r in _each(text):
         new = _row("s", layer, r)
-        value = call("clip_row", new) if output.limited else new
-        text.body.append(Assign(_row("x", layer, r), value))
+        value = ir.call("clip_row", new) if output.limited else new
+        text.body.append(ir.Assign(_row("x", layer, r), value))
 
 
 def _columns(text: TransientBuilder) -> set[int]:
@@ -171,9 +155,9 @@ def _sources(text: TransientBuilder, count: int) -> NDArray[np.int64]:
     return np.pad(np.arange(count), text.radius, constant_values=-1)
 
 
-def _seen(layer: int, row: int, column: int) -> Name:
+def _seen(layer: int, row: int, column: int) -> ir.Name:
     """Return a row of outputs as a column of the padded neighbourhood sees it."""
-    return Name(f"y{layer}_{row}_{column}")
+    return ir.Name(f"y{layer}_{row}_{column}")
 
 
 def _moved(text: TransientBuilder, layer: int, row: int) -> None:
@@ -182,21 +166,23 @@ def _moved(text: TransientBuilder, layer: int, row: int) -> None:
     source, outputs = _sources(text, cols), _row("y", layer, row)
     for offset in sorted(_columns(text)):
         seen = source[radius + offset : radius + offset + cols].tolist()
-        cells = [Component(outputs, at) if at >= 0 else _rim(text) for at in seen]
+        cells = [ir.Component(outputs, at) if at >= 0 else _rim(text) for at in seen]
         name = _seen(layer, row, radius + offset)
-        text.body.append(fixed(name, _vector(text, cells), of="row"))
+        text.body.append(ir.fixed(name, _vector(text, cells), of="row"))
 
 
-def _rim(text: TransientBuilder) -> Number:
+def _rim(text: TransientBuilder) -> ir.Number:
     """Return the output of virtual cells of a fixed boundary."""
     value = text.template.output.numpy(np.asarray(text.template.boundary.constant))
-    return Number(float(value))
+    return ir.Number(float(value))
 
 
-def _weighted(text: TransientBuilder, scheme: FixedSteps, layer: int, row: int) -> list[Expression]:
+def _weighted(
+    text: TransientBuilder, scheme: FixedSteps, layer: int, row: int
+) -> list[ir.Expression]:
     source = _sources(text, text.shape[0])
 
-    def output(tap: Tap) -> Expression:
+    def output(tap: Tap) -> ir.Expression:
         at = int(source[text.radius + row + tap.row])
         if at < 0:
             return _rim(text)
@@ -204,17 +190,17 @@ def _weighted(text: TransientBuilder, scheme: FixedSteps, layer: int, row: int) 
             _seen(tap.source, at, text.radius + tap.col) if tap.col else _row("y", tap.source, at)
         )
 
-    def number(weight: float) -> Number:
+    def number(weight: float) -> ir.Number:
         return _number(text, scheme, layer, weight)
 
     return weighted_terms(taps(text.template.A, layer), number, output, SHARED)
 
 
-def _end(text: TransientBuilder) -> list[Statement]:
+def _end(text: TransientBuilder) -> list[ir.Statement]:
     """Return the statements that write the rows back."""
     cols = text.shape[1]
     return [
-        Assign(X[layer * text.cells + r * cols + c], Component(_row("x", layer, r), c))
+        ir.Assign(X[layer * text.cells + r * cols + c], ir.Component(_row("x", layer, r), c))
         for layer, r in _each(text)
         for c in range(cols)
     ]

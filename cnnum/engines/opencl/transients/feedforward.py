@@ -1,7 +1,6 @@
 """What drives the cells from outside: w = B∗u + z + bias, once a frame."""
 
-from cnnum.engines.opencl.ir.expressions import ZERO, Expression, Name, Number
-from cnnum.engines.opencl.ir.statements import Assign, Statement, add, block, declare, fixed
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit
 from cnnum.engines.opencl.large_arrays.strip_inputs import keep_rows
 from cnnum.engines.opencl.text import comment
@@ -10,10 +9,10 @@ from cnnum.engines.opencl.transients.nonlinear_couplings import nonlinear
 from cnnum.templating.network import taps
 from cnnum.templating.reads import delays_inputs, moving_inputs, reads_inputs, reads_inputs_around
 
-U, W, LATER = Name("u"), Name("w"), Name("later")
+U, W, LATER = ir.Name("u"), ir.Name("w"), ir.Name("later")
 """Padded inputs, what drives the cells, and what changes in it when a delay is over."""
 
-THEN = Name("then")
+THEN = ir.Name("then")
 
 
 def constant_drive(text: TransientBuilder) -> tuple[float, ...] | None:
@@ -23,10 +22,10 @@ def constant_drive(text: TransientBuilder) -> tuple[float, ...] | None:
     return tuple(float(z) for z in text.template.z)
 
 
-def drive_of(text: TransientBuilder, layer: int) -> Expression:
+def drive_of(text: TransientBuilder, layer: int) -> ir.Expression:
     """Return w in cell `i` of a layer."""
     constant = constant_drive(text)
-    return W[text.at(layer)] if constant is None else Number(constant[layer])
+    return W[text.at(layer)] if constant is None else ir.Number(constant[layer])
 
 
 def drive(text: TransientBuilder) -> None:
@@ -41,12 +40,12 @@ def drive(text: TransientBuilder) -> None:
         if text.has_history:
             _history(text)
         _pad(text, text.operands.inputs)
-    body: list[Statement] = [declare(SUM)]
+    body: list[ir.Statement] = [ir.declare(SUM)]
     for layer in range(text.layers):
-        start: Expression = Number(float(template.z[layer]))
+        start: ir.Expression = ir.Number(float(template.z[layer]))
         if text.operands.biases:
             start = start + text.operands.biases[layer]
-        body.append(Assign(SUM, start))
+        body.append(ir.Assign(SUM, start))
         body += _driven(text, layer)
         body += [
             line
@@ -56,48 +55,48 @@ def drive(text: TransientBuilder) -> None:
         ]
         if delays_inputs(template):
             body += _delayed(text, layer)
-        body.append(Assign(W[text.at(layer)], SUM))
+        body.append(ir.Assign(W[text.at(layer)], SUM))
     text.over_grid(body)
     if lanes_fit(text):  # steps by strips go on reading them
         for number in moving_inputs(text.template):
             keep_rows(text, number)
 
 
-def _driven(text: TransientBuilder, layer: int) -> list[Statement]:
+def _driven(text: TransientBuilder, layer: int) -> list[ir.Statement]:
     """Return statements that add B * u of a layer to `sum`."""
     found = taps(text.template.B, layer)
     if reads_inputs_around(text.template):
         return text.weighted(U, found)
     inputs = text.operands.inputs
-    return [add(SUM, Number(tap.weight) * inputs[tap.source]) for tap in found]
+    return [ir.add(SUM, ir.Number(tap.weight) * inputs[tap.source]) for tap in found]
 
 
 def arrive(text: TransientBuilder) -> None:
     """Append the statements that let delayed inputs change: those since the start have arrived."""
     text.over_cells(
-        [add(w, change) for w, change in zip(text.each(W), text.each(LATER), strict=True)]
+        [ir.add(w, change) for w, change in zip(text.each(W), text.each(LATER), strict=True)]
     )
 
 
-def _pad(text: TransientBuilder, inputs: tuple[Expression, ...]) -> None:
+def _pad(text: TransientBuilder, inputs: tuple[ir.Expression, ...]) -> None:
     boundary = text.template.input_boundary
-    text.over_grid([Assign(U[text.padded_at(m)], source) for m, source in enumerate(inputs)])
+    text.over_grid([ir.Assign(U[text.padded_at(m)], source) for m, source in enumerate(inputs)])
     text.fill_rims(U, text.template.inputs, boundary, boundary.constant)
 
 
-def _delayed(text: TransientBuilder, layer: int) -> list[Statement]:
+def _delayed(text: TransientBuilder, layer: int) -> list[ir.Statement]:
     assert text.template.delayed is not None
     found, later = taps(text.template.delayed.B, layer), LATER[text.at(layer)]
     if not text.has_history:
         return text.weighted(U, found)
     # w starts from the inputs before the start; `later` is what changes when the delay is over
     return [
-        block(
-            declare(NOW, ZERO),
+        ir.block(
+            ir.declare(NOW, ir.ZERO),
             *text.weighted(U, found, NOW),
-            fixed(THEN, later),
-            add(SUM, THEN),
-            Assign(later, NOW - THEN),
+            ir.fixed(THEN, later),
+            ir.add(SUM, THEN),
+            ir.Assign(later, NOW - THEN),
         )
     ]
 
@@ -107,8 +106,12 @@ def _history(text: TransientBuilder) -> None:
     assert text.template.delayed is not None
     text.array(LATER, text.states)
     _pad(text, text.operands.previous)
-    body: list[Statement] = [declare(SUM)]
+    body: list[ir.Statement] = [ir.declare(SUM)]
     for layer in range(text.layers):
         found = taps(text.template.delayed.B, layer)
-        body += [Assign(SUM, ZERO), *text.weighted(U, found), Assign(LATER[text.at(layer)], SUM)]
+        body += [
+            ir.Assign(SUM, ir.ZERO),
+            *text.weighted(U, found),
+            ir.Assign(LATER[text.at(layer)], SUM),
+        ]
     text.over_grid(body)

@@ -3,24 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from cnnum.engines.opencl.ir.expressions import (
-    ONE,
-    ROUND,
-    ZERO,
-    Choice,
-    Expression,
-    Number,
-    pick,
-)
-from cnnum.engines.opencl.ir.statements import (
-    Assign,
-    Counted,
-    Declare,
-    Note,
-    Statement,
-    add,
-    fixed,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS, TIME, Figures, H
@@ -31,8 +14,8 @@ from cnnum.integrators.schemes import FixedSteps
 def repeated(
     text: TransientBuilder,
     scheme: FixedSteps,
-    length: Expression,
-    body: Sequence[Statement],
+    length: ir.Expression,
+    body: Sequence[ir.Statement],
 ) -> Figures:
     """Append a scheme's steps and return the figures of the run.
 
@@ -49,24 +32,24 @@ def repeated(
     if scheme.settle:
         text.body += _settling(scheme.count, f"{scheme.name}: at most {steps}", length, body)
     else:
-        once = (fixed(H, length), *body)
+        once = (ir.fixed(H, length), *body)
         text.body += [
-            Note(f"// {scheme.name}: {steps}"),
-            Counted(ROUND, 0, scheme.count, None, once),
+            ir.Note(f"// {scheme.name}: {steps}"),
+            ir.Counted(ir.ROUND, 0, scheme.count, None, once),
         ]
     return fixed_figures(text, scheme.count, settle=scheme.settle)
 
 
-def last_number(count: int, usual: float, last: float) -> Expression:
+def last_number(count: int, usual: float, last: float) -> ir.Expression:
     """Return a number that is another one in the last of a number of steps."""
     if math.isclose(usual, last, rel_tol=1e-9):
-        return Number(usual)
-    return Choice(ROUND.equals(count - 1), Number(last), Number(usual))
+        return ir.Number(usual)
+    return ir.Choice(ir.ROUND.equals(count - 1), ir.Number(last), ir.Number(usual))
 
 
 def _settling(
-    count: int, about: str, step: Expression, body: Sequence[Statement]
-) -> list[Statement]:
+    count: int, about: str, step: ir.Expression, body: Sequence[ir.Statement]
+) -> list[ir.Statement]:
     """Return fixed steps until nothing changes; a lane stops where nothing does any more.
 
     Parameters
@@ -80,23 +63,25 @@ def _settling(
     body : sequence of Statement
         A step of length `h`, which leaves in `change` what changes.
     """
-    still = CHANGE <= ONE
+    still = CHANGE <= ir.ONE
     return [
-        Note(f"// {about}, a lane stops where nothing changes any more"),
-        Declare("real", ((RUNNING, ONE), (TIME, ZERO), (STEPS, ZERO), (SETTLED, ZERO))),
-        Counted(
-            ROUND,
+        ir.Note(f"// {about}, a lane stops where nothing changes any more"),
+        ir.Declare(
+            "real", ((RUNNING, ir.ONE), (TIME, ir.ZERO), (STEPS, ir.ZERO), (SETTLED, ir.ZERO))
+        ),
+        ir.Counted(
+            ir.ROUND,
             0,
             count,
             RUNNING,
             (
-                fixed(H, RUNNING * step),
-                Declare("real", ((CHANGE, ZERO),)),
+                ir.fixed(H, RUNNING * step),
+                ir.Declare("real", ((CHANGE, ir.ZERO),)),
                 *body,
-                add(TIME, H),
-                add(STEPS, RUNNING),
-                Assign(SETTLED, pick(still, ONE, SETTLED)),
-                Assign(RUNNING, pick(still, ZERO, RUNNING)),
+                ir.add(TIME, H),
+                ir.add(STEPS, RUNNING),
+                ir.Assign(SETTLED, ir.pick(still, ir.ONE, SETTLED)),
+                ir.Assign(RUNNING, ir.pick(still, ir.ZERO, RUNNING)),
             ),
         ),
     ]
@@ -104,7 +89,7 @@ def _settling(
 
 def fixed_figures(text: TransientBuilder, count: int, *, settle: bool) -> Figures:
     """Return the figures of steps of a fixed length, whose error is not followed."""
-    error = Number(LOST)
+    error = ir.Number(LOST)
     if settle:
         return {"time": TIME, "steps": STEPS, "settled": SETTLED, "error": error}
-    return {"time": Number(text.solver.duration), "steps": Number(count), "error": error}
+    return {"time": ir.Number(text.solver.duration), "steps": ir.Number(count), "error": error}

@@ -12,33 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.engines.opencl.ir.expressions import (
-    CELL,
-    PLACE,
-    ROUND,
-    ZERO,
-    Element,
-    Expression,
-    Integer,
-    Name,
-    Number,
-    clip,
-    pick,
-    shifted,
-)
-from cnnum.engines.opencl.ir.statements import (
-    Assign,
-    Block,
-    Counted,
-    Declare,
-    Loop,
-    Note,
-    Statement,
-    Verbatim,
-    add,
-    declare,
-    fixed,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.transients.builder import COL, ROW, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
@@ -59,10 +33,10 @@ REGISTERS_FROM = 64
 A sum waits four cycles for each of its products: of two rows side by side there are as many sums as
 the processor can work on, of one it must look ahead, and takes a third longer."""
 
-Z, SCALED, FROM, TO = Name("z"), Name("wh"), Name("from"), Name("to")
+Z, SCALED, FROM, TO = ir.Name("z"), ir.Name("wh"), ir.Name("from"), ir.Name("to")
 """The second array of outputs, the scaled drive, and the outputs before and after a step."""
 
-V, B = Name("v"), Name("b")
+V, B = ir.Name("v"), ir.Name("b")
 
 SWAP = "real *const swap = from; from = to; to = swap;"
 
@@ -79,9 +53,9 @@ def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     with text.aside() as step:
         _sweep(text, scheme)
     text.body += [
-        Note(f"// {scheme.name}: {scheme.count} steps of {scheme.step:g}, each one sweep"),
-        Verbatim(("real *from = y, *to = z;",)),
-        Counted(ROUND, 0, scheme.count, None, (*step, Verbatim((SWAP,)))),
+        ir.Note(f"// {scheme.name}: {scheme.count} steps of {scheme.step:g}, each one sweep"),
+        ir.Verbatim(("real *from = y, *to = z;",)),
+        ir.Counted(ir.ROUND, 0, scheme.count, None, (*step, ir.Verbatim((SWAP,)))),
     ]
     return fixed_figures(text, scheme.count, settle=False)
 
@@ -89,7 +63,7 @@ def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
 def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
     """Append the second array of outputs, what both are at first, and the scaled drive."""
     for own in text.operands.weights.values():
-        text.body.append(fixed(Name(f"{own.text}_h"), _number(text, scheme, 0) * own))
+        text.body.append(ir.fixed(ir.Name(f"{own.text}_h"), _number(text, scheme, 0) * own))
     boundary = text.template.boundary
     text.array(Z, text.layers * text.padded)
     if boundary.constant is not None:
@@ -99,25 +73,27 @@ def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
     if constant_drive(text) is None:
         text.array(SCALED, text.states)
         scaled = [
-            Assign(SCALED[text.at(m)], _number(text, scheme, m) * W[text.at(m)])
+            ir.Assign(SCALED[text.at(m)], _number(text, scheme, m) * W[text.at(m)])
             for m in range(text.layers)
         ]
         text.over_cells(scaled)
     states = enumerate(text.each(X))
-    text.over_grid([Assign(Y[text.padded_at(m)], text.output(state)) for m, state in states])
+    text.over_grid([ir.Assign(Y[text.padded_at(m)], text.output(state)) for m, state in states])
     if boundary.constant is None:
         text.fill_rims(Y, text.layers, boundary, None)
 
 
-def _number(text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0) -> Number:
+def _number(
+    text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0
+) -> ir.Number:
     """Return a number times h/τ of a layer."""
-    return Number(factor * scheme.move(layer, float(text.template.tau[layer])))
+    return ir.Number(factor * scheme.move(layer, float(text.template.tau[layer])))
 
 
-def _weight(text: TransientBuilder, scheme: FixedSteps, layer: int, weight: float) -> Expression:
+def _weight(text: TransientBuilder, scheme: FixedSteps, layer: int, weight: float) -> ir.Expression:
     """Return a weight times h/τ of a layer."""
     own = text.operands.weights.get(weight)
-    return _number(text, scheme, layer, weight) if own is None else Name(f"{own.text}_h")
+    return _number(text, scheme, layer, weight) if own is None else ir.Name(f"{own.text}_h")
 
 
 def _block(text: TransientBuilder) -> int:
@@ -144,13 +120,15 @@ def _sweep(text: TransientBuilder, scheme: FixedSteps) -> None:
     """Append one step of all cells."""
     rows, cols = text.shape
     block, together = _block(text), _together(text)
-    places = Declare("int", ((CELL, ROW * cols + B), (PLACE, ROW * text.pitch + B)), fixed=True)
+    places = ir.Declare(
+        "int", ((ir.CELL, ROW * cols + B), (ir.PLACE, ROW * text.pitch + B)), fixed=True
+    )
     with text.aside() as body:
         _block_of_columns(text, scheme, block, together)
-    columns = Loop(B, cols, (places, *body), step=block)
-    text.body.append(Loop(ROW, rows, (columns,), step=together))
+    columns = ir.Loop(B, cols, (places, *body), step=block)
+    text.body.append(ir.Loop(ROW, rows, (columns,), step=together))
     if text.template.boundary.constant is None:
-        text.body.append(Loop(ROW, rows, tuple(_rim_columns(text, text.template.boundary))))
+        text.body.append(ir.Loop(ROW, rows, tuple(_rim_columns(text, text.template.boundary))))
         _rim_rows(text)
 
 
@@ -179,7 +157,9 @@ def _block_of_columns(
                 _end(text, scheme, row, done)
 
 
-def _driven(text: TransientBuilder, scheme: FixedSteps, layer: int, state: Element) -> Expression:
+def _driven(
+    text: TransientBuilder, scheme: FixedSteps, layer: int, state: ir.Element
+) -> ir.Expression:
     """Return the scaled drive of a cell, by its state."""
     constant = constant_drive(text)
     if constant is None:
@@ -187,12 +167,12 @@ def _driven(text: TransientBuilder, scheme: FixedSteps, layer: int, state: Eleme
     return _number(text, scheme, layer, constant[layer])
 
 
-def _state(text: TransientBuilder, layer: int, row: int, column: int) -> Element:
-    return X[Integer(layer * text.cells + row * text.shape[1] + column) + CELL]
+def _state(text: TransientBuilder, layer: int, row: int, column: int) -> ir.Element:
+    return X[ir.Integer(layer * text.cells + row * text.shape[1] + column) + ir.CELL]
 
 
-def _sum(layer: int, row: int, column: int) -> Name:
-    return Name(f"s{layer}_{row}_{column}")
+def _sum(layer: int, row: int, column: int) -> ir.Name:
+    return ir.Name(f"s{layer}_{row}_{column}")
 
 
 def _begin(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) -> None:
@@ -200,12 +180,12 @@ def _begin(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) ->
     for layer in range(text.layers):
         state = _state(text, layer, row, column)
         begun = _driven(text, scheme, layer, state) + _kept(text, scheme, layer) * state
-        text.body.append(declare(_sum(layer, row, column), begun))
+        text.body.append(ir.declare(_sum(layer, row, column), begun))
 
 
-def _kept(text: TransientBuilder, scheme: FixedSteps, layer: int) -> Number:
+def _kept(text: TransientBuilder, scheme: FixedSteps, layer: int) -> ir.Number:
     """Return what a step leaves of a state."""
-    return Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
+    return ir.Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
 
 
 def _scatter(
@@ -217,18 +197,18 @@ def _scatter(
     for source in range(text.layers):
         for row in range(span + together - 1):
             adds = [
-                add(_sum(to, k, cell), _weight(text, scheme, to, float(weight)) * V)
+                ir.add(_sum(to, k, cell), _weight(text, scheme, to, float(weight)) * V)
                 for k in range(max(0, row - span + 1), min(together, row + 1))
                 for to, cell, weight in _reached(text, feedback[:, source, row - k], column, block)
             ]
             if adds:
                 output = _output_at(text, source, row + text.radius - span // 2, column)
-                text.body.append(Block((fixed(V, output), *adds)))
+                text.body.append(ir.Block((ir.fixed(V, output), *adds)))
 
 
-def _output_at(text: TransientBuilder, source: int, row: int, column: int) -> Element:
+def _output_at(text: TransientBuilder, source: int, row: int, column: int) -> ir.Element:
     """Return the output at a place of the padded block."""
-    return FROM[Integer(source * text.padded + row * text.pitch + column) + PLACE]
+    return FROM[ir.Integer(source * text.padded + row * text.pitch + column) + ir.PLACE]
 
 
 def _load(text: TransientBuilder, column: int) -> None:
@@ -237,25 +217,25 @@ def _load(text: TransientBuilder, column: int) -> None:
     for source in range(text.layers):
         for row in range(rim, rim + span):
             output = _output_at(text, source, row, column)
-            text.body.append(fixed(_loaded(source, row, column), output))
+            text.body.append(ir.fixed(_loaded(source, row, column), output))
 
 
-def _loaded(source: int, row: int, column: int) -> Name:
-    return Name(f"v{source}_{row}_{column}")
+def _loaded(source: int, row: int, column: int) -> ir.Name:
+    return ir.Name(f"v{source}_{row}_{column}")
 
 
 def _gather(text: TransientBuilder, scheme: FixedSteps, column: int) -> None:
     """Append the sums of a column's cells, equal weights together."""
     for layer in range(text.layers):
 
-        def number(weight: float, to: int = layer) -> Expression:
+        def number(weight: float, to: int = layer) -> ir.Expression:
             return _weight(text, scheme, to, weight)
 
-        def output(tap: Tap) -> Name:
+        def output(tap: Tap) -> ir.Name:
             return _loaded(tap.source, text.radius + tap.row, text.radius + tap.col + column)
 
         terms = weighted_terms(taps(text.template.A, layer), number, output)
-        text.body += [add(_sum(layer, 0, column), term) for term in terms]
+        text.body += [ir.add(_sum(layer, 0, column), term) for term in terms]
 
 
 def _reached(
@@ -275,26 +255,27 @@ def _end(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) -> N
     for layer in range(text.layers):
         new, old = _sum(layer, row, column), _state(text, layer, row, column)
         if text.template.output.limited:
-            text.body.append(Assign(new, clip(new)))
+            text.body.append(ir.Assign(new, ir.clip(new)))
         if text.operands.mask is not None:
             offset = row * text.shape[1] + column
-            mask = shifted(text.operands.mask, offset) if offset else text.operands.mask
-            text.body.append(Assign(new, pick(mask.differs(ZERO), old, new)))
+            mask = ir.shifted(text.operands.mask, offset) if offset else text.operands.mask
+            text.body.append(ir.Assign(new, ir.pick(mask.differs(ir.ZERO), old, new)))
         at = (text.radius + row) * text.pitch + text.radius + column
-        place = Integer(layer * text.padded + at) + PLACE
-        text.body += [Assign(old, new), Assign(TO[place], text.output(new))]
+        place = ir.Integer(layer * text.padded + at) + ir.PLACE
+        text.body += [ir.Assign(old, new), ir.Assign(TO[place], text.output(new))]
 
 
-def _rim_columns(text: TransientBuilder, boundary: Boundary) -> list[Statement]:
+def _rim_columns(text: TransientBuilder, boundary: Boundary) -> list[ir.Statement]:
     """Return statements that fill the rim left and right of row `r`."""
     cols, radius = text.shape[1], text.radius
     source = np.pad(np.arange(cols), radius, mode=boundary.pad_mode)
     places = [*range(radius), *range(cols + radius, cols + 2 * radius)]
-    lines: list[Statement] = []
+    lines: list[ir.Statement] = []
     for layer in range(text.layers):
-        head = Integer(layer * text.padded) + (ROW + radius) * text.pitch
+        head = ir.Integer(layer * text.padded) + (ROW + radius) * text.pitch
         lines += [
-            Assign(TO[head + place], TO[head + (int(source[place]) + radius)]) for place in places
+            ir.Assign(TO[head + place], TO[head + (int(source[place]) + radius)])
+            for place in places
         ]
     return lines
 
@@ -304,13 +285,13 @@ def _rim_rows(text: TransientBuilder) -> None:
     rows, radius = text.shape[0], text.radius
     source = np.pad(np.arange(rows), radius, mode=text.template.boundary.pad_mode)
 
-    def at(layer: int, row: int) -> Element:
-        return TO[Integer(layer * text.padded + row * text.pitch) + COL]
+    def at(layer: int, row: int) -> ir.Element:
+        return TO[ir.Integer(layer * text.padded + row * text.pitch) + COL]
 
     copies = [
-        Assign(at(layer, place), at(layer, int(source[place]) + radius))
+        ir.Assign(at(layer, place), at(layer, int(source[place]) + radius))
         for layer in range(text.layers)
         for place in (*range(radius), *range(rows + radius, rows + 2 * radius))
     ]
     if copies:
-        text.body.append(Loop(COL, text.pitch, tuple(copies)))
+        text.body.append(ir.Loop(COL, text.pitch, tuple(copies)))

@@ -2,28 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from cnnum.engines.opencl.ir.expressions import (
-    ROUND,
-    ZERO,
-    Expression,
-    Name,
-    Number,
-    after,
-    call,
-    clip,
-    real,
-    size,
-    total,
-)
-from cnnum.engines.opencl.ir.statements import (
-    Accumulate,
-    Assign,
-    Block,
-    Branch,
-    Statement,
-    block,
-    fixed,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import arrive
 from cnnum.engines.opencl.transients.fixed_steps import last_number, repeated
@@ -58,18 +37,23 @@ from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
 from cnnum.integrators.tableau import Explicit, Pair, Row
 from cnnum.templating.reads import delays_outputs, lag
 
-RING, NOW_AT, THEN_AT, NEXT_AT = Name("ring"), Name("now_at"), Name("then_at"), Name("next_at")
+RING, NOW_AT, THEN_AT, NEXT_AT = (
+    ir.Name("ring"),
+    ir.Name("now_at"),
+    ir.Name("then_at"),
+    ir.Name("next_at"),
+)
 """Outputs of the last steps, and where this one's and those of a delay ago stand among them."""
 
 
-def rates_of(stage: int) -> Name:
+def rates_of(stage: int) -> ir.Name:
     """Return the array of a stage's rates."""
-    return Name(f"k{stage}")
+    return ir.Name(f"k{stage}")
 
 
-def _combination(weights: Row, at: Expression) -> Expression:
-    return total(
-        [Number(float(weight)) * rates_of(n)[at] for n, weight in enumerate(weights) if weight]
+def _combination(weights: Row, at: ir.Expression) -> ir.Expression:
+    return ir.total(
+        [ir.Number(float(weight)) * rates_of(n)[at] for n, weight in enumerate(weights) if weight]
     )
 
 
@@ -81,8 +65,8 @@ def _stage(
 ) -> None:
     """Append one stage of step `h`: outputs at its state, then its rates in k."""
 
-    def keep(at: Expression, _: int) -> list[Statement]:
-        return [Assign(rates_of(stage)[at], RATE)]
+    def keep(at: ir.Expression, _: int) -> list[ir.Statement]:
+        return [ir.Assign(rates_of(stage)[at], RATE)]
 
     if stage == 0:
         outputs(text, text.each(X))
@@ -105,47 +89,53 @@ def _remember(text: TransientBuilder) -> None:
     if delays_outputs(text.template):
         text.over_grid(
             [
-                Assign(RING[after(NOW_AT * text.states, text.at(layer))], Y[text.padded_at(layer)])
+                ir.Assign(
+                    RING[ir.after(NOW_AT * text.states, text.at(layer))], Y[text.padded_at(layer)]
+                )
                 for layer in range(text.layers)
             ]
         )
 
 
-def _past(text: TransientBuilder, c: float) -> Callable[[Expression], Expression] | None:
+def _past(text: TransientBuilder, c: float) -> Callable[[ir.Expression], ir.Expression] | None:
     """Return the outputs a delay ago, at the start or the end of a step."""
     if not delays_outputs(text.template):
         return None
 
-    def past(at: Expression) -> Expression:
-        first = RING[after(THEN_AT * text.states, at)]
+    def past(at: ir.Expression) -> ir.Expression:
+        first = RING[ir.after(THEN_AT * text.states, at)]
         return (
-            first if c == 0.0 else first + PART * (RING[after(NEXT_AT * text.states, at)] - first)
+            first
+            if c == 0.0
+            else first + PART * (RING[ir.after(NEXT_AT * text.states, at)] - first)
         )
 
     return past
 
 
-def _ring(text: TransientBuilder, scheme: FixedSteps) -> list[Statement]:
+def _ring(text: TransientBuilder, scheme: FixedSteps) -> list[ir.Statement]:
     """Return what stands at the head of a step and finds the ring's places."""
     late = lag(text.template, scheme.step)
-    lines: list[Statement] = []
+    lines: list[ir.Statement] = []
     if delays_outputs(text.template):
         slots = late + 1
         lines = [
-            fixed(NOW_AT, ROUND % slots, of="int"),
-            fixed(THEN_AT, call("max", ROUND - late, 0) % slots, of="int"),
-            fixed(NEXT_AT, call("max", ROUND + 1 - late, 0) % slots, of="int"),
-            fixed(PART, last_number(scheme.count, 1.0, scheme.last / scheme.step)),
+            ir.fixed(NOW_AT, ir.ROUND % slots, of="int"),
+            ir.fixed(THEN_AT, ir.call("max", ir.ROUND - late, 0) % slots, of="int"),
+            ir.fixed(NEXT_AT, ir.call("max", ir.ROUND + 1 - late, 0) % slots, of="int"),
+            ir.fixed(PART, last_number(scheme.count, 1.0, scheme.last / scheme.step)),
         ]
     if text.has_history:
         with text.aside() as change:
             arrive(text)
-        lines.append(Branch(ROUND.equals(late), tuple(change)))
+        lines.append(ir.Branch(ir.ROUND.equals(late), tuple(change)))
     return lines
 
 
 def _instant(text: TransientBuilder, step: float, c: float) -> Instant:
-    time = Number(step) * real(ROUND) + Number(c) * H if text.template.gains else ZERO
+    time = (
+        ir.Number(step) * ir.real(ir.ROUND) + ir.Number(c) * H if text.template.gains else ir.ZERO
+    )
     return Instant(time, _past(text, c))
 
 
@@ -167,19 +157,19 @@ def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     return repeated(text, scheme, length, [*head, *body])
 
 
-def _limited(text: TransientBuilder, state: Expression) -> Expression:
-    return clip(state) if text.template.output.limited else state
+def _limited(text: TransientBuilder, state: ir.Expression) -> ir.Expression:
+    return ir.clip(state) if text.template.output.limited else state
 
 
 def _euler_step(text: TransientBuilder, scheme: FixedSteps) -> None:
     outputs(text, text.each(X))
     _remember(text)
 
-    def then(at: Expression, layer: int) -> list[Statement]:
+    def then(at: ir.Expression, layer: int) -> list[ir.Statement]:
         change = [watch_change(text, X[at])] if scheme.settle else []
         (weight,) = scheme.of(layer).b
-        move = RATE if weight == 1 else Number(float(weight)) * RATE
-        return [*change, Assign(X[at], _limited(text, X[at] + H * move))]
+        move = RATE if weight == 1 else ir.Number(float(weight)) * RATE
+        return [*change, ir.Assign(X[at], _limited(text, X[at] + H * move))]
 
     rates(text, X, then, _instant(text, scheme.step, 0.0))
 
@@ -190,16 +180,16 @@ def _several_stages(text: TransientBuilder, scheme: FixedSteps) -> None:
         c = float(sum(tableaux[0].a[stage]))
         with text.aside() as lines:
             _stage(text, tableaux, stage, _instant(text, scheme.step, c))
-        text.body.append(Block(tuple(lines)))
-    body: list[Statement] = []
+        text.body.append(ir.Block(tuple(lines)))
+    body: list[ir.Statement] = []
     for layer, tableau in enumerate(tableaux):
         at = text.at(layer)
         if scheme.settle:
-            body.append(block(fixed(RATE, K0[at]), watch_change(text, X[at])))
-        end: Expression = X[at]
+            body.append(ir.block(ir.fixed(RATE, K0[at]), watch_change(text, X[at])))
+        end: ir.Expression = X[at]
         if tableau.carried:
-            end = end + Number(tableau.carried) * (XS[at] - X[at])
-        body.append(Assign(X[at], _limited(text, end + H * _combination(tableau.b, at))))
+            end = end + ir.Number(tableau.carried) * (XS[at] - X[at])
+        body.append(ir.Assign(X[at], _limited(text, end + H * _combination(tableau.b, at))))
     text.over_cells(body)
 
 
@@ -209,12 +199,12 @@ def sweeps(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     tableaux = tuple(scheme.of(layer) for layer in range(text.layers))
     for name in (*(rates_of(stage) for stage in range(1, tableau.stages)), XS):
         text.array(name, text.states)
-    stages: list[Statement] = []
+    stages: list[ir.Statement] = []
     for stage in range(1, tableau.stages):
-        c = Number(float(sum(tableau.a[stage])))
+        c = ir.Number(float(sum(tableau.a[stage])))
         with text.aside() as lines:
             _stage(text, tableaux, stage, Instant(TIME + c * H))
-        stages.append(Block(tuple(lines)))
+        stages.append(ir.Block(tuple(lines)))
     taken = advance(text, rates_of(tableau.stages - 1))
     return Attempt([], stages, judge(text, tableaux), taken, [])
 
@@ -228,32 +218,32 @@ def adaptive(
     text.array(K0, text.states)
     attempt = attempts(text, scheme)
     with text.aside() as first_rates:
-        rates_once(text, X, lambda at, _: [Assign(K0[at], RATE)], Instant(TIME))
-    left = Number(text.solver.duration) - TIME
+        rates_once(text, X, lambda at, _: [ir.Assign(K0[at], RATE)], Instant(TIME))
+    left = ir.Number(text.solver.duration) - TIME
     control = Control(
         about=f"{scheme.name}: steps follow the error estimate",
         scheme=scheme,
-        length=call("fmin", call("fmin", H, Number(scheme.longest)), left),
+        length=ir.call("fmin", ir.call("fmin", H, ir.Number(scheme.longest)), left),
         carries=True,
     )
     return controlled(text, control, first_rates, attempt, attempt.stages)
 
 
-def judge(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> list[Statement]:
+def judge(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> list[ir.Statement]:
     """Return statements that find the worst error of a step, and the change at its end."""
-    last, body = rates_of(tableaux[0].stages - 1), list[Statement]()
-    tau, e = Number(float(text.template.tau.max())), Name("e")
+    last, body = rates_of(tableaux[0].stages - 1), list[ir.Statement]()
+    tau, e = ir.Number(float(text.template.tau.max())), ir.Name("e")
     for layer, tableau in enumerate(tableaux):
         at = text.at(layer)
-        parts = [size(H * _combination(d, at)) for d in tableau.truncation]
-        larger = call("fmax", size(X[at]), size(XS[at]))
+        parts = [ir.size(H * _combination(d, at)) for d in tableau.truncation]
+        larger = ir.call("fmax", ir.size(X[at]), ir.size(XS[at]))
         body.append(
-            block(
-                fixed(e, size(H * _combination(tableau.error, at))),
-                Accumulate(WORST, "greater", e / text.scale(larger)),
-                Accumulate(ADDED, "greater", total(parts) + rounding(text) * size(XS[at])),
-                Accumulate(SPEED, "greater", size(last[at])),
-                Accumulate(CHANGE, "greater", size(tau * last[at]) / text.scale(XS[at])),
+            ir.block(
+                ir.fixed(e, ir.size(H * _combination(tableau.error, at))),
+                ir.Accumulate(WORST, "greater", e / text.scale(larger)),
+                ir.Accumulate(ADDED, "greater", ir.total(parts) + rounding(text) * ir.size(XS[at])),
+                ir.Accumulate(SPEED, "greater", ir.size(last[at])),
+                ir.Accumulate(CHANGE, "greater", ir.size(tau * last[at]) / text.scale(XS[at])),
             )
         )
     with text.aside() as lines:

@@ -8,8 +8,7 @@ of the multiply-adds, which round otherwise.
 
 import numpy as np
 
-from cnnum.engines.opencl.ir.expressions import CELL, ZERO, Expression, Integer, Name, after, total
-from cnnum.engines.opencl.ir.statements import Assign, Counted, Statement, Verbatim, fixed, sweep
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.runge_kutta_steps import judge, rates_of
@@ -18,7 +17,7 @@ from cnnum.engines.opencl.transients.step_control import TIME, XS, Attempt, H, a
 from cnnum.integrators.choice import AdaptiveSteps
 from cnnum.integrators.tableau import Pair
 
-LATER_RATES, STAGE = Name("later"), Name("stage")
+LATER_RATES, STAGE = ir.Name("later"), ir.Name("stage")
 """The rates of all stages but the first, one after the other; the stage at hand."""
 
 
@@ -34,13 +33,13 @@ def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     text.array(LATER_RATES, (stages - 1) * n)
     text.array(XS, n)
     names = [f"*const k{stage} = later + {(stage - 1) * n}" for stage in range(1, stages)]
-    text.body.append(Verbatim((f"__private real {', '.join(names)};",)))
+    text.body.append(ir.Verbatim((f"__private real {', '.join(names)};",)))
     with text.aside() as stage:
         _stage(text, tableaux)
-    body: list[Statement] = [
+    body: list[ir.Statement] = [
         # what a refused step left may be infinite, and is multiplied by 0
-        sweep(CELL, (stages - 1) * n, [Assign(LATER_RATES[CELL], ZERO)]),
-        Counted(
+        ir.sweep(ir.CELL, (stages - 1) * n, [ir.Assign(LATER_RATES[ir.CELL], ir.ZERO)]),
+        ir.Counted(
             STAGE, 1, stages, None, tuple(stage), hint="__attribute__((opencl_unroll_hint(1)))"
         ),
     ]
@@ -51,25 +50,25 @@ def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
 def _stage(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> None:
     """Append the round of one stage."""
     stages = tableaux[0].stages
-    states: list[Expression] = []
+    states: list[ir.Expression] = []
     for layer, tableau in enumerate(tableaux):
         rows = np.zeros((stages, stages - 1))
         for stage, row in enumerate(tableau.a):
             rows[stage, : len(row)] = [float(weight) for weight in row]
-        weights = [Name(f"a{layer}_{m}") for m in range(stages - 1)]
+        weights = [ir.Name(f"a{layer}_{m}") for m in range(stages - 1)]
         for m, weight in enumerate(weights):
-            at = Integer(text.tables.data(rows)) + STAGE * (stages - 1) + m
-            text.body.append(fixed(weight, text.tables.number_at(at)))
+            at = ir.Integer(text.tables.data(rows)) + STAGE * (stages - 1) + m
+            text.body.append(ir.fixed(weight, text.tables.number_at(at)))
         place = text.at(layer)
         terms = [weight * rates_of(m)[place] for m, weight in enumerate(weights)]
-        states.append(X[place] + H * total(terms))
+        states.append(X[place] + H * ir.total(terms))
     outputs(text, states, keep=XS)
     times = np.array([float(sum(row)) for row in tableaux[0].a])
-    time: Expression = ZERO
+    time: ir.Expression = ir.ZERO
     if text.template.gains:
         time = TIME + text.tables.constant(times, STAGE) * H
 
-    def keep(at: Expression, _: int) -> list[Statement]:
-        return [Assign(LATER_RATES[after((STAGE - 1) * text.states, at)], RATE)]
+    def keep(at: ir.Expression, _: int) -> list[ir.Statement]:
+        return [ir.Assign(LATER_RATES[ir.after((STAGE - 1) * text.states, at)], RATE)]
 
     rates(text, XS, keep, Instant(time))

@@ -5,25 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.engines.opencl.ir.expressions import (
-    ONE,
-    ZERO,
-    Expression,
-    Name,
-    Number,
-    clip,
-    pick,
-    size,
-)
-from cnnum.engines.opencl.ir.statements import (
-    Accumulate,
-    Assign,
-    Declare,
-    Statement,
-    add,
-    block,
-    declare,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import drive_of
 from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name, gains, nonlinear
@@ -31,12 +13,12 @@ from cnnum.graph.parts import has_feedback
 from cnnum.templating.network import taps
 from cnnum.templating.reads import delays_outputs, moving_inputs, reads_states
 
-Y, PADDED_STATES, DELAYED = Name("y"), Name("xp"), Name("yd")
+Y, PADDED_STATES, DELAYED = ir.Name("y"), ir.Name("xp"), ir.Name("yd")
 """Padded outputs, states, and outputs a delay ago."""
 
-RATE, CHANGE, PART = Name("rate"), Name("change"), Name("part")
+RATE, CHANGE, PART = ir.Name("rate"), ir.Name("change"), ir.Name("part")
 
-Then = Callable[[Expression, int], Sequence[Statement]]
+Then = Callable[[ir.Expression, int], Sequence[ir.Statement]]
 """Statements on `rate`, by the cell's place among the stacked states and by its layer."""
 
 
@@ -53,10 +35,10 @@ class Instant:
         has no delayed A.
     """
 
-    time: Expression = ZERO
-    past: Callable[[Expression], Expression] | None = None
+    time: ir.Expression = ir.ZERO
+    past: Callable[[ir.Expression], ir.Expression] | None = None
 
-    def before(self, place: Expression) -> Expression:
+    def before(self, place: ir.Expression) -> ir.Expression:
         """Return the output a delay ago."""
         assert self.past is not None
         return self.past(place)
@@ -75,17 +57,19 @@ def declare_outputs(text: TransientBuilder) -> None:
             text.fill_rims(name, text.layers, boundary, float(value))
 
 
-def outputs(text: TransientBuilder, state: Sequence[Expression], keep: Name | None = None) -> None:
+def outputs(
+    text: TransientBuilder, state: Sequence[ir.Expression], keep: ir.Name | None = None
+) -> None:
     """Append y = f(state), the state given by one expression a layer; keep it in an array."""
-    template, body = text.template, list[Statement]()
+    template, body = text.template, list[ir.Statement]()
     for layer, expression in enumerate(state):
-        inner: list[Statement] = [declare(NOW, expression), *_limits(text)]
+        inner: list[ir.Statement] = [ir.declare(NOW, expression), *_limits(text)]
         if keep is not None:
-            inner.append(Assign(keep[text.at(layer)], NOW))
+            inner.append(ir.Assign(keep[text.at(layer)], NOW))
         if reads_states(text.template):
-            inner.append(Assign(PADDED_STATES[text.padded_at(layer)], NOW))
-        inner.append(Assign(Y[text.padded_at(layer)], text.output(NOW)))
-        body.append(block(*inner))
+            inner.append(ir.Assign(PADDED_STATES[text.padded_at(layer)], NOW))
+        inner.append(ir.Assign(Y[text.padded_at(layer)], text.output(NOW)))
+        body.append(ir.block(*inner))
     text.over_grid(body)
     if template.boundary.constant is None:
         text.fill_rims(Y, text.layers, template.boundary, None)
@@ -93,18 +77,18 @@ def outputs(text: TransientBuilder, state: Sequence[Expression], keep: Name | No
             text.fill_rims(PADDED_STATES, text.layers, template.boundary, None)
 
 
-def _limits(text: TransientBuilder) -> list[Statement]:
-    return [Assign(NOW, clip(NOW))] if text.template.output.limited else []
+def _limits(text: TransientBuilder) -> list[ir.Statement]:
+    return [ir.Assign(NOW, ir.clip(NOW))] if text.template.output.limited else []
 
 
-def rates(text: TransientBuilder, state: Name, then: Then, instant: Instant) -> None:
+def rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) -> None:
     """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it."""
     _delayed_outputs(text, instant)
     _gains(text, instant)
     text.over_grid(_rate_lines(text, state, then, lambda layer: _couplings(text, layer)))
 
 
-def rates_once(text: TransientBuilder, state: Name, then: Then, instant: Instant) -> None:
+def rates_once(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) -> None:
     """Append the same of states whose outputs are not known yet.
 
     What is done in `then` may not change what other cells see.
@@ -123,32 +107,37 @@ def _sees(text: TransientBuilder) -> bool:
 
 
 def _rate_lines(
-    text: TransientBuilder, state: Name, then: Then, couplings: Callable[[int], Sequence[Statement]]
-) -> list[Statement]:
+    text: TransientBuilder,
+    state: ir.Name,
+    then: Then,
+    couplings: Callable[[int], Sequence[ir.Statement]],
+) -> list[ir.Statement]:
     """Return statements that find the rates of a cell; `couplings` returns what adds to its sum."""
-    body: list[Statement] = [Declare("real", ((SUM, None), (RATE, None)))]
+    body: list[ir.Statement] = [ir.Declare("real", ((SUM, None), (RATE, None)))]
     for layer, now in enumerate(text.each(state)):
-        body.append(Assign(SUM, drive_of(text, layer) - now))
+        body.append(ir.Assign(SUM, drive_of(text, layer) - now))
         body += couplings(layer)
-        body.append(Assign(RATE, Number(1.0 / float(text.template.tau[layer])) * SUM))
+        body.append(ir.Assign(RATE, ir.Number(1.0 / float(text.template.tau[layer])) * SUM))
         if text.template.output.limited:
             # at the rails, what drives a state outwards does nothing
-            inwards = pick(now * RATE > ZERO, ZERO, RATE)
-            body.append(Assign(RATE, pick(size(now) >= ONE, inwards, RATE)))
+            inwards = ir.pick(now * RATE > ir.ZERO, ir.ZERO, RATE)
+            body.append(ir.Assign(RATE, ir.pick(ir.size(now) >= ir.ONE, inwards, RATE)))
         if text.operands.mask is not None:
-            body.append(Assign(RATE, pick(text.operands.mask.differs(ZERO), ZERO, RATE)))
+            body.append(
+                ir.Assign(RATE, ir.pick(text.operands.mask.differs(ir.ZERO), ir.ZERO, RATE))
+            )
         body += then(text.at(layer), layer)
     return body
 
 
-def _couplings(text: TransientBuilder, layer: int) -> list[Statement]:
+def _couplings(text: TransientBuilder, layer: int) -> list[ir.Statement]:
     template = text.template
     gained = {gain.source: k for k, gain in enumerate(template.gains) if gain.to == layer}
     found = taps(template.A, layer)
     lines = text.weighted(Y, tuple(tap for tap in found if tap.source not in gained))
     for source, k in gained.items():
         part = text.weighted(Y, tuple(tap for tap in found if tap.source == source), PART)
-        lines.append(block(declare(PART, ZERO), *part, add(SUM, gain_name(k) * PART)))
+        lines.append(ir.block(ir.declare(PART, ir.ZERO), *part, ir.add(SUM, gain_name(k) * PART)))
     for coupling in template.nonlinear:
         if not coupling.static and coupling.to == layer:
             lines += nonlinear(text, coupling)
@@ -166,7 +155,7 @@ def _delayed_outputs(text: TransientBuilder, instant: Instant) -> None:
         return
     text.over_grid(
         [
-            Assign(DELAYED[text.padded_at(layer)], instant.before(text.at(layer)))
+            ir.Assign(DELAYED[text.padded_at(layer)], instant.before(text.at(layer)))
             for layer in range(text.layers)
         ]
     )
@@ -174,11 +163,11 @@ def _delayed_outputs(text: TransientBuilder, instant: Instant) -> None:
         text.fill_rims(DELAYED, text.layers, text.template.boundary, None)
 
 
-def watch_change(text: TransientBuilder, state: Expression) -> Accumulate:
+def watch_change(text: TransientBuilder, state: ir.Expression) -> ir.Accumulate:
     """Return the statement that keeps the largest rate, in units of the tolerance, in `change`.
 
     A state whose rate times its layer's τ is below the tolerance stays within about that of its
     equilibrium.
     """
-    tau = Number(float(text.template.tau.max()))
-    return Accumulate(CHANGE, "greater", size(tau * RATE) / text.scale(state))
+    tau = ir.Number(float(text.template.tau.max()))
+    return ir.Accumulate(CHANGE, "greater", ir.size(tau * RATE) / text.scale(state))

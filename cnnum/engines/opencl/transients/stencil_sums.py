@@ -7,7 +7,7 @@ by the cells left and right of it, and compilers then find it once.
 from collections.abc import Callable, Iterable
 from itertools import groupby
 
-from cnnum.engines.opencl.ir.expressions import Expression
+from cnnum.engines.opencl import ir
 from cnnum.templating.network import Tap
 
 
@@ -37,10 +37,10 @@ def shares_products(found: Iterable[Tap]) -> bool:
 
 def weighted_terms(
     found: Iterable[Tap],
-    number: Callable[[float], Expression],
-    value: Callable[[Tap], Expression],
+    number: Callable[[float], ir.Expression],
+    value: Callable[[Tap], ir.Expression],
     least: int = 2,
-) -> list[Expression]:
+) -> list[ir.Expression]:
     """Return the terms of Σ weight · value, one a group of equal weights.
 
     Parameters
@@ -62,9 +62,9 @@ def _column(tap: Tap) -> tuple[int, int, int]:
 
 def _term(
     group: tuple[Tap, ...],
-    number: Callable[[float], Expression],
-    value: Callable[[Tap], Expression],
-) -> Expression:
+    number: Callable[[float], ir.Expression],
+    value: Callable[[Tap], ir.Expression],
+) -> ir.Expression:
     if len(group) == 1:
         return number(group[0].weight) * value(group[0])
     weight, total = group[0].weight, None
@@ -79,5 +79,5 @@ def _term(
     return number(weight) * total
 
 
-def _added(total: Expression, value: Expression, same: bool) -> Expression:
+def _added(total: ir.Expression, value: ir.Expression, same: bool) -> ir.Expression:
     return total + value if same else total - value

@@ -5,31 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.engines.opencl.ir.expressions import (
-    CELL,
-    ONE,
-    ROUND,
-    ZERO,
-    Constant,
-    Expression,
-    Name,
-    Number,
-    call,
-    pick,
-    size,
-)
-from cnnum.engines.opencl.ir.statements import (
-    Accumulate,
-    Assign,
-    Block,
-    Counted,
-    Declare,
-    Note,
-    Statement,
-    add,
-    fixed,
-    sweep,
-)
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.lowering.storage import UNFINISHED
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
@@ -40,20 +16,20 @@ from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
 LARGEST_EXPONENT = 80.0
 """e to this is a number of single precision."""
 
-K0, XS = Name("k0"), Name("xs")
+K0, XS = ir.Name("k0"), ir.Name("xs")
 """The rates at a step's start, and the states at its stages, in the end at its end."""
 
-H, TIME, STEPS, SETTLED = Name("h"), Name("time"), Name("steps"), Name("settled")
-ERROR, RUNNING, ACCEPT = Name("error"), Name("running"), Name("accept")
-WORST, ADDED, SPEED = Name("worst"), Name("added"), Name("speed")
+H, TIME, STEPS, SETTLED = ir.Name("h"), ir.Name("time"), ir.Name("steps"), ir.Name("settled")
+ERROR, RUNNING, ACCEPT = ir.Name("error"), ir.Name("running"), ir.Name("accept")
+WORST, ADDED, SPEED = ir.Name("worst"), ir.Name("added"), ir.Name("speed")
 """Of an attempt: its error over the tolerance, what it adds to the error, the largest rate."""
 
 SPEED_BEFORE, BEHIND, AHEAD, REACHED = (
-    Name("speed_before"), Name("behind"), Name("ahead"), Name("reached"),
+    ir.Name("speed_before"), ir.Name("behind"), ir.Name("ahead"), ir.Name("reached"),
 )  # fmt: skip
-FASTER, GROWN = Name("faster"), Name("grown")
+FASTER, GROWN = ir.Name("faster"), ir.Name("grown")
 
-Figures = dict[str, Expression]
+Figures = dict[str, ir.Expression]
 """Of a run: time, steps, settled, error."""
 
 
@@ -75,11 +51,11 @@ class Attempt:
         After all steps: what brings the state back to `x`.
     """
 
-    begin: Sequence[Statement]
-    stages: Sequence[Statement]
-    judge: Sequence[Statement]
-    advance: Sequence[Statement]
-    end: Sequence[Statement]
+    begin: Sequence[ir.Statement]
+    stages: Sequence[ir.Statement]
+    judge: Sequence[ir.Statement]
+    advance: Sequence[ir.Statement]
+    end: Sequence[ir.Statement]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,16 +75,16 @@ class Control:
 
     about: str
     scheme: AdaptiveSteps | ChebyshevSteps
-    length: Expression
+    length: ir.Expression
     carries: bool
 
 
 def controlled(
     text: TransientBuilder,
     control: Control,
-    first_rates: Sequence[Statement],
+    first_rates: Sequence[ir.Statement],
     attempt: Attempt,
-    stages: Sequence[Statement],
+    stages: Sequence[ir.Statement],
 ) -> Figures:
     """Append the steps of attempts, and return the figures of the run.
 
@@ -122,99 +98,105 @@ def controlled(
     stages : sequence of Statement
         Those of the attempt, and what comes before them.
     """
-    duration = Number(text.solver.duration)
+    duration = ir.Number(text.solver.duration)
     zeros = [TIME, STEPS, SETTLED, ERROR]
-    carried = [(BEHIND, ZERO)] if control.carries else []
-    begun = (*((name, ZERO) for name in zeros), (H, Number(control.scheme.first_step)))
+    carried = [(BEHIND, ir.ZERO)] if control.carries else []
+    begun = (*((name, ir.ZERO) for name in zeros), (H, ir.Number(control.scheme.first_step)))
     text.body += [
-        Note(f"// {control.about}"),
-        Declare("real", begun),
-        Declare("real", ((SPEED_BEFORE, ZERO), *carried)),
-        Declare("real", ((RUNNING, pick(TIME < duration, ONE, ZERO)),)),
-        Block(tuple(first_rates)),
+        ir.Note(f"// {control.about}"),
+        ir.Declare("real", begun),
+        ir.Declare("real", ((SPEED_BEFORE, ir.ZERO), *carried)),
+        ir.Declare("real", ((RUNNING, ir.pick(TIME < duration, ir.ONE, ir.ZERO)),)),
+        ir.Block(tuple(first_rates)),
         *attempt.begin,
-        sweep(CELL, text.states, [Accumulate(SPEED_BEFORE, "greater", size(K0[CELL]))]),
-        Counted(
-            ROUND,
+        ir.sweep(
+            ir.CELL, text.states, [ir.Accumulate(SPEED_BEFORE, "greater", ir.size(K0[ir.CELL]))]
+        ),
+        ir.Counted(
+            ir.ROUND,
             0,
             MAX_STEPS,
             RUNNING,
             (
-                Declare("real", tuple((name, ZERO) for name in (WORST, ADDED, SPEED, CHANGE))),
-                Assign(H, control.length),
+                ir.Declare(
+                    "real", tuple((name, ir.ZERO) for name in (WORST, ADDED, SPEED, CHANGE))
+                ),
+                ir.Assign(H, control.length),
                 *stages,
                 *attempt.judge,
-                fixed(ACCEPT, pick(WORST <= ONE, RUNNING, ZERO)),
+                ir.fixed(ACCEPT, ir.pick(WORST <= ir.ONE, RUNNING, ir.ZERO)),
                 *attempt.advance,
                 *_moved_on(control),
                 *_followed(text),
                 *_next(control, duration),
             ),
         ),
-        Assign(UNFINISHED, call("fmax", UNFINISHED, RUNNING)),
+        ir.Assign(UNFINISHED, ir.call("fmax", UNFINISHED, RUNNING)),
         *attempt.end,
     ]
-    figures: Figures = {"time": TIME, "steps": STEPS, "error": Number(SAFETY) * ERROR}
+    figures: Figures = {"time": TIME, "steps": STEPS, "error": ir.Number(SAFETY) * ERROR}
     return figures | ({"settled": SETTLED} if control.scheme.settle else {})
 
 
-def _moved_on(control: Control) -> list[Statement]:
+def _moved_on(control: Control) -> list[ir.Statement]:
     if not control.carries:
-        return [add(TIME, ACCEPT * H), add(STEPS, RUNNING)]
+        return [ir.add(TIME, ACCEPT * H), ir.add(STEPS, RUNNING)]
     ahead = ((AHEAD, ACCEPT * H - BEHIND), (REACHED, TIME + AHEAD))
     return [
-        Note("// what rounding leaves out of the time comes with the next step"),
-        Declare("real", ahead, fixed=True),
-        Assign(BEHIND, (REACHED - TIME) - AHEAD),
-        Assign(TIME, REACHED),
-        add(STEPS, RUNNING),
+        ir.Note("// what rounding leaves out of the time comes with the next step"),
+        ir.Declare("real", ahead, fixed=True),
+        ir.Assign(BEHIND, (REACHED - TIME) - AHEAD),
+        ir.Assign(TIME, REACHED),
+        ir.add(STEPS, RUNNING),
     ]
 
 
-def _followed(text: TransientBuilder) -> list[Statement]:
+def _followed(text: TransientBuilder) -> list[ir.Statement]:
     """Return what follows the error: it grows as the rates do, within what the feedback allows."""
-    before = call("fmax", SPEED_BEFORE, Number(SMALLEST_RATE))
-    growth = call("fmin", Number(error_growth(text.template)) * H, Number(LARGEST_EXPONENT))
-    sum = call("fmin", ERROR * GROWN + ADDED, Number(LOST))
+    before = ir.call("fmax", SPEED_BEFORE, ir.Number(SMALLEST_RATE))
+    growth = ir.call(
+        "fmin", ir.Number(error_growth(text.template)) * H, ir.Number(LARGEST_EXPONENT)
+    )
+    sum = ir.call("fmin", ERROR * GROWN + ADDED, ir.Number(LOST))
     return [
-        Note("// an error grows as the rates do, within what the feedback allows"),
-        fixed(FASTER, call("fmax", SPEED / before, ONE)),
-        fixed(GROWN, call("fmin", FASTER, call("exp", growth))),
-        Assign(ERROR, pick(ACCEPT.differs(ZERO), sum, ERROR)),
-        Assign(SPEED_BEFORE, pick(ACCEPT.differs(ZERO), SPEED, SPEED_BEFORE)),
+        ir.Note("// an error grows as the rates do, within what the feedback allows"),
+        ir.fixed(FASTER, ir.call("fmax", SPEED / before, ir.ONE)),
+        ir.fixed(GROWN, ir.call("fmin", FASTER, ir.call("exp", growth))),
+        ir.Assign(ERROR, ir.pick(ACCEPT.differs(ir.ZERO), sum, ERROR)),
+        ir.Assign(SPEED_BEFORE, ir.pick(ACCEPT.differs(ir.ZERO), SPEED, SPEED_BEFORE)),
     ]
 
 
-def _next(control: Control, duration: Expression) -> list[Statement]:
+def _next(control: Control, duration: ir.Expression) -> list[ir.Statement]:
     """Return what says how long the next step is, and whether there is one."""
-    rests = (ACCEPT * Number(float(control.scheme.settle))).differs(ZERO) & (CHANGE <= ONE)
-    ends = (TIME >= duration * Number(1.0 - 1e-6)) | SETTLED.differs(ZERO)
+    rests = (ACCEPT * ir.Number(float(control.scheme.settle))).differs(ir.ZERO) & (CHANGE <= ir.ONE)
+    ends = (TIME >= duration * ir.Number(1.0 - 1e-6)) | SETTLED.differs(ir.ZERO)
     follows = control.scheme.control
-    least_error = call("R", Constant("1e-10"))
-    power = call("pow", call("fmax", WORST, least_error), Number(-1.0 / follows.order))
-    factor = call(
+    least_error = ir.call("R", ir.Constant("1e-10"))
+    power = ir.call("pow", ir.call("fmax", WORST, least_error), ir.Number(-1.0 / follows.order))
+    factor = ir.call(
         "clamp",
-        call("R", Constant(f"{follows.caution:g}")) * power,
-        call("R", Constant(f"{follows.least:g}")),
-        call("R", 5),
+        ir.call("R", ir.Constant(f"{follows.caution:g}")) * power,
+        ir.call("R", ir.Constant(f"{follows.least:g}")),
+        ir.call("R", 5),
     )
     return [
-        Assign(SETTLED, pick(rests, ONE, SETTLED)),
-        Assign(RUNNING, pick(ends, ZERO, RUNNING)),
-        Assign(H, pick(RUNNING.differs(ZERO), H * factor, H)),
+        ir.Assign(SETTLED, ir.pick(rests, ir.ONE, SETTLED)),
+        ir.Assign(RUNNING, ir.pick(ends, ir.ZERO, RUNNING)),
+        ir.Assign(H, ir.pick(RUNNING.differs(ir.ZERO), H * factor, H)),
     ]
 
 
-def advance(text: TransientBuilder, last: Name) -> list[Statement]:
+def advance(text: TransientBuilder, last: ir.Name) -> list[ir.Statement]:
     """Return statements that take a step over where `accept` is not 0."""
-    accepted = ACCEPT.differs(ZERO)
+    accepted = ACCEPT.differs(ir.ZERO)
     body = [
-        Assign(X[CELL], pick(accepted, XS[CELL], X[CELL])),
-        Assign(K0[CELL], pick(accepted, last[CELL], K0[CELL])),
+        ir.Assign(X[ir.CELL], ir.pick(accepted, XS[ir.CELL], X[ir.CELL])),
+        ir.Assign(K0[ir.CELL], ir.pick(accepted, last[ir.CELL], K0[ir.CELL])),
     ]
-    return [sweep(CELL, text.states, body)]
+    return [ir.sweep(ir.CELL, text.states, body)]
 
 
-def rounding(text: TransientBuilder) -> Number:
+def rounding(text: TransientBuilder) -> ir.Number:
     """Return what a step's roundings are, of a state of 1."""
-    return Number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
+    return ir.Number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))

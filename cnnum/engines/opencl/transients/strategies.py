@@ -4,8 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cnnum.engines.opencl.ir.expressions import ZERO, Number
-from cnnum.engines.opencl.ir.statements import declare
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.strip_adaptive import pair_attempts
 from cnnum.engines.opencl.large_arrays.strip_steps import (
     state_strips,
@@ -175,7 +174,7 @@ def run(text: TransientBuilder, strategy: Strategy) -> Figures:
         declare_outputs(text)
     figures = strategy.lower(text, text.solver.scheme)
     if text.solver.forced:
-        figures |= {"settled": ZERO, "error": Number(LOST)}
+        figures |= {"settled": ir.ZERO, "error": ir.Number(LOST)}
     return figures
 
 
@@ -184,8 +183,8 @@ def settled_now(text: TransientBuilder, strategy: Strategy) -> None:
 
     Delayed outputs are taken as those of now, as they are once nothing changes.
     """
-    text.body.append(declare(CHANGE, ZERO))
+    text.body.append(ir.declare(CHANGE, ir.ZERO))
     if not strategy.pads:
         declare_outputs(text)
-    instant = Instant(Number(text.solver.duration), lambda at: text.output(X[at]))
+    instant = Instant(ir.Number(text.solver.duration), lambda at: text.output(X[at]))
     rates_once(text, X, lambda at, _: [watch_change(text, X[at])], instant)
