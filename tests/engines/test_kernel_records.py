@@ -13,6 +13,7 @@ from cnnum.engines.opencl.ir.expressions import (
     Binary,
     Choice,
     Integer,
+    Load,
     Name,
     Negative,
     Number,
@@ -22,7 +23,7 @@ from cnnum.engines.opencl.ir.expressions import (
 )
 from cnnum.engines.opencl.ir.formulas import formula
 from cnnum.engines.opencl.ir.launch_plan import Launch, Rounds
-from cnnum.engines.opencl.ir.number_types import FLOAT32, FLOAT64
+from cnnum.engines.opencl.ir.number_types import FLOAT32, FLOAT64, in_vectors
 from cnnum.engines.opencl.ir.printer import OpenCLPrinter
 from cnnum.engines.opencl.ir.statements import (
     Accumulate,
@@ -31,6 +32,7 @@ from cnnum.engines.opencl.ir.statements import (
     Block,
     Branch,
     Counted,
+    Store,
     Verbatim,
     declare,
     fixed,
@@ -176,3 +178,14 @@ def test_a_plan_says_how_its_transients_run(how, shape, words, opencl):
 
     (said,) = opencl.compile(weak, shape, channels=("a",)).explain().transients
     assert words in said
+
+
+def test_the_arithmetic_of_large_arrays_is_printed_for_vectors():
+    """The records are those of small arrays; the printer knows the type and its functions."""
+    statement = Store(X + 8 + A, Load(B + A) * Number(0.5) + call("clamp", TOTAL, A, B))
+    printer = OpenCLPrinter(in_vectors(FLOAT32), {"clamp": "between"})
+    assert printer.lines([statement]) == [
+        "*(__global vec *)(x + 8 + a) = "
+        "*(__global const vec *)(b + a) * (vec)(0.5f) + between(total, a, b);"
+    ]
+    assert set(uses((statement,)).names) == {"x", "a", "b", "total"}

@@ -249,7 +249,7 @@ def test_wrong_numbers_are_seen(device, monkeypatch):
 
 
 def test_a_refusal_has_its_reason(device, monkeypatch):
-    monkeypatch.setattr(self_test, "fill", lambda name, **values: "__kernel void self_test( {")
+    monkeypatch.setattr(self_test, "_text", lambda real, width: "__kernel void self_test( {")
     why = self_test.run_self_test(device.handle, 1, double=False)
     assert why.startswith("it refuses a small kernel (")
     assert "error" in why

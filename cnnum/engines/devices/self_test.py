@@ -82,15 +82,7 @@ def run_self_test(device: cl.Device, lanes: int, *, double: bool) -> str:
 def _run(
     context: cl.Context, queue: cl.CommandQueue, dtype: np.dtype[np.floating], width: int
 ) -> NDArray[np.floating]:
-    real = "float" if dtype == np.float32 else "double"
-    text = Template(
-        (resources.files("cnnum.engines.devices") / "self_test.cl").read_text()
-    ).substitute(
-        real=real,
-        vector=real if width == 1 else f"{real}{width}",
-        load="READ" if width == 1 else f"vload{width}",
-        store="WRITE" if width == 1 else f"vstore{width}",
-    )
+    text = _text("float" if dtype == np.float32 else "double", width)
     scalar = "#define READ(at, from) (from)[at]\n#define WRITE(value, at, to) (to)[at] = (value)\n"
     program = build_program(context, scalar + text, ["-w"])
     start = _start(dtype, width)
@@ -103,6 +95,17 @@ def _run(
     cl.enqueue_nd_range_kernel(queue, kernel, (ITEMS,), None)
     cl.enqueue_copy(queue, end, taken)
     return end
+
+
+def _text(real: str, width: int) -> str:
+    """Return the kernel for vectors of a width."""
+    file = resources.files("cnnum.engines.devices") / "self_test.cl"
+    return Template(file.read_text()).substitute(
+        real=real,
+        vector=real if width == 1 else f"{real}{width}",
+        load="READ" if width == 1 else f"vload{width}",
+        store="WRITE" if width == 1 else f"vstore{width}",
+    )
 
 
 def _start(dtype: np.dtype[np.floating], width: int) -> NDArray[np.floating]:

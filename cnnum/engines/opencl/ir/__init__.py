@@ -18,6 +18,7 @@ from cnnum.engines.opencl.ir.expressions import (
     Element,
     Expression,
     Integer,
+    Load,
     Name,
     Negative,
     Number,
@@ -42,6 +43,7 @@ from cnnum.engines.opencl.ir.statements import (
     Loop,
     Note,
     Statement,
+    Store,
     StripSteps,
     Sweep,
     Verbatim,
@@ -55,8 +57,8 @@ from cnnum.engines.opencl.ir.statements import (
 
 __all__ = [
     "CELL", "ONE", "PLACE", "ROUND", "ZERO", "Accumulate", "Array", "Assign", "Binary", "Block",
-    "Branch", "Call", "Cast", "Choice", "Component", "Constant", "Counted", "Declare",
-    "Element", "Expression", "Integer", "Loop", "Name", "Negative", "Note", "Number", "Operand",
-    "Statement", "StripSteps", "Sweep", "Verbatim", "While", "add", "after", "block", "call",
-    "clip", "declare", "fixed", "pick", "real", "shifted", "size", "sweep", "total",
+    "Branch", "Call", "Cast", "Choice", "Component", "Constant", "Counted", "Declare", "Element",
+    "Expression", "Integer", "Load", "Loop", "Name", "Negative", "Note", "Number", "Operand",
+    "Statement", "Store", "StripSteps", "Sweep", "Verbatim", "While", "add", "after", "block",
+    "call", "clip", "declare", "fixed", "pick", "real", "shifted", "size", "sweep", "total",
 ]  # fmt: skip

@@ -116,6 +116,13 @@ class Component(Expression):
 
 
 @dataclass(frozen=True, slots=True)
+class Load(Expression):
+    """The vector `vec` of numbers that begins at a place of global memory."""
+
+    place: Expression
+
+
+@dataclass(frozen=True, slots=True)
 class Call(Expression):
     """The result of a function of the kernel."""
 

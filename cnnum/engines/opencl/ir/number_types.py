@@ -1,8 +1,8 @@
 """The number types of kernels: how they are called, and how their literals are written."""
 
 import math
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import cache, lru_cache
 
 import numpy as np
 
@@ -29,6 +29,8 @@ class NumberType:
         The suffix of literals.
     pragma : str
         The line of a kernel before it uses the type.
+    register : str
+        What brings a literal into a register.
     """
 
     dtype: np.dtype[np.floating]
@@ -39,10 +41,11 @@ class NumberType:
     huge: str
     suffix: str
     pragma: str = ""
+    register: str = "R"
 
     def literal(self, value: float) -> str:
         """Return a number of the kernel's registers."""
-        return f"R({self.digits(value)})"
+        return f"{self.register}({self.digits(value)})"
 
     def digits(self, value: float) -> str:
         """Return the shortest literal that is exactly the value rounded to the type.
@@ -85,6 +88,12 @@ FLOAT64 = NumberType(
     "",
     "#pragma OPENCL EXTENSION cl_khr_fp64 : enable",
 )
+
+
+@cache
+def in_vectors(numbers: NumberType) -> NumberType:
+    """Return the type of registers that hold neighbours of large arrays: vectors `vec`."""
+    return replace(numbers, register="(vec)")
 
 
 def number_type(dtype: np.dtype[np.floating]) -> NumberType:

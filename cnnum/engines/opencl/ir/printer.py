@@ -14,6 +14,7 @@ from cnnum.engines.opencl.ir.expressions import (
     Element,
     Expression,
     Integer,
+    Load,
     Name,
     Negative,
     Number,
@@ -31,6 +32,7 @@ from cnnum.engines.opencl.ir.statements import (
     Loop,
     Note,
     Statement,
+    Store,
     StripSteps,
     Sweep,
     Verbatim,
@@ -39,8 +41,8 @@ from cnnum.engines.opencl.ir.statements import (
 
 _CHOICE, _UNARY, _PRIMARY = 1, 9, 10
 _RANKS = {
-    "||": 2, "&&": 3, "==": 5, "!=": 5, "<": 6, "<=": 6, ">": 6, ">=": 6, "+": 7, "-": 7, "*": 8,
-    "/": 8, "%": 8,
+    "||": 2, "&&": 3, "|": 4, "==": 5, "!=": 5, "<": 6, "<=": 6, ">": 6, ">=": 6, "+": 7, "-": 7,
+    "*": 8, "/": 8, "%": 8,
 }  # fmt: skip
 """How tightly signs bind in C."""
 
@@ -53,7 +55,7 @@ class OpenCLPrinter:
     ----------
     numbers : NumberType
     names : mapping of str to str
-        Names that are written as others.
+        Names, of functions too, that are written as others.
     """
 
     numbers: NumberType
@@ -140,9 +142,13 @@ def _component(printer: OpenCLPrinter, component: Component) -> Ranked:
     return f"{printer.name(component.vector)}.s{component.lane:x}", _PRIMARY
 
 
+def _load(printer: OpenCLPrinter, load: Load) -> Ranked:
+    return f"*(__global const vec *)({printer.expression(load.place)})", _UNARY
+
+
 def _call(printer: OpenCLPrinter, call: Call) -> Ranked:
     inner = ", ".join([printer.expression(argument) for argument in call.arguments])
-    return f"{call.function}({inner})", _PRIMARY
+    return f"{printer.names.get(call.function, call.function)}({inner})", _PRIMARY
 
 
 def _binary(printer: OpenCLPrinter, both: Binary) -> Ranked:
@@ -172,6 +178,7 @@ _EXPRESSIONS: dict[type[Expression], Callable[[OpenCLPrinter, Any], Ranked]] = {
     Number: _number,
     Element: _element,
     Component: _component,
+    Load: _load,
     Call: _call,
     Binary: _binary,
     Negative: _negative,
@@ -199,6 +206,11 @@ def _array(printer: OpenCLPrinter, array: Array) -> list[str]:
     if array.start is None:
         return [f"real {array.name.text}[{array.length}];"]
     return [f"__global real *const {array.name.text} = {printer.expression(array.start)};"]
+
+
+def _store(printer: OpenCLPrinter, store: Store) -> list[str]:
+    place, value = printer.expression(store.place), printer.expression(store.value)
+    return [f"*(__global vec *)({place}) = {value};"]
 
 
 def _accumulate(printer: OpenCLPrinter, taken: Accumulate) -> list[str]:
@@ -237,6 +249,7 @@ _STATEMENTS: dict[type, Callable[[OpenCLPrinter, Any], list[str]]] = {
     Assign: _assign,
     Declare: _declare,
     Array: _array,
+    Store: _store,
     Accumulate: _accumulate,
     Note: _note,
     StripSteps: _strips,

@@ -1,6 +1,6 @@
 """Statements of a kernel, as records: lowering's output, the input of passes and printers."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cnnum.engines.opencl.ir.expressions import (
@@ -55,6 +55,14 @@ class Assign:
     target: Name | Element
     value: Expression
     sign: str = "="
+
+
+@dataclass(frozen=True, slots=True)
+class Store:
+    """The vector `vec` of numbers that begins at a place of global memory gets a value."""
+
+    place: Expression
+    value: Expression
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,8 +205,8 @@ class Verbatim:
 
 
 Statement = (
-    Note | Declare | Array | Assign | Accumulate | Block | Branch | Sweep | Loop | Counted | While
-    | StripSteps | Verbatim
+    Note | Declare | Array | Assign | Store | Accumulate | Block | Branch | Sweep | Loop | Counted
+    | While | StripSteps | Verbatim
 )  # fmt: skip
 
 
@@ -225,8 +233,3 @@ def block(*body: Statement) -> Block:
 def sweep(variable: Name, count: int, body: Sequence[Statement]) -> Sweep:
     """Return a sweep."""
     return Sweep(variable, count, tuple(body))
-
-
-def verbatim(lines: Iterable[str]) -> list[Verbatim]:
-    """Return lines of text as they are."""
-    return [Verbatim((line,)) for line in lines]

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cnnum.engines.opencl import ir
 from cnnum.templating.boundary import Boundary
 
 LEAST_VECTORS = 3
@@ -75,10 +76,12 @@ class RowLayout:
         """
         return (self.layers * self.span // self.width | 1) * self.width
 
-    def loaded(self, array: str, source: int, row: int, col: int, start: str = "p") -> str:
-        """Return the expression of the cells some rows and columns from those at `start`."""
+    def loaded(
+        self, array: ir.Expression, source: int, row: int, col: int, start: ir.Name
+    ) -> ir.Load:
+        """Return the cells some rows and columns from those at `start`."""
         offsets = row * self.pitch + source * self.span + col * self.width
-        return f"*(__global const vec *)({array} + {offsets} + {start})"
+        return ir.Load(array + offsets + start)
 
     def place(self, col: int) -> int:
         """Return the place of a cell, counted from the row's first."""

@@ -41,7 +41,7 @@ def reads(text: TransientBuilder, driven: str) -> list[str]:
     lines = [f"__global const scalar *const driven = {driven};"]
     if reads_states(text.template):
         lines += [
-            f"__global const scalar *const {STATES} = states_of(x, number);",
+            f"__global const scalar *const {STATES.text} = states_of(x, number);",
             f"__global scalar *const {NEW_STATES} = states_of(x, number + 1);",
         ]
     return lines

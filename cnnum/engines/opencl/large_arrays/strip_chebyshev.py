@@ -1,4 +1,4 @@
-"""The kernel text of one of Chebyshev's steps, strip by strip: as many levels as its length needs.
+"""One of Chebyshev's steps, strip by strip: as many levels as its length needs.
 
 Level 0 makes Y₁ of Y₀ = x; level j makes Y_{j+1} in the place of Y_{j−1}; level s judges Y_s, and
 leaves its rates in the place of Y_{s−1}. So two arrays hold the states of all stages, those of even
@@ -9,9 +9,11 @@ an array that the plan's body sets.
 
 from dataclasses import replace
 
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.strip_couplings import coupled
-from cnnum.engines.opencl.large_arrays.strip_error import figures, judged
-from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
+from cnnum.engines.opencl.large_arrays.strip_error import A, B, figures, judged, magnitude
+from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows, constant, vector
+from cnnum.engines.opencl.transients.step_control import H
 from cnnum.integrators.chebyshev import MAX_STAGES
 
 ARRAYS = ("strip_0", "strip_1", "strip_2", "strip_3")
@@ -23,6 +25,11 @@ rates, and of stages of even and odd number; then the method's rows of 4 numbers
 
 PLACES = ("state", "rates", "odd", "now", "old", "before")
 """Variables that hold how far the arrays of these are from the first."""
+
+OWN, BACK1, BACK2, WEIGHT, START_WEIGHT, BEGIN = (
+    ir.Name(name) for name in ("own", "back1", "back2", "weight", "start_weight", "begin")
+)
+"""Variables that hold a stage's weights in all lanes."""
 
 CONTROL = ROWS + 4 * MAX_STAGES
 """Numbers of it."""
@@ -47,10 +54,10 @@ def chebyshev_cases(rows: Rows, most: int, block: int) -> list[str]:
         "const vec back1 = (vec)(row[0]), back2 = (vec)(row[1]);",
         "const vec weight = (vec)(h * row[2]), start_weight = (vec)(h * row[3]);",
     ]
-    begins = [line for at in every for line in _begin(rows, at)]
+    begins = [_begin(rows, at) for at in every]
     sums = coupled(rows, every, own, "now")
-    each = [line for at in every for line in _next(rows, at)]
-    judges = [line for at in every for line in _judge(rows, at)]
+    each = [_next(rows, at) for at in every]
+    judges = [_judge(rows, at) for at in every]
     return [
         *rows.case(0, begins, [*head, "const vec begin = (vec)(h * row[2]);"]),
         *rows.case(1, [*sums, *each], [*head, *stage]),
@@ -58,35 +65,34 @@ def chebyshev_cases(rows: Rows, most: int, block: int) -> list[str]:
     ]
 
 
-def _begin(rows: Rows, at: At) -> list[str]:
-    state, rates = rows.array("state", at), rows.array("rates", at)
-    lines = [f"vec b = {state} + begin * {rates};", *rows.show(at, "b")]
-    return rows.braced([*lines, rows.store("odd", at, "b")])
+def _begin(rows: Rows, at: At) -> ir.Block:
+    state = rows.array("state", at) + BEGIN * rows.array("rates", at)
+    return ir.block(vector(B, state), *rows.show(at, B), rows.store("odd", at, B))
 
 
-def _next(rows: Rows, at: At) -> list[str]:
+def _next(rows: Rows, at: At) -> ir.Block:
     now, before, rates = (rows.array(name, at) for name in ("now", "before", "rates"))
-    lines = [
-        f"const vec a = {rows.array('state', at)};",
-        f"vec b = own * a + back1 * {now} + back2 * {before} + weight * {at.sum} + "
-        f"start_weight * {rates};",
-        *([f"b = {rows.free(at, 'b', 'a')};"] if rows.masked else []),
-        *rows.show(at, "b"),
-        rows.store("old", at, "b"),
-    ]
-    return rows.braced(lines)
+    states = OWN * A + BACK1 * now + BACK2 * before
+    held = [ir.Assign(B, rows.free(at, B, A))] if rows.masked else []
+    return ir.block(
+        constant(A, rows.array("state", at)),
+        vector(B, states + WEIGHT * at.sum + START_WEIGHT * rates),
+        *held,
+        *rows.show(at, B),
+        rows.store("old", at, B),
+    )
 
 
-def _judge(rows: Rows, at: At) -> list[str]:
+def _judge(rows: Rows, at: At) -> ir.Block:
     # Sommeijer, Shampine & Verwer 1998, section 2.2
-    rate = rows.free(at, at.sum, "one - one") if rows.masked else at.sum
+    rate = rows.free(at, at.sum, ONES - ONES) if rows.masked else at.sum
+    k1, error = ir.Name("k1"), ir.Name("e")
     states = rows.array("state", at), rows.array("now", at)
-    offsets = f"{rows.vector(0.8)} * ({states[0]} - {states[1]})"
-    slopes = f"{rows.vector(0.4)} * h * ({rows.array('rates', at)} + k1)"
-    lines = [
-        f"const vec k1 = {rate};",
-        rows.store("old", at, "k1"),
-        f"const vec e = magnitude({offsets} + {slopes});",
-        *figures(rows, "e", "e", "k1", states),
-    ]
-    return rows.braced(lines)
+    offsets = ir.Number(0.8) * (states[0] - states[1])
+    slopes = ir.Number(0.4) * H * (rows.array("rates", at) + k1)
+    return ir.block(
+        constant(k1, rate),
+        rows.store("old", at, k1),
+        constant(error, magnitude(offsets + slopes)),
+        *figures(rows, error, error, k1, states),
+    )

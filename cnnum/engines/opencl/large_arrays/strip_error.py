@@ -1,13 +1,14 @@
-"""The kernel text that judges a step strip by strip: the largest of each figure in its cells.
+"""The judgement of a step strip by strip: the largest of each figure in its cells.
 
 Every strip keeps its findings in each lane, and the plan's body makes one number of them.
 """
 
-import numpy as np
+from collections.abc import Sequence
 
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
-from cnnum.engines.opencl.large_arrays.strip_rows import Rows
-from cnnum.integrators.estimate import ROUNDINGS
+from cnnum.engines.opencl.large_arrays.strip_rows import ONES, START, P, Rows, X, constant, vector
+from cnnum.engines.opencl.transients.step_control import rounding
 
 CELLS = "strip_cells"
 """The array of which numbers of a row are cells."""
@@ -16,64 +17,82 @@ FIGURES = ("worst", "added", "speed", "change")
 """The findings of a step: the largest of each in all cells."""
 
 
-def judged(rows: Rows, most: int, each: list[str]) -> list[str]:
-    """Return the text of a vector of cells that takes part in the figures.
+A, B, FOUND, PIECE = (ir.Name(name) for name in ("a", "b", "found", "piece"))
+
+
+def judged(rows: Rows, most: int, each: Sequence[ir.Statement]) -> list[ir.Statement]:
+    """Return the statements on a vector of cells that takes part in the figures.
 
     Parameters
     ----------
     rows : Rows
     most : int
         Strips that keep their findings.
-    each : list of str
-        Statements in between.
+    each : sequence of Statement
+        Those in between.
     """
-    size, first = rows.layout.width, rows.offsets["strip_maxima"]
-    places = [
-        f"*(__global vec *)(x + {first} + {n * most * size} + piece * {size})"
-        for n in range(len(FIGURES))
-    ]
-    loaded = [f"vec {name} = {at};" for name, at in zip(FIGURES, places, strict=True)]
-    kept = [f"{at} = {name};" for name, at in zip(FIGURES, places, strict=True)]
-    return [*loaded, *each, *kept]
+    size, first = rows.layout.width, int(rows.offsets["strip_maxima"])
+    places = {
+        ir.Name(name): X + (first + n * most * size) + PIECE * size
+        for n, name in enumerate(FIGURES)
+    }
+    loaded = [vector(name, ir.Load(place)) for name, place in places.items()]
+    return [*loaded, *each, *(ir.Store(place, name) for name, place in places.items())]
 
 
-def figures(rows: Rows, error: str, left_out: str, rate: str, states: tuple[str, str]) -> list[str]:
-    """Return the text that takes the cells of a row into the figures.
+def figures(
+    rows: Rows,
+    error: ir.Expression,
+    left_out: ir.Expression,
+    rate: ir.Name,
+    states: tuple[ir.Expression, ir.Expression],
+) -> list[ir.Statement]:
+    """Return the statements that take the cells of a row into the figures.
 
     Parameters
     ----------
     rows : Rows
-    error, left_out : str
-        Expressions: the step's estimate, and its share in the error that is followed.
-    rate : str
-        The variable of the rates at the step's end.
-    states : (str, str)
+    error, left_out : Expression
+        The step's estimate, and its share in the error that is followed.
+    rate : Name
+        The rates at the step's end.
+    states : (Expression, Expression)
         Those before the step and at its end.
     """
     text = rows.text
-    tau = rows.vector(float(text.template.tau.max()))
-    rounding = rows.vector(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
-    atol, rtol = rows.vector(text.solver.atol), rows.vector(text.solver.rtol)
+    tau = ir.Number(float(text.template.tau.max()))
+    atol, rtol = ir.Number(text.solver.atol), ir.Number(text.solver.rtol)
     return [
-        f"const vec a = magnitude({states[0]});",
-        f"const vec b = magnitude({states[1]});",
-        f"vec found = {error} / ({atol} + {rtol} * (a < b ? b : a));",
-        _most(rows, "worst", "found"),
-        f"found = {left_out} + {rounding} * b;",
-        _most(rows, "added", "found"),
-        f"found = magnitude({rate});",
-        _most(rows, "speed", "found"),
-        f"found = {tau} * found / ({atol} + {rtol} * b);",
-        _most(rows, "change", "found"),
+        constant(A, magnitude(states[0])),
+        constant(B, magnitude(states[1])),
+        vector(FOUND, error / (atol + rtol * ir.Choice(A < B, B, A))),
+        _most(rows, "worst"),
+        ir.Assign(FOUND, left_out + rounding(text) * B),
+        _most(rows, "added"),
+        ir.Assign(FOUND, magnitude(rate)),
+        _most(rows, "speed"),
+        ir.Assign(FOUND, tau * FOUND / (atol + rtol * B)),
+        _most(rows, "change"),
     ]
 
 
-def _most(rows: Rows, name: str, found: str) -> str:
-    """Return the statement that keeps the larger number; lanes without a cell have none."""
+def magnitude(value: ir.Expression) -> ir.Expression:
+    """Return |value| in every lane."""
+    return ir.call("magnitude", value)
+
+
+def no_cells(rows: Rows) -> ir.Expression | None:
+    """Return in which lanes there is no cell; None where all have one."""
     if CELLS not in rows.offsets:
-        return f"{name} = greatest({name}, {found});"
-    cells = f"*(__global const vec *)(x + {rows.offsets[CELLS]} + p - start)"
-    return f"{name} = greatest({name}, {cells} < one ? one - one : {found});"
+        return None
+    return ir.Load(X + int(rows.offsets[CELLS]) + P - START) < ONES
+
+
+def _most(rows: Rows, name: str) -> ir.Statement:
+    """Return the statement that keeps the larger number; lanes without a cell have none."""
+    none = no_cells(rows)
+    found = FOUND if none is None else ir.Choice(none, ONES - ONES, FOUND)
+    return ir.Accumulate(ir.Name(name), "greatest", found)
 
 
 def mark_cells(layout: RowLayout, to: int) -> list[str]:

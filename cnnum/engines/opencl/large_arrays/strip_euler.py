@@ -7,14 +7,14 @@ registers from one vector to the next, so that each state is read, and its outpu
 from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
 from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS, by_turns
-from cnnum.engines.opencl.large_arrays.strip_couplings import Kept, coupled
+from cnnum.engines.opencl.large_arrays.strip_couplings import FROM, Kept, coupled
 from cnnum.engines.opencl.large_arrays.strip_kernel import (
     StripText,
     declare_arrays,
     levels_of,
     strip_kernel,
 )
-from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
+from cnnum.engines.opencl.large_arrays.strip_rows import ONES, TO, At, Rows
 from cnnum.engines.opencl.large_arrays.strip_stages import Stages
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
 from cnnum.engines.opencl.transients.builder import TransientBuilder
@@ -68,11 +68,10 @@ def _cases(rows: Rows, moments: Moments, block: int) -> list[str]:
     return rows.case(0, [*each, *kept.move], [*moments.head(0), *kept.begin])
 
 
-def _end(rows: Rows, at: At) -> list[str]:
-    state = at.sum
-    lines = list[str]()
+def _end(rows: Rows, at: At) -> list[ir.Statement]:
+    state, lines = at.sum, list[ir.Statement]()
     if rows.masked:
-        lines.append(f"{state} = {rows.free(at, state, rows.cells('from', at))};")
+        lines.append(ir.Assign(state, rows.free(at, state, rows.cells(FROM, at))))
     if rows.text.template.output.limited:
-        lines.append(f"{state} = shown({state}, one);")
-    return [*lines, f"*(__global vec *)(to + {rows.place(at)}) = {state};"]
+        lines.append(ir.Assign(state, ir.call("shown", state, ONES)))
+    return [*lines, ir.Store(rows.place(TO, at), state)]

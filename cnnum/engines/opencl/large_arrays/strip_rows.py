@@ -1,9 +1,12 @@
-"""The kernel text of stores to the rows of a strip and reads of them, a vector at a time."""
+"""Stores to the rows of a strip and reads of them, a vector at a time."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from cnnum.engines.opencl import ir
+from cnnum.engines.opencl.ir.number_types import in_vectors
+from cnnum.engines.opencl.ir.printer import OpenCLPrinter
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.templating.reads import reads_states
@@ -14,6 +17,12 @@ HELD = "strip_held"
 NEW_STATES = "new_states"
 """The variable that says where states go that couplings read of neighbours."""
 
+X, TO, P, START = (ir.Name(name) for name in ("x", "to", "p", "start"))
+"""The arrays of states and of new outputs, and the places of a vector and of a row's first."""
+
+ONES = ir.Name("one")
+"""1 in every lane."""
+
 
 class At(NamedTuple):
     """A row of a block, in a layer."""
@@ -22,9 +31,9 @@ class At(NamedTuple):
     row: int
 
     @property
-    def sum(self) -> str:
-        """The name of the sum of its cells' couplings."""
-        return f"s{self.layer}_{self.row}"
+    def sum(self) -> ir.Name:
+        """The sum of its cells' couplings."""
+        return ir.Name(f"s{self.layer}_{self.row}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,58 +56,62 @@ class Rows:
     scales: tuple[float, ...]
     offsets: Mapping[str, int | str]
 
+    @property
+    def printer(self) -> OpenCLPrinter:
+        """The printer of records in vectors."""
+        return OpenCLPrinter(in_vectors(self.text.tables.printer.numbers), {"clamp": "between"})
+
     def case(
-        self, number: int, lines: list[str], head: Sequence[str] = (), tail: Sequence[str] = ()
+        self,
+        number: int,
+        body: Sequence[ir.Statement],
+        head: Iterable[str | ir.Statement] = (),
+        tail: Iterable[str] = (),
     ) -> list[str]:
         """Return the text that takes a vector after the other of the rows from `start` on.
 
-        Those in `head` come before all of them, those in `tail` after.
+        The statements in `head` come before all of them, those in `tail` after.
         """
-        width = self.layout.width
+        width, lines = self.layout.width, self.printer.lines
+        begin = [lines([one]) if isinstance(one, ir.Statement) else [one] for one in head]
         end = f"start + {self.layout.vectors * width}"
         return [
             f"case {number}: {{",
-            *(f"    {line}" for line in head),
+            *(f"    {line}" for one in begin for line in one),
             f"    for (int p = start; p < {end}; p += {width}) {{",
-            *(f"        {line}" for line in lines),
+            *lines(body, 2),
             "    }",
             *(f"    {line}" for line in tail),
             "    break;",
             "}",
         ]
 
-    def braced(self, lines: list[str]) -> list[str]:
-        """Return the text as a block, whose names end with it."""
-        return ["{", *(f"    {line}" for line in lines), "}"]
-
     def block(self, rows: int) -> list[At]:
         """Return the rows of a block in all layers."""
         return [At(layer, row) for layer in range(self.text.layers) for row in range(rows)]
 
-    def vector(self, value: float) -> str:
-        """Return a number in all lanes."""
-        return f"(vec)({self.text.tables.printer.numbers.digits(value)})"
-
-    def array(self, name: str, at: At) -> str:
-        """Return the expression of the cells of an array."""
+    def array(self, name: str, at: At) -> ir.Load:
+        """Return the cells of an array."""
         return self.cells(self._base(name), at)
 
-    def _base(self, name: str) -> str:
-        """Return the expression of where an array begins."""
-        return f"x + {self.offsets[name]}" if self.offsets[name] else "x"
+    def _base(self, name: str) -> ir.Expression:
+        """Return where an array begins."""
+        offset = self.offsets[name]
+        if isinstance(offset, str):
+            return X + ir.Name(offset)
+        return X + offset if offset else X
 
-    def store(self, name: str, at: At, value: str) -> str:
+    def store(self, name: str, at: At, value: ir.Expression) -> ir.Store:
         """Return the statement that keeps the cells of an array."""
-        return f"*(__global vec *)({self._base(name)} + {self.place(at)}) = {value};"
+        return ir.Store(self.place(self._base(name), at), value)
 
-    def show(self, at: At, state: str) -> list[str]:
+    def show(self, at: At, state: ir.Name) -> list[ir.Statement]:
         """Return the statements that keep a new state's outputs, and it within its limits."""
-        place = f"*(__global vec *)(to + {self.place(at)})"
-        limited = self.text.template.output.limited
-        lines = [f"{state} = shown({state}, one);"] if limited else []
-        lines.append(f"{place} = {state if limited else f'shown({state}, one)'};")
+        shown, limited = ir.call("shown", state, ONES), self.text.template.output.limited
+        lines: list[ir.Statement] = [ir.Assign(state, shown)] if limited else []
+        lines.append(ir.Store(self.place(TO, at), state if limited else shown))
         if reads_states(self.text.template):
-            lines.append(f"*(__global vec *)({NEW_STATES} + {self.place(at)}) = {state};")
+            lines.append(ir.Store(self.place(ir.Name(NEW_STATES), at), state))
         return lines
 
     @property
@@ -111,14 +124,24 @@ class Rows:
         held, to = self.text.arena.places.get("held"), self.offsets.get(HELD)
         return [f"to_lanes(x + p + {to}, mine + {held} + at, 1);"] if self.masked else []
 
-    def free(self, at: At, value: str, held: str) -> str:
-        """Return the expression of a value where no mask holds the cells, else of another one."""
-        return f"{self.array(HELD, at)} < one ? {value} : {held}"
+    def free(self, at: At, value: ir.Expression, held: ir.Expression) -> ir.Expression:
+        """Return a value where no mask holds the cells, else another one."""
+        return ir.Choice(self.array(HELD, at) < ONES, value, held)
 
-    def place(self, at: At) -> str:
-        """Return the expression of the place of a row's cells in an array."""
-        return f"{at.row * self.layout.pitch + at.layer * self.layout.span} + p"
+    def place(self, array: ir.Expression, at: At) -> ir.Expression:
+        """Return the place of a row's cells in an array."""
+        return array + (at.row * self.layout.pitch + at.layer * self.layout.span) + P
 
-    def cells(self, array: str, at: At) -> str:
-        """Return the expression of a row's cells, from where the block begins in an array."""
-        return f"*(__global const vec *)({array} + {self.place(at)})"
+    def cells(self, array: ir.Expression, at: At) -> ir.Load:
+        """Return a row's cells, from where the block begins in an array."""
+        return ir.Load(self.place(array, at))
+
+
+def vector(name: ir.Name, value: ir.Expression) -> ir.Statement:
+    """Return the declaration of a vector that changes."""
+    return ir.declare(name, value, of="vec")
+
+
+def constant(name: ir.Name, value: ir.Expression) -> ir.Statement:
+    """Return the declaration of a vector that stays the same."""
+    return ir.fixed(name, value, of="vec")

@@ -12,9 +12,15 @@ from cnnum.engines.opencl.ir.launch_plan import Strips
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
 from cnnum.engines.opencl.large_arrays.strip_boundary import first_states
-from cnnum.engines.opencl.large_arrays.strip_error import CELLS, mark_cells
-from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
+from cnnum.engines.opencl.large_arrays.strip_error import (
+    CELLS,
+    magnitude,
+    mark_cells,
+    no_cells,
+)
+from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows
 from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS
 from cnnum.integrators.schemes import FixedSteps
 
@@ -77,18 +83,17 @@ class Watch:
         """And after."""
         return [f"*(__global vec *)({self.own}) = change;"]
 
-    def sees(self, at: At, state: str) -> list[str]:
-        """Return the text that sees d of a row, and keeps the state with which a launch began."""
-        rows, solver = self.rows, self.rows.text.solver
-        rate = f"{rows.vector(self.factors[at.layer])} * magnitude({at.sum})"
-        none = f"{rows.vector(solver.atol)} + {rows.vector(solver.rtol)} * magnitude({state})"
-        rests = f"{rate} <= {none}"  # which is false of NaN
-        if CELLS in rows.offsets:
-            cells = f"*(__global const vec *)(x + {rows.offsets[CELLS]} + p - start)"
-            rests = f"({rests}) | ({cells} < one)"
+    def sees(self, at: At, state: ir.Name) -> list[ir.Statement]:
+        """Return what sees d of a row, and keeps the state with which a launch began."""
+        solver = self.rows.text.solver
+        none = ir.Number(solver.atol) + ir.Number(solver.rtol) * magnitude(state)
+        # which is false of NaN
+        rests = ir.Number(self.factors[at.layer]) * magnitude(at.sum) <= none
+        beyond = no_cells(self.rows)
+        rests = rests if beyond is None else ir.Binary("|", rests, beyond)
         return [
-            f"if (number == 0) {{ {rows.store(BEFORE, at, state)} }}",
-            f"change = {rests} ? change : one;",
+            ir.Branch(ir.Name("number").equals(0), (self.rows.store(BEFORE, at, state),)),
+            ir.Assign(CHANGE, ir.Choice(rests, CHANGE, ONES)),
         ]
 
     def clear(self) -> list[str]:

@@ -1,7 +1,8 @@
-"""The kernel text of the stages of fixed steps, as `strip_stages` has them."""
+"""The stages of fixed steps, as `strip_stages` has them."""
 
+from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.strip_couplings import PART, coupled
-from cnnum.engines.opencl.large_arrays.strip_rows import At, Rows
+from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows, vector
 from cnnum.engines.opencl.large_arrays.strip_settling import Watch
 from cnnum.engines.opencl.large_arrays.strip_stages import Stage, Stages, Sum
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
@@ -30,18 +31,18 @@ def sum_cases(
         own = tuple(float(whole) - scale for scale in rows.scales)
         state, between = array_of(stage.state), moments.between(number)
         each = coupled(rows, rows.block(block), own, state, between=between)
-        share = f"{PART} * " if moments.uneven else ""
+        share = PART if moments.uneven else None
         for at in rows.block(block):
-            each += _end(rows, layers[at.layer].stages[number], at, seen, whole, share)
+            each.append(_end(rows, layers[at.layer].stages[number], at, seen, whole, share))
         head = [*moments.head(number), *(seen.head if seen else [])]
         lines += rows.case(number, each, head, seen.tail if seen else [])
     return lines
 
 
 def _end(
-    rows: Rows, stage: Stage, at: At, seen: Watch | None, whole: bool, share: str
-) -> list[str]:
-    """Return the text that makes the sums of a row, once its d is known.
+    rows: Rows, stage: Stage, at: At, seen: Watch | None, whole: bool, share: ir.Name | None
+) -> ir.Block:
+    """Return the statements that make the sums of a row, once its d is known.
 
     Where `whole`, its sum is the new state; else d comes with a `share`.
     """
@@ -49,27 +50,36 @@ def _end(
     if not whole:
         known |= {place for one in stage.sums for place, _ in one.terms}
         known |= {stage.state} if limited or seen else set[int]()
-    lines = [f"vec a{place} = {rows.array(array_of(place), at)};" for place in sorted(known)]
+    lines = [vector(_kept(place), rows.array(array_of(place), at)) for place in sorted(known)]
     if limited and not whole:
-        lines.append(f"{at.sum} = inwards({at.sum}, a{stage.state}, one);")
+        lines.append(ir.Assign(at.sum, ir.call("inwards", at.sum, _kept(stage.state), ONES)))
     if rows.masked:
-        still = rows.array(array_of(stage.state), at) if whole else "one - one"
-        lines.append(f"{at.sum} = {rows.free(at, at.sum, still)};")
+        still = rows.array(array_of(stage.state), at) if whole else ONES - ONES
+        lines.append(ir.Assign(at.sum, rows.free(at, at.sum, still)))
     if seen:
-        lines += seen.sees(at, f"a{stage.state}")
+        lines += seen.sees(at, _kept(stage.state))
     for one in stage.sums:
-        value = at.sum if whole else _sum(rows, one, at, share)
-        lines.append(f"{'' if one.place in known else 'vec '}a{one.place} = {value};")
+        kept, value = _kept(one.place), at.sum if whole else _sum(one, at, share)
+        lines.append(ir.Assign(kept, value) if one.place in known else vector(kept, value))
         known.add(one.place)
         if one is stage.sums[0]:
-            lines += rows.show(at, f"a{one.place}")
-        lines.append(rows.store(array_of(one.place), at, f"a{one.place}"))
-    return ["{", *(f"    {line}" for line in lines), "}"]
+            lines += rows.show(at, kept)
+        lines.append(rows.store(array_of(one.place), at, kept))
+    return ir.block(*lines)
 
 
-def _sum(rows: Rows, one: Sum, at: At, share: str) -> str:
-    terms = [(f"a{place}", factor) for place, factor in one.terms]
-    return " + ".join(
-        name if factor == 1.0 else f"{rows.vector(factor)} * {name}"
-        for name, factor in [*terms, (f"{share}{at.sum}", one.factor)]
-    )
+def _kept(place: int) -> ir.Name:
+    return ir.Name(f"a{place}")
+
+
+def _sum(one: Sum, at: At, share: ir.Name | None) -> ir.Expression:
+    terms = [_weighted([_kept(place)], factor) for place, factor in one.terms]
+    own: list[ir.Expression] = [at.sum] if share is None else [share, at.sum]
+    return ir.total([*terms, _weighted(own, one.factor)])
+
+
+def _weighted(factors: list[ir.Expression], weight: float) -> ir.Expression:
+    first, *others = factors if weight == 1.0 else [ir.Number(weight), *factors]
+    for factor in others:
+        first = first * factor
+    return first

@@ -70,7 +70,7 @@ class Moments:
         lines, last = list[str](), ""
         if self.uneven:
             last = f"steps == {self.scheme.count - 1} ? {text.literal(self.share)} : ONE"
-            lines.append(f"const vec {PART} = (vec)({last});")
+            lines.append(f"const vec {PART.text} = (vec)({last});")
         if text.template.gains:
             at, step = text.literal(self._place(stage)), text.literal(self.scheme.step)
             at += f" * ({last})" if self.uneven else ""
@@ -78,9 +78,9 @@ class Moments:
         if self.keeps:
             # the outputs of a step's end are those that the next begins with
             late = int(self._place(stage) == 1.0 and not self.uneven)
-            lines.append(self._outputs(PAST, late))
+            lines.append(self._outputs(PAST.text, late))
             if self.between(stage):
-                lines.append(self._outputs(NEXT, 1))
+                lines.append(self._outputs(NEXT.text, 1))
         return [steps, *lines] if lines else []
 
     def between(self, stage: int) -> bool:

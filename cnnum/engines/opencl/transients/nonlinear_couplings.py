@@ -1,17 +1,21 @@
 """Nonlinear couplings: tables as expressions, taps of their neighbourhoods."""
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 
 from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.transients.builder import SUM, TransientBuilder
-from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.couplings import NonlinearCoupling, Quantity
 from cnnum.templating.function_tables import Table
 from cnnum.templating.network import Tap
 
 ARRAYS = {"x": ir.Name("xp"), "y": ir.Name("y"), "u": ir.Name("u")}
 """Padded arrays that hold a quantity."""
+
+Reads = Callable[[Quantity, int, int, int], ir.Expression]
+"""A quantity of a layer, or input, in a cell some rows and columns away."""
 
 V, SINCE = ir.Name("v"), ir.Name("since")
 
@@ -34,21 +38,28 @@ def table(function: Table, argument: ir.Name) -> ir.Expression:
 
 def nonlinear(text: TransientBuilder, coupling: NonlinearCoupling) -> list[ir.Statement]:
     """Return statements that add a nonlinear coupling's sum in cell `p` to `sum`."""
-    radius = coupling.weights.shape[0] // 2
-    array = ARRAYS[coupling.neighbour]
-    lines: list[ir.Statement] = []
+
+    def quantity(name: Quantity, source: int, row: int, col: int) -> ir.Expression:
+        return text.neighbour(ARRAYS[name], Tap(source, row, col, 1.0))
+
+    return summed(coupling, quantity, SUM)
+
+
+def summed(
+    coupling: NonlinearCoupling, quantity: Reads, to: ir.Name, scale: float = 1.0, of: str = "real"
+) -> list[ir.Statement]:
+    """Return statements that add a nonlinear coupling's scaled sum to a number of a type."""
+    radius, lines = coupling.weights.shape[0] // 2, list[ir.Statement]()
     for row, col in np.argwhere(coupling.weights):
-        tap = Tap(coupling.source, int(row) - radius, int(col) - radius, 1.0)
-        argument: ir.Expression = text.neighbour(array, tap)
+        offsets = int(row) - radius, int(col) - radius
+        argument = quantity(coupling.neighbour, coupling.source, *offsets)
         if coupling.centre is not None:
-            centre = text.neighbour(ARRAYS[coupling.centre], Tap(coupling.centre_source, 0, 0, 1.0))
+            centre = quantity(coupling.centre, coupling.centre_source, 0, 0)
             argument = argument - centre if coupling.reversed_sign else centre - argument
-        value = ir.Number(float(coupling.weights[row, col])) * table(coupling.function, V)
-        lines.append(
-            ir.block(
-                ir.fixed(V, argument), ir.add(SUM, value * V if coupling.times_argument else value)
-            )
-        )
+        weight = ir.Number(scale * float(coupling.weights[row, col]))
+        value = weight * table(coupling.function, V)
+        added = ir.add(to, value * V if coupling.times_argument else value)
+        lines.append(ir.block(ir.fixed(V, argument, of=of), added))
     return lines
 
 
