@@ -4,7 +4,7 @@ import shutil
 
 import pytest
 
-program_cache = pytest.importorskip("cnnum.engines.opencl.runtime.program_cache")
+program_cache = pytest.importorskip("cnnum.engines.devices.program_cache")
 
 
 def test_a_folder_that_goes_while_it_is_read_is_kept_the_next_time(tmp_path, monkeypatch):
