@@ -45,11 +45,12 @@ def follow(
     keep : callable, optional
         The same, but called however the scene has ended.
     """
+    from cnnum.scenes.gaps import GapWatch
     from cnnum.scenes.scene_file import EVERYTHING
 
     known = getattr(scene.driver, "total_frames", None)
     total = min((n for n in (frames, known) if n is not None), default=None)
-    code, more = 0, dict[str, str]()
+    code, more, gaps = 0, dict[str, str](), GapWatch()
     shown = scene.fields if output.as_json and EVERYTHING not in scene.spec.wants else ()
     try:
         with (
@@ -58,6 +59,9 @@ def follow(
             closing(cast("Generator[FrameResult, None, None]", scene.results())) as moments,
         ):
             for moment in moments:
+                gap = gaps.seen(moment.number, moment.frame)
+                if gap is not None:
+                    output.record(gap.record(), str(gap))
                 for event in moment.events:
                     output.record(event.record(), event_text(event))
                 if shown and moment.outputs:

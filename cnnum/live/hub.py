@@ -8,6 +8,7 @@ from threading import Lock
 from cnnum.arrays import Shape
 from cnnum.drivers.driver import Counters
 from cnnum.live.picture import Read, encoded, planes
+from cnnum.scenes.gaps import GapWatch
 from cnnum.scenes.pipeline import FrameResult
 
 KEPT = 2000
@@ -54,6 +55,7 @@ class Hub:
         self._events: deque[dict[str, object]] = deque(maxlen=KEPT)
         self._lock = Lock()
         self._slip: tuple[float, str] | None = None
+        self._gaps = GapWatch()
         self.frames = self.count = 0
         self.ended = ""
         self._since = (time.monotonic(), 0)
@@ -62,8 +64,12 @@ class Hub:
         """Take in a moment; it costs the source next to nothing."""
         self._newest = moment
         self.frames += 1
-        if moment.events:
+        gap = self._gaps.seen(moment.number, moment.frame)
+        if moment.events or gap is not None:
             with self._lock:
+                if gap is not None:
+                    self._events.append(gap.record())
+                    self.count += 1
                 for event in moment.events:
                     self._events.append(event.record())
                     self.count += 1
@@ -76,7 +82,7 @@ class Hub:
         """Forget the events: a recording starts from another place."""
         with self._lock:
             self._events.clear()
-            self._slip = None
+            self._slip, self._gaps = None, GapWatch()
 
     def end(self, why: str) -> None:
         """Note that no more moments come, and why."""

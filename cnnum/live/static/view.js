@@ -104,7 +104,8 @@ function note(event) {
   item.dataset.t = `${event.t.toFixed(3)} s`;
   item.dataset.kind = event.kind;
   const where = event.where ? ` at row ${event.where[0].toFixed(1)}, column ${event.where[1].toFixed(1)}` : "";
-  item.append(`${event.phase ? event.phase + " " : ""}${event.kind}${where}`);
+  const lost = event.kind === "gap" ? ` of ${event.seconds.toFixed(3)} s, ${event.missing} missing` : "";
+  item.append(`${event.phase ? event.phase + " " : ""}${event.kind}${where}${lost}`);
   at("events").prepend(item);
   while (at("events").children.length > 200) at("events").lastChild.remove();
   view.lineDirty = true;
