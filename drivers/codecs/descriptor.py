@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from cnnum.arrays import Shape
+from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.checksums import CHECKS
 from cnnum.drivers.options import read_options, require
 from cnnum.errors import ArrayError, SceneError
@@ -57,6 +57,8 @@ class Descriptor:
     unit : str
     limits : (low, high), optional
         Raw numbers outside are a sign that the bytes are no packet.
+    full : float, optional
+        A raw number at which, and beyond which, a cell is at the end of its range.
     rate : float
         Hz; 0 where it is not known.
     baud : int
@@ -80,6 +82,7 @@ class Descriptor:
     scale: float = 1.0
     unit: str = "count"
     limits: tuple[float, float] | None = None
+    full: float | None = None
     rate: float = 0.0
     baud: int = 115_200
 
@@ -105,6 +108,10 @@ class Descriptor:
             channel_names(self.axes, len(self.axes))
         except ArrayError as error:
             raise SceneError(str(error)) from None
+
+    def saturated(self, raw: Floats) -> bool:
+        """Return whether a raw number stands at the end of the range."""
+        return self.full is not None and bool((raw >= self.full).any())
 
     @property
     def channels(self) -> tuple[str, ...]:

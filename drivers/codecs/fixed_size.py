@@ -124,6 +124,7 @@ class FixedSize:
         time = int.from_bytes(packet[self._time : self._cells], order) * MICROS[d.time_unit]
         return Scan(
             values=values * d.scale if d.scale != 1.0 else values,
+            saturated=d.saturated(values),
             channels=self._channels,
             unit=d.unit,
             sequence=int.from_bytes(packet[self._counter : self._time], order)

@@ -8,6 +8,7 @@ import struct
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.checksums import CHECKS
@@ -84,8 +85,20 @@ def _passes(packet: bytes) -> bool:
     return not (packet[5] or sum(packet) & 0xFF)
 
 
+def _cells(data: bytes, shape: Shape) -> NDArray[np.void]:
+    cells: NDArray[np.void] = np.frombuffer(data, CELL, shape[0] * shape[1])
+    return cells
+
+
+def _at_an_end(data: bytes, shape: Shape) -> bool:
+    """Return whether a force stands at an end of its byte."""
+    cells = _cells(data, shape)
+    shear = np.stack([cells["x"], cells["y"]])
+    return bool((shear >= 127).any() or (shear <= -128).any() or (cells["z"] >= 255).any())
+
+
 def _forces(data: bytes, shape: Shape) -> Floats:
-    cells = np.frombuffer(data, CELL, shape[0] * shape[1])
+    cells = _cells(data, shape)
     return NEWTON * np.stack([cells[axis] for axis in "xyz"], axis=-1).astype(float).reshape(
         *shape, 3
     )
@@ -141,7 +154,8 @@ class Converter:
 
     def _scan(self, data: bytes) -> Scan:
         values = _forces(data, self.shape)
-        return Scan(values=values, channels=FORCE_AXES, unit="N")
+        ends = _at_an_end(data, self.shape)
+        return Scan(values=values, channels=FORCE_AXES, unit="N", saturated=ends)
 
     def encode(self, scan: Scan) -> bytes:
         """Return the answer that carries a scan.
@@ -192,12 +206,13 @@ class HighSpeedBoard:
         seen = overtaken(data, size, bytes(data[:5]), _passes, ended=ended)
         if not isinstance(seen, Found):
             return seen
-        values = _forces(packet[-1 - cells : -1], self.shape)
+        taxels = packet[-1 - cells : -1]
+        values, ends = _forces(taxels, self.shape), _at_an_end(taxels, self.shape)
         extras: dict[str, float] = {}
         if length - 1 > cells:
             low = np.frombuffer(packet[6 : 6 + RESULTANT : 2], CELL, 1)[0]
             extras = {f"device_{axis}": NEWTON * float(low[axis]) for axis in "xyz"}
-        return Found(size, Scan(values, FORCE_AXES, "N", extras=extras))
+        return Found(size, Scan(values, FORCE_AXES, "N", saturated=ends, extras=extras))
 
     def encode(self, scan: Scan) -> bytes:
         """Return the packet of a scan.

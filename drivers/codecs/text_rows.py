@@ -51,6 +51,7 @@ class TextRows:
                 self._channels,
                 d.unit,
                 period_us=round(1e6 / d.rate) if d.rate else 0,
+                saturated=d.saturated(values),
             ),
         )
 

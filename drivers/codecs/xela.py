@@ -23,6 +23,9 @@ LONGEST = 1 << 17
 TRIED = 4
 """Places of a line at which a message is looked for."""
 
+TOP = 65_535
+"""The largest count."""
+
 PADS = {16: (4, 4), 24: (4, 6)}
 """Rows and columns of a pad by its number of taxels: uSPa44 and uSPa46."""
 
@@ -99,8 +102,10 @@ def scan_of(message: dict[str, object], shape: Shape | None = None) -> Scan:
     counter = message["message"]
     if not isinstance(counter, int) or counter < 0:
         raise CodecError("The counter of a message is a number from 0 up.")
+    values = tiled(pads, shape)
     return Scan(
-        values=tiled(pads, shape),
+        values=values,
+        saturated=not calibrated and bool((values >= TOP).any() or (values <= 0).any()),
         channels=FORCE_AXES,
         unit="N" if calibrated else "count",
         sequence=counter,

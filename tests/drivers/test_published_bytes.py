@@ -37,6 +37,7 @@ def test_numbers_of_a_packet(
 ) -> None:
     (scan,) = decoded(name, bytes.fromhex(packet), shape=shape)
     assert flat(scan) == numbers
+    assert scan.saturated == (name in {"flexitac", "velostat", "3d-vitac"})
 
 
 def test_an_answer_of_paxinis_converter() -> None:
@@ -44,7 +45,7 @@ def test_an_answer_of_paxinis_converter() -> None:
     packet = "aa55 1000 02 00 fb 0e040000 0600 00  0a fb 05  80 7f ff  d4"
     (scan,) = decoded("paxini", bytes.fromhex(packet), shape=(1, 2), address=2)
     assert flat(scan) == pytest.approx([1.0, -0.5, 0.5, -12.8, 12.7, 25.5])
-    assert scan.unit == "N"
+    assert (scan.unit, scan.saturated) == ("N", True)
 
 
 def test_a_packet_of_paxinis_board() -> None:
@@ -52,6 +53,7 @@ def test_a_packet_of_paxinis_board() -> None:
     packet = "aa56 00 0d00 00  0a00 f600 1400  01 02 03  ff fe 04  d8"
     (scan,) = decoded("paxini-board", bytes.fromhex(packet), shape=(1, 2))
     assert flat(scan) == pytest.approx([0.1, 0.2, 0.3, -0.1, -0.2, 0.4])
+    assert not scan.saturated
     loads = [scan.extras[f"device_{axis}"] for axis in "xyz"]
     assert loads == pytest.approx([1.0, -1.0, 2.0])
 
