@@ -12,12 +12,17 @@ from collections.abc import Generator, Iterator, Sequence
 from typing import TypeVar
 
 import pytest
+from hypothesis import HealthCheck, settings
 
 from cnnum import Engine, get_template
 from cnnum.errors import NoOpenCLError
 
 Case = TypeVar("Case")
 FULL = os.environ.get("CNNUM_FAULTS") == "full"
+
+# a machine that has more to do is no fault of a test
+settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("busy")
 
 
 def pytest_configure():
