@@ -93,3 +93,4 @@ def test_one_name_reads_one_file_and_needs_no_heavy_library() -> None:
 def test_hole_and_component_templates_have_a_white_frame() -> None:
     for name in ("HOLE", "RECALL", "CCD_HOR", "CCD_VERT", "CCD_DIAG", "SHADOW", "CONNECTI"):
         assert library.get_template(name).boundary.constant == -1.0
+        assert library.get_entry(name).about.published_boundary in ("0", "zero-flux")
