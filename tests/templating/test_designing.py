@@ -9,7 +9,7 @@ from cnnum import Engine, Template, get_template
 from cnnum.errors import TemplateError
 from cnnum.templating.checks import run_check
 from cnnum.templating.checks.audit import audit
-from cnnum.templating.checks.measuring import measure, shifted
+from cnnum.templating.checks.measuring import measure, settle_times, shifted
 from cnnum.templating.checks.robustness import flips, tolerances
 from cnnum.templating.files import load_entry, write_measured
 from cnnum.templating.library import get_entry, template_path
@@ -65,6 +65,17 @@ def test_a_margin_is_where_a_bias_flips_a_cell(engine):
     assert "settles after" in shifted(
         template, engine, replace(wrong, margin=None, settle=((8, 90.0),))
     )
+
+
+@pytest.mark.parametrize(("duration", "rests"), [(0.5, False), (3.0, True), (40.0, True)])
+def test_settle_times_are_of_the_rest_and_not_of_the_end_of_a_run(engine, duration, rests):
+    """x' = −x + u from 0 comes within 0.01 of u = ±1 after ln 100 = 4.61 time constants."""
+    template = Template("copy", [[0.0]], [[1.0]], duration=duration, boundary="zero-flux")
+    found = dict(settle_times(template, engine))
+    assert (8 in found) == rests
+    if rests:
+        late = duration / 40  # the width of a part of the run
+        assert np.log(100.0) - 0.2 < found[8] <= np.log(100.0) + 2 * late + 0.1
 
 
 def test_every_weight_that_is_off_by_a_fifth_is_seen(engine):

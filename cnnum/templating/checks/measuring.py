@@ -25,6 +25,8 @@ NEAR = 0.01
 """Outputs this close to their end have settled."""
 
 _CHUNKS = 40
+_AT_REST = 0.8
+"""Of a run that is cut off, at rest for the fifth that is left."""
 _BIASES = np.geomspace(0.01, 8.0, 30)
 _STEP = 1.3
 """Between a bias of the ladder and the next one, 1.26, with room for an engine's own errors."""
@@ -120,15 +122,18 @@ def _before_first(wrong: list[bool]) -> float:
 
 
 def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
-    """Return when all outputs are within 0.01 of their end, a fortieth of the run too late.
+    """Return when all outputs are within 0.01 of their end, a fortieth of the duration too late.
 
-    A run goes on for the template's own duration, also where its check would stop it before.
+    A run goes on for twice the template's duration, or until it settles, also where its check
+    stops it before: so it shows whether the end of the duration is a rest.
     """
     if template.output.discrete:
         return None
     # a run that knows its past or its clock cannot be cut into parts
     from_start = not autonomous(template)
-    case = replace(_case(template, shape), duration=None)
+    longest = _longest(template)
+    case = replace(_case(template, shape), duration=longest)
+    chunks = _CHUNKS if longest is None else 2 * _CHUNKS
     try:
         whole = _run(template, engine, case)
     except CnnumError:
@@ -136,15 +141,21 @@ def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
     end = float(np.max(whole.time))
     if not 0.0 < end < np.inf or not np.isfinite(whole.output).all():
         return None
-    goal, step = np.asarray(whole.output), end / _CHUNKS
+    goal, step = np.asarray(whole.output), end / chunks
     last, now = 0, case if template.inputs else replace(case, input=None, state=_start(case))
-    for n in range(1, _CHUNKS):
+    for n in range(1, chunks):
         part = replace(case, duration=n * step) if from_start else replace(now, duration=step)
         passed = _run(template, engine, part)
         now = replace(now, state=np.asarray(passed.state, dtype=np.float64))
         if not (np.abs(np.asarray(passed.output) - goal) <= NEAR).all():
             last = n
-    return (last + 1) * step if last < _CHUNKS - 1 else None
+    # a course that is cut off comes near its end in any case
+    latest = chunks - 1 if longest is None else _AT_REST * chunks
+    return (last + 1) * step if last < latest else None
+
+
+def _longest(template: Template) -> float | None:
+    return None if template.duration == "settle" else 2.0 * template.duration
 
 
 def unsettled(template: Template) -> str:
@@ -153,7 +164,7 @@ def unsettled(template: Template) -> str:
         return f"It runs in steps, for {template.duration} time constants."
     if template.duration == "settle":
         return "A cell is still on its way when the longest run ends."
-    return f"It is still on its way after {template.duration:g} τ."
+    return f"It is still on its way after {2.0 * template.duration:g} τ."
 
 
 def _start(case: Case) -> Floats:
