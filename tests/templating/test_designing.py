@@ -78,6 +78,13 @@ def test_settle_times_are_of_the_rest_and_not_of_the_end_of_a_run(engine, durati
         assert np.log(100.0) - 0.2 < found[8] <= np.log(100.0) + 2 * late + 0.1
 
 
+def test_a_settle_time_beyond_the_end_of_the_check_is_not_compared(engine):
+    entry = get_entry("HLF3")
+    assert dict(entry.measured.settle)[8] > 50.0
+    other = replace(entry.measured, settle=((8, 9.0),))
+    assert not shifted(entry.template, engine, other)
+
+
 def test_every_weight_that_is_off_by_a_fifth_is_seen(engine):
     """The check of a robust decision alone lets most of them pass; the digest lets none."""
     entry, passed = get_entry("HOLE"), 0

@@ -211,7 +211,8 @@ def shifted(template: Template, engine: Engine, measured: Measured) -> str:
         if margin < _BIASES[-1] and not any(wrong[2:]):
             return f"a bias of {_STEP * margin:.3g} more or less flips no cell"
     known = dict(measured.settle).get(SHAPE[0])
-    if known is not None:
+    # beyond where a check stops, the rounding of a processor may decide how long a cell takes
+    if known is not None and case.duration is None:
         found = _settle(template, engine, SHAPE)
         if found is None or abs(found - known) > 0.3 * known + 0.2:
             return f"it settles after {found or np.inf:.3g} τ"
