@@ -1,8 +1,8 @@
 """How many templates with one wrong weight still pass `cnnum templates check`, and why.
 
-`python docs/figures/changed_weights.py [NAMES]... [--by 1.2] [--out FOLDER]` multiplies each number
-of A, B and z, of nonlinear and delayed couplings, and of function tables by 1.2, one at a time, and
-counts the changed templates that pass
+`python docs/figures/changed_weights.py [NAMES]... [--linear] [--by 1.2] [--out FOLDER]` multiplies
+each number by 1.2, one at a time: those of A, B and z, and without `--linear` those of nonlinear
+and delayed couplings, and of function tables. It counts the changed templates that pass
 
 * the check of the function alone,
 * the same, and end in the states that were measured,
@@ -31,10 +31,16 @@ from cnnum.templating.template import Template
 
 STAGES = ("function", "and end state", "and margin, settle time", "and digest")
 
+LINEAR = ("A", "B", "z")
 
-def changed(template: Template, factor: float) -> Iterator[tuple[str, Template]]:
+
+def changed(
+    template: Template, factor: float, *, linear: bool = False
+) -> Iterator[tuple[str, Template]]:
     """Yield the template with each number that is not 0 times the factor."""
     for part, array in numbers_of(template).items():
+        if linear and part not in LINEAR:
+            continue
         for place in np.argwhere(array):
             wrong = array.copy()
             wrong[tuple(place)] *= factor
@@ -60,13 +66,14 @@ def main() -> None:
     """Count, and print one line a stage and one a closed form."""
     arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     arguments.add_argument("names", nargs="*")
+    arguments.add_argument("--linear", action="store_true")
     arguments.add_argument("--by", type=float, default=1.2)
     arguments.add_argument("--out", type=Path)
     given = arguments.parse_args()
     engine, passed, survivors = Engine("numba"), Counter[int](), Counter[str]()
     for name in given.names or template_names():
         entry = get_entry(name)
-        for label, template in changed(entry.template, given.by):
+        for label, template in changed(entry.template, given.by, linear=given.linear):
             reached = stage(template, entry, engine)
             passed[reached] += 1
             check = template.check

@@ -32,8 +32,9 @@ has none. Both are of the pictures of the check: a wave with a longer way to go 
 
 ## One wrong weight
 
-`python -m docs.figures.changed_weights` multiplies each number of A, B and z by 1.2, one at a time.
-Of 2,517 changed templates, these pass `cnnum templates check`:
+`python -m docs.figures.changed_weights --linear` multiplies each number of A, B and z by 1.2, one
+at a time; without `--linear`, those of couplings and tables too. Of 2,517 changed templates, these
+pass `cnnum templates check`:
 
 | compared | pass |
 |---|---|
