@@ -10,7 +10,7 @@ QUICK := $(addprefix tests/,cli/test_devices.py cli/test_run.py engines/test_mac
     engines/test_working_devices.py tactile/test_contact.py test_plan.py programs/test_programs.py scenes/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test situations faults arrays fuzz mutate platforms docs lint style mypy pyright bench lock clean
+.PHONY: demo test situations faults arrays embedded fuzz mutate platforms docs lint style mypy pyright bench lock clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html
@@ -42,6 +42,14 @@ arrays: $(VENV)/dev.stamp
 fuzz: $(VENV)/dev.stamp
 	CNNUM_FUZZ=480 $(BIN)/python -m pytest tests/fuzz
 	$(BIN)/python tests/fuzz/guided.py 120
+
+# programs as C99: 10,000 random frames of each against the emulator under sanitizers, then what slip
+# and twist cost on Cortex-M; compiler and emulated cores of that come with pip, and need no root
+embedded: $(VENV)/dev.stamp
+	command -v cc >/dev/null || { [ "$$(id -u)" = 0 ] && apt-get install --yes gcc libc6-dev; } || \
+	    { echo "Install a C compiler that is called by 'cc', such as GCC with its sanitizers." >&2; exit 1; }
+	CNNUM_FRAMES=10000 $(PYTEST) tests/embedded tests/cli/test_bench_embedded.py
+	$(BIN)/cnnum bench embedded --out bench-results
 
 # faults put into a copy of the code, one at a time: the tests must catch each (tests/mutations)
 mutate: $(VENV)/dev.stamp

@@ -1,13 +1,14 @@
 """`cnnum bench`: error against run time, throughput, latency, scenes, the peers… one or all."""
 
 import shlex
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
 from cnnum.cli.commands.bench_all import run_all
+from cnnum.cli.commands.bench_embedded import Wanted, embedded_options
 from cnnum.cli.following import STOPPED
 from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, table
@@ -135,7 +136,8 @@ SPARE = (
     "peer_version", "compared", "steps", "pictures", "spread", "launches", "channels", "maps",
     "bytes_in", "bytes_out", "events", "saved_us", "launch_us", "ops", "peer_method",
     "host_to_host_per_s", "flops", "peak_flops", "precision", "ordinary_seconds", "seconds",
-    "peer_seconds", "method", "empty_tail", "first_us",
+    "peer_seconds", "method", "empty_tail", "first_us", "clock_hz", "stack_bytes", "wrong",
+    "output",
 )  # fmt: skip
 """Columns that go first where a terminal has no room for all."""
 
@@ -275,6 +277,34 @@ def design(device: str | None, quick: bool, out: Path | None, as_json: bool) -> 
     engine = _engine(device)
     found = measure_design(quick=quick)
     return _report("design", found, None, engine.device, out, as_json)
+
+
+@command.command("embedded")
+@embedded_options
+def embedded(**asked: Any) -> int:
+    """Programs in whole numbers on Cortex-M: instructions, RAM, flash, error and events.
+
+    Instructions are counted, not timed, and are no cycles. With a bound, it names the cheapest
+    configuration within it, or the nearest one.
+    """
+    from cnnum.lab.embedded.answer import answers
+    from cnnum.lab.embedded.costs import CostRow, measure_costs
+
+    wanted, kept = Wanted.of(asked), list[CostRow]()
+
+    def rows() -> Iterator[CostRow | str]:
+        for one in measure_costs(wanted.cases, wanted.clock, wanted.scenes):
+            if isinstance(one, CostRow):
+                kept.append(one)
+            yield one
+
+    out, as_json = asked["out"], bool(asked["as_json"])
+    code = _report("embedded", rows(), len(wanted.cases), wanted.label, out, as_json)
+    if wanted.bounds.asked and code == 0:
+        sentences, output = answers(kept, wanted.bounds), Output(as_json)
+        output.record({"kind": "answer", "answers": sentences})
+        output.show(*sentences)
+    return code
 
 
 @command.command("all")

@@ -58,7 +58,9 @@ def run_all(
 
 def _invoke(ctx: click.Context, benchmark: click.Command, options: Mapping[str, object]) -> object:
     try:
-        return ctx.invoke(benchmark, **options)
+        taken = {one.name for one in benchmark.params}
+        given = {name: value for name, value in options.items() if name in taken}
+        return ctx.invoke(benchmark, **given)
     except KeyboardInterrupt:  # before its first row, or after its last
         return STOPPED
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from cnnum.lab.bench.work_precision_chart import work_precision
+from cnnum.lab.embedded.chart import embedded
 
 Row = Mapping[str, object]
 Axes = Any
@@ -153,6 +154,7 @@ CHARTS: Mapping[str, Callable[[Sequence[Row]], Picture]] = {
     "fusing": fusing,
     "scaling": scaling,
     "peers": peers,
+    "embedded": embedded,
     "design": peers,
 }
 

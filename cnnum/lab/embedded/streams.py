@@ -18,6 +18,7 @@ from cnnum.lab.scoring.families.draw import Array
 from cnnum.lab.scoring.families.pulls import power
 from cnnum.lab.scoring.families.spheres import pulled, twisted
 from cnnum.lab.scoring.trial import Trial
+from cnnum.programs import Program
 from cnnum.programs.library import get_program
 
 RATE = 200.0
@@ -66,6 +67,13 @@ def measuring_frames(shape: Shape) -> Floats:
     return side_by_side(trials(shape, 0, MEASURED), 600)
 
 
+def bound(name: str) -> Program:
+    """Return a program of the library at the rate of the streams."""
+    program = get_program(name)
+    takes_rate = "rate" in inspect.signature(program.function).parameters
+    return program.bind(rate=RATE) if takes_rate else program
+
+
 def schedule_of(name: str, shape: Shape, needs: Sequence[str] | None = None) -> Schedule:
     """Return the schedule of a program of the library on three-axial frames.
 
@@ -74,10 +82,7 @@ def schedule_of(name: str, shape: Shape, needs: Sequence[str] | None = None) -> 
     UnknownNameError
         If there is no such program or output.
     """
-    program = get_program(name)
-    if "rate" in inspect.signature(program.function).parameters:
-        program = program.bind(rate=RATE)
-    return schedule(program.trace(shape, FORCE_AXES), FORCE_AXES, needs)
+    return schedule(bound(name).trace(shape, FORCE_AXES), FORCE_AXES, needs)
 
 
 def made(

@@ -1,0 +1,153 @@
+"""What a program costs on a microcontroller, at which precision, and what that loses."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from cnnum.arrays import Shape
+from cnnum.errors import CnnumError, NotSupportedError
+from cnnum.lab.embedded.microcontroller import Board
+from cnnum.lab.embedded.scores import NO_EVENTS, events, loss
+from cnnum.lab.embedded.streams import made, vector_frames
+
+PRECISIONS = ("q15", "q7", "float32")
+USUAL = ("slip", "twist")
+SHAPES: tuple[Shape, ...] = ((4, 4), (8, 8), (16, 16))
+COUNTED = 4
+"""Frames that are counted: in the middle of a slip, where loops are longest."""
+
+SCENES = 2
+"""Of each kind, in which reports are scored."""
+
+Case = tuple[str, Shape, str, str, str]
+"""Program, shape, precision, method, core."""
+
+
+@dataclass(frozen=True, slots=True)
+class CostRow:
+    """One program in one configuration.
+
+    Attributes
+    ----------
+    case : str
+        The program.
+    shape : (rows, cols)
+    precision, method, core : str
+    instructions : int
+        Of the longest frame: counted, not timed, and no cycles.
+    ram_bytes, flash_bytes, stack_bytes : int
+        From the ELF file; RAM with frame, answers and the deepest stack.
+    frames_per_s : float
+        At most, at the clock, if an instruction took a cycle.
+    clock_hz : float
+    error : float
+        Against the reference engine, of the output with the largest.
+    output : str
+        Its name.
+    flags_differ : float
+        Share of flags that are not those of the reference engine.
+    slip_recall, twist_recall, false_reports : float
+        Of reports; false ones in ten minutes.
+    wrong : int
+        Numbers that differ from the emulator's: 0.
+    """
+
+    case: str
+    shape: Shape
+    precision: str
+    method: str
+    core: str
+    instructions: int
+    ram_bytes: int
+    flash_bytes: int
+    stack_bytes: int
+    frames_per_s: float
+    clock_hz: float
+    error: float
+    output: str
+    flags_differ: float
+    slip_recall: float
+    twist_recall: float
+    false_reports: float
+    wrong: int
+
+
+def cases(
+    programs: Sequence[str],
+    shapes: Sequence[Shape],
+    precisions: Sequence[str],
+    methods: Sequence[str],
+    cores: Sequence[str],
+) -> list[Case]:
+    """Return all configurations."""
+    return [
+        (program, shape, precision, method, core)
+        for program in programs
+        for shape in shapes
+        for precision in precisions
+        for method in methods
+        for core in cores
+    ]
+
+
+def measure_costs(some: Sequence[Case], clock: float, scenes: int) -> Iterator[CostRow | str]:
+    """Yield a row a configuration, or a sentence of one that is left out.
+
+    Parameters
+    ----------
+    some : sequence of Case
+    clock : float
+        Hz.
+    scenes : int
+        Of each kind, in which reports are scored; 0 scores none.
+    """
+    known: dict[tuple[str, Shape, str, str], tuple[object, ...]] = {}
+    for program, shape, precision, method, core in some:
+        key = (program, shape, precision, method)
+        try:
+            if key not in known:
+                known.clear()
+                found = made(program, shape, precision, method)
+                scored = events(found, shape, scenes) if scenes else NO_EVENTS
+                known[key] = (found, loss(found, shape), scored)
+            yield _row(key, core, clock, known[key])
+        except NotSupportedError as error:
+            yield f"{program} on {shape[0]}×{shape[1]} in {precision} by {method}: {error}"
+        except CnnumError as error:
+            if not isinstance(error, ValueError):
+                raise
+            yield f"{program} on {shape[0]}×{shape[1]}: {error}"
+
+
+def _row(
+    key: tuple[str, Shape, str, str], core: str, clock: float, known: tuple[object, ...]
+) -> CostRow:
+    from cnnum.embedded.making import Made
+    from cnnum.lab.embedded.scores import Events, Loss
+
+    found, lost, scored = known
+    assert isinstance(found, Made)
+    assert isinstance(lost, Loss)
+    assert isinstance(scored, Events)
+    program, shape, precision, method = key
+    frames = vector_frames(shape, COUNTED)
+    counted = Board.built(found, frames[:1], core).run(frames)
+    return CostRow(
+        program,
+        shape,
+        precision,
+        method,
+        core,
+        counted.worst,
+        counted.ram_bytes,
+        counted.flash_bytes,
+        counted.stack_bytes,
+        counted.frames_per_second(clock),
+        clock,
+        lost.error,
+        lost.output,
+        lost.flags_differ,
+        scored.slip_recall,
+        scored.twist_recall,
+        scored.false_reports,
+        counted.wrong,
+    )

@@ -1,0 +1,151 @@
+"""What a precision loses: error against the reference engine, flags that differ, and events."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from math import inf, nan
+
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.embedded.making import Made
+from cnnum.engine import Engine
+from cnnum.lab.embedded.streams import bound, side_by_side, trials
+from cnnum.lab.scoring.judge import judge, sense_right
+from cnnum.lab.scoring.measures import per_ten_minutes, share
+from cnnum.lab.scoring.trial import Trial, runs
+
+OTHERS = 1000
+"""First seed of the scenes that are scored: none of them was measured for ranges."""
+
+EXCERPT = 300
+"""Frames of each stream that the reference engine runs, too: at rest, pressed, and pulled."""
+
+APART = 20
+"""Step between the frames of a program without memories."""
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """How far the outputs are from those of the reference engine on the same frames.
+
+    Attributes
+    ----------
+    error : float
+        Root of the mean squared difference of an output over that of the output itself, of the
+        output with the largest; NaN where all are flags.
+    output : str
+        Its name.
+    flags_differ : float
+        Share of the flags, of all frames, that are not the same; NaN without flags.
+    """
+
+    error: float
+    output: str
+    flags_differ: float
+
+
+@dataclass(frozen=True, slots=True)
+class Events:
+    """Scores of reports; NaN of programs that make none.
+
+    Attributes
+    ----------
+    slip_recall, twist_recall : float
+        Share of the scenes whose slip is reported, and whose twist is, in its own sense.
+    false_reports : float
+        In ten minutes.
+    """
+
+    slip_recall: float
+    twist_recall: float
+    false_reports: float
+
+
+NO_EVENTS = Events(nan, nan, nan)
+
+
+@cache
+def excerpt(shape: Shape, *, remembers: bool) -> Floats:
+    """Return frames of a scene that slips and of one that twists, (frames, 2, …).
+
+    Parameters
+    ----------
+    shape : (rows, cols)
+    remembers : bool
+        Whether the program has memories, and so needs all frames in their order.
+    """
+    some = [one for one in trials(shape, OTHERS, 1) if one.family in ("slip", "twist")]
+    return side_by_side(some, EXCERPT)[:: 1 if remembers else APART]
+
+
+@cache
+def _reference(name: str, shape: Shape, needs: tuple[str, ...]) -> Mapping[str, Floats]:
+    """Return the outputs of the reference engine on the excerpt."""
+    plan = Engine("reference").compile(bound(name), shape, needs)
+    frames = excerpt(shape, remembers=bool(plan.schedule.memories))
+    stream = plan.stream((frames.shape[1],))
+    answers = [stream.push(frame) for frame in frames]
+    return {key: np.array([one[key] for one in answers]) for key in answers[0]}
+
+
+def loss(made: Made, shape: Shape) -> Loss:
+    """Return how far a program in a precision is from the reference engine."""
+    remembers = bool(made.schedule.memories)
+    wanted = _reference(made.program.name, shape, tuple(made.schedule.outputs))
+    found = made.run(excerpt(shape, remembers=remembers))
+    worst, output, flags = -1.0, "", list[Floats]()
+    for name, node in made.schedule.outputs.items():
+        if node.logic:
+            flags.append((found[name] != wanted[name]).ravel().astype(np.float64))
+            continue
+        size = float(np.sqrt(np.mean(wanted[name] ** 2)))
+        off = float(np.sqrt(np.mean((found[name] - wanted[name]) ** 2)))
+        error = off / size if size else (0.0 if not off else inf)
+        if error > worst:
+            worst, output = error, name
+    differ = float(np.concatenate(flags).mean()) if flags else nan
+    return Loss(worst if output else nan, output, differ)
+
+
+def events(made: Made, shape: Shape, count: int) -> Events:
+    """Return the scores of the reports of a program on scenes that it has not seen.
+
+    Parameters
+    ----------
+    made : Made
+    shape : (rows, cols)
+    count : int
+        Scenes of each kind.
+    """
+    known = made.program.outputs
+    if "gross_slip" not in known and "twist" not in known:
+        return NO_EVENTS
+    scenes = trials(shape, OTHERS, count)
+    found = made.run(side_by_side(scenes))
+    answers = [
+        {name: values[: len(one.frames), n] for name, values in found.items()}
+        for n, one in enumerate(scenes)
+    ]
+    slips, twists, false, seconds = list[bool](), list[bool](), 0, 0.0
+    for one, answer in zip(scenes, answers, strict=True):
+        seconds += one.seconds
+        if "gross_slip" in known:
+            verdict = judge(one, answer)
+            false += verdict.false
+            if one.slides and not one.sense.any():
+                slips.append(verdict.found)
+        if "twist" in known:
+            false += 0 if "gross_slip" in known else _false_twists(one, answer)
+            if one.sense.any():
+                twists.append(sense_right(one, answer))
+    return Events(_share(slips), _share(twists), per_ten_minutes(false, seconds))
+
+
+def _share(some: Sequence[bool]) -> float:
+    return share(sum(some), len(some))
+
+
+def _false_twists(trial: Trial, answer: Mapping[str, Floats]) -> int:
+    said = (answer["twist"] > 0) & trial.scored
+    return sum(not trial.sense[start:after].any() for start, after in runs(said))
