@@ -20,7 +20,7 @@ never the published weights.
 * *margin*: the least drive of a cell towards its colour. The weights that decide are scaled to the
   same sum of sizes.
 * *relative margin*: the margin over that sum. A mismatch of all weights below it flips no cell.
-* *at most*: what no weights exceed, by the multipliers of the linear program.
+* *at most*: a bound that no weights exceed, by the multipliers of the linear program.
 
 {count} templates; the margin is larger than the published one in {larger} of them, equal in {equal}
 and smaller in {smaller}.
