@@ -17,13 +17,13 @@ from cnnum.lab.scoring.trial import runs
 from cnnum.programs.library import get_program
 from cnnum.templates.tactile.shared.false_reports import TWIST
 
-LEVELS = (0.15, 0.20, 0.25, 0.28, 0.32, 0.36, 0.40, 0.45, 0.50)
+LEVELS = (0.20, 0.25, 0.28, 0.32, 0.36, 0.40, 0.45, 0.50, 0.55, 0.60)
 
 
 def main() -> None:
     """Print a row a level of each program."""
     arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    arguments.add_argument("--count", type=int, default=60)
+    arguments.add_argument("--count", type=int, default=24)
     arguments.add_argument("--seed", type=int, default=700_000)
     given = arguments.parse_args()
     engine, arrays = Engine(), Arrays()

@@ -1,10 +1,11 @@
 """The free weights of `slip`: physical ones against those that an optimiser has set.
 
-`python docs/figures/learned_weights.py families [--count 4] [--seed 4000000] [--rolling]`
+`python docs/figures/learned_weights.py families [--count 4] [--scenes 20] [--rolling]`
 `CNNUM_RECORDINGS=FOLDER python docs/figures/learned_weights.py recordings [--objects all]`
 
 Each family of scenes, or each object, is left out in turn: SciPy's Nelder–Mead sets the weights on
-all others, and they are judged on what was left out. The read-outs come from the templates of
+all others, and they are judged on what was left out. Families learn on `--count` scenes of tuning
+seeds and are judged on `--scenes` of scoring seeds. The read-outs come from the templates of
 `slip`, once; its decision is the formula at the head of its file, with seven numbers to set:
 
     moves^a · loosens^b · ratio^c / (still + trend · |trend| + swing · jolt + pull · grows)
@@ -43,14 +44,17 @@ WEIGHTS = {
     "a": 2 / 3,
     "b": 1 / 3,
     "c": 1.0,
-    "still": 0.25,
+    "still": 0.2,
     "trend": 1.0,
     "swing": 0.3,
-    "pull": 0.75,
+    "pull": 0.5,
 }
 """As the program has them."""
 
 PHYSICAL = np.log(list(WEIGHTS.values()))
+TUNING, SCORING = 610_000, 5_000_000
+"""First seeds of the scenes to learn on, and of those that are judged."""
+
 EVALUATIONS, SOFT, FALSE_REPORTS = 160, 0.2, 4.0
 """Of an optimiser; width of a soft threshold, in logarithms of strength; in ten minutes."""
 
@@ -83,7 +87,7 @@ def strength(reads: Answers, logs: Floats, axes: bool) -> Floats:
     explained = (
         w["trend"] * reads["trend"] + w["swing"] * reads["jolt"] + w["pull"] * reads["grows"]
     )
-    along = np.maximum(1.0 + reads["along"], 0.0) / ALONG if axes else 1.0
+    along = (ALONG * np.maximum(1.0 + reads["along"], 0.0)) ** 2 if axes else 1.0
     return np.nan_to_num(top * along / (w["still"] + explained))
 
 
@@ -131,7 +135,7 @@ class Scenes:
 
 
 def family_row(
-    name: str, trials: Sequence[Trial], reads: Sequence[Answers], logs: Floats, level: float
+    trials: Sequence[Trial], reads: Sequence[Answers], logs: Floats, level: float
 ) -> tuple[float, float, float, float]:
     """Return found, sliding (mm), found by 0.3 mm, and false reports in ten minutes."""
     verdicts = []
@@ -151,32 +155,41 @@ def family_row(
     )
 
 
-def families(engine: Engine, count: int, seed: int, rolling: bool) -> None:
+def families(engine: Engine, count: int, scenes: int, rolling: bool) -> None:
     """Print a row a family, and how many reach each aim."""
     names = [one.name for one in FAMILIES if one.kind != "twist"]
-    made = drawn(count, seed, str)
-    trials = [trial for name in names for trial in made[name]]
-    reads = in_batches(trials, partial(side_by_side, engine, shows, READS))
+    known, fresh = (
+        _with_reads(engine, names, *draw) for draw in ((count, TUNING), (scenes, SCORING))
+    )
     heads = ("found", "slid, mm", "by 0.3 mm", "false")
     print(f"| {' | '.join(['family', *heads, *(f'{head} *' for head in heads)])} |")
     print("|---|---|---|---|---|---|---|---|---|")
     aims, all_logs = np.zeros((2, 3), dtype=int), list[Floats]()
     for name in names:
-        mine = [n for n, trial in enumerate(trials) if trial.family == name]
-        rest = [n for n in range(len(trials)) if n not in set(mine)]
-        others = Scenes([trials[n] for n in rest], [reads[n] for n in rest], rolling)
+        rest = [pair for other in names if other != name for pair in known[other]]
+        others = Scenes([trial for trial, _ in rest], [each for _, each in rest], rolling)
+        trials, reads = zip(*fresh[name], strict=True)
         all_logs.append(learned(others.merit))
         rows = []
         for logs in (PHYSICAL, all_logs[-1]):
             level = others.level(strength(others.joined, logs, axes=True))
-            some = [trials[n] for n in mine], [reads[n] for n in mine]
-            rows.append(family_row(name, *some, logs, level))
+            rows.append(family_row(trials, reads, logs, level))
         for place, (found, slid, _, false) in enumerate(rows):
             aims[place] += found >= FOUND, slid <= NEAR * 1e3, false <= FALSE
         cells = [f"{value:.2f}" if value == value else "–" for row in rows for value in row]
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
     print(f"Aims reached, found, slid, false: physical {aims[0]}, learned {aims[1]}")
     print(_named(np.median(all_logs, axis=0)))
+
+
+def _with_reads(
+    engine: Engine, names: Sequence[str], count: int, seed: int
+) -> dict[str, list[tuple[Trial, Answers]]]:
+    made = drawn(count, seed, str)
+    trials = [trial for name in names for trial in made[name]]
+    reads = in_batches(trials, partial(side_by_side, engine, shows, READS))
+    pairs = iter(zip(trials, reads, strict=True))
+    return {name: [next(pairs) for _ in made[name]] for name in names}
 
 
 def recordings(engine: Engine, root: Path, objects: str | None) -> None:
@@ -217,13 +230,13 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     arguments.add_argument("suite", choices=("families", "recordings"))
     arguments.add_argument("--count", type=int, default=4)
-    arguments.add_argument("--seed", type=int, default=4_000_000)
+    arguments.add_argument("--scenes", type=int, default=20)
     arguments.add_argument("--rolling", action="store_true")
     arguments.add_argument("--objects")
     given = arguments.parse_args()
     engine = Engine()
     if given.suite == "families":
-        families(engine, given.count, given.seed, given.rolling)
+        families(engine, given.count, given.scenes, given.rolling)
     else:
         recordings(engine, Path(os.environ["CNNUM_RECORDINGS"]), given.objects)
 

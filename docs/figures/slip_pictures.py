@@ -64,7 +64,7 @@ def slip_and_twist_picture() -> Figure:
         axes.quiver(columns, rows, frame[..., 0], -frame[..., 1], color=FOUND, scale=6.0 * pull)
         axes.set(title=f"{title}, {time:.1f} s", xticks=[], yticks=[])
     shown = (
-        ("slip_strength", "gross_slip", "slip", 0.28),
+        ("slip_strength", "gross_slip", "slip", 0.40),
         ("twist_strength", "twist", "twist_slip", 0.1),
     )
     for row, (name, flag, true, level) in enumerate(shown, start=1):

@@ -21,7 +21,7 @@ from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads, length
 from cnnum.templating.library import get_template
 
 SPREAD = 4.0  # cells², diffusion time of the local mean of the shear
-ALONG = 1.5  # 1 plus the cosine of a pattern's change and its slope, as it slides along the shear
+ALONG = 0.75  # weight of a motion over 1 plus its cosine to the shear: 1 at a third
 
 
 @program
@@ -37,10 +37,10 @@ def slip(
     look: float = 0.08,
     load: float = 0.35,
     floor: float = 240.0,
-    still: float = 0.25,
-    pull: float = 0.75,
+    still: float = 0.2,
+    pull: float = 0.5,
     swing: float = 0.3,
-    false_reports: float = 5.0,
+    false_reports: float = 2.0,
     hold_time: float = 0.1,
 ) -> Mapping[str, Field]:
     """Slip of an object that is touched or held.
@@ -81,7 +81,7 @@ def slip(
     # decision
     explained = abs(trend(recent, load)) + swing * recent.jolt + pull * grows
     strength = (moves * moves * loosens) ** (1 / 3) * recent.ratio / (still + explained)
-    strength = strength * maximum(1.0 + along, 0.0) / ALONG if axes else strength
+    strength = strength * weight(along) if axes else strength
     _, x, y = most([(pad.ratio * pad.load, pad.x, pad.y) for pad in recent.pads])
     return {
         "gross_slip": recent.latch(strength, level_of(false_reports, SLIP), hold_time),
@@ -104,6 +104,12 @@ def read_outs(recent: RecentLoads, pad: Pad) -> list[Field]:
     x, y = (pad.total(each) for each in changes)
     grows, loosens = sqrt(x * x + y * y) / pad.load, length(pad.total, loose) / size
     return [recent.per_s * moves * pad.load / size, loosens, grows, along]
+
+
+def weight(along: Field) -> Field:
+    """Return the weight of a motion by its cosine to the shear: an object slides along it."""
+    counts = ALONG * maximum(1.0 + along, 0.0)
+    return counts * counts
 
 
 def trend(recent: RecentLoads, time: float) -> Field:

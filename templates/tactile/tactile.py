@@ -26,7 +26,7 @@ def tactile(
     unit: float = 1.0,
     rate: float = 200.0,
     rest: float = 0.4,
-    slip_false_reports: float = 5.0,
+    slip_false_reports: float = 2.0,
     twist_false_reports: float = 0.3,
 ) -> Mapping[str, Field]:
     """Contact, slip, twist, edges and bumps; compile it with the outputs that are needed.

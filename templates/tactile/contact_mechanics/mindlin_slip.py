@@ -49,7 +49,7 @@ def mindlin_slip(
     reads: Reads = READS,
     rate: float = 200.0,
     rest: float = 0.4,
-    false_reports: float = 5.0,
+    false_reports: float = 2.0,
 ) -> Mapping[str, Field]:
     """Incipient and gross slip of a sphere, and how much of its contact sticks.
 

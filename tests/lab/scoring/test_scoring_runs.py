@@ -67,7 +67,7 @@ def test_slips_and_twists_of_plain_scenes_are_reported(engine, trials):
 def test_constants_reach_the_program(engine, trials):
     slide = trials["grip"][0]
     (plain,) = Subject(engine).play([slide])
-    (strict,) = Subject(engine, {"false_reports": 0.3}).play([slide])
+    (strict,) = Subject(engine, {"false_reports": 0.5}).play([slide])
     assert 0 < strict["gross_slip"].sum() < plain["gross_slip"].sum()
     np.testing.assert_allclose(plain["slip_strength"], strict["slip_strength"])
 

@@ -15,7 +15,10 @@ FAST, SPREAD, HOLD = 0.02, 4.0, 0.5
 
 @dataclass(frozen=True, slots=True)
 class Constants:
-    """Parameters of the programs under the same names; times in s, rates in 1/s."""
+    """Parameters of the programs under the same names; times in s, rates in 1/s.
+
+    `jolts` is `still` of `twist`; `level` and `turn` are those that `false_reports` lead to.
+    """
 
     push: float = -1.0
     shear_gain: float = 1.0
@@ -26,11 +29,12 @@ class Constants:
     look: float = 0.08
     load: float = 0.35
     floor: float = 240.0
-    still: float = 0.25
-    pull: float = 0.75
+    still: float = 0.2
+    pull: float = 0.5
     swing: float = 0.3
-    level: float = 0.28
+    level: float = 0.40
     turn: float = 0.1
+    jolts: float = 0.25
     hold_time: float = 0.1
 
     @property
@@ -170,9 +174,9 @@ class MovingContact:
         strength = np.cbrt(mean["moves"] ** 2 * mean["loosens"]) * mean["ratio"]
         strength /= c.still + abs(self.trend) + c.swing * jolt + c.pull * mean["grows"]
         if c.axes:
-            strength *= max(0.0, 1.0 + mean["along"]) / 1.5
+            strength *= (0.75 * max(0.0, 1.0 + mean["along"])) ** 2
         curls = np.array([pad["curl"] for pad in pads])
-        if jolt > c.still:
+        if jolt > c.jolts:
             self.offsets = curls
         turned = float(max(curls - self.offsets, key=abs))
         slips = self.slips.step(strength)
