@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 Row = Mapping[str, object]
 Axes = Any
@@ -47,6 +48,9 @@ def _panel(axes: Axes, rows: Sequence[Row], cost: str, first: bool) -> None:
     x, y = zip(*_front([(_number(r, cost), _number(r, "error")) for r in rows]), strict=True)
     axes.step(x, y, where="post", color="0.6", linewidth=1, zorder=0)
     axes.set(xscale="log", yscale="log", xlabel=COSTS[cost])
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter("{x:,.0f}")
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set_title(_title(rows[0]), fontsize=9)
     axes.grid(visible=True, alpha=0.3)
     axes.margins(0.15)
