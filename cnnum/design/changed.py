@@ -52,3 +52,26 @@ def rounded(part: Floats, bits: int) -> Floats:
     """Return numbers as whole multiples of the largest one over 2^(bits − 1) − 1."""
     step = max(float(np.abs(part).max(initial=0.0)), 1e-30) / (2 ** (bits - 1) - 1)
     return np.asarray(step * np.rint(part / step), dtype=np.float64)
+
+
+def biases_of(
+    shape: tuple[int, int], place: Mapping[str, Value], rng: np.random.Generator
+) -> Floats:
+    """Return the bias map of a run: of each cell its own, and one that drifts across the array.
+
+    Parameters
+    ----------
+    shape : (rows, cols)
+    place : mapping
+        "offset", a standard deviation, and "drift", that of the slope times the half diagonal.
+    rng : Generator
+    """
+    found = np.zeros(shape)
+    if offset := float(place.get("offset", 0.0)):
+        found += offset * rng.normal(size=shape)
+    if drift := float(place.get("drift", 0.0)):
+        rows, cols = (np.arange(n) - (n - 1) / 2.0 for n in shape)
+        half = max(float(np.hypot(rows[-1], cols[-1])), 1.0)
+        down, east = drift * rng.normal(size=2) / half
+        found += down * rows[:, np.newaxis] + east * cols
+    return found

@@ -28,7 +28,7 @@ Value = float | str
 OUTER = ("boundary", "size", "precision", "method", "tau")
 """Axes along which runs are launches of their own."""
 
-INNER = ("noise", "mismatch", "bits", "z", "A", "B")
+INNER = ("noise", "mismatch", "offset", "drift", "bits", "z", "A", "B")
 """Axes whose runs lie in lanes of one launch; also single weights, as in "A[0, 1]"."""
 
 WEIGHT = re.compile(r"[AB]\[\d+, ?\d+\]")
@@ -46,8 +46,10 @@ class Experiment:
         Name in the library, or file.
     axes : mapping of str to tuple
         Values by the axis: "boundary", "size", "precision", "method", "tau", "noise" (standard
-        deviation of the inputs), "mismatch" (of all weights, as a share), "bits" (of weights),
-        "z", single weights as in "A[0, 1]", and "A" and "B" (factors of all their weights).
+        deviation of the inputs), "mismatch" (of all weights, as a share, alike in all cells),
+        "offset" (standard deviation of a bias of each cell), "drift" (of a bias that grows along
+        a line: of its slope times the array's half diagonal), "bits" (of weights), "z", single
+        weights as in "A[0, 1]", and "A" and "B" (factors of all their weights).
     draws : int
         Of the random numbers, at each place.
     pictures : int
@@ -208,7 +210,8 @@ def _check_values(name: str, values: Sequence[Value]) -> None:
     for value in values:
         if isinstance(value, str) and name not in words:
             raise TemplateError(f"The axis '{name}' takes numbers, got '{value:.40}'.")
-        least = {"noise": 0.0, "mismatch": 0.0, "tau": 1e-9, "size": 1.0, "bits": 2.0}.get(name)
+        widths = dict.fromkeys(("noise", "mismatch", "offset", "drift"), 0.0)
+        least = (widths | {"tau": 1e-9, "size": 1.0, "bits": 2.0}).get(name)
         if least is not None and not (isinstance(value, int | float) and value >= least):
             raise TemplateError(f"The axis '{name}' takes numbers from {least:g}, got {value}.")
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.design.changed import weights_of
+from cnnum.design.changed import biases_of, weights_of
 from cnnum.design.experiment import DRAW, OUTER, Experiment, Value
 from cnnum.engine import Engine
 from cnnum.errors import CnnumError
@@ -71,8 +71,12 @@ def _block(experiment: Experiment, first: int, last: int) -> Figures:
     noisy = np.stack(
         [inputs + s * r.normal(size=inputs.shape) for s, r in zip(noise, rngs, strict=True)]
     )
-    engine = _engine(experiment.engine, str(shared.get("precision", "")))
     expected = form_of(template).expected(template, case)
+    if any("offset" in place or "drift" in place for place in places):
+        shape = (inputs.shape[-2], inputs.shape[-1])
+        maps = [biases_of(shape, p, rng) for p, rng in zip(places, rngs, strict=True)]
+        case = replace(case, bias=_biased(template, case, np.stack(maps)))
+    engine = _engine(experiment.engine, str(shared.get("precision", "")))
     try:
         result = _run(engine, template, case, drawn, noisy, experiment, shared)
         return _judged(template, result, expected)
@@ -81,6 +85,13 @@ def _block(experiment: Experiment, first: int, last: int) -> Figures:
             return _lost()  # it diverges, or does not reach its end
         parts = [_block(experiment, run, run + 1) for run in range(first, last)]
         return {name: np.concatenate([part[name] for part in parts]) for name in NAMES}
+
+
+def _biased(template: Template, case: Case, maps: Floats) -> Floats:
+    """Return the bias maps of runs: (runs, pictures, rows, cols), or with layers before rows."""
+    layers = 1 if template.layers == 1 else 2
+    found = np.expand_dims(maps, tuple(range(1, 1 + layers)))
+    return found if case.bias is None else found + case.bias
 
 
 def _form(base: Template, shared: dict[str, Value]) -> Template:
@@ -140,10 +151,16 @@ def _alone(
         key for key in ("input", "state") if given[key] is not None and given[key].ndim > 3
     )
     found = list[Result]()
+    own = 3 if template.layers == 1 else 4
+    several = [noisy]
+    if given["bias"] is not None and given["bias"].ndim > own:
+        several.append("bias")
     for n in range(len(parts["A"])):
         b = {"B": parts["B"][n, 0]} if template.inputs else {}
         one = replace(template, A=parts["A"][n, 0], z=parts["z"][n, 0].tolist(), **b)
-        found.append(engine.run(one, **(given | {noisy: given[noisy][n]}), **options))
+        found.append(
+            engine.run(one, **(given | {key: given[key][n] for key in several}), **options)
+        )
     names = ("output", "state", "time", "steps", "settled", "error")
     stacked: dict[str, Any] = {
         name: np.stack([np.asarray(getattr(one, name)) for one in found]) for name in names

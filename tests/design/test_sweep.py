@@ -6,9 +6,11 @@ import threading
 
 import numpy as np
 import pytest
+from scipy.special import erfc
 
 from cnnum import Engine, get_template
 from cnnum.design import sweep
+from cnnum.design.changed import biases_of
 from cnnum.design.experiment import Experiment, load_experiment
 from cnnum.design.run_task import run_task
 from cnnum.errors import TemplateError, TemplateFileError
@@ -65,6 +67,40 @@ def test_runs_know_their_own_random_numbers():
     alone = run_task(experiment, 3, 4)
     for name, values in together.items():
         assert values[3] == alone[name][0]
+
+
+def test_offsets_of_cells_flip_as_often_as_their_closed_form_says():
+    """x' = w + offset within ±1, w = ±2: a cell is wrong after T where offset < 0.5/T − 2."""
+    template = get_template("LOGNOT")
+    axes = {"offset": (0.0, 1.0)}
+    found = sweep(small(template="LOGNOT", axes=axes, draws=60, pictures=1, chunk=60)).results
+    time = float(template.duration)
+    expected = erfc((2.0 - 0.5 / time) / np.sqrt(2.0)) / 2.0
+    wrong = found["wrong"].sel(offset=1.0)
+    # four standard deviations of a share of 60 × 64 cells
+    assert abs(float(wrong.mean()) - expected) < 4 * np.sqrt(expected / (60 * 64))
+    assert float(found["wrong"].sel(offset=0.0).max()) == 0.0
+
+
+def test_a_drift_is_one_slope_across_the_array():
+    found = biases_of((8, 8), {"drift": 2.0}, np.random.default_rng(0))
+    assert found + found[::-1, ::-1] == pytest.approx(np.zeros((8, 8)), abs=1e-12)
+    assert np.diff(found, 2, axis=0) == pytest.approx(np.zeros((6, 8)), abs=1e-12)
+    corners = [
+        biases_of((5, 9), {"drift": 2.0}, np.random.default_rng(seed))[[0, 0], [0, -1]]
+        for seed in range(2000)
+    ]
+    # of slope · half diagonal: two corners have that mean square; 2,000 draws, four deviations
+    assert np.mean(np.square(corners)) == pytest.approx(4.0, rel=4 * np.sqrt(2 / 2000))
+
+
+@pytest.mark.parametrize("name", ["HOLE", "MAXLOC"])
+def test_a_bias_belongs_to_its_run(name):
+    experiment = small(template=name, axes={"offset": (0.2,), "drift": (0.1,)}, draws=3, pictures=2)
+    together = run_task(experiment, 0, 3)
+    alone = run_task(experiment, 2, 3)
+    for key, values in together.items():
+        assert values[2] == alone[key][0], key
 
 
 @pytest.mark.parametrize("suffix", ["nc", "zarr"])

@@ -1,6 +1,7 @@
 """`cnnum sweep`: an experiment over weights, sizes, noise and mismatch, here or on a cluster."""
 
 from pathlib import Path
+from typing import Any
 
 import click
 
@@ -43,6 +44,7 @@ def command(
 
     from cnnum.design.experiment import load_experiment
     from cnnum.design.sweeping import sweep
+    from cnnum.templating.checks.intervals import wilson
 
     wanted = load_experiment(experiment)
     if engine is not None:
@@ -55,8 +57,10 @@ def command(
             scheduler=scheduler,
             done=lambda n, total: steps.advance(f"{n} of {total} tasks"),
         )
-    rate = float(found.results["flipped"].mean())
-    record = {
+    flips = found.results["flipped"]
+    rate = float(flips.mean())
+    low, high = wilson(round(float(flips.sum())), int(flips.size))
+    record: dict[str, Any] = {
         "runs": wanted.runs,
         "file": str(found.path),
         "tasks": found.tasks,
@@ -64,6 +68,8 @@ def command(
         "seconds": found.seconds,
         "task_seconds": found.task_seconds,
         "flip_rate": rate,
+        "flip_rate_low": low,
+        "flip_rate_high": high,
         "wrong": float(found.results["wrong"].mean()),
     }
     if page is not None:
@@ -71,16 +77,17 @@ def command(
 
         record["page"] = str(write_page(page, found.results))
     shown.record(record)
-    shown.show(
-        facts(
-            [
-                ("runs", f"{wanted.runs:,} in {found.tasks} tasks, {found.run_now} of them now"),
-                (
-                    "took",
-                    f"{quantity(found.seconds, 's')}, {quantity(found.task_seconds, 's')} a task",
-                ),
-                ("templates that flip", f"{number(100 * rate)} %"),
-                ("file", str(found.path)),
-            ]
-        )
+    shown.show(facts(_lines(record)))
+
+
+def _lines(record: dict[str, Any]) -> list[tuple[str, str]]:
+    rate, low, high = (
+        number(100 * record[key]) for key in ("flip_rate", "flip_rate_low", "flip_rate_high")
     )
+    a_task = quantity(record["task_seconds"], "s")
+    return [
+        ("runs", f"{record['runs']:,} in {record['tasks']} tasks, {record['run_now']} of them now"),
+        ("took", f"{quantity(record['seconds'], 's')}, {a_task} a task"),
+        ("templates that flip", f"{rate} % ({low}-{high} with 95 % confidence)"),
+        ("file", str(record["file"])),
+    ]

@@ -1,0 +1,36 @@
+"""A corner detector from examples, its margin, and chips of 10 % mismatch that are trimmed."""
+
+import numpy as np
+
+from cnnum import Engine, get_template
+from cnnum.design.designing import designed
+from cnnum.design.spec import Spec
+from cnnum.templating.batch import TemplateBatch
+
+CHIPS, MISMATCH, TRIMS = 200, 0.10, np.linspace(-2.4, 2.4, 13)
+
+rng = np.random.default_rng(0)
+engine = Engine("numba")
+corner = get_template("CORNER")  # answers for the examples, and for pictures that no design sees
+pictures, unseen = np.where(rng.random((2, 16, 8, 8)) > 0.45, 1.0, -1.0)
+answers, wanted = (np.sign(engine.run(corner, input=u).output) for u in (pictures, unseen))
+
+examples = tuple((u, None, y) for u, y in zip(pictures, answers, strict=True))
+(made,) = designed(Spec("MY_CORNER", examples=examples, mismatch=(0.02, 0.10)), engine)
+template, proof = made.entry.template, made.entry.proof
+print(f"{proof.examples} neighbourhoods; no mismatch below {100 * proof.relative_margin:.1f} %")
+print(f"of its weights flips a cell, and no template has more than {100 * proof.bound:.1f} %")
+
+# chips: every weight is off by a normal share of itself; each is run at every trim of its bias
+off = {
+    part: getattr(template, part)
+    * (1.0 + MISMATCH * rng.normal(size=(CHIPS, *getattr(template, part).shape)))
+    for part in ("A", "B", "z")
+}
+z = off["z"][:, np.newaxis] + TRIMS[:, np.newaxis]
+chips = TemplateBatch(template, off["A"][:, None, None], off["B"][:, None, None], z[:, :, None])
+found = engine.run(chips, input=unseen).output
+wrong = ((found > 0) != (wanted > 0)).any(axis=(2, 3, 4))
+before, after = wrong[:, np.abs(TRIMS).argmin()].mean(), wrong.all(axis=1).mean()
+print(f"chips with a wrong cell: {100 * before:.1f} %, with a trimmed bias {100 * after:.1f} %")
+assert after < before / 2
