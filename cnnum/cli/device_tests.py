@@ -22,7 +22,7 @@ class Tested:
     precision : str
     tests : int
     failed : tuple of str
-        Template and shape, with the error and what it may be, of those that were wrong.
+        Template and shape of those that were wrong, with the error and its bound.
     """
 
     precision: str

@@ -155,7 +155,7 @@ def _exit_code(run: Callable[[], object]) -> int:
     except OSError as error:
         where = f"'{error.filename}': " if error.filename else ""
         return _say(f"{where}{error.strerror or error}.")
-    except Exception as error:  # a fault of ours, whatever it is: RecursionError, MemoryError too
+    except Exception as error:  # a fault of ours, RecursionError and MemoryError too
         return _own_up(error)
     return code if isinstance(code, int) else 0
 

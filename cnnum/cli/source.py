@@ -29,7 +29,7 @@ def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
     UnknownNameError
         If it is none of these.
     CnnumError
-        Whatever opening brings.
+        From opening the source.
     """
     from cnnum.drivers.registry import driver_names, is_driver, open_driver
     from cnnum.scenes.scene_file import read_scene, scene_names

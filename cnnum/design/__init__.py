@@ -1,4 +1,4 @@
-"""Design of templates: from rules and examples to weights, with a proof of what they do.
+"""Design of templates: from rules and examples to weights, with a proof of their answers.
 
 `cnnum.design.sweep` runs experiments over weights, sizes, noise and mismatch.
 """

@@ -1,4 +1,4 @@
-"""The loops of a run and of its adjoint, compiled; `adjoint.py` says what they compute.
+"""The loops of a run and of its adjoint, compiled; `adjoint.py` has the formulas.
 
 Maps are (layers, cells, pictures); outputs have one virtual cell after the last. Kernels are
 (layers, sources, k²), and `seen` is (k², cells): the cell that each sees through each weight.
@@ -61,7 +61,7 @@ def apply(kernels: Any, seen: Any, y: Any, total: Any) -> None:
 
 @_compiled
 def transposed(kernels: Any, seen: Any, sums: Any, total: Any) -> None:
-    """Add to `total`, with virtual cells, what sums ask of their sources."""
+    """Add to `total`, with virtual cells, the adjoints of the sources of sums."""
     layers, sources, taps = kernels.shape
     cells, count = sums.shape[1:]
     for layer in range(layers):
@@ -77,7 +77,7 @@ def transposed(kernels: Any, seen: Any, sums: Any, total: Any) -> None:
 
 @_compiled
 def products(sums: Any, seen: Any, y: Any, total: Any) -> None:
-    """Add to `total`, (layers, sources, k²), what sums ask of the kernels."""
+    """Add to `total`, (layers, sources, k²), the adjoints of the kernels of sums."""
     layers, sources, taps = total.shape
     cells, count = sums.shape[1:]
     for layer in range(layers):
@@ -156,7 +156,7 @@ def step_back(kind: int, at: Any, y: Any, fed: Any, v: Any, pulled: Any) -> None
 
 @_compiled
 def by_time(v: Any, rate: Any, total: Any) -> None:
-    """Add what a stage asks of the time constants."""
+    """Add a stage's adjoint of the time constants."""
     for layer in range(v.shape[0]):
         found = 0.0
         for cell in range(v.shape[1]):

@@ -50,7 +50,7 @@ def designed(spec: Spec, engine: Engine) -> tuple[Designed, ...]:
     Raises
     ------
     TemplateError
-        If no template does what is asked; the sentence says why.
+        If no template can do the job; the sentence says why.
     """
     if spec.search:
         return (_searched(spec, engine),)
@@ -158,7 +158,7 @@ def _rates(spec: Spec, template: Template, engine: Engine) -> tuple[FlipRate, ..
 
 
 def _shown(conflict: Conflict) -> str:
-    """Return one neighbourhood of each colour, by what it sees."""
+    """Return one neighbourhood of each colour, by the cells that it sees."""
     found = list[str]()
     for colour, word in ((1.0, "black"), (-1.0, "white")):
         signs = conflict.signs[np.flatnonzero(conflict.colours == colour)[0]]

@@ -11,7 +11,7 @@ from cnnum.errors import TemplateError
 from cnnum.templating.template import Check, Initial, Template
 
 HELD = 1.0
-"""Of the own feedback above 1 where a cell need not keep what it was: it ends black or white."""
+"""Of the own feedback above 1 where a cell need not keep its colour: it ends black or white."""
 
 SPARE = 2.0
 """Run time over the longest that a cell of exact weights takes."""
@@ -47,7 +47,7 @@ def design(table: Table, shape: Shape) -> tuple[Template, Weights]:
     Raises
     ------
     TemplateError
-        If no single template does what the rule says; the sentence says why.
+        If no single template obeys the rule; the sentence says why.
     """
     found = separate(table)
     if isinstance(found, Conflict):
@@ -94,5 +94,5 @@ def settle_bound(margin: float, before: float) -> float:
 
 
 def _duration(margin: float, before: float) -> float:
-    # what lies beyond ±1 after it is no matter: the output is black or white
+    # a state beyond ±1 after it does not matter: the output is black or white
     return max(1.0, math.ceil(10.0 * SPARE * settle_bound(margin, before)) / 10.0)

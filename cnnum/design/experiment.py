@@ -38,7 +38,7 @@ MOST_RUNS = 100_000_000
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """A sweep: what is run.
+    """A sweep: the runs it makes.
 
     Attributes
     ----------

@@ -132,7 +132,7 @@ class Learned:
     ----------
     template : Template
     loss : float
-        Mean squared error, and what shrinks weights.
+        Mean squared error, and the term that shrinks weights.
     evaluations : int
         Runs with their gradients.
     """

@@ -1,7 +1,7 @@
 """The weights of the largest relative margin, by a linear program, with a certificate.
 
-A cell becomes black where Σ p·q > 0: q is what it sees, ±1 and a constant 1, and p are weights and
-bias. With every weight off by the share δ of itself, the sum moves by at most δ Σ |p|. The
+A cell becomes black where Σ p·q > 0: q are the cells it sees, ±1, and a constant 1; p are weights
+and bias. With every weight off by the share δ of itself, the sum moves by at most δ Σ |p|. The
 smallest sum over Σ |p| is thus the mismatch up to which no cell can flip (Hänggi & Moschytz 1999).
 """
 
@@ -37,7 +37,7 @@ class Weights:
     Attributes
     ----------
     seen : tuple of Seen
-        What each of `values` weighs.
+        The cell that each of `values` weighs.
     values : (columns,) float
     bias : float
     relative : float
@@ -175,7 +175,7 @@ def _weights(table: Table, signed: Floats, values: Floats, bound: float) -> Weig
 
 
 def _bound(table: Table, shares: Floats, signed: Floats, *, symmetric: bool) -> float:
-    """Return what no relative margin exceeds: the largest mean column, its mirror images merged."""
+    """Return a bound on relative margins: the largest mean column, its mirror images merged."""
     mean = shares @ signed
     pulls = np.array([seen.source != "u" for seen in table.seen] + [False])
     orbits = _orbits(table) if symmetric else [[k] for k in range(len(mean))]

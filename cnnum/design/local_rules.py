@@ -1,4 +1,4 @@
-"""Local rules as tables: what a cell sees, as signs, and the colour that it must become."""
+"""Local rules as tables: the cells that one sees, as signs, and the colour it must become."""
 
 import itertools
 import re
@@ -50,7 +50,7 @@ class Table:
     Attributes
     ----------
     seen : tuple of Seen
-        What the columns are.
+        The cell of each column.
     signs : (configurations, columns) float, ±1
         Free cells of an example may be gray.
     colours : (configurations,) float, ±1
@@ -178,7 +178,7 @@ LOCAL = (
 def example_table(
     examples: Sequence[tuple[Floats, Floats | None, Floats]], boundary: float | str
 ) -> Table:
-    """Return the table of what the cells of example pictures see.
+    """Return the table of the neighbourhoods of example pictures.
 
     Parameters
     ----------

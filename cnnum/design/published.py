@@ -35,7 +35,7 @@ def margins(template: Template, table: Table) -> tuple[float, float]:
             bias += float(template.initial) * float(feedback.sum())
     columns = [weights[s.source][3 * (s.down + 1) + s.east + 1] for s in table.seen]
     sums = table.colours * (table.signs @ np.array(columns) + bias)
-    # what the rule does not read can be of either colour, and takes its weight off the margin
+    # a cell that the rule does not read has either colour, and takes its weight off the margin
     read = {(s.source, 3 * (s.down + 1) + s.east + 1) for s in table.seen}
     used = ("y", "u") if "y" in sources else ("u", "before")
     idle = sum(

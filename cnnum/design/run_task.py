@@ -20,7 +20,7 @@ from cnnum.templating.template import Template
 Figures = dict[str, Floats]
 
 NAMES = ("error", "wrong", "flipped", "settled", "time", "steps")
-"""What is known of every run: largest error, share of wrong cells, whether there is one, share of
+"""Figures of every run: largest error, share of wrong cells, whether there is one, share of
 pictures that rest, longest time in time constants, and most steps."""
 
 BLOCK = 512

@@ -19,7 +19,7 @@ from cnnum.templating.checks.running import Engine
 from cnnum.templating.template import Duration, Template
 
 LONGEST = 60.0
-"""Time constants of a run while weights are looked for: what oscillates is not waited for."""
+"""Time constants of a run while weights are looked for: no run waits for oscillations."""
 
 SPREAD = 1.0
 """First standard deviation of a weight."""
@@ -30,7 +30,7 @@ Group = tuple[str, tuple[tuple[int, ...], ...]]
 
 @dataclass(frozen=True, slots=True)
 class Search:
-    """What is looked for, and how long.
+    """The aim of a search, and its limits.
 
     Attributes
     ----------

@@ -1,8 +1,8 @@
 """Rules that no plane separates, as a sequence of templates on the same input.
 
-Each template starts from what the one before left, and either overrules it or keeps it: a decision
-list of planes (Rivest 1987; Marchand & Golea 1993). The last one is found first: a plane with
-cells of one colour alone beyond it. The rest is left to those before.
+Each template starts from the picture of the one before, and either overrules it or keeps it: a
+decision list of planes (Rivest 1987; Marchand & Golea 1993). The last one is found first: a plane
+with cells of one colour alone beyond it. The rest is left to those before.
 """
 
 import numpy as np
@@ -20,7 +20,7 @@ BEYOND = 1e-6
 
 
 def sequence(table: Table) -> tuple[tuple[Weights, Table], ...]:
-    """Return the weights of templates that together do what a rule says, in their order.
+    """Return the weights of templates that together obey a rule, in their order.
 
     The number of templates is not proved to be the least.
 
@@ -77,13 +77,13 @@ BEFORE = Seen("before")
 
 
 def _last(table: Table, *, symmetric: bool) -> tuple[Table, Table]:
-    """Return the rule of the last template, and what is left for those before it."""
+    """Return the rule of the last template, and the rest for those before it."""
     beyond = max(
         (_one_sided(table, colour, symmetric=symmetric) for colour in (-1.0, 1.0)),
         key=lambda cut: int(cut.sum()),
     )
     rest = Table(table.seen, table.signs[~beyond], table.colours[~beyond])
-    # what is beyond the plane has its colour whatever came before
+    # a cell beyond the plane has its colour, black or white before
     signs = np.vstack([table.signs[beyond], table.signs[beyond], rest.signs])
     count = int(beyond.sum())
     before = np.concatenate([np.ones(count), -np.ones(count), rest.colours])

@@ -35,7 +35,7 @@ SEARCH = ("like", "mismatch", "draws", "population", "generations", "restarts", 
 
 @dataclass(frozen=True, slots=True)
 class Spec:
-    """What a template is to do.
+    """The job of a template.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class Spec:
 
 
 def is_spec(path: str | PathLike[str]) -> bool:
-    """Return whether a file is a specification; what cannot be read is none."""
+    """Return whether a file is a specification; an unreadable one is none."""
     try:
         return bool({"design", "search"} & parse_toml(read_text(Path(path), most=LARGEST)).keys())
     except (OSError, ValueError):

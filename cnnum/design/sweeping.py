@@ -32,7 +32,7 @@ MOST = 64
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """What a sweep came to.
+    """The result of a sweep.
 
     Attributes
     ----------

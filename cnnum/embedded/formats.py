@@ -10,8 +10,8 @@ from math import ceil, log2
 from cnnum.errors import UnknownNameError
 
 REGISTER = 31
-"""Bits of what is not stored: numbers, and values within a loop over cells. A sum of two of them,
-and the half that rounds it, fit in 32 bits."""
+"""Bits of values that are not stored: numbers, and values within a loop over cells. A sum of two of
+them, and the half that rounds it, fit in 32 bits."""
 
 LONGEST = 32
 """Bits of the longest word."""

@@ -38,7 +38,7 @@ class Made:
 
     @property
     def memory_bytes(self) -> int:
-        """Bytes of what is kept, and of what is worked in."""
+        """Bytes of the kept arrays, and of those that a frame is worked in."""
         return size_of(c_text(self.program).memory) + 4
 
     def inputs(self, frames: Floats) -> dict[str, Numbers]:
@@ -69,7 +69,7 @@ class Made:
         return {name: np.stack([one[name] for one in found]) for name in self.program.outputs}
 
     def emulator(self) -> Emulator:
-        """Return what runs one frame."""
+        """Return the emulator that runs one frame."""
         return Emulator(self.program, single=not self.precision.integer)
 
     def outputs(self, answer: Mapping[str, Numbers]) -> dict[str, Floats]:
@@ -104,7 +104,7 @@ def quantised(array: Array, values: Floats) -> Numbers:
 
 
 def real(array: Array, numbers: Numbers) -> Floats:
-    """Return what the numbers of an array stand for."""
+    """Return the real values of an array's numbers."""
     places = 0 if array.format is None else array.format.fraction
     return np.ldexp(numbers.astype(np.float64), -places)
 

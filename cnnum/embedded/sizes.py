@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from cnnum.embedded.formats import REGISTER, Format, Precision, fitting
 
 STORED, REGISTERS = 1.25, 4.0
-"""Room above what was seen: a word has few bits, and a register many."""
+"""Room above the largest value seen: a word has few bits, and a register many."""
 
 EARLY = 64.0
-"""What the first frames may add to a register's range: memories are empty then, and quotients by
-them may be as large as any number."""
+"""Factor that the first frames may add to a register's range: memories are empty then, and
+quotients by them may be as large as any number."""
 
 UNSEEN = 1.0
 """Magnitude of a value that was always 0."""

@@ -20,7 +20,7 @@ STABILITY = 2.0 / 3.0 * (1.0 - 2.0 / 15.0 * DAMPING)
 """Length of a method's interval of stability over s² − 1."""
 
 MAX_STAGES = 40
-"""Beyond it rounding in single precision grows with s² and eats what longer steps win."""
+"""Beyond it rounding in single precision grows with s², more than longer steps gain."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,15 +1,15 @@
 """How long a step may be where an array also sees its outputs a delay ago.
 
-A mode x' = λ x + μ x(t − T) moves, in steps h = T/m of a Runge–Kutta method whose stages lie at the
-ends of a step, by x_{n+1} = P x_n + Q₀ x_{n−m} + Q₁ x_{n+1−m}. It decays if all roots of
+Take steps h = T/m of a Runge–Kutta method whose stages lie at the ends of a step. A mode x' = λ x +
+μ x(t − T) then moves by x_{n+1} = P x_n + Q₀ x_{n−m} + Q₁ x_{n+1−m}. It decays if all roots of
 
     z^{m+1} − P z^m − Q₁ z − Q₀
 
 lie within the unit circle, which Schur's reflections show (Jury, Theory and Application of the
 z-Transform Method, 1964). The mode itself moves as e^{σt}, σ = λ + W₀(μ T e^{−λT}) / T (Corless et
 al., On the Lambert W function, 1996). Where modes are not known, |P| + |Q₀| + |Q₁| over the bounds
-of the rates bounds an error's growth in a step, and Halanay's ρ = λ + |μ| e^{−ρT} what the array
-itself does.
+of the rates bounds an error's growth in a step. Halanay's ρ = λ + |μ| e^{−ρT} bounds the array's
+own growth.
 """
 
 import math

@@ -4,9 +4,8 @@ A step is as long as stability and the tolerance allow, and both change along th
 
 * Stability allows a pair its bound, all the time; Chebyshev's stages grow with the root of a step.
 * A mode e^{−λt} of size 1 lets a method of order p with the error estimate c |hλ|^p take steps
-  h = (tol/c)^{1/p} e^{λt/p} / λ: fast modes set the steps at first and then die, so that a mode
-  takes p (c/tol)^{1/p} steps in all, however fast it is. Of many modes the one that asks most
-  counts.
+  h = (tol/c)^{1/p} e^{λt/p} / λ: fast modes set the steps at first and then die. So a mode takes p
+  (c/tol)^{1/p} steps in all, however fast it is. Of many modes the one that asks most counts.
 * Where an array grows until its cells saturate, cells switch one after the other, at the rate of
   its growth, until a front may have crossed the array. Each cell bends the rates where it leaves
   the linear range: a step across a bend has an error of h², across a jump (of a state that is
@@ -14,8 +13,8 @@ A step is as long as stability and the tolerance allow, and both change along th
   where bends lie closer, keeps to the steps that they allow.
 
 The course of a frame is not known beforehand: the last paragraph's constants are those of pictures
-that are not at rest. Of 784 runs, whose evaluations were counted with every method, 96 % took the
-method of the fewest evaluations or one of at most 1.3 times as many (docs/methods.md).
+that are not at rest. The evaluations of 784 runs were counted with every method. Of these, 96 %
+took the method of the fewest evaluations, or one of at most 1.3 times as many (docs/methods.md).
 """
 
 import math

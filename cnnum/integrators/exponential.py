@@ -79,7 +79,7 @@ class ExponentialMethod:
     def fixed(self, step: float, tau: float) -> "ExponentialStep":
         """Return a step of a layer as sums of rates.
 
-        The coupling is N = x + τk, and what is kept of x is 1 − first, so that
+        The coupling is N = x + τk, and the kept share of x is 1 − first, so that
 
             a = x + first·τk₀,   x⁺ = x + (1 + second)(a − x) + second·τ(k₁ − k₀)
 
@@ -94,9 +94,9 @@ class ExponentialMethod:
     def followed(self, step: float, tau: float) -> "FollowedStep":
         """Return a step of a layer with stages that estimate its error.
 
-        The first method is off by what the second one's correction would be, the second by what
-        one of third order would add, whose stage amid the step is that of Shu & Osher (1988)
-        where h/τ is small.
+        The first method is off by the second one's correction. The second is off by the part that
+        one of third order would add. Its stage amid the step is that of Shu & Osher (1988) where
+        h/τ is small.
         """
         decay = step / tau
         whole, half = np.array([-decay]), np.array([-0.5 * decay])

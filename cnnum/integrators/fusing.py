@@ -4,9 +4,9 @@ A chain is made of templates whose answer is exact without steps, sums, constant
 totals. All that it does to the maps it reads is one matrix for each of them. It is fused where
 that takes less arithmetic, and where no output lies between.
 
-Saturation cannot be passed over: a template is in a chain only if its state is an affine map of
-its arguments whatever the numbers are (its output function is linear, or its cells are uncoupled
-and the state is read). An output that saturates ends the chain.
+Saturation cannot be passed over: a template is in a chain only if its state is an affine map of its
+arguments for all numbers. That is so if its output function is linear, or if its cells are
+uncoupled and the state is read. An output that saturates ends the chain.
 """
 
 from collections import Counter

@@ -149,7 +149,7 @@ IMPLICIT_METHODS = {method.name: method for method in (RODAS3,)}
 class ImplicitSteps:
     """Steps of a Rosenbrock method that follow the error estimate, taken on the host.
 
-    No step is too long for what decays.
+    No step is too long for modes that decay.
     """
 
     rosenbrock: RosenbrockMethod

@@ -78,7 +78,7 @@ class FixedSteps:
         return self.tableaux[layer % len(self.tableaux)]
 
     def move(self, layer: int, tau: float) -> float:
-        """Return by what a step of one stage multiplies what drives a cell: h b₀/τ."""
+        """Return the factor of a cell's drive in a step of one stage: h b₀/τ."""
         return self.step * float(self.of(layer).b[0]) / tau
 
 

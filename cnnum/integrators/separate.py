@@ -22,8 +22,8 @@ from cnnum.arrays import Floats
 from cnnum.templating.template import Template
 
 LONGEST = 60.0
-"""Time constants up to which the rest of a decay, e^{−60} = 9e-27, is far from what a device
-takes for 0; longer runs that are not to equilibrium take steps."""
+"""Time constants up to which the rest of a decay, e^{−60} = 9e-27, is far above the numbers that a
+device takes for 0; longer runs that are not to equilibrium take steps."""
 
 STEEPEST = 1e30
 """Largest growth that is written out: a cell that would grow more has left the middle piece,
@@ -54,8 +54,8 @@ class Separate:
 def separate(template: Template, duration: float) -> Separate | None:
     """Return the exact answer after `duration` (infinite: equilibrium), None where there is none.
 
-    There is none where a cell sees another one or f is another, where a run is too long, and at
-    equilibrium for a = 1, whose cells may rest anywhere.
+    There is none where a cell sees another one, f is another, or a run is too long. Nor is there
+    one at equilibrium for a = 1, whose cells may rest anywhere.
     """
     middle = template.A.shape[-1] // 2
     own = np.array([template.A[n, n, middle, middle] for n in range(template.layers)])

@@ -153,8 +153,8 @@ def mode_rates(template: Template, shape: Shape) -> Floats:
 def spectral(network: Network, duration: float) -> Spectral | None:
     """Return the exact answer after `duration` (infinite: equilibrium), None where there is none.
 
-    There is none where the couplings are not even, an axis is too long, or where an equilibrium
-    is asked for and not every mode decays.
+    There is none where the couplings are not even, or an axis is too long. Nor is there one for an
+    equilibrium if not every mode decays.
     """
     template, shape = network.template, network.shape
     if not diagonal_in_modes(template) or max(shape) > MODE_LIMIT:

@@ -94,7 +94,7 @@ class LayerMethod(Protocol):
 
     @property
     def name(self) -> str:
-        """What `method` names it by."""
+        """The name that `method` takes."""
         ...
 
     @property

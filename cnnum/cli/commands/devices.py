@@ -44,7 +44,7 @@ def command(
     each of its precisions, and a wrong one ends it with exit code 1.
 
     With --arrays it lists serial ports instead, listens for a moment at each, and names the
-    protocol that fits what it hears. Nothing is written to a port.
+    protocol that fits the bytes it hears. Nothing is written to a port.
     """
     if arrays:
         _arrays(ports, as_json=as_json)
@@ -131,7 +131,7 @@ class _Tried:
 
 
 def _tried(asked: str | None, *, measure: bool, as_json: bool) -> list[_Tried]:
-    """Try every device anew, whatever it showed before; measure those that work."""
+    """Try every device anew, without earlier findings; measure those that work."""
     from cnnum.engines.devices.listing import list_devices
     from cnnum.engines.devices.selection import devices_named, verdict_on
     from cnnum.lab.bench.device.peak_measurement import measure as measured

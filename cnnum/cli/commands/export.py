@@ -44,7 +44,7 @@ def command(
     """Write PROGRAM as self-contained C99, with a test vector and a Makefile.
 
     Memory is static, and precisions of whole numbers need no mathematics library. The range of
-    every value is measured on simulated scenes; what exceeds it saturates.
+    every value is measured on simulated scenes; values beyond it saturate.
     """
     from cnnum.lab.embedded.streams import made, vector_frames
 

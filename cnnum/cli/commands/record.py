@@ -41,9 +41,9 @@ def command(
 ) -> int:
     """Record the frames of the array SOURCE (a driver's name, or a scene) to FILE.
 
-    FILE ends in .mcap (also for Foxglove), .npz (NumPy), .h5 (HDF5) or .csv. Frames are on the
-    disk within a second, whatever happens; `cnnum recover` makes a whole file of one that was cut
-    off. It ends by itself, by Ctrl-C, or because the array went away.
+    FILE ends in .mcap (also for Foxglove), .npz (NumPy), .h5 (HDF5) or .csv. Frames are on the disk
+    within a second; `cnnum recover` makes a whole file of one that was cut off. It ends by itself,
+    by Ctrl-C, or because the array went away.
     """
     from cnnum.cli.commands.recorders import Recorder
     from cnnum.cli.source import scene_text

@@ -74,7 +74,7 @@ class Recorder:
         raw: bool = False,
     ) -> None:
         self._target, self._force = target, force
-        # whatever is at this name, also a link to nowhere, is not ours to touch
+        # a file at this name, also a link to nowhere, is not ours to touch
         there = target.exists() or target.is_symlink()
         if there and not force:
             raise taken(target)

@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 @click.option("--shape", default="8x8", callback=array_shape, help="Array: ROWSxCOLS.")
 @json_option
 def analyse(name: str, shape: tuple[int, int], as_json: bool) -> None:
-    """Show what is known of a template before it runs.
+    """Show the properties of a template before it runs.
 
     Its rates, how stiff it is, the longest stable step of every method, its class of stability and
-    why, and what saturation does. NAME is a template of the library or a file, or a program, of
+    why, and the effect of saturation. NAME is a template of the library or a file, or a program, of
     which every template is shown.
     """
     from cnnum.runs.analysis import step, text
@@ -52,7 +52,7 @@ def _analysed(name: str, shape: tuple[int, int]) -> "tuple[Analysis, ...]":
 
 
 def _plain(one: "Analysis") -> dict[str, object]:
-    """Return the record, in which what is infinite or not known is null."""
+    """Return the record, in which an infinite or unknown number is null."""
     found: dict[str, object] = asdict(one)
     found["steps"] = {
         name: bound.step if math.isfinite(bound.step) else None

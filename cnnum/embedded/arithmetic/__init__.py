@@ -1,1 +1,1 @@
-"""What sums, products and roots come to, in whole numbers and in reals."""
+"""Sums, products and roots, in whole numbers and in reals."""

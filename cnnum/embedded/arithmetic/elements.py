@@ -11,7 +11,7 @@ Arithmetic = Fixed | Reals
 
 
 def applied(arithmetic: Arithmetic, name: str, given: Sequence[Quantity], finest: int) -> Quantity:
-    """Return what an operation of the graph makes of quantities.
+    """Return the result of an operation of the graph on quantities.
 
     Raises
     ------

@@ -32,7 +32,7 @@ SPREAD = 30
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """An expression and what its whole numbers stand for: q · 2^−fraction.
+    """An expression, and the value of its whole numbers q: q · 2^−fraction.
 
     Attributes
     ----------
@@ -99,7 +99,7 @@ class Fixed:
         return min(finest, max(fractions), lowest + SPREAD)
 
     def fit(self, one: Quantity, format: Format) -> Quantity:
-        """Return a quantity in a format; what does not fit saturates."""
+        """Return a quantity in a format; values that do not fit saturate."""
         one = self.settled(one)
         fraction = min(one.fraction, format.fraction)
         value = limited(self.brought(one, fraction), format.least, format.largest)

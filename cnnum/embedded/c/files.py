@@ -21,7 +21,7 @@ from cnnum.embedded.ranges import range_lines
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Exported:
-    """The files of a program by name, and what it takes.
+    """The files of a program by name, and its needs.
 
     Attributes
     ----------

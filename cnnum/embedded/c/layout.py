@@ -35,7 +35,7 @@ def record_type(arrays: Sequence[Array], *, memory: bool = False) -> np.dtype[An
 def packed(
     arrays: Sequence[Array], values: Mapping[str, Numbers], batch: int, *, memory: bool = False
 ) -> NDArray[Any]:
-    """Return a batch of structures; what is not given is 0."""
+    """Return a batch of structures; fields that are not given are 0."""
     records = np.zeros(batch, dtype=record_type(arrays, memory=memory))
     for one in arrays:
         if one.name in values:

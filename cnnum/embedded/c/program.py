@@ -26,7 +26,7 @@ class CText:
     body : list of str
         Lines of one frame.
     memory : list of Array
-        What lives in the memory: what outlives a frame first.
+        The arrays in memory: those that outlive a frame first.
     """
 
     helpers: list[str]
@@ -36,7 +36,7 @@ class CText:
 
 
 def c_text(program: IntegerProgram) -> CText:
-    """Return the parts of a program's text; of its arrays only what anything reads."""
+    """Return the parts of a program's text; of its arrays only those that are read."""
     needed = set[str]()
     body = live(program.body, needed)
     # twice: a memory that only its own old value reads is still read
@@ -68,7 +68,7 @@ def declared(array: Array) -> str:
 
 
 def comment(array: Array) -> str:
-    """Return what an array holds, as a comment."""
+    """Return an array's content, as a comment."""
     words = array.about.replace("*/", "")
     if array.logic:
         return f"/* {words}: 0 or 1 */"

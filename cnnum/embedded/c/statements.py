@@ -32,7 +32,7 @@ def names_in(value: Expression) -> set[str]:
 
 
 def live(body: Sequence[Statement], needed: set[str]) -> list[Statement]:
-    """Return statements without variables that nothing reads; `needed` gathers what is read."""
+    """Return statements without variables that nothing reads; `needed` gathers the read ones."""
     kept = list[Statement]()
     for statement in reversed(body):
         found: Statement | None = statement
@@ -61,7 +61,7 @@ def _live_block(statement: Cells | Repeat | Rounds, needed: set[str]) -> Stateme
     if isinstance(statement, Rounds):
         needed.add(statement.running)
     if isinstance(statement, Repeat | Rounds):
-        # what a round reads may have been made by the one before
+        # a round may read variables that the one before has set
         _within(statement.body, needed)
     inner = tuple(_within(statement.body, needed))
     if not inner:
@@ -74,7 +74,7 @@ def _live_block(statement: Cells | Repeat | Rounds, needed: set[str]) -> Stateme
 
 
 def _within(body: Sequence[Statement], needed: set[str]) -> list[Statement]:
-    """Return what is live of a block, whose own variables are not known outside."""
+    """Return the live statements of a block, whose own variables are not known outside."""
     inner = set(needed)
     found = live(body, inner)
     needed |= inner

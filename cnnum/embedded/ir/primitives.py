@@ -1,4 +1,4 @@
-"""The primitives: of each the interval of its result, what NumPy does, and what C does.
+"""The primitives: of each the interval of its result, its NumPy function, and its C text.
 
 Whole numbers are int64 in NumPy; results are the same in C, since no intermediate leaves 64 bits.
 """
@@ -40,7 +40,7 @@ class Primitive:
     within : callable
         Intervals of values on the way, as C has them.
     always : (int, int) or None
-        The interval of the result whatever the arguments are: of logic.
+        The interval of the result for all arguments: of logic.
     """
 
     bounds: Callable[[Intervals, Parameters], Bounds]

@@ -167,7 +167,7 @@ class IntegerProgram:
     outputs : mapping of str to str
         From outputs to arrays.
     fractions : dict of str to int
-        Of variables: what their whole numbers stand for.
+        Of variables: the bits of their whole numbers after the point.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""What lowering writes into: arrays, statements of one frame, and the quantities that are known."""
+"""The store that lowering writes into: arrays, statements of a frame, known quantities."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -103,7 +103,7 @@ class Builder:
         return Quantity(Name(name, one.value.bounds), one.fraction)
 
     def stored(self, one: Quantity, array: Array) -> Expression:
-        """Return what an array holds of a quantity."""
+        """Return the expression that an array holds for a quantity."""
         if array.logic:
             return one.value if one.exact is None else Whole(int(one.exact != 0))
         if array.format is None:

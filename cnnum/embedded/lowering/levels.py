@@ -1,7 +1,7 @@
 """In which order a schedule's operations run: numbers, templates, and one loop over cells a level.
 
 Local operations and read-outs of a level share a loop, so that most values never leave a register.
-What another loop, a template, a memory or an output needs of a loop is stored.
+Values that another loop, a template, a memory or an output needs are stored.
 """
 
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ from cnnum.graph.nodes import Apply, Loop, Memory, Node, Parameter, Pick, Reduce
 
 @dataclass(slots=True, eq=False)
 class Level:
-    """What runs at one level.
+    """The operations of one level.
 
     Attributes
     ----------

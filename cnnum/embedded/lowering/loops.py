@@ -30,7 +30,7 @@ class Carried:
 
 
 def lower_loop(work: "Lowering", node: Node) -> None:
-    """Write a loop; what is read of it becomes known to the work.
+    """Write a loop; its results that are read become known to the work.
 
     Raises
     ------

@@ -170,7 +170,7 @@ class Lowering:
             self._direct.add(number)
 
     def level(self, number: int) -> None:
-        """Write what runs at a level."""
+        """Write the operations of a level."""
         level = self.levels.levels[number]
         for node in level.numbers:
             self._number(node)
@@ -233,7 +233,7 @@ class Lowering:
         return self.numbers[node.index] if node.scalar else self.maps[node.index]
 
     def _cells(self, level: Level) -> None:
-        """Write the loop over cells of a level; what divides a map is inverted before."""
+        """Write the loop over cells of a level; divisors of maps are inverted before."""
         if not level.cells:
             return
         for node in level.cells:
@@ -334,7 +334,7 @@ class Lowering:
         return Whole(bounds[0] if how == "maximum" else bounds[1])
 
     def ends(self) -> None:
-        """Write outputs, and what memories hold for the next frame."""
+        """Write outputs, and the memories for the next frame."""
         copied = list[tuple[Array, Node]]()
         for name, node in self.schedule.outputs.items():
             array = self._output(name, node)

@@ -18,7 +18,7 @@ METHODS = ("auto", "euler")
 def solvers_for(schedule: Schedule, method: str = "auto") -> dict[int, Solver]:
     """Return how each transient runs, by the index of its node.
 
-    Uncoupled cells, and equilibria that are one product, are exact whatever the method.
+    Uncoupled cells, and equilibria that are one product, are exact by any method.
     """
     found = dict[int, Solver]()
     for node in schedule.transients:

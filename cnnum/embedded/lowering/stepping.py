@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def stepped(work: "TransientWork", scheme: FixedSteps) -> dict[int, Array]:
-    """Write the steps, and return what is read at their end.
+    """Write the steps, and return the maps that are read at their end.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def _value(work: "TransientWork", array: Array, start: Quantity | None) -> Expre
 
 
 def _drive(work: "TransientWork", layer: int, step: float) -> Array | None:
-    """Write what a step adds whatever the state is; None where that is nothing."""
+    """Write the part that a step adds to any state; None where that is nothing."""
     to, share = work.to, step / float(work.template.tau[layer])
     outer, to.body = to.body, []
     terms = work.drive_terms(layer, share)
@@ -113,7 +113,7 @@ def _step(
     ]
     own = 1.0 - share
     if template.output.linear:
-        # f(x) = x: the cell's own weight takes in what is left of its state
+        # f(x) = x: the cell's own weight takes in the kept share of its state
         terms = _merged(terms, own, seen[layer].at(0, 0))
     elif own:
         terms.append((own, to.item(state)))

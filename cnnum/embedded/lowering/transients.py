@@ -1,6 +1,6 @@
 """Transients in whole numbers: one weighted sum, a product, modes, or explicit steps.
 
-Uncoupled cells are a weighted sum of inputs and start, whatever the method: their answer is exact.
+Uncoupled cells are a weighted sum of inputs and start, by any method: their answer is exact.
 """
 
 from collections.abc import Mapping, Sequence
@@ -105,7 +105,7 @@ class TransientWork:
     )
 
     def check(self) -> None:
-        """Refuse what is not exported."""
+        """Refuse templates that cannot be exported."""
         template = self.template
         if not template.plain or template.output.discrete:
             raise NotSupportedError(
@@ -154,7 +154,7 @@ class TransientWork:
         return self.fixed(value) if value else None
 
     def cell(self, given: Array | Quantity) -> Quantity:
-        """Return what is given of the cell itself."""
+        """Return the cell's own value of an array or number."""
         return given if isinstance(given, Quantity) else self.to.item(given)
 
     @property

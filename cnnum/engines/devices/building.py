@@ -18,7 +18,7 @@ def build_program(context: cl.Context, source: str, options: Sequence[str] = ())
     """Return a built program.
 
     Some compilers write a line to their log at every build (Intel's: that it has started), and
-    PyOpenCL warns of any log that is not empty; what is wrong with a kernel is an error.
+    PyOpenCL warns of any log that is not empty; a faulty kernel is an error.
 
     Raises
     ------

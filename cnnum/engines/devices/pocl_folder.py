@@ -1,8 +1,8 @@
 """The folder that PoCL works in: one of this process alone, which is removed at its end.
 
 PoCL trusts its folder: a damaged kernel in it ends the process, or gives wrong numbers. So PoCL
-never sees a folder that outlives its process: `program_cache.py` keeps what PoCL builds, and lays
-out for it the files known to be whole.
+never sees a folder that outlives its process: `program_cache.py` keeps the files that PoCL builds,
+and lays out for it those known to be whole.
 """
 
 import atexit

@@ -76,7 +76,7 @@ def verdict_on(device: Device, *, anew: bool = False) -> Verdict:
     ----------
     device : Device
     anew : bool
-        Try it again, whatever was found before.
+        Try it again, without earlier findings.
     """
     address = int(device.handle.int_ptr)
     if address in _KNOWN and not (anew and _KNOWN[address].target is None):

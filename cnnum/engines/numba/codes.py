@@ -13,7 +13,7 @@ NEGATE, EXP, FABS, LOG, SQRT, TANH_OF, REAL = range(2, 9)
 ADD, SUBTRACT, MULTIPLY, DIVIDE, FMAX, FMIN, POW = range(9, 16)
 LESS, NOT_MORE, MORE, NOT_LESS, EQUAL, OTHER = range(16, 22)
 WITHIN, PICK = range(22, 24)
-"""Of an output function without a compiled form: what a stack is given, and what is done with one
+"""Of an output function without a compiled form: pushes on a stack, and operations with one
 operand, with two, and with three."""
 
 FEEDBACK, CONTROL, LATE_FEEDBACK, LATE_CONTROL, MOVING, STILL = range(6)

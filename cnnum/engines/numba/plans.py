@@ -52,7 +52,7 @@ SIGNS: dict[type, int] = {
     ast.Eq: codes.EQUAL,
     ast.NotEq: codes.OTHER,
 }
-"""What the parts of an expression are in it."""
+"""Codes of the parts of an expression."""
 
 # Python has no numbers that end with an f
 _SUFFIX = re.compile(r"(?<=[0-9.])f\b")
@@ -95,7 +95,7 @@ def _formula(template: Template, dtype: Real) -> NDArray[np.float64]:
 
 
 def operations(expression: str, dtype: np.dtype[Any]) -> NDArray[np.float64]:
-    """Return (operations, 2) numbers: what is done, and the number that is pushed.
+    """Return (operations, 2) numbers: the code of each, and the number that is pushed.
 
     Parameters
     ----------

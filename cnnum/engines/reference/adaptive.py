@@ -85,7 +85,7 @@ _TRIALS: dict[type, Callable[..., _Pair | _Chebyshev]] = {
     AdaptiveSteps: _Pair,
     ChebyshevSteps: _Chebyshev,
 }
-"""What takes the steps of a scheme."""
+"""The function that takes the steps of each scheme."""
 
 
 def march_adaptive(

@@ -2,7 +2,7 @@
 
 A run is solved twice, to the tolerance and to a tenth of it: how far the coarser one is off is the
 error that is stated. Steps are no longer than the growth of the array allows: an implicit method
-damps what it steps over, and would hold an array on a saddle.
+damps modes that it steps over, and would hold an array on a saddle.
 """
 
 import math
@@ -75,14 +75,14 @@ class _Array:
         return splu(csc_array(eye_array(size, format="csc") / (h * gamma) - scaled))
 
     def longest(self, slopes: Floats, h: float) -> float:
-        """Return h, or the time constant of what grows fastest where that is shorter."""
+        """Return h, or the time constant of the fastest growth where that is shorter."""
         bound = self._bound(slopes)
         if bound * h <= 1.0:
             return h
         linear = np.flatnonzero(slopes.ravel() * self.moving)
         if len(linear) > MOST_LINEAR:
             return 1.0 / bound
-        # the others see themselves decay alone, whatever they hand on
+        # the others see themselves decay alone, with any couplings to other layers
         known = self.growths.get(key := slopes.tobytes())
         if known is None:
             part = self.coupling[linear][:, linear].toarray() * slopes.ravel()[linear]

@@ -51,7 +51,7 @@ LATEST = 1e6
 """Time constants to which an array is followed whose equilibrium other engines know exactly."""
 
 FINER = 4
-"""Where rates jump and no step was asked for, steps are so much shorter than other engines'."""
+"""Where rates jump and no step was asked for, steps of other engines are this much longer."""
 
 Past = Callable[[float], Floats]
 

@@ -28,7 +28,7 @@ class WholeBackend:
     name, device : str
     kind : Precision
     runner : callable
-        Makes what runs a program's frames.
+        Makes the function that runs a program's frames.
     launches : int
         A frame.
     like : (frames, batch, rows, cols, channels) float or None

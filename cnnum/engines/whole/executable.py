@@ -31,7 +31,7 @@ class Runner(Protocol):
 
 @dataclass(slots=True, eq=False)
 class WholeMemory:
-    """What streams keep between frames; None before the first one."""
+    """The memory of streams between frames; None before the first one."""
 
     state: dict[str, Numbers] | None = None
 
@@ -85,7 +85,7 @@ class WholeExecutable:
 
     @property
     def scratch_bytes(self) -> int:
-        """What a frame is worked in; 0 while formats are not known."""
+        """Bytes that a frame is worked in; 0 while formats are not known."""
         return 0 if self._made is None else self._made.memory_bytes
 
     @property
@@ -161,7 +161,7 @@ class WholeExecutable:
         return make_with("plan", schedule, self.solvers, self.kind, streams)
 
     def _runner(self, program: IntegerProgram) -> Runner:
-        """Return what runs a program; the last one again if that is it."""
+        """Return the runner of a program; the last one again if that is it."""
         key = str((program.body, list(program.arrays)))
         if key not in self._runners:
             self._runners.clear()

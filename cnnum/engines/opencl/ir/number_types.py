@@ -30,7 +30,7 @@ class NumberType:
     pragma : str
         The line of a kernel before it uses the type.
     register : str
-        What brings a literal into a register.
+        The code that brings a literal into a register.
     """
 
     dtype: np.dtype[np.floating]

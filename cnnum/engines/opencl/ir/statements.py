@@ -67,7 +67,7 @@ class Store:
 
 @dataclass(frozen=True, slots=True)
 class Accumulate:
-    """A variable takes in a value, in whatever order: pieces of a sweep do it side by side.
+    """A variable takes in a value, in any order: pieces of a sweep do it side by side.
 
     Attributes
     ----------

@@ -84,7 +84,7 @@ class Watch:
         return [f"*(__global vec *)({self.own}) = change;"]
 
     def sees(self, at: At, state: ir.Name) -> list[ir.Statement]:
-        """Return what sees d of a row, and keeps the state with which a launch began."""
+        """Return statements that watch d of a row, and keep the state with which a launch began."""
         solver = self.rows.text.solver
         none = ir.Number(solver.atol) + ir.Number(solver.rtol) * magnitude(state)
         # which is false of NaN

@@ -1,8 +1,8 @@
 """A plan for large arrays, split at its sweeps so that all cores share each of them.
 
-A sweep over the cells becomes a kernel whose work items take a piece each; what stands between
-sweeps becomes a kernel of one work item a frame. Numbers that outlive a kernel are kept in
-registers, one a frame. The host repeats what stands in loops; where frames of a batch take
+A sweep over the cells becomes a kernel whose work items take a piece each. Statements between
+sweeps become a kernel of one work item a frame. Numbers that outlive a kernel are kept in
+registers, one a frame. The host repeats the kernels of loops. Where frames of a batch take
 different ways, a register of their own says whether a part is theirs.
 """
 
@@ -32,7 +32,7 @@ def split_kernels(body: Sequence[ir.Statement], rows: int, printer: OpenCLPrinte
     rows : int
         Of the array.
     printer : OpenCLPrinter
-        What writes the kernels.
+        The printer of the kernels.
     """
     split = _Split(rows, printer)
     scope = Scope()
@@ -45,7 +45,7 @@ def split_kernels(body: Sequence[ir.Statement], rows: int, printer: OpenCLPrinte
 
 @dataclass(frozen=True, slots=True)
 class _Waiting:
-    """What one work item of a frame does, for the frames whose guard is not 0."""
+    """Statements for one work item of a frame, for the frames whose guard is not 0."""
 
     guard: Register | None
     lines: list[str]
@@ -97,7 +97,7 @@ class _Split:
                 self._wait(statement, scope, guard)
 
     def flush(self) -> None:
-        """Make a kernel of what waits."""
+        """Make a kernel of the statements that wait."""
         if not self.waiting:
             return
         lines: list[str] = []
@@ -175,7 +175,7 @@ class _Split:
         v = sweep.variable.text
         lines = [] if guard is None else [f"if ({guard.where} == 0) {{ return; }}"]
         lines += [meaning.load for meaning in found.values() if not isinstance(meaning, Fixed)]
-        # a sum starts from what it is in the first piece, and from nothing in the others
+        # a sum goes on from its value in the first piece, and starts from 0 in the others
         lines += [f"{r.name} = piece == 0 ? {r.name} : ZERO;" for r, how in sums if how == "+"]
         lines += [
             f"const int begin = (int)((long){sweep.count} * piece / {pieces});",
@@ -193,7 +193,7 @@ class _Split:
             self.waiting.append(_Waiting(guard, gathered, (register,)))
 
     def _used_by(self, sweep: ir.Sweep, scope: Scope) -> tuple[dict[str, Meaning], Uses]:
-        """Return what the names in a sweep mean, and what it does with them.
+        """Return the meanings of the names in a sweep, and its uses of them.
 
         Raises
         ------

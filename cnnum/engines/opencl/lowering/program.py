@@ -65,14 +65,14 @@ class Lowering:
     strategies: dict[int, Strategy] = field(default_factory=dict[int, Strategy])
 
     def lower(self) -> None:
-        """Append what all nodes do; what outputs and memories need is kept."""
+        """Append the statements of all nodes; values that outputs and memories need are kept."""
         self._place_memories()
         kept = [*self.schedule.outputs.values()]
         kept += [memory.store for memory in self.schedule.memories.values()]
         self.nodes(self.schedule.nodes, kept)
 
     def nodes(self, nodes: tuple[Node, ...], kept: Sequence[Node]) -> None:
-        """Append what nodes do, in their order; the kept ones outlive them."""
+        """Append the statements of nodes, in their order; the kept ones outlive them."""
         for node in nodes:
             for argument in node.arguments:
                 self.last_use[argument.index] = node.index
@@ -185,9 +185,9 @@ class Lowering:
     def _sweep_and_read_out(
         self, loop: list[ir.Statement], read_outs: Sequence[Node], maps: int
     ) -> None:
-        """Append a loop over the cells, and then what is read out of the arrays that it leaves."""
+        """Append a loop over the cells, and then the read-outs of the arrays that it leaves."""
         read = {node.arguments[0].index: node.arguments[0] for node in read_outs}
-        # what lies elsewhere is copied: functions take private arrays
+        # maps that lie elsewhere are copied: functions take private arrays
         copied = {n: self.values.read(n) for n in read.values() if self.values.array_of(n) is None}
         loop += [self.stored(n, value) for n, value in copied.items()]
         self.over_cells(loop, maps)
@@ -218,14 +218,14 @@ class Lowering:
         return taken_in(function, total, value)
 
     def _end(self, read_outs: Sequence[Node]) -> None:
-        """Append what becomes of chains that run through the cells."""
+        """Append the ends of chains that run through the cells."""
         for node in read_outs:
             array = self.values.array_of(node)
             if array is not None:
                 self._read_out(node, array, 1)
                 self.values.free_slot(node)
 
-    # what comes in
+    # inputs
 
     def _load(self, node: Node, operation: Input | Read) -> None:
         if isinstance(operation, Input):

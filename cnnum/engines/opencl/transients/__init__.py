@@ -1,1 +1,1 @@
-"""Templates' transients become statements: what drives cells, how they change, and steps."""
+"""Templates' transients become statements: the drive of cells, their rates, and steps."""

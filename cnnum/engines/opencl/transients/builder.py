@@ -1,4 +1,4 @@
-"""What every part of a transient's lowering shares: its sizes, arrays, loops and rims."""
+"""The base that all parts of a transient's lowering share: sizes, arrays, loops and rims."""
 
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -20,12 +20,12 @@ ROW, COL, RIM = ir.Name("r"), ir.Name("c"), ir.Name("q")
 SUM, NOW = ir.Name("sum"), ir.Name("now")
 
 VECTORISE = "#pragma clang loop vectorize(assume_safety)"
-"""With many neighbours compilers give up to prove that no round writes what others read."""
+"""With many neighbours compilers cannot prove that no round writes a cell that others read."""
 
 
 @dataclass(frozen=True, slots=True)
 class Operands:
-    """Expressions of `i` for what a transient reads; empty where it is not given.
+    """Expressions of `i` for the maps that a transient reads; empty where one is not given.
 
     `weights` are the variables of frames' own weights, by the numbers that stand for them in A.
     """
@@ -116,7 +116,7 @@ class TransientBuilder:
 
     @contextmanager
     def aside(self) -> Generator[list[ir.Statement]]:
-        """Collect what is appended within the block instead of appending it."""
+        """Collect the statements of the block instead of appending them."""
         kept, self.body = self.body, []
         yield self.body
         self.body = kept

@@ -82,7 +82,7 @@ def _controlled(
 
 
 def _count_stages(scheme: ChebyshevSteps) -> list[ir.Statement]:
-    """Return what finds the stages of a step: the lane with the longest says how many all take."""
+    """Return statements that find a step's stages: the lane with the longest step decides."""
     reach = RUNNING * H * ir.Number(scheme.fastest) * ir.Number(1.0 / _reach())
     short = ir.Cast("scalar", STAGES * STAGES) < REACH
     return [
@@ -111,7 +111,7 @@ def _sweeps(text: TransientBuilder, table: int) -> Attempt:
         _rates(text, XS, then, Instant())
     with text.aside() as last_rates:
         _rates(text, XS, lambda at, _: [ir.Assign(K1[at], RATE)], Instant())
-    # what was before is not needed any more: the two change places
+    # the older values are not needed any more: the two change places
     swap: list[ir.Statement] = [
         ir.fixed(NEW, OLD[ir.CELL]),
         ir.Assign(OLD[ir.CELL], XS[ir.CELL]),
@@ -162,7 +162,7 @@ def _coefficients() -> Floats:
 
 
 def _judge(text: TransientBuilder) -> list[ir.Statement]:
-    """Return what finds the worst error of a step, and the change at its end."""
+    """Return statements that find the worst error of a step, and the change at its end."""
     tau, e = ir.Number(float(text.template.tau.max())), ir.Name("e")
     # Sommeijer, Shampine & Verwer 1998, section 2.2
     states = ir.call("R", ir.Constant("0.8")) * (X[ir.CELL] - XS[ir.CELL])

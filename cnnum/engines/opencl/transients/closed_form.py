@@ -1,4 +1,4 @@
-"""Transients without time steps, and what rounding leaves of their exactness."""
+"""Transients without time steps, exact to rounding, and the bound on their rounding."""
 
 from collections.abc import Callable
 from typing import Any
@@ -26,7 +26,7 @@ J, K, V = ir.Name("j"), ir.Name("k"), ir.Name("v")
 
 
 def exact(text: TransientBuilder, scheme: Linear) -> Figures:
-    """Append what sets the states `x` to their end and return the figures of the run."""
+    """Append statements that set the states `x` to their end; return the figures of the run."""
     begin_exact(text, "")
     terms, gain = _ENDS[type(scheme)](text, scheme)
     own = scheme.rounding / float(np.finfo(text.tables.dtype).eps)
@@ -35,7 +35,7 @@ def exact(text: TransientBuilder, scheme: Linear) -> Figures:
 
 
 def begin_exact(text: TransientBuilder, why: str) -> None:
-    """Append what stands before all else."""
+    """Append the statements that stand before all others."""
     text.body.append(comment(f"exact after {text.solver.duration:g}{why}"))
     text.body.append(ir.declare(LARGEST, ir.ZERO))
 

@@ -1,4 +1,4 @@
-"""What drives the cells from outside: w = B∗u + z + bias, once a frame."""
+"""The drive of the cells from outside: w = B∗u + z + bias, once a frame."""
 
 from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit
@@ -10,7 +10,7 @@ from cnnum.templating.network import taps
 from cnnum.templating.reads import delays_inputs, moving_inputs, reads_inputs, reads_inputs_around
 
 U, W, LATER = ir.Name("u"), ir.Name("w"), ir.Name("later")
-"""Padded inputs, what drives the cells, and what changes in it when a delay is over."""
+"""Padded inputs, the drive of the cells, and its change when a delay is over."""
 
 THEN = ir.Name("then")
 
@@ -89,7 +89,7 @@ def _delayed(text: TransientBuilder, layer: int) -> list[ir.Statement]:
     found, later = taps(text.template.delayed.B, layer), LATER[text.at(layer)]
     if not text.has_history:
         return text.weighted(U, found)
-    # w starts from the inputs before the start; `later` is what changes when the delay is over
+    # w starts from the inputs before the start; `later` is its change when the delay is over
     return [
         ir.block(
             ir.declare(NOW, ir.ZERO),
@@ -102,7 +102,7 @@ def _delayed(text: TransientBuilder, layer: int) -> list[ir.Statement]:
 
 
 def _history(text: TransientBuilder) -> None:
-    """Append what leaves in `later` what delayed inputs gave before the start."""
+    """Append statements that leave in `later` the part of delayed inputs before the start."""
     assert text.template.delayed is not None
     text.array(LATER, text.states)
     _pad(text, text.operands.previous)

@@ -26,7 +26,7 @@ def repeated(
     length : Expression
         Of the step `n`.
     body : sequence of Statement
-        A step of length `h`; where steps settle, it leaves in `change` what changes.
+        A step of length `h`; where steps settle, it leaves the change in `change`.
     """
     steps = f"{scheme.count} steps of {scheme.step:g}"
     if scheme.settle:
@@ -61,7 +61,7 @@ def _settling(
     step : Expression
         A step's length.
     body : sequence of Statement
-        A step of length `h`, which leaves in `change` what changes.
+        A step of length `h`, which leaves the change in `change`.
     """
     still = CHANGE <= ir.ONE
     return [

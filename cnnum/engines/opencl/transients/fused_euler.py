@@ -61,7 +61,7 @@ def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
 
 
 def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
-    """Append the second array of outputs, what both are at first, and the scaled drive."""
+    """Append the second array of outputs, the first values of both, and the scaled drive."""
     for own in text.operands.weights.values():
         text.body.append(ir.fixed(ir.Name(f"{own.text}_h"), _number(text, scheme, 0) * own))
     boundary = text.template.boundary
@@ -137,8 +137,8 @@ def _block_of_columns(
 ) -> None:
     """Append one step of the columns `b` to `b + block` of a number of rows.
 
-    Where weights are equal, what is loaded is kept and added up before it is weighted, else it is
-    added to all sums at once, which takes fewer registers.
+    Where weights are equal, loaded values are kept and added up before they are weighted. Else they
+    are added to all sums at once, which takes fewer registers.
     """
     gathers = _gathers(text)
     for column in range(block + 2 * text.radius):
@@ -176,7 +176,7 @@ def _sum(layer: int, row: int, column: int) -> ir.Name:
 
 
 def _begin(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) -> None:
-    """Append the sums of a cell of the block, begun with what does not come from neighbours."""
+    """Append the sums of a cell of the block, begun with the part that is not neighbours'."""
     for layer in range(text.layers):
         state = _state(text, layer, row, column)
         begun = _driven(text, scheme, layer, state) + _kept(text, scheme, layer) * state
@@ -184,7 +184,7 @@ def _begin(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) ->
 
 
 def _kept(text: TransientBuilder, scheme: FixedSteps, layer: int) -> ir.Number:
-    """Return what a step leaves of a state."""
+    """Return the share of a state that a step leaves."""
     return ir.Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
 
 
@@ -212,7 +212,7 @@ def _output_at(text: TransientBuilder, source: int, row: int, column: int) -> ir
 
 
 def _load(text: TransientBuilder, column: int) -> None:
-    """Append what is read of a padded column."""
+    """Append the loads of a padded column."""
     span, rim = text.template.A.shape[-1], text.radius - text.template.A.shape[-1] // 2
     for source in range(text.layers):
         for row in range(rim, rim + span):
@@ -241,7 +241,7 @@ def _gather(text: TransientBuilder, scheme: FixedSteps, column: int) -> None:
 def _reached(
     text: TransientBuilder, weights: Floats, column: int, block: int
 ) -> Iterator[tuple[int, int, float]]:
-    """Yield (layer, cell of the block, weight) of what an output in a padded column adds to."""
+    """Yield (layer, cell of the block, weight) of each sum that takes an output of a column."""
     span, radius = weights.shape[-1], text.radius
     for to in range(text.layers):
         for col in range(span):
@@ -251,7 +251,7 @@ def _reached(
 
 
 def _end(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) -> None:
-    """Append what becomes of a cell's finished sums."""
+    """Append the statements that turn a cell's finished sums into its new state."""
     for layer in range(text.layers):
         new, old = _sum(layer, row, column), _state(text, layer, row, column)
         if text.template.output.limited:

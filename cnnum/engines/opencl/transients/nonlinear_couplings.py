@@ -64,12 +64,12 @@ def summed(
 
 
 def gain_name(number: int) -> ir.Name:
-    """Return the variable of what a coupling that varies in time comes with."""
+    """Return the variable of the gain of a coupling that varies in time."""
     return ir.Name(f"gain{number}")
 
 
 def gains(text: TransientBuilder, since: ir.Expression) -> list[ir.Statement]:
-    """Return the statements that find what varies in time, at a time since the start."""
+    """Return the statements that find the gains that vary in time, at a time since the start."""
     found = text.template.gains
     lines: list[ir.Statement] = [ir.fixed(SINCE, since)] if found else []
     return lines + [

@@ -85,7 +85,7 @@ def _stage(
 
 
 def _remember(text: TransientBuilder) -> None:
-    """Append what keeps this step's outputs in the ring."""
+    """Append statements that keep this step's outputs in the ring."""
     if delays_outputs(text.template):
         text.over_grid(
             [
@@ -114,7 +114,7 @@ def _past(text: TransientBuilder, c: float) -> Callable[[ir.Expression], ir.Expr
 
 
 def _ring(text: TransientBuilder, scheme: FixedSteps) -> list[ir.Statement]:
-    """Return what stands at the head of a step and finds the ring's places."""
+    """Return the head of a step, which finds the ring's places."""
     late = lag(text.template, scheme.step)
     lines: list[ir.Statement] = []
     if delays_outputs(text.template):

@@ -37,7 +37,7 @@ def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     with text.aside() as stage:
         _stage(text, tableaux)
     body: list[ir.Statement] = [
-        # what a refused step left may be infinite, and is multiplied by 0
+        # rates that a refused step left may be infinite, and are multiplied by 0
         ir.sweep(ir.CELL, (stages - 1) * n, [ir.Assign(LATER_RATES[ir.CELL], ir.ZERO)]),
         ir.Counted(
             STAGE, 1, stages, None, tuple(stage), hint="__attribute__((opencl_unroll_hint(1)))"

@@ -1,4 +1,4 @@
-"""What the cells do to each other: outputs y = f(x) and rates dx/dt."""
+"""The equation of the cells' states: outputs y = f(x) and rates dx/dt."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -45,7 +45,7 @@ class Instant:
 
 
 def declare_outputs(text: TransientBuilder) -> None:
-    """Append the padded arrays of outputs (and states), and what of their rims stays the same."""
+    """Append the padded arrays of outputs (and states), and the fixed parts of their rims."""
     names = [Y, *([PADDED_STATES] if reads_states(text.template) else [])]
     names += [DELAYED] if delays_outputs(text.template) else []
     boundary = text.template.boundary
@@ -91,7 +91,7 @@ def rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) 
 def rates_once(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) -> None:
     """Append the same of states whose outputs are not known yet.
 
-    What is done in `then` may not change what other cells see.
+    The statements of `then` may not change values that other cells see.
     """
     if _sees(text):
         outputs(text, text.each(state))
@@ -112,14 +112,14 @@ def _rate_lines(
     then: Then,
     couplings: Callable[[int], Sequence[ir.Statement]],
 ) -> list[ir.Statement]:
-    """Return statements that find the rates of a cell; `couplings` returns what adds to its sum."""
+    """Return statements that find the rates of a cell; those of `couplings` add to its sum."""
     body: list[ir.Statement] = [ir.Declare("real", ((SUM, None), (RATE, None)))]
     for layer, now in enumerate(text.each(state)):
         body.append(ir.Assign(SUM, drive_of(text, layer) - now))
         body += couplings(layer)
         body.append(ir.Assign(RATE, ir.Number(1.0 / float(text.template.tau[layer])) * SUM))
         if text.template.output.limited:
-            # at the rails, what drives a state outwards does nothing
+            # at the rails, a rate that drives a state outwards is 0
             inwards = ir.pick(now * RATE > ir.ZERO, ir.ZERO, RATE)
             body.append(ir.Assign(RATE, ir.pick(ir.size(now) >= ir.ONE, inwards, RATE)))
         if text.operands.mask is not None:

@@ -49,7 +49,7 @@ def weighted_terms(
     number : callable
         The literal of a weight.
     value : callable
-        The expression of what stands at a tap.
+        The expression of the value at a tap.
     least : int
         Taps of a group; fewer stay alone.
     """

@@ -1,4 +1,4 @@
-"""Steps that may be refused: their length and their error, by what each attempt shows."""
+"""Steps that may be refused: their length and their error, by the figures of each attempt."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ K0, XS = ir.Name("k0"), ir.Name("xs")
 H, TIME, STEPS, SETTLED = ir.Name("h"), ir.Name("time"), ir.Name("steps"), ir.Name("settled")
 ERROR, RUNNING, ACCEPT = ir.Name("error"), ir.Name("running"), ir.Name("accept")
 WORST, ADDED, SPEED = ir.Name("worst"), ir.Name("added"), ir.Name("speed")
-"""Of an attempt: its error over the tolerance, what it adds to the error, the largest rate."""
+"""Of an attempt: its error over the tolerance, its part of the error, the largest rate."""
 
 SPEED_BEFORE, BEHIND, AHEAD, REACHED = (
     ir.Name("speed_before"), ir.Name("behind"), ir.Name("ahead"), ir.Name("reached"),
@@ -44,11 +44,11 @@ class Attempt:
     stages : sequence of Statement
         The stages, h long.
     judge : sequence of Statement
-        What finds `worst`, `added`, `speed` and `change`.
+        Statements that find `worst`, `added`, `speed` and `change`.
     advance : sequence of Statement
-        What takes the step over where `accept` is not 0.
+        Statements that take the step over where `accept` is not 0.
     end : sequence of Statement
-        After all steps: what brings the state back to `x`.
+        Statements after all steps that bring the state back to `x`.
     """
 
     begin: Sequence[ir.Statement]
@@ -70,7 +70,7 @@ class Control:
     length : Expression
         Of the step at hand.
     carries : bool
-        Whether what rounding leaves out of the time is kept for the next step.
+        Whether the rounded-off part of the time is kept for the next step.
     """
 
     about: str
@@ -93,10 +93,10 @@ def controlled(
     text : TransientBuilder
     control : Control
     first_rates : sequence of Statement
-        What sets `k0`.
+        Statements that set `k0`.
     attempt : Attempt
     stages : sequence of Statement
-        Those of the attempt, and what comes before them.
+        Those of the attempt, and the statements before them.
     """
     duration = ir.Number(text.solver.duration)
     zeros = [TIME, STEPS, SETTLED, ERROR]
@@ -152,7 +152,7 @@ def _moved_on(control: Control) -> list[ir.Statement]:
 
 
 def _followed(text: TransientBuilder) -> list[ir.Statement]:
-    """Return what follows the error: it grows as the rates do, within what the feedback allows."""
+    """Return statements that follow the error: it grows as the rates do, within its bound."""
     before = ir.call("fmax", SPEED_BEFORE, ir.Number(SMALLEST_RATE))
     growth = ir.call(
         "fmin", ir.Number(error_growth(text.template)) * H, ir.Number(LARGEST_EXPONENT)
@@ -168,7 +168,7 @@ def _followed(text: TransientBuilder) -> list[ir.Statement]:
 
 
 def _next(control: Control, duration: ir.Expression) -> list[ir.Statement]:
-    """Return what says how long the next step is, and whether there is one."""
+    """Return statements that set the length of the next step, and whether there is one."""
     rests = (ACCEPT * ir.Number(float(control.scheme.settle))).differs(ir.ZERO) & (CHANGE <= ir.ONE)
     ends = (TIME >= duration * ir.Number(1.0 - 1e-6)) | SETTLED.differs(ir.ZERO)
     follows = control.scheme.control
@@ -198,5 +198,5 @@ def advance(text: TransientBuilder, last: ir.Name) -> list[ir.Statement]:
 
 
 def rounding(text: TransientBuilder) -> ir.Number:
-    """Return what a step's roundings are, of a state of 1."""
+    """Return the size of a step's roundings, for a state of 1."""
     return ir.Number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))

@@ -52,7 +52,7 @@ class Strategy:
     reason : str
         Why it is taken where it fits.
     schemes : tuple of type
-        What a solver asks for.
+        The schemes that a solver may ask for.
     lower : callable
         Appends the statements of a scheme, from and to the states `x`, and returns the figures.
     fits : callable
@@ -163,7 +163,7 @@ def strategy_of(text: TransientBuilder) -> Strategy:
 
 
 def run(text: TransientBuilder, strategy: Strategy) -> Figures:
-    """Append what brings the state `x` to its end and return the figures of the run.
+    """Append statements that bring the state `x` to its end; return the figures of the run.
 
     A step that was forced upon a run leaves nothing known of its answer.
     """
@@ -179,7 +179,7 @@ def run(text: TransientBuilder, strategy: Strategy) -> Figures:
 
 
 def settled_now(text: TransientBuilder, strategy: Strategy) -> None:
-    """Append what finds in `change` whether the state `x` is at equilibrium.
+    """Append statements that find in `change` whether the state `x` is at equilibrium.
 
     Delayed outputs are taken as those of now, as they are once nothing changes.
     """

@@ -1,6 +1,6 @@
 """Cells that see only themselves: the pieces of their way, without a step.
 
-The formulas, and what d is, stand in `cnnum.integrators.separate`.
+The formulas, and the meaning of d, stand in `cnnum.integrators.separate`.
 """
 
 import math
@@ -27,7 +27,7 @@ SEEN, AFTER, GROWN, SIZES = (ir.Name(name) for name in ("seen", "after", "grown"
 
 
 def separate(text: TransientBuilder, scheme: Separate) -> Figures:
-    """Append what sets the states `x` to their end and return the figures of the run."""
+    """Append statements that set the states `x` to their end; return the figures of the run."""
     begin_exact(text, ": no cell sees another")
     text.array(X, text.states)
     for layer in range(text.layers):
@@ -110,7 +110,7 @@ def _on_time(slope: float, time: float) -> list[ir.Statement]:
 
 
 def _rounded(own: float, time: float) -> list[ir.Statement]:
-    """Return what rounding leaves, as `cnnum.integrators.separate` has it."""
+    """Return the bound on rounding, as `cnnum.integrators.separate` has it."""
     slope, left = own - 1.0, ir.Number(math.exp(-time))
     at_rest = ir.Number(growth(slope, time))
     sum = ir.size(TO) + ir.pick(AWAY.differs(ir.ZERO), left, GROWN) * SIZES
