@@ -1,4 +1,4 @@
-"""A corner detector from examples, its margin, and chips of 10 % mismatch that are trimmed."""
+"""A corner detector from examples, its margin, and chips of 10 % mismatch with a trim."""
 
 import numpy as np
 
@@ -29,8 +29,16 @@ off = {
 }
 z = off["z"][:, np.newaxis] + TRIMS[:, np.newaxis]
 chips = TemplateBatch(template, off["A"][:, None, None], off["B"][:, None, None], z[:, :, None])
-found = engine.run(chips, input=unseen).output
-wrong = ((found > 0) != (wanted > 0)).any(axis=(2, 3, 4))
-before, after = wrong[:, np.abs(TRIMS).argmin()].mean(), wrong.all(axis=1).mean()
+
+
+def wrong_cells(inputs, outputs):
+    """Return the cells that each chip gets wrong at each trim, (chips, trims)."""
+    return ((engine.run(chips, input=inputs).output > 0) != (outputs > 0)).sum(axis=(2, 3, 4))
+
+
+# a chip is trimmed on the pictures of the design, and judged on those that neither has seen
+best = wrong_cells(pictures, answers).argmin(axis=1)
+judged = wrong_cells(unseen, wanted) > 0
+before, after = judged[:, np.abs(TRIMS).argmin()].mean(), judged[np.arange(CHIPS), best].mean()
 print(f"chips with a wrong cell: {100 * before:.1f} %, with a trimmed bias {100 * after:.1f} %")
 assert after < before / 2
