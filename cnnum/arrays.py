@@ -120,8 +120,8 @@ def all_finite(array: NDArray[np.floating]) -> bool:
 def magnitude(array: NDArray[np.floating]) -> float:
     """Return a bound of the magnitudes in an array, in the time that `all_finite` takes.
 
-    It is the root of the sum of squares of a small array, and the largest magnitude of a large one
-    or where that sum overflows. It is NaN or infinite only if a number of the array is.
+    It is the root of the sum of squares of a small array. It is the largest magnitude of a large
+    one, or where that sum overflows. It is NaN or infinite only if a number of the array is.
     """
     if array.size <= FEW:
         numbers = array.ravel(order="K")

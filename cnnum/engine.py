@@ -225,8 +225,8 @@ class Engine:
     ) -> Result:
         """Run one template's transient.
 
-        Where input, start and weights keep every cell within the linear range of the standard
-        output, the array is taken as the linear one that it is, and may be exact.
+        Input, start and weights may keep every cell within the linear range of the standard output.
+        The array then counts as linear, and may be exact.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The array at a port: by its USB numbers, and by listening to what it sends."""
+"""The array at a port: by its USB numbers, and by listening to its packets."""
 
 import time
 from collections.abc import Sequence

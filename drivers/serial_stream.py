@@ -1,8 +1,8 @@
 """Packets out of a stream of bytes that may be cut or corrupted anywhere.
 
-Bytes are given up one by one, never a whole packet at once: when a check fails, the search for
-the next marker goes on one byte after the failed packet's own marker, so a good packet that
-begins inside the failed one is still found.
+Bytes are given up one by one, never a whole packet at once: when a check fails, the search for the
+next marker goes on one byte after the failed packet's own marker. So a good packet that begins
+inside the failed one is still found.
 """
 
 from cnnum.drivers.serial_packet import (

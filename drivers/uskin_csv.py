@@ -1,10 +1,10 @@
 """Replay of a trial of two XELA uSkin pads that was written to CSV files.
 
-The layout is that of the public data set of imanlab/proactive-slip-control: a folder a trial,
-with ``xela_sensor1.csv`` and ``xela_sensor2.csv`` (raw counts of 4×4 three-axial taxels, one
-after the other, row by row), ``robot_state.csv`` (its column ``time`` is the time in s),
-``slip_label.csv`` (slip, fail) and ``meta_data.csv`` (the rate). The first rows of all files belong
-together; logs do not always end in the same row.
+The layout is that of the public data set of imanlab/proactive-slip-control: a folder a trial.
+``xela_sensor1.csv`` and ``xela_sensor2.csv`` hold raw counts of 4×4 three-axial taxels, one after
+the other, row by row. ``robot_state.csv`` has the time in s in its column ``time``,
+``slip_label.csv`` has slip and fail, and ``meta_data.csv`` the rate. The first rows of all files
+belong together; logs do not always end in the same row.
 """
 
 import warnings

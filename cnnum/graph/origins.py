@@ -7,7 +7,7 @@ _OURS = ("cnnum.graph.", "cnnum.programs.", "cnnum.engine", "cnnum.runs.")
 """Modules of the language itself: the line that is wanted lies outside of them."""
 
 _INNER = frozenset(("<locals>", "<lambda>", "<listcomp>", "<genexpr>", "<dictcomp>", "<setcomp>"))
-"""Parts of a name that Python adds: what is wanted is the function around them."""
+"""Parts of a name that Python adds: the wanted name is that of the function around them."""
 
 
 def origin_here() -> str:

@@ -7,7 +7,8 @@ A step is as long as stability and the tolerance allow, and both change along th
   h = (tol/c)^{1/p} e^{λt/p} / λ: fast modes set the steps at first and then die. So a mode takes p
   (c/tol)^{1/p} steps in all, however fast it is. Of many modes the one that asks most counts.
 * Where an array grows until its cells saturate, cells switch one after the other, at the rate of
-  its growth, until a front may have crossed the array. Each cell bends the rates where it leaves
+  its growth. They do so until a front may have crossed the array. Each cell bends the rates where
+  it leaves
   the linear range: a step across a bend has an error of h², across a jump (of a state that is
   limited) of h, whatever the order. A method steps down to it and up again by factors of 5, or,
   where bends lie closer, keeps to the steps that they allow.

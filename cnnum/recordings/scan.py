@@ -1,4 +1,4 @@
-"""Finding the whole chunks of a file, whatever has become of the rest of it."""
+"""Finding the whole chunks of a file, however damaged the rest of it is."""
 
 import re
 from collections.abc import Iterator

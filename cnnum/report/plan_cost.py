@@ -50,7 +50,7 @@ class PlanCost:
         Raises
         ------
         CnnumError
-            Whatever goes wrong with the array.
+            From the array.
         """
         seconds = [m.seconds if m.outputs else np.nan for m in scene.results()]
         return _cost(label, scene.plan.explain(), np.array(seconds))

@@ -1,4 +1,4 @@
-"""What is known of a template's transients before they run: rates, stable steps, and rest."""
+"""Properties of a template's transients before they run: rates, stable steps, and rest."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -57,7 +57,7 @@ class Analysis:
         an error of the drive may count there than the drive itself. Infinite where a mode neither
         grows nor decays; NaN where it is not known.
     saturation : str
-        What cells that saturate change, in a sentence.
+        The effect of cells that saturate, in a sentence.
     largest : float
         Bound on |x| for inputs and starts within [−1, 1]; infinite where the output is not bounded.
     bounds : mapping of str to StabilityBound
@@ -85,7 +85,7 @@ class Analysis:
 
 
 def analyse(template: Template | str, shape: Sequence[int] = (8, 8)) -> Analysis:
-    """Return what is known of a template's transients before they run.
+    """Return the properties of a template's transients before they run.
 
     Parameters
     ----------
@@ -184,7 +184,7 @@ def _condition(template: Template, shape: Shape, free: Spectrum) -> float:
 
 
 def _saturation(template: Template, found: Spectrum) -> str:
-    """Return what saturation does to the rates."""
+    """Return the effect of saturation on the rates."""
     output = template.output
     if output.linear:
         return "No cell saturates: the rates hold for every state."
@@ -213,7 +213,7 @@ def _largest(template: Template) -> float:
 
 
 def text(analysis: Analysis) -> list[tuple[str, str]]:
-    """Return the figures in words, as pairs of a name and what it says."""
+    """Return the figures in words, as pairs of a name and its text."""
 
     def rate(value: float) -> str:
         return "none is known" if math.isnan(value) else f"{value:.4g}"

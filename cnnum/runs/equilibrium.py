@@ -1,8 +1,8 @@
 """Whether a state at which an array seems to rest is an equilibrium that it keeps.
 
 Small rates are no proof: a state may pass a bottleneck, or leave a saddle, as slowly as one likes.
-Where the output is piecewise linear the array is linear around the state, dx/dt = −M (x − x*) with
-M = 1 − A over the cells that are not saturated, and there is one:
+Where the output is piecewise linear the array is linear around the state: dx/dt = −M (x − x*), with
+M = 1 − A over the cells that are not saturated. There is one:
 
 * no eigenvalue of M has a real part below 0, so that the array does not leave the equilibrium, and
 * x* lies where the same cells are saturated, so that it exists; how far it is off is known then.
@@ -146,7 +146,7 @@ class _Array:
         return _all(np.abs(self.rates) <= ROUNDINGS * epsilon * self.sizes)
 
     def dominated(self, tolerance: Floats) -> Flags:
-        """Return the frames that come nearer to an equilibrium within the tolerance, whatever."""
+        """Return the frames that are sure to come nearer to an equilibrium within the tolerance."""
         A, linear = self.template.A, self._within(1.0 + NEAR)
         middle = A.shape[-1] // 2
         own = np.einsum("llkk->lk", A)[:, middle].reshape(-1, 1, 1)

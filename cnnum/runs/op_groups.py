@@ -9,7 +9,7 @@ from cnnum.integrators.cost import FREE, work
 from cnnum.integrators.solver import Solver
 
 BYTES = 8
-"""Of a number: results are counted as float64, whatever the engine keeps them in."""
+"""Of a number: results are counted as float64, in engines of either precision."""
 
 
 @dataclass(frozen=True, slots=True)

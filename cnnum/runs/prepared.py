@@ -26,7 +26,7 @@ EXACT_TYPES = "df?"
 """Codes of number types whose values a frame holds as they are, if they are in its range."""
 
 MASK = 4
-"""Place of the fixed-state mask among what a run is given."""
+"""Place of the fixed-state mask among the arrays of a run."""
 
 PICTURE_TYPES = "df"
 """The same of a picture, which is no array of flags."""
@@ -51,7 +51,7 @@ def form_of(
         None where an argument takes a closer look: a list, a batch, several layers, or an option
         that cannot be compared.
     """
-    for option in asked[:2]:  # not compared by anything before it is known what they are
+    for option in asked[:2]:  # not compared before their types are known
         if not (option is None or isinstance(option, str | Real)):
             raise MethodError(
                 "A duration is a number or 'settle', and a method has a name, got "

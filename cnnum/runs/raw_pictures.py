@@ -52,7 +52,7 @@ def refuse_signed_mask(array: NDArray[np.floating]) -> None:
     Raises
     ------
     ArrayError
-        With what is meant here.
+        With the meaning of the argument here.
     """
     if array.size and float(array.min()) < 0.0:
         raise ArrayError(

@@ -73,8 +73,8 @@ def at_rest(
 def saturated(result: Result | None, template: Template, rtol: float, atol: float) -> Result | None:
     """Return the result of a run to equilibrium if all its cells are saturated, else None.
 
-    Such an array rests, whatever drives it, as `verdict` has it; most runs of a single frame end
-    here, and a closer look would take as long as they do.
+    Such an array rests under any drive, as `verdict` has it. Most runs of a single frame end here,
+    and a closer look would take as long as they do.
 
     Parameters
     ----------

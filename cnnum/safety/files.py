@@ -11,7 +11,7 @@ def write_whole(target: Path, content: bytes) -> None:
     Raises
     ------
     OSError
-        If the file cannot be written; whatever was there before still is.
+        If the file cannot be written; an older file is still there.
     """
     # in the same folder, because a rename is atomic only within one file system
     handle, name = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)

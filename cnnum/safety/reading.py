@@ -27,7 +27,7 @@ _FLAGS = (
 
 
 def names_something(path: Path) -> bool:
-    """Return whether there is anything of that name, whatever it is; never raises."""
+    """Return whether there is anything of that name, of any kind; never raises."""
     try:
         path.stat()
     except (OSError, ValueError):

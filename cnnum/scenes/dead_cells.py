@@ -47,7 +47,7 @@ class DeadCells:
         self._weights = np.array([_nearest_living(dead, place) for place in places])
 
     def without(self, frame: Frame) -> Frame:
-        """Return a frame whose dead taxels read 0, whatever came from them."""
+        """Return a frame whose dead taxels read 0."""
         values = frame.values.copy()
         values[self._rows, self._cols] = 0.0
         return replace(frame, values=values)

@@ -1,4 +1,4 @@
-"""Gaps of a stream as records of their own: what was missed is said when it is missed."""
+"""Gaps of a stream as records of their own: missed scans are said when they are missed."""
 
 from dataclasses import dataclass
 

@@ -10,8 +10,8 @@ PER_DECADE = 232
 class Histogram:
     """Counts positive numbers in bins 1 % wide, from 1e-9 to 1e6; those beyond in the end bins.
 
-    A quantile is the mean of the numbers in its bin, so within 1 % of the exact one, and exact
-    where all numbers of the bin are equal.
+    A quantile is the mean of the numbers in its bin. So it is within 1 % of the exact one, and
+    exact where all numbers of the bin are equal.
     """
 
     __slots__ = ("_counts", "_sums", "total")

@@ -31,8 +31,8 @@ class Texture:
 
     References
     ----------
-    Vásárhelyi 2007, (6.3), (6.4). The mean is over all T + 1 points from t − T to t (the print
-    has a sum), the deviation its unbiased estimate (over the points less one).
+    Vásárhelyi 2007, (6.3), (6.4). The mean is over all T + 1 points from t − T to t (the print has
+    a sum). The deviation is its unbiased estimate (over the points less one).
     """
 
     friction: Array

@@ -1,8 +1,8 @@
 """Simulated materials, rubbed over a bump: four surfaces as in Fig. 6.18 of the dissertation.
 
-A surface is a profile along the stroke. The round bump traces it as a stylus does (the envelope
-of its own circle), is pressed as a Hertz contact, and is pushed along by friction on the slope
-that it stands on; the taxel below adds its gains and noise.
+A surface is a profile along the stroke. The round bump traces it as a stylus does (the envelope of
+its own circle). It is pressed as a Hertz contact, and is pushed along by friction on the slope that
+it stands on; the taxel below adds its gains and noise.
 """
 
 from dataclasses import dataclass

@@ -24,8 +24,8 @@ class TemplateBatch:
     Parameters
     ----------
     template : Template
-        Gives what is left out, and all that is no weight: boundaries, start, duration, output.
-        Its couplings are linear, at once and constant in time.
+        Gives the numbers that are left out, and all that is no weight: boundaries, start, duration,
+        output. Its couplings are linear, at once and constant in time.
     A : (..., k, k) or (..., layers, layers, k, k) float, optional
     B : (..., k, k) or (..., layers, inputs, k, k) float, optional
     z, tau : (...) or (..., layers) float, optional

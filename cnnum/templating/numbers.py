@@ -15,7 +15,7 @@ Numbers = Mapping[str, Floats]
 
 
 def weights_of(template: Template) -> dict[str, Floats]:
-    """Return what weighs cells and inputs, and the bias.
+    """Return the weights of cells and inputs, and the bias.
 
     Returns
     -------

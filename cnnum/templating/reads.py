@@ -1,4 +1,4 @@
-"""What the couplings of a template read, and by how much they may change a rate.
+"""The maps that the couplings of a template read, and by how much they may change a rate.
 
 Engines and integrators ask here, so that a new kind of coupling answers here alone.
 """
@@ -30,7 +30,7 @@ def reads_inputs(template: Template) -> bool:
 
 
 def reads_inputs_around(template: Template) -> bool:
-    """Return whether any cell is driven by what its neighbours are given."""
+    """Return whether any cell is driven by its neighbours' inputs."""
     radius = template.B.shape[-1] // 2
     around = template.B.copy()
     around[..., radius, radius] = 0.0

@@ -18,8 +18,9 @@ class FixedSize:
     """The format of a descriptor whose cells are binary.
 
     A packet with a check is believed by its check. One without is believed if the next packet's
-    header stands where it must, or its own tail and that of the packet before or after do. Where a
-    check of one byte, or none, leaves a choice among beginnings that overlap, more packets decide.
+    header stands where it must. It is also believed if its own tail and that of the packet before
+    or after do. Where a check of one byte, or none, leaves a choice among beginnings that overlap,
+    more packets decide.
 
     Attributes
     ----------

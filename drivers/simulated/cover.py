@@ -96,8 +96,8 @@ def bumpy_influence(
 ) -> Floats:
     """Return the same for a cover with a hemispherical bump above every taxel.
 
-    The model: only bumps are touched. Each takes the whole load of its pitch square, and hands
-    it on to the layer below as a uniform traction on the bump's round foot.
+    The model: only bumps are touched. Each takes the whole load of its pitch square. It hands it on
+    to the layer below as a uniform traction on the bump's round foot.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """The flat cover as a layer on a rigid base, for the same taxels and cells as `cover`.
 
-A layer is the half-space and the effect of its base. The half-space's part is known in closed
-form for a whole cell; the base's is as smooth as if its load were a thickness farther away, so
-that a table over the distance and a few points a cell give it.
+A layer is the half-space and the effect of its base. The half-space's part is known in closed form
+for a whole cell; the base's is as smooth as if its load were a thickness farther away. So a table
+over the distance and a few points a cell give it.
 """
 
 from itertools import product

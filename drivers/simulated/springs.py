@@ -1,10 +1,10 @@
 """Friction between a sphere and the cover, with its whole history.
 
 A sphere on an elastic half-space is the same as a row of independent springs (the method of
-dimensionality reduction): one at each distance s from the centre, with a shear deflection u(s)
-and a twist F(s) of its own, each of which slips at its own limit. Under a force that only grows
-this is Cattaneo and Mindlin's solution, under a torque Lubkin's, exactly; under any other
-history, Jäger's. The tractions on the surface follow by Abel's transform::
+dimensionality reduction): one at each distance s from the centre. Each has a shear deflection u(s)
+and a twist F(s) of its own, which slip at limits of their own. Under a force that only grows this
+is Cattaneo and Mindlin's solution, under a torque Lubkin's, exactly; under any other history,
+Jäger's. The tractions on the surface follow by Abel's transform::
 
     q(ρ) = -(1/π) ∫ G* u'(s) / √(s² - ρ²) ds,    τ(ρ) = -(4Gρ/π) ∫ F'(s) / √(s² - ρ²) ds
 
@@ -13,7 +13,7 @@ from ρ to a, and the limits are those whose transform is friction times Hertz's
     u_lim(s) = μ E*/G* (a² - s²)/R,              F_lim(s) = μ p₀/(2G) (K(k) - E(k)), k² = 1 - s²/a²
 
 Where shear and twist act together each spring keeps (u/u_lim)² + (F/F_lim)² ≤ 1. Each limit is
-exact alone; the mixture is a model: friction turns towards the sliding direction as it should, but
+exact alone; the mixture is a model: friction turns towards the sliding direction as it should. But
 in sliding and turning at once force and torque may be off by a third of their limits.
 
 References

@@ -13,8 +13,8 @@ SLIP_SPEED = 0.1e-3
 """m/s: below it a movement over the cover is creep, not slip."""
 
 SLIP_SHARE = 0.5
-"""Share of μP that the shear force has at least in gross slip. Sliding alone has all of it; what
-moves with less is a turning or vanishing contact that lets a locked-in deflection go."""
+"""Share of μP that the shear force has at least in gross slip. Sliding alone has all of it. A
+turning or vanishing contact that lets a locked-in deflection go moves with less."""
 
 
 def truth_of(springs: Springs, state: State, turned: float, turn: float, rate: float) -> Truth:

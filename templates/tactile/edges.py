@@ -9,8 +9,8 @@
 
 Under a flat body the load ends within a cell; a sphere's pressure fades out over its radius. So the
 question is which share of the fall, from within the rim to outside, a single cell takes. A uniform
-load that ends between two cells takes ¾ of it on average over places, and a rigid flat punch, whose
-load rises towards its rim, more. Feedback is in the diffusion and in the bistable cells.
+load that ends between two cells takes ¾ of it on average over places. A rigid flat punch, whose
+load rises towards its rim, takes more. Feedback is in the diffusion and in the bistable cells.
 """
 
 from collections.abc import Mapping

@@ -30,8 +30,8 @@ def grasp_code(
 ) -> Mapping[str, Field]:
     """The state of a grasp by the signs of the shear under two fingers.
 
-    In the grasp's axes, which are the first finger's, shear has a part that both fingers share
-    (the object moves) and the opposite part (they are pressed against each other).
+    The grasp's axes are the first finger's. Shear has a part that both fingers share there (the
+    object moves), and the opposite part (they are pressed against each other).
 
     * slip: both fingers are pulled the same way, all taxels of a finger alike;
     * tilt: pulled opposite ways: the object turns about an axis across the fingers;

@@ -34,9 +34,9 @@ def surface_load(
     """Tractions all over the surface, any number of contacts at once.
 
     Detail below the noise is left out: the answer is smeared over the width of its point response.
-    A uniform pressure makes no strain in an incompressible half-space, so that a pressure is seen
-    by its edges, and the fit to them stands on a ground below 0. Nothing pulls where nothing
-    touches: in each round the part below 0 is taken off, and the rest of the strain fitted anew.
+    A uniform pressure makes no strain in an incompressible half-space. So a pressure is seen by its
+    edges, and the fit to them stands on a ground below 0. Nothing pulls where nothing touches: in
+    each round the part below 0 is taken off, and the rest of the strain fitted anew.
 
     Parameters
     ----------

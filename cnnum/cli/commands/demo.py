@@ -32,8 +32,8 @@ def command(
     """Run the scene that comes with the package, and write an HTML report of it.
 
     A sphere is pressed on a simulated 8×8 three-axial array, pulled until it slips, twisted and
-    released. The report shows the frames, the events and the ground truth, the operations the plan
-    leaves out, and the error of the templates against their run time.
+    released. The report shows the frames, the events, the ground truth, and the operations that the
+    plan leaves out. It also shows the error of the templates against their run time.
     """
     if not out.parent.is_dir():
         raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")

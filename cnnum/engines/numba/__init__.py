@@ -2,7 +2,7 @@
 
 It shares graphs, tableaux and the choice of methods with the other engines, and none of their
 neighbourhood code: local arithmetic runs in NumPy over a whole batch, transients in compiled
-functions that take any template as lists of taps, so that nothing is compiled for a template.
+functions. These take any template as lists of taps, so that nothing is compiled for a template.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """One transient, compiled: generic in the template, whose couplings come as lists of taps.
 
-Nothing is summed in an order that depends on the number of threads, so that a frame gives the same
-bits alone, in any batch, and on any number of cores.
+No order of a sum depends on the number of threads. So a frame gives the same bits alone, in any
+batch, and on any number of cores.
 """
 
 from typing import Any

@@ -2,7 +2,7 @@
 
 Numba's own cache trusts its files: a damaged file of it ends every run, and two processes that
 compile at once can mix up their files. Here each compiled form of a function is an entry of the
-cache of cnnum, found by all that it depends on, and used only if it is whole.
+cache of cnnum. It is found by all that it depends on, and used only if it is whole.
 """
 
 import hashlib

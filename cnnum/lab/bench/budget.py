@@ -16,8 +16,8 @@ def shared_out(
 ) -> Iterator[Row | str | None]:
     """Yield the rows of all cases, as they are measured.
 
-    A case may take an equal share of the time that is left, so that the rest of one is
-    there for those that follow, and an overrun of one is shared by all of them.
+    A case may take an equal share of the time that is left. So the cases that follow get the rest
+    of a short one, and share the overrun of a long one.
 
     Parameters
     ----------

@@ -66,7 +66,7 @@ class Race:
     name : str
     work : Work
     wanted : float or None
-        Relative error to be met by whatever method is quickest; None runs the same Euler steps.
+        Relative error to be met by the quickest method; None runs the same Euler steps.
     pictures : int
         Frames of the work; a peer takes them one by one.
     """

@@ -252,7 +252,7 @@ def rate_beside_one(
 ) -> float:
     """Return the rate of frames with a template each over that of frames with one, in turns.
 
-    It is that of the steps alone: what more steps of the same launch take.
+    It is that of the steps alone: the time of more steps in the same launch.
     """
     own, one = (run_of(engine, template, maps, step, own=each) for each in (True, False))
     for run in (own, one):

@@ -1,1 +1,1 @@
-"""What programs cost on a microcontroller, at which error: exports, counts and event scores."""
+"""Costs of programs on a microcontroller, and their errors: exports, counts, event scores."""

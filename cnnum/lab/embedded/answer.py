@@ -9,7 +9,7 @@ from cnnum.lab.embedded.costs import CostRow
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What a program may cost and lose.
+    """Bounds on a program's cost and loss.
 
     Attributes
     ----------

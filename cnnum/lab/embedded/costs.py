@@ -1,4 +1,4 @@
-"""What a program costs on a microcontroller, at which precision, and what that loses."""
+"""The cost of a program on a microcontroller by precision, and the loss of each."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -45,7 +45,7 @@ def missing_tools() -> tuple[str, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Counted:
-    """What frames took.
+    """The cost of frames.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ class Board:
         return {one.name: int(one["st_value"]) for one in table.iter_symbols()}
 
     def _bytes_of(self, *, written: bool) -> int:
-        """Return the bytes of sections that are loaded: what is written to, or what is not."""
+        """Return the bytes of sections that are loaded: the writable ones, or the others."""
         total = 0
         for section in self.sections.iter_sections():
             flags, name = section["sh_flags"], section.name

@@ -1,4 +1,4 @@
-"""What a precision loses: error against the reference engine, flags that differ, and events."""
+"""Losses of a precision: error against the reference engine, flags that differ, events."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -112,14 +112,14 @@ def score(
     request : Request
     engine : Engine
     advance : callable
-        Called with the name of whatever is done.
+        Called with the name of each finished trial.
     gathered : Gathered, optional
         Takes in the scenes and trials as they come: a stopped run has its figures from them.
 
     Raises
     ------
     CnnumError
-        Whatever is wrong with a scene, a trial or the device.
+        From a scene, a trial or the device.
     """
     made, gathered = list[Table](), gathered or Gathered()
     if "families" in request.suites:

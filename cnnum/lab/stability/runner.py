@@ -64,7 +64,7 @@ def run(
 
 
 def _end(pool: ProcessPoolExecutor) -> None:
-    """End the process of a pool, in whatever it is."""
+    """End the process of a pool, amid its work."""
     for process in list(pool._processes.values()):  # there is no other way to it
         process.kill()
     pool.shutdown(wait=False, cancel_futures=True)

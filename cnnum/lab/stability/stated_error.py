@@ -5,8 +5,8 @@
 
 The sample is that of `followed_steps`: one layer or two with their own time constants, radius 1 or
 2, every output and boundary, feedback that contracts or decides. Each network is run for its time
-with `method="auto"`, by steps or exactly, and up to a rest where its output is bounded, whether it
-ever rests or not.
+with `method="auto"`, by steps or exactly. Where its output is bounded it is also run up to a rest,
+even if it never rests.
 """
 
 import sys
@@ -28,7 +28,7 @@ SMALL = 1e-8
 """True errors below it are no measure of how loose an estimate is."""
 
 Judged = tuple[str, Floats, Floats]
-"""What was run, the stated errors of a batch, and the true ones."""
+"""Name of a run, the stated errors of a batch, and the true ones."""
 
 
 def judged(engine: Engine, known: Known) -> Iterator[Judged]:

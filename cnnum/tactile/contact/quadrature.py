@@ -22,11 +22,11 @@ def cell_average(
 ) -> Array:
     """Return the averages over the cells of a field that lives inside a circle.
 
-    Each cell is cut by the circle, its sides are set to x = a sin φ, y = √(a² - x²) sin θ,
-    which takes a root (or its inverse) at the rim out of the integrand, and the rest is
-    summed by Gauss points between the places where the circle crosses the cell. A field that
-    is smooth inside comes back to about 1e-8 of its peak, and so does the total load; a kink
-    inside leaves some 1e-3 in the cells that it crosses.
+    The circle cuts each cell, whose sides are set to x = a sin φ, y = √(a² - x²) sin θ. This takes
+    a root (or its inverse) at the rim out of the integrand. The rest is summed by Gauss points
+    between the places where the circle crosses the cell. A field that is smooth inside comes back
+    to about 1e-8 of its peak, and so does the total load; a kink inside leaves some 1e-3 in the
+    cells that it crosses.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Cell averages of a circumferential traction, from line integrals along the cells' edges.
 
-A traction τ(ρ) around the centre is the curl of Φ(ρ), the integral of τ from ρ to the rim:
-q = (∂Φ/∂y, -∂Φ/∂x). So a cell's average needs Φ on its edges alone, each edge serves two
-cells, and the sum over all cells, a net force, is zero to rounding.
+A traction τ(ρ) around the centre is the curl of Φ(ρ), the integral of τ from ρ to the rim: q =
+(∂Φ/∂y, -∂Φ/∂x). So a cell's average needs Φ on its edges alone, and each edge serves two cells. The
+sum over all cells, a net force, is zero to rounding.
 """
 
 from collections.abc import Callable

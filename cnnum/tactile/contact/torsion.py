@@ -1,8 +1,8 @@
 """A sphere twisted about its normal: stuck (Reissner-Sagoci) and with partial slip (Lubkin).
 
-While a torque grows, the outer ring slides and the inner disc of radius t turns as a whole, so
-each step adds the stuck disc's traction ρ/√(t² - ρ²) with some weight g(t), t shrinking from a
-to c. That the ring carries μp is Abel's equation for g, and its solution is
+While a torque grows, the outer ring slides and the inner disc of radius t turns as a whole. So each
+step adds the stuck disc's traction ρ/√(t² - ρ²) with some weight g(t), t shrinking from a to c.
+That the ring carries μp is Abel's equation for g, and its solution is
 
     g(t) = (2μp₀/π) E(√(1 - t²/a²)) / t,    E the complete elliptic integral.
 

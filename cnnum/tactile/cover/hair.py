@@ -18,12 +18,11 @@ RINGS, SPOKES = 16, 24
 class HairCover:
     """A rigid rod from the taxel up to just below the surface; see `protocol.Cover`.
 
-    The model is statics: the rod takes the traction that the flat cover has on the plane of its
-    top face, and hands force and moment on to its foot on the taxel, where pressure is linear
-    and shear uniform. The load on its side is left out, and so is the stress that its stiffness
-    draws. A shear force on top thus presses one side of the foot and lifts the other: the
-    difference that a three-axial taxel reads as shear. Taxels outside the foot see the flat
-    cover.
+    The model is statics: the rod takes the traction that the flat cover has on the plane of its top
+    face. It hands force and moment on to its foot on the taxel, where pressure is linear and shear
+    uniform. The load on its side is left out, and so is the stress that its stiffness draws. A
+    shear force on top thus presses one side of the foot and lifts the other: the difference that a
+    three-axial taxel reads as shear. Taxels outside the foot see the flat cover.
 
     Attributes
     ----------

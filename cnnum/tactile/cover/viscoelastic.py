@@ -1,8 +1,8 @@
 """Covers that creep: the standard linear solid, sample by sample and exact.
 
 Elastic–viscoelastic correspondence: where Poisson's ratio does not change in time (rubber stays
-incompressible), the stress under given tractions is the elastic one, and the strain is the
-elastic strain of each instant run through the creep of the material.
+incompressible), the stress under given tractions is the elastic one. The strain is the elastic
+strain of each instant, run through the creep of the material.
 """
 
 import math

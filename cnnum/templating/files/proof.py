@@ -71,7 +71,7 @@ class Proof:
 
 
 def read_proof(file: str, key: str, value: object) -> Proof:
-    """Return what the table [proof] says.
+    """Return the proof that the table [proof] states.
 
     Raises
     ------

@@ -70,9 +70,9 @@ class Times:
 def read_out_times(depth: float, shape: tuple[int, int], tolerance: float) -> Times:
     """Return times for a cover `depth` cells thick on an array of that shape.
 
-    They span the range where weights and the slowest wave are above the tolerance, and
-    lie as close as it takes to keep every filter within it on all waves of the lattice. The mean,
-    which never fades, is known without.
+    They span the range where weights and the slowest wave are above the tolerance. They lie as
+    close as it takes to keep every filter within it on all waves of the lattice. The mean, which
+    never fades, is known without.
 
     Raises
     ------

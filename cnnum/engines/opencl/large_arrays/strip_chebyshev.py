@@ -1,10 +1,10 @@
 """One of Chebyshev's steps, strip by strip: as many levels as its length needs.
 
 Level 0 makes Y₁ of Y₀ = x; level j makes Y_{j+1} in the place of Y_{j−1}; level s judges Y_s, and
-leaves its rates in the place of Y_{s−1}. So two arrays hold the states of all stages, those of even
-number and those of odd, and two more hold the begin of a step. A step that is taken over
-changes which array is which. That, how many stages there are and with what coefficients stands in
-an array that the plan's body sets.
+leaves its rates in the place of Y_{s−1}. So two arrays hold the states of the stages of even and of
+odd number. Two more hold the begin of a step. A step that is taken over changes which array is
+which. That, how many stages there are and with what coefficients stands in an array that the plan's
+body sets.
 """
 
 from dataclasses import replace

@@ -1,7 +1,7 @@
 """Euler's steps of large arrays that keep states alone: outputs are made as states are read.
 
-A step then reads and writes half as much. Of the rows of a block a vector's neighbours are kept in
-registers from one vector to the next, so that each state is read, and its output made, once.
+A step then reads and writes half as much. Neighbours of a vector in the rows of a block stay in
+registers from one vector to the next. So each state is read, and its output made, once.
 """
 
 from cnnum.engines.opencl import ir

@@ -1,8 +1,8 @@
 """A stage of a step on the cells of a strip: a few sums, each kept in an array.
 
-With d = (h/τ)(w + A ∗ f(s) − s), s the state of the stage, an explicit Runge–Kutta method's next
-state is x + Σ_j a_ij d_j, and the step ends at x + Σ_i b_i d_i. Every such sum is kept from its
-first term on, so that no d outlives its stage. Exponential steps are sums of this form too.
+Let s be the state of a stage, and d = (h/τ)(w + A ∗ f(s) − s). An explicit Runge–Kutta method's
+next state is x + Σ_j a_ij d_j, and the step ends at x + Σ_i b_i d_i. Every such sum is kept from
+its first term on, so that no d outlives its stage. Exponential steps are sums of this form too.
 """
 
 from dataclasses import dataclass

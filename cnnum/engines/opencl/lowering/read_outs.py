@@ -1,8 +1,8 @@
 """A small array's read-outs, such as sums: several chains side by side.
 
-A sum that runs through the cells one by one waits four cycles for each of them, and as compilers
-may not change its order, they work out all that shares its loop one cell at a time. Every kernel of
-a plan sums up in the same order, so that a frame's results do not depend on its neighbours.
+A sum that runs through the cells one by one waits four cycles for each of them. Compilers may not
+change its order, so they work out all that shares its loop one cell at a time. Every kernel of a
+plan sums up in the same order, so that a frame's results do not depend on its neighbours.
 """
 
 from cnnum.engines.opencl import ir

@@ -1,7 +1,7 @@
 """Euler's steps of a single small frame: each row of the array is one vector.
 
-Neighbours in a row are the same vector with its components moved along, so that nothing is
-written to memory, and read back at another place, between the steps.
+Neighbours in a row are the same vector with its components moved along. So nothing is written to
+memory, and read back at another place, between the steps.
 """
 
 from collections.abc import Sequence

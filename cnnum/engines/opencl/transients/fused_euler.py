@@ -2,7 +2,7 @@
 
     x⁺ = (1 − h/τ) x + (h/τ) w + Σ (h/τ) a y
 
-Weights come with h/τ in them, w is scaled once, and new outputs go to a second padded array, so
+Weights come with h/τ in them, and w is scaled once. New outputs go to a second padded array, so
 that a step is one sweep. Every output that is loaded is added to all cells that it is a neighbour
 of while it is in a register.
 """

@@ -1,1 +1,1 @@
-"""What a device itself can do: its peak of multiply-adds, its bandwidth, and an empty launch."""
+"""The limits of a device: its peak of multiply-adds, its bandwidth, and an empty launch."""

@@ -48,7 +48,7 @@ BINARY = ("DETECTION", "INVERSION")
 
 
 def tasks(*, signals: bool) -> list[Task]:
-    """Return celnn's own templates with what they make of a random picture, or of a signal.
+    """Return celnn's own templates with their answers to a random picture, or to a signal.
 
     Parameters
     ----------

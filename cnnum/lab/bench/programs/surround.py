@@ -1,6 +1,6 @@
 """Surround inhibition by closed forms: `python -m cnnum.lab.bench.programs.surround`.
 
-How far a bar lowers the reading of another one next to it (Love), and how far strain around a point
+How far a bar lowers the reading of another one next to it (Love). How far strain around a point
 load rises against the sign of its peak (Boussinesq).
 """
 

@@ -97,7 +97,7 @@ def _hertz(load: float) -> Case:
 
 
 def _partial_slip(friction: float) -> Case:
-    """At half of the sliding force the stick radius is a (1/2)^⅓, whatever the friction."""
+    """At half of the sliding force the stick radius is a (1/2)^⅓, at any friction."""
 
     def value() -> Floats:
         found = contact.hertz(1.0, 1e-2, E)

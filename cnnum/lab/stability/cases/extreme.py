@@ -105,7 +105,7 @@ def _edges(shape: tuple[int, int]) -> Case:
 
 
 def _mean(shape: tuple[int, int]) -> Case:
-    """Diffusion keeps the mean, whatever the shape."""
+    """Diffusion keeps the mean, in arrays of any shape."""
     d = 0.2
     A = [[0.0, d, 0.0], [d, 1.0 - 4.0 * d, d], [0.0, d, 0.0]]
     template = Template("heat", A, boundary="zero-flux", duration=5.0)
@@ -198,7 +198,7 @@ def _rim_alone() -> Case:
 
 
 def _huge_mask() -> Case:
-    """Where a mask holds all cells nothing moves, whatever drives them."""
+    """Where a mask holds all cells nothing moves, under any drive."""
     start = np.linspace(-0.9, 0.9, 64).reshape(8, 8)
     hole = get_template("HOLE")
     held = np.ones((8, 8), dtype=bool)

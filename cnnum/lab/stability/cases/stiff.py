@@ -81,7 +81,7 @@ def _chain(ratio: float, method: str = "auto") -> Case:
         f"one layer saturates and drives another that is {ratio:g} times as fast",
         solve,
         truth,
-        # steps of a given length are as long as half of the stable length, whatever their error
+        # steps of a given length are half of the stable length, at any error
         *((0.3, 0.3) if fixed else (3e-4, 3e-4)),
         "steps of half the stable length bound nothing but growth"
         if fixed

@@ -1,7 +1,7 @@
 """Diffusion that stops at steps, on dominoes: two cells that exchange, steps all around them.
 
-With d(v) = −r(1 − |v|/w) within |v| < w and 0 beyond, the difference v of the two cells follows
-v' = 2d(v)v, which is the logistic equation in |v|/w; their sum stays.
+Let d(v) = −r(1 − |v|/w) within |v| < w, and 0 beyond. The difference v of the two cells follows v'
+= 2d(v)v, the logistic equation in |v|/w; their sum stays.
 """
 
 import numpy as np
