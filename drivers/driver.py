@@ -75,7 +75,7 @@ class Driver(Protocol):
 
     @property
     def unit(self) -> str:
-        """Unit of the values: "count", "V"…"""
+        """Unit of the values, as "count" or "V"."""
         ...
 
     @property

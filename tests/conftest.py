@@ -92,7 +92,7 @@ def opencl() -> Engine:
 
 
 class Faults:
-    """What a test tried, and what was lost beyond what is promised."""
+    """The trials of a test, and its losses beyond those that are allowed."""
 
     full = FULL
 

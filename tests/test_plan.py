@@ -1,4 +1,4 @@
-"""Plans: shapes, batches, what is refused, and what they say of themselves."""
+"""Plans: shapes, batches, refusals, and their descriptions of themselves."""
 
 import numpy as np
 import pytest
@@ -77,7 +77,7 @@ def test_explanation_counts_what_runs_and_what_does_not(opencl):
 
 
 def explained(body, shape=(4, 5)):
-    """Return what the reference engine would run for a program of one output."""
+    """Return the reference engine's explanation of a program of one output."""
     program = cnnum.Program(lambda frame: {"a": body(frame)}, "explained")
     return cnnum.Engine("reference").compile(program, shape).explain()
 
@@ -200,7 +200,7 @@ def test_all_transients_of_a_program_run_by_the_method_that_is_asked_for():
     assert {solver.method for solver in exact.solvers.values()} == {"propagator"}
     assert {solver.method for solver in steps.solvers.values()} == {"dormand-prince"}
     got, true = steps(frame), exact(frame)
-    # errors of 1e-8 a step; the Laplacian's weights take eight times those of what it sees
+    # errors of 1e-8 a step; the Laplacian's weights take eight times those of its map
     assert max(float(np.abs(got[name] - true[name]).max()) for name in true) < 1e-6
     with pytest.raises(MethodError, match="outside the stability bound"):
         engine.compile(both, (6, 6), method="euler", dt=50.0)

@@ -49,7 +49,7 @@ class Field:
 
     @property
     def maps(self) -> int:
-        """How many maps it is: more than one in a stack."""
+        """Number of maps, more than one in a stack."""
         return self._node.maps
 
     def __bool__(self) -> NoReturn:

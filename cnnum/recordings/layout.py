@@ -84,7 +84,7 @@ class Layout:
 
     @property
     def message(self) -> np.dtype[np.void]:
-        """A message in its chunk, byte by byte: header of the record, then CDR."""
+        """A message in its chunk, byte by byte; header of the record, then CDR."""
         fields: list[tuple[Any, ...]] = [
             ("opcode", "u1"),
             ("length", "<u8"),

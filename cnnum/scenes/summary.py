@@ -54,7 +54,7 @@ class Summary:
 
     @property
     def skipped(self) -> int:
-        """Scans that were not wanted: older than the newest, repeats, those that a stop cut off."""
+        """Scans that were not wanted, as older ones, repeats, and those that a stop cut off."""
         cut_off = self.frames - self.handed_on - self.refused - self.repeated
         return self.counters.skipped + self.repeated + cut_off + self.counters.waiting
 

@@ -82,7 +82,7 @@ class OutputFunction:
 
     @property
     def physics(self) -> tuple[object, ...]:
-        """All that changes a run: of the house's own, the name says it."""
+        """All that changes a run; of the house's own, the name says it."""
         if OUTPUT_FUNCTIONS.get(self.name) is self:
             return (self.name,)
         kind = (self.linear, self.limited, self.discrete, self.slope, self.smooth)

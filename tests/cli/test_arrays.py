@@ -1,4 +1,4 @@
-"""`cnnum probe`, `record` and `replay`: what an array sends, kept and given back."""
+"""`cnnum probe`, `record` and `replay`: an array's frames, kept and given back."""
 
 import csv
 import os
@@ -99,7 +99,7 @@ def test_probe_of_a_port_counts_what_is_lost(call, records, tmp_path):
     sent[20] = sent[20][:-30] + bytes([sent[20][-30] ^ 0xFF]) + sent[20][-29:]
     master, slave = os.openpty()
     tty.setraw(slave)
-    # what came before the port was opened is thrown away, so the array sends until it is heard
+    # bytes before the port was opened are thrown away, so the array sends until it is heard
     done = []
 
     def send() -> None:

@@ -1,4 +1,4 @@
-"""`cnnum bench all`: benchmarks of a row or none, and what becomes of the others."""
+"""`cnnum bench all`: benchmarks of a row or none, and the fate of the others."""
 
 import json
 
@@ -20,7 +20,7 @@ def benchmark(measured):
     @click.option("--frames", default=7)
     @bench._options
     def run(frames, device, quick, out, as_json):
-        assert frames == 7  # what is not given has its own default
+        assert frames == 7  # options that are not given have their own defaults
         return bench._report("compile", measured(), None, "a device", out, as_json)
 
     return run

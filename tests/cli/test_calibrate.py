@@ -35,7 +35,7 @@ def test_known_sensitivities_come_back(call, scan, tmp_path):
     done = call("calibrate", scan, "--youngs-modulus", E, "--out", out, "--json")
     assert done.exit_code == 0, done.output
     record = json.loads(done.stdout)
-    # exact data: what is left is the search for the depth, to 1e-6 of it
+    # exact data: the search for the depth leaves 1e-6 of it
     assert record["depth"] == pytest.approx(DEPTH, rel=1e-4)
     assert record["alpha_normal"] == pytest.approx(ALPHA_N, rel=1e-3)
     assert record["beta_ns"] == pytest.approx(BETA, rel=1e-3)

@@ -12,7 +12,7 @@ SHORT = (
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Two templates instead of the library: what is measured of each is the same."""
+    """Two templates instead of the library: each is measured alike."""
     monkeypatch.setattr(demo_report, "template_names", lambda: ("EDGE", "smooth"))
     monkeypatch.setattr(demo_report, "LADDERS", ("tactile_diffusion",))
 
@@ -27,7 +27,7 @@ def test_events_report_and_summary(call, records, quick, tmp_path):
     assert (summary["kind"], summary["report"]) == ("summary", str(path))
     page = path.read_text()
     assert page.lstrip().lower().startswith("<!doctype html>")
-    # what is measured besides the scene is in it
+    # figures of templates are in it, too
     assert all(name in page for name in ("EDGE", "smooth", "tactile_diffusion", "reference"))
     assert [item.name for item in tmp_path.iterdir()] == ["tap.html"]
 

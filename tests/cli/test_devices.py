@@ -1,4 +1,4 @@
-"""`cnnum devices`: what is measured stands to reason."""
+"""`cnnum devices`: the measured figures stand to reason."""
 
 import pytest
 

@@ -219,7 +219,7 @@ def chosen(frame):
 
 
 def test_an_embedded_engineer(hour, tmp_path):
-    """With a driver of their own: what it costs, before any hardware is chosen."""
+    """With a driver of their own: its cost, before any hardware is chosen."""
     wrong = hour.mistakes_a_command
     (tmp_path / "pad.py").write_text(DRIVER)
     scene = 'wants = ["contact"]\n[array]\ndriver = "pad:Options"\n[program]\nname = "contact"\n'

@@ -1,4 +1,4 @@
-"""Tables of commands: a number is whole or not there, and what is not there is named."""
+"""Tables of commands: a number is whole or not there, and a missing one is named."""
 
 import json
 import shlex
@@ -50,7 +50,7 @@ ROWS = {"scenes": scene, "throughput": rate, "peers": peer}
 
 
 def printed(name, capsys, found=None):
-    """The lines of a benchmark's table, above what it left out."""
+    """The lines of a benchmark's table, above the cases left out."""
     rows = [ROWS[name](case) for case in ("small", LONG)] if found is None else found
     assert bench._report(name, rows, None, "a device", None, False) == 0
     return capsys.readouterr().out.split("Left out:")[0].splitlines()
@@ -98,7 +98,7 @@ def test_a_terminal_gets_whole_numbers_or_the_names_of_columns(name, columns, ca
     assert any(line.lstrip().startswith("8×8×3") for line in shown)
     for key, value in values(name).items():
         assert key in told or set(value.split()) <= words, (key, value)
-    # what is folded is a header, and it is there whole
+    # a folded text is a header, and it is there whole
     for key in values(name):
         parts = set(key.split("_"))
         seen = {piece for word in words for piece in word.split("_")}

@@ -131,7 +131,7 @@ def test_one_sentence_in_python(name):
 
 
 def test_a_refused_picture_runs_as_one():
-    """What the sentence proposes gives what was meant: 64 black cells of 256."""
+    """The sentence proposes a call that gives the right answer: 64 black cells of 256."""
     engine = cnnum.Engine("numba")
     for pixels in (RING > 0, LEVELS.astype(np.uint8)):
         result = engine.run(HOLE, input=cnnum.as_picture(pixels))

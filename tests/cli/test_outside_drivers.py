@@ -1,4 +1,4 @@
-"""Drivers without a fork: a module beside the scene, or an entry point of a package."""
+"""Drivers without a fork: a module next to the scene, or an entry point of a package."""
 
 import re
 import sys

@@ -1,4 +1,4 @@
-"""Own data on the command line: what replay reads, and what it refuses to guess."""
+"""Own data on the command line: files that replay reads, and guesses that it refuses."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""`cnnum recover`: whole recordings of what is left, and never one over another."""
+"""`cnnum recover`: whole recordings of the frames left, and never one over another."""
 
 import csv
 

@@ -148,7 +148,7 @@ def start(*arguments: object, **streams: object) -> subprocess.Popen:
     code = "import signal as s, runpy; s.signal(s.SIGINT, s.default_int_handler); "
     code += "s.signal(s.SIGHUP, s.SIG_DFL); "
     code += "runpy.run_module('cnnum', run_name='__main__', alter_sys=True)"
-    # as users have it: what is written waits in a buffer
+    # as users have it: output waits in a buffer
     environment = {key: value for key, value in os.environ.items() if key != "PYTHONUNBUFFERED"}
     return subprocess.Popen(
         [sys.executable, "-c", code, *map(str, arguments)], text=True, env=environment, **streams

@@ -1,4 +1,4 @@
-"""A signal never breaks into what is shielded, and is not lost either."""
+"""A signal never breaks into shielded work, and is not lost either."""
 
 import signal
 

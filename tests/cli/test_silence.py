@@ -1,4 +1,4 @@
-"""No silence: what takes its time says so, and what is stopped says how far it came."""
+"""No silence: long work says so, and a stopped command says how far it came."""
 
 import json
 import os
@@ -44,7 +44,7 @@ def on_a_terminal(arguments, until):
 
 
 def test_compiling_is_said_at_once():
-    """Within half a second on a machine at rest; three here, as others work beside it."""
+    """Within half a second on a machine at rest; three here, as others work on it, too."""
     text, seconds = on_a_terminal(["run", "demo", "--engine", "numba"], "compiling…")
     assert "compiling…" in text
     assert seconds < 3.0
@@ -53,7 +53,7 @@ def test_compiling_is_said_at_once():
 def test_a_second_start_prints_its_first_event_soon(tmp_path):
     """Within 1.5 s on a machine at rest, most of it processor time; twice that here.
 
-    What was heavy was the import of these parts of SciPy, for a scene that calls none of them.
+    The import of these parts of SciPy was heavy, for a scene that calls none of them.
     """
     command = [sys.executable, "-X", "importtime", "-m", "cnnum", "run", "demo", "--frames", "99"]
     place = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPYCACHEPREFIX": str(tmp_path)}

@@ -1,4 +1,4 @@
-"""`cnnum templates`: what it lists, shows and checks."""
+"""`cnnum templates`: its lists, tables and checks."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is wrong with the input is said in one sentence on standard error, with exit code 2."""
+"""Faults of the input are said in one sentence on standard error, with exit code 2."""
 
 import pytest
 

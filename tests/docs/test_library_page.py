@@ -1,4 +1,4 @@
-"""The page of the template library says what the template files say."""
+"""The page of the template library agrees with the template files."""
 
 import importlib.util
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What the README and the docs show is run as it stands."""
+"""The examples of the README and the docs run as they stand."""
 
 import re
 from pathlib import Path
@@ -15,7 +15,7 @@ BLOCKS = [
 
 QUICKER = {"side, runs = 1024, 6": "side, runs = 24, 2"}
 """Of code that times itself: a small array, and once more than the first run. That it runs is asked
-here; what large arrays are stepped by, test_large_couplings.py builds and runs."""
+here; test_large_couplings.py builds and runs the steps of large arrays."""
 
 
 def test_code_that_is_run_quicker_is_there():

@@ -30,7 +30,7 @@ class Device:
         self._plugged = True
 
     def write(self, data: bytes) -> None:
-        """Write from a thread, once the port is open: opening empties what came before."""
+        """Write from a thread, once the port is open: opening drops earlier bytes."""
         self._start(lambda: write_all(self.master, data))
 
     def serve(self, sent: list[Frame], rate: float) -> None:

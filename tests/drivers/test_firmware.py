@@ -1,4 +1,4 @@
-"""The reference firmware in C: what it sends is what the decoder reads."""
+"""The reference firmware in C: the decoder reads the packets that it sends."""
 
 import shutil
 import subprocess

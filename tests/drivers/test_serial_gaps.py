@@ -1,4 +1,4 @@
-"""What a run says of an unplug: every scan is accounted for, and events carry the gap."""
+"""A run's report of an unplug: every scan is accounted for, and events carry the gap."""
 
 import json
 import logging

@@ -29,7 +29,8 @@ def test_every_cell_of_a_square_loads_its_bump() -> None:
 
 
 def test_pressure_reads_nearly_as_under_an_even_foot() -> None:
-    """The two models share the force; how the foot spreads it tells at depth by tens of percent."""
+    """The two models share the force; the foot's spread of it counts at depth by tens of
+    percent."""
     fem, even = bumps_fem_influence(LAYOUT, *COVER), bumpy_influence(LAYOUT, *COVER)
     below = [table[1, 1, 12, 12, 2, 2] for table in (fem, even)]
     beside = [table[1, 1, 12, 17, 2, 2] for table in (fem, even)]

@@ -39,7 +39,7 @@ def strain(array: SimulatedArray) -> Floats:
 
 @pytest.mark.parametrize(("thickness", "share"), [(1e-3, 5e-6), (0.5e-3, 2e-5), (0.2e-3, 4e-4)])
 def test_a_cell_is_the_layers_point_loads_spread_over_it(thickness: float, share: float) -> None:
-    """`share` is what `layer.POINTS` promises of the largest strain of each kind."""
+    """`share` is the error that `layer.POINTS` promises, of the largest strain of each kind."""
     height = 50e-6
     got = layer_influence(LAYOUT, thickness, E, height)
     layer = LayerCover(thickness, E, taxel_depth=thickness - height)
@@ -70,7 +70,7 @@ def test_a_thick_layer_is_the_half_space() -> None:
     # a quarter a doubling, in the end
     assert 3.4 < off[0] / off[1] < 4.2
     assert 3.6 < off[1] / off[2] < 4.2
-    # a load 2h away strains (z / 2h)² of what one at z does; the base mirrors a load as a few
+    # a load 2h away strains (z / 2h)² as much as one at z; the base mirrors a load as a few
     for h, left in zip((16e-3, 32e-3, 64e-3), off, strict=True):
         assert left < 3 * (depth / (2 * h)) ** 2
 
@@ -129,7 +129,7 @@ def test_a_held_load_creeps_as_the_solid_does(cover: str, creep: float, time: fl
     held = clean(cover=cover, script=TOUCH)
     elastic = held.strain([list(held.scans())[-1][0]])[0]
     wanted = np.array(curve)[:, None, None, None] * elastic
-    # both are exact: what is left is rounding of volts and sums, and the quadrature's 1e-12
+    # both are exact, but for the rounding of volts and sums, and the quadrature's 1e-12
     np.testing.assert_allclose(strain(array), wanted, atol=1e-10 * np.abs(elastic).max())
     assert curve[-1] > 1 + 0.9 * creep / (1 - creep)
 

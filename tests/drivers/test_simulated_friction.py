@@ -70,7 +70,7 @@ def test_the_force_never_passes_friction_and_the_rest_is_slip() -> None:
     state = pulled(3 * sliding_begins(), pressed())
     assert SPRINGS.force(state)[0] == pytest.approx(FRICTION * LOAD, rel=1e-3)
     assert state.stick_radius == 0.0
-    # what the sphere moved beyond the beginning of sliding, the contact moved on the cover
+    # beyond the beginning of sliding the contact moves on the cover as the sphere does
     assert state.position[0] == pytest.approx(2 * sliding_begins(), rel=1e-3)
     assert state.position[1] == 0.0
 

@@ -88,7 +88,7 @@ def test_an_array_that_is_asked_sends_as_often_as_it_is_asked(tmp_path: Path) ->
     with offered(tmp_path / "tty", "paxini", rate=200.0) as array:
         with options(tmp_path / "tty", protocol="paxini").open() as driver:
             assert len(list(islice(driver.frames(), 25))) == 25
-        # opening the port empties what waits in it, which may hold an answer; one is on its way
+        # opening the port drops the bytes that wait, maybe an answer; one is on its way
         assert array.counts.scans <= 25 + 10
 
 
@@ -292,7 +292,7 @@ def test_slip_runs_on_a_line_at_a_thousand_scans_a_second(
     if LINE_SECONDS >= LONG:
         assert p99 < PROMISED_US
         assert memory[1] - memory[0] < FLAT_KIB
-    # less than the rate says on a machine that is busy: what is late is not lost
+    # less than the rate says on a machine that is busy: late scans are not lost
     assert handed_on > 500 * LINE_SECONDS
     assert process.poll() is None
 

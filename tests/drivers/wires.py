@@ -11,7 +11,7 @@ from cnnum.frame import FORCE_AXES
 PTS = (*FORCE_AXES, "dx", "dy", "dz")
 FLUX = ("temperature", "flux_x", "flux_y", "flux_z")
 
-# name: shape, channels, unit, what a number is drawn from
+# name: shape, channels, unit, range of the numbers drawn
 FORMS = {
     "open": ((3, 4), FORCE_AXES, "V", "f4"),
     "pts2": ((3, 6), PTS, "N", "f4"),
@@ -28,7 +28,7 @@ FORMS = {
     "velostat": ((16, 16), ("normal",), "count", "u1"),
 }
 UNCHECKED = {"flexitac", "m1616", "velostat", "anyskin", "robotiq-tsf85"}
-"""Nothing but what follows says that a packet of these is whole."""
+"""Only the bytes after it show that a packet of these is whole."""
 
 TEXT = {"3d-vitac", "anyskin-text", "xela"}
 ASKED = {"paxini", "velostat"}

@@ -67,7 +67,7 @@ def test_a_number_beyond_the_range_saturates():
     near, far, farther = (plan(scale * FRAMES[-1, 0])["twice"] for scale in (1.0, 1e3, 1e6))
     at = np.abs(near) > 0.1 * np.abs(near).max()
     np.testing.assert_array_equal(far[at], farther[at])
-    # a quarter of room above what was seen, to the next power of two
+    # a quarter of room above the largest value seen, to the next power of two
     assert 1.25 * np.abs(near).max() <= np.abs(far).max() <= 4.0 * np.abs(near).max()
 
 

@@ -1,4 +1,4 @@
-"""No value overflows, whatever the inputs and memories hold: intervals against extreme frames."""
+"""No value overflows, at any inputs and memories: intervals against extreme frames."""
 
 import numpy as np
 import pytest

@@ -21,7 +21,7 @@ FRACTIONS = st.integers(0, 30)
 
 
 def value_of(expression):
-    """What the emulator makes of an expression without variables."""
+    """The emulator's value of an expression without variables."""
     return int(Emulator(IntegerProgram("none", (1, 1), {}, (), {})).value(expression))
 
 

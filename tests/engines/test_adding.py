@@ -1,4 +1,4 @@
-"""What `docs/adding.md` says: new parts are records, and every engine runs them as they are."""
+"""As `docs/adding.md` says: new parts are records, and every engine runs them as they are."""
 
 from fractions import Fraction
 

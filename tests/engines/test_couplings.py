@@ -130,7 +130,7 @@ def test_anisotropic_diffusion_agrees_with_its_equation(engine):
 
 
 def test_matcnn_sign_is_the_other_way_round(engine):
-    """f(neighbour − centre) is what the same table mirrored gives of centre − neighbour."""
+    """f(neighbour − centre) equals the same table, mirrored, of centre − neighbour."""
     points = ((-2.0, -1.0), (0.5, 0.2), (2.0, 1.0))
     mirrored = tuple((-v, f) for v, f in reversed(points))
     u = np.random.default_rng(2).uniform(-1, 1, (4, 4))

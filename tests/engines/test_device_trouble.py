@@ -65,5 +65,5 @@ def test_a_run_that_a_device_does_not_end(opencl, monkeypatch, code, kind, said,
         with pytest.raises(kind) as raised:
             engine.run(EDGE, input=picture)
     assert said in sentence(raised)
-    # what was a fault of the moment leaves the engine as it was
+    # a fault of the moment leaves the engine as it was
     np.testing.assert_array_equal(engine.run(EDGE, input=picture).output, expected)

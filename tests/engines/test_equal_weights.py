@@ -1,4 +1,4 @@
-"""Neighbours of equal weight share a product, and the sum stays what it was."""
+"""Neighbours of equal weight share a product, and the sum stays the same."""
 
 import numpy as np
 import pytest

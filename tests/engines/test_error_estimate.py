@@ -34,7 +34,7 @@ def network(rng):
 
 @cache
 def sampled(seed):
-    """Networks with frames, a tolerance, and what the reference makes of them."""
+    """Networks with frames, a tolerance, and the reference's results."""
     reference, rng = Engine("reference"), np.random.default_rng(seed)
     found = []
     for _ in range(TEMPLATES):
@@ -65,7 +65,7 @@ def test_error_covers_the_truth(name, precision):
         if result.method != "propagator":
             loose.append(result.error / np.maximum(error, 1e-12))
     assert np.concatenate(covered).mean() >= 0.99
-    # an estimate that always says infinity would cover, and tell nothing; exact answers are left
+    # an estimate of infinity would always cover, and be worth nothing; exact answers are left
     # out, whose estimate is their rounding
     assert np.median(np.concatenate(loose)) < 6.0 * SAFETY
 

@@ -24,7 +24,7 @@ def compiled(engine, function):
 
 
 def values(engine, function, batch=()):
-    """What the function makes of the maps `a` and `b`, frame by frame or of a batch of frames."""
+    """The function of the maps `a` and `b`, frame by frame or of a batch of frames."""
     plan = compiled(engine, lambda frame: {"out": function(frame.a, frame.b)})
     frames = np.broadcast_to(np.stack([A, B], axis=-1), (*batch, *SHAPE, 2))
     return plan(frames)["out"]
@@ -146,7 +146,7 @@ NUMBERS = {
 
 
 def test_numpy_joins_fields_maps_and_numbers(engine):
-    """All in one program: what each of NumPy's functions makes of fields, maps and numbers."""
+    """All in one program: each of NumPy's functions on fields, maps and numbers."""
 
     def joined(ufunc, a, b):
         return {"fields": ufunc(a, b), "map first": ufunc(A, b), "map last": ufunc(a, B)}

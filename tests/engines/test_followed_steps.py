@@ -31,7 +31,7 @@ LABELS = ("opencl-float64", "numba-float64", "reference")
 
 @pytest.fixture(scope="module")
 def known():
-    """Networks with their frames and true states, far wider than what the estimate is built on."""
+    """Networks with their frames and true states, far wider than the estimate's own cases."""
     return list(sample(10, 4))
 
 

@@ -1,4 +1,4 @@
-"""Chains of linear operations that run as one dense product give what they gave one by one."""
+"""Chains of linear operations give the same as one dense product and one by one."""
 
 import numpy as np
 import pytest
@@ -104,12 +104,12 @@ def test_fused_chains_are_what_they_were(engines, reference, program, seed, batc
     solved = reference.compile(program, SHAPE, channels=("a", "b"))
     assert not products(solved)
     for name, value in solved(frames[first]).items():
-        # solved to 1e-10 sixteen times, each of which may grow fourfold what came before
+        # solved to 1e-10 sixteen times, each of which may grow earlier errors fourfold
         np.testing.assert_allclose(true[name][first], value, rtol=0, atol=1e-7 * scale)
 
 
 def test_a_chain_whose_sources_cancel_is_a_constant_map(engines):
-    """(a − a) + ¼ spreads to ¼ under mirrored rims, to rounding, whatever a is."""
+    """(a − a) + ¼ spreads to ¼ under mirrored rims, to rounding, for any a."""
 
     @cnnum.program
     def nothing(frame):
@@ -118,7 +118,7 @@ def test_a_chain_whose_sources_cancel_is_a_constant_map(engines):
             value = cnnum.apply(DIFFUSE, input=value)
         return {"value": value}
 
-    # the weights sum to 1: what is the same everywhere stays
+    # the weights sum to 1: a constant map stays
     for label, engine in engines.items():
         plan = engine.compile(nothing, SHAPE, channels=("a",))
         assert not plan.built.transients
@@ -210,7 +210,7 @@ def test_states_of_uncoupled_cells_are_linear_beyond_their_output(engines, refer
 
 
 def test_figures_of_a_run_keep_it_as_it_is():
-    """What tells of a run (its error, its time) is not lost in a product."""
+    """Figures of a run (its error, its time) are not lost in a product."""
 
     @cnnum.program
     def told(frame):
@@ -231,7 +231,7 @@ def test_figures_of_a_run_keep_it_as_it_is():
     got = plan(frame)
     exact = expm(6 * 0.7 * laplacian() / 4.0) @ frame.ravel()
     assert got["time"] == pytest.approx(0.7)
-    # the product before it adds 20 roundings to what the run itself can know
+    # the product before it adds 20 roundings to the run's own error
     own = 20 * np.finfo("float32").eps * np.abs(frame).max()
     assert 0.0 < np.abs(got["value"].ravel() - exact).max() <= got["error"] + own
 

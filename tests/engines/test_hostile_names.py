@@ -1,4 +1,4 @@
-"""What a user writes never becomes code: it is refused in one sentence, or stays out of kernels."""
+"""A user's text never becomes code: it is refused in one sentence, or stays out of kernels."""
 
 import re
 from dataclasses import replace

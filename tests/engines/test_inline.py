@@ -82,7 +82,7 @@ def test_stream_of_single_frames_is_as_streams_side_by_side(precision):
         for name, values in want.items():
             np.testing.assert_array_equal(got[name], values[1])
         kept.append((got, {name: values.copy() for name, values in got.items()}))
-    for got, then in kept:  # what came of a frame is not written over by the next one
+    for got, then in kept:  # results of a frame are not written over by the next one
         for name in got:
             np.testing.assert_array_equal(got[name], then[name])
 

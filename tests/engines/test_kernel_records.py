@@ -1,4 +1,4 @@
-"""Records of kernels: what they are written as, what they do with names, and how they are split."""
+"""Records of kernels: their text, their names, and how they are split."""
 
 import numpy as np
 import pytest
@@ -58,7 +58,7 @@ TREES = st.recursive(
 
 
 def value(tree):
-    """What a tree of whole numbers is worth, without its text."""
+    """The value of a tree of whole numbers, without its text."""
     if isinstance(tree, Integer):
         return tree.value
     if isinstance(tree, Negative):

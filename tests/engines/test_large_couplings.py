@@ -127,7 +127,7 @@ def test_couplings_of_strips_are_those_of_one_array(name, monkeypatch):
 
 
 LAYERS = {
-    # from layer 1 to layer 0 and back, by what is felt, by what was, and by what changes in time
+    # from layer 1 to layer 0 and back, by inputs, by past outputs, and by gains that change in time
     "heun": lambda rng: {
         "nonlinear": [
             coupling(rng.normal(size=(3, 3)) * 0.1, "x", "x", source=1, centre_source=0),
@@ -159,7 +159,7 @@ def test_layers_are_coupled_in_strips(method, monkeypatch):
 
 @pytest.mark.parametrize(("feedback", "batch"), [(True, 1), (True, 3), (False, 2)])
 def test_delays_end_with_the_step_that_sees_no_change(feedback, batch, monkeypatch):
-    """Launches end amid the steps, and are taken again: what was a delay ago is there still."""
+    """Launches end amid the steps, and are taken again: the outputs a delay ago are still there."""
     monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     rng = np.random.default_rng(60)
     parts = delayed(rng, 0.5, feedback=feedback)

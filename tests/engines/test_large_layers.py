@@ -59,7 +59,7 @@ def test_layers_and_held_cells_step_as_one_array(method, monkeypatch):
         return {**dict(zip(names, applied.states, strict=True)), "error": applied.error}
 
     channels, shape = ("u", "m", *names), (93 + number, 51)
-    # what either precision holds
+    # numbers that either precision holds
     frames = rng.uniform(-1, 1, (2, *shape, len(channels))).astype(np.float32)
     precision = "float32" if method == "heun" else "float64"
     plan = Engine("opencl", precision=precision).compile(states, shape, channels=channels)

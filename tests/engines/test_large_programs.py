@@ -34,7 +34,7 @@ def layers():
 
 
 RULES = [(strip_steps, "lanes_fit"), (feedforward, "lanes_fit")]
-"""What asks whether neighbours are to be read by vectors."""
+"""Functions that decide whether neighbours are read by vectors."""
 
 CASES = {
     "adaptive": (template(output="tanh"), {}),
@@ -168,7 +168,7 @@ def test_large_programs_are_right(shape, most, monkeypatch):
     monkeypatch.setattr(kernel_source, "WHOLE_CELLS", most)
     rng = np.random.default_rng(7)
     stream = cnnum.Engine("opencl").compile(flood, shape, channels=("a", "b")).stream((4,))
-    before = None  # on the first frame, what was before is what is
+    before = None  # on the first frame, the past is the present
     for _ in range(2):
         frames = rng.integers(-12, 20, (4, *shape, 2)) / 4.0
         frames[1, :, :, 1] = 0.0  # nothing to start from: no round at all

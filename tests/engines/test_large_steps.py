@@ -22,7 +22,7 @@ OUTPUTS = (("standard", 1), ("standard", 2), ("linear", 1), ("full-range", 1))
 
 def runs_of(output, radius, boundary):
     """Return precision, shape and steps: in the usual network each shape meets every boundary, in
-    float64 on some of them and in float32 on the others; beside it each shape meets every output
+    float64 on some of them and in float32 on the others; in another each shape meets every output
     and every boundary once.
 
     Each is a kernel of its own to build.

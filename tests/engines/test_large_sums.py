@@ -1,4 +1,4 @@
-"""What is summed once a run of a large array: its drive, and whether it rests at the end."""
+"""Sums once a run of a large array: its drive, and whether it rests at the end."""
 
 import numpy as np
 import pytest
@@ -45,7 +45,7 @@ def program_of(template, spec):
 
 @pytest.mark.parametrize("name", CASES)
 def test_drives_of_large_arrays_are_sums(name, monkeypatch):
-    """Inputs, nonlinear ones, what was before a delay, and a bias, all of them into every layer.
+    """Inputs, nonlinear ones, those before a delay, and a bias, all of them into every layer.
 
     A plan is several kernels where all cores share a sweep, else one.
     """

@@ -43,7 +43,7 @@ def test_method_is_chosen_in_the_room_of_a_few_maps(name, shape):
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("engine", ["opencl", "numba", "reference"])
 def test_long_arrays_run_as_parts_of_them_do(engine, name):
-    """A picture that repeats: far from the ends a period is what it is in a short array."""
+    """A picture that repeats: far from the ends a period is as in a short array."""
     period = np.where(np.random.default_rng(5).random((200, 1)) < 0.5, 1.0, -1.0)
     used, template = cnnum.Engine(engine), cnnum.get_template(name)
     short = used.run(template, input=np.tile(period, (5, 1)), duration=SHORT)
@@ -76,7 +76,7 @@ def test_reference_keeps_one_state_of_all_its_steps():
     """It works in 35 maps: the states of some 400 steps would be 400 more."""
     picture = np.where(np.random.default_rng(6).random((40, 40)) < 0.5, 1.0, -1.0)
     used, template = cnnum.Engine("reference"), cnnum.get_template("AVERAGE")
-    used.run(template, input=picture, duration=0.01)  # what is imported is not the run's
+    used.run(template, input=picture, duration=0.01)  # imports are not the run's
     assert used.run(template, input=picture, duration=1.0).steps > 300
     peak = peak_bytes(lambda: used.run(template, input=picture, duration=1.0))
     assert peak / picture.nbytes < 100

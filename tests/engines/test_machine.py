@@ -155,7 +155,7 @@ def test_memory_outlives_frames_of_a_stream(engine):
 
 
 def test_memories_hand_on_what_they_held(engine):
-    """A line of memories, each of which stores what the one before it held, in both orders."""
+    """A line of memories, each of which stores the map of the one before it, in both orders."""
 
     @cnnum.program
     def delayed(frame):

@@ -116,7 +116,7 @@ def test_exponential_steps_without_a_length_are_alike(engines, reference, name, 
     ],
 )
 def test_chebyshev_steps_are_the_same_on_all(engines, reference, boundary, output, duration):
-    """The same stages in the same steps; and what they come to is within their own estimate."""
+    """The same stages in the same steps; their results agree within their own estimate."""
     rng = np.random.default_rng(5)
     template = Template(
         "stiff", 9.0 * EVEN, [[1.0]], 0.1, tau=0.7, boundary=boundary, initial=0.0,
@@ -218,7 +218,7 @@ def test_modes_of_more_states_than_a_dense_product_takes(
         # the reference settles to 1e-3 of the tolerance of 1e-4, else is at 1e-10 a step
         assert np.all(off <= got.error + (1e-6 if duration == "settle" else 1e-8))
         rounding = np.finfo(engine.precision).eps
-        # 150 roundings of numbers up to 10, times what the modes may add
+        # 150 roundings of numbers up to 10, times the growth of the modes
         assert np.all((got.error > rounding) & (got.error < 1e4 * rounding)), label
 
 

@@ -1,4 +1,4 @@
-"""The numba engine compiles its transients once for each precision, whatever it is given.
+"""The numba engine compiles its transients once for each precision, for all arguments.
 
 A form takes some twenty seconds to compile, so that one for each kind of boundary is felt.
 """

@@ -9,7 +9,7 @@ from cnnum.templating.function_tables import Table
 from cnnum.templating.template import Template
 
 RTOL, ATOL = 1e-4, 1e-5
-KINDS = {  # what a coupling reads: neighbour, centre
+KINDS = {  # maps that a coupling reads: neighbour, centre
     "A": ("y", None), "A difference": ("y", "y"), "B": ("u", None), "B difference": ("u", "u"),
     "D x - u": ("u", "x"), "D x - x": ("x", "x"), "D y - u": ("u", "y"),
 }  # fmt: skip
@@ -24,7 +24,7 @@ def table(rng):
 
 @st.composite
 def templates(draw):
-    """One template with one kind of coupling beside a weak linear one, so that it contracts."""
+    """One template with one kind of coupling and a weak linear one, so that it contracts."""
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     boundaries = [draw(st.sampled_from([0.0, -0.5, "zero-flux", "periodic"])) for _ in range(2)]
     kind = draw(st.sampled_from([*KINDS, "delayed", "gain", "sign"]))

@@ -21,7 +21,7 @@ def shifted_sum(boundary):
     )
 
 
-# each step takes two earlier fields (maps or numbers) and makes one; names tell what failed
+# each step takes two earlier fields (maps or numbers) and makes one; names show which failed
 STEPS = {
     "add": lambda a, b: a + b,
     "subtract": lambda a, b: a - b,

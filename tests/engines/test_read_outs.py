@@ -1,4 +1,4 @@
-"""Read-outs of small arrays go in chains side by side: what comes out, and how it is rounded."""
+"""Read-outs of small arrays go in chains side by side: their values and their roundings."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ STACK = 5
 
 @cnnum.program
 def read_out(frame):
-    """Read-outs of what comes in, of a memory, of a constant, of a stack, and within a loop."""
+    """Read-outs of inputs, of a memory, of a constant, of a stack, and within a loop."""
     rows, cols = frame.shape
     levels = frame.constant(np.arange(STACK * rows * cols).reshape(-1, rows, cols) % 7.0)
     memory = frame.memory("past")

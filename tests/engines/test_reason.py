@@ -74,7 +74,7 @@ def test_a_result_says_why(name, case):
     ],
 )
 def test_the_reference_says_what_it_does_instead(case, words):
-    """The method is what other engines take; only what is asked for is done just so here too."""
+    """The method is that of other engines; only one that is asked for runs just so here, too."""
     template, how, method, _ = CASES[case]
     picture = np.random.default_rng(2).uniform(-1.0, 1.0, (5, 6))
     engine = Engine("reference")

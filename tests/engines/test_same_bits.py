@@ -1,4 +1,4 @@
-"""Results have the same bits in every process, on whatever number of threads they ran."""
+"""Results have the same bits in every process, on any number of threads."""
 
 import subprocess
 import sys

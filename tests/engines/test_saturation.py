@@ -77,7 +77,7 @@ def test_uncoupled_cells_are_exact_beyond_their_range(engine):
 @pytest.mark.parametrize("method", ["euler", "rk4", "dormand-prince", "etd-rk2"])
 @pytest.mark.parametrize("engine", ENGINES, ids=IDS)
 def test_a_limited_state_starts_within_its_limits(engine, method):
-    """What is given beyond them is the limit itself, on every engine and to the bit."""
+    """A state beyond them becomes the limit itself, on every engine and to the bit."""
     options = {"method": method} | ({} if method == "dormand-prince" else {"dt": 0.1})
     given = np.random.default_rng(4).uniform(-2.0, 2.0, SHAPE)
     limited = template("full-range")

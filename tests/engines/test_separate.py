@@ -1,7 +1,7 @@
 """Cells that see only themselves are solved without a step: held to many small Runge-Kutta steps.
 
-The steps are written here, and know nothing of pieces: where f has its kinks, what they miss is of
-the order of the square of a step, (3/4000)² · rate < 4e-6 for the templates below.
+The steps are written here, and know nothing of pieces: where f has its kinks, their error is of the
+order of the square of a step, (3/4000)² · rate < 4e-6 for the templates below.
 """
 
 import numpy as np
@@ -123,7 +123,7 @@ def test_what_has_no_such_answer_takes_steps():
 
 
 def test_layers_have_weights_and_times_of_their_own(engines, start_and_input):
-    """Every layer is what it is alone, on every engine."""
+    """Every layer is as it is alone, on every engine."""
     start, given = start_and_input
     A, B = np.zeros((2, 2, 3, 3)), np.zeros((2, 2, 3, 3))
     A[0, 0, 1, 1], A[1, 1, 1, 1] = 1.0, 2.0

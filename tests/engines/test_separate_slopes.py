@@ -78,7 +78,7 @@ def test_states_are_those_of_the_closed_form(engines, cells, frames):
         assert got.method == "propagator"
         eps = float(np.finfo(label.partition("-")[2]).eps)
         off = np.abs(got.state - ends)
-        # e^{mt} is up to 1e22 in the steepest layers: what a rounding there does is in `error`
+        # e^{mt} is up to 1e22 in the steepest layers: the effect of a rounding there is in `error`
         assert off[..., 3:, :, :].max() <= ROUNDINGS * 6.0 * eps
         assert np.all(got.error >= off.max(axis=(-3, -2, -1)))
         assert np.all(got.error <= 1e3 * eps)
@@ -88,7 +88,7 @@ def test_the_reference_states_how_far_it_is_off(reference, cells):
     """It solves the equation as it stands: no quotient, but kinks that steps may miss."""
     start, drive, ends = cells
     got = reference.run(template(), state=np.broadcast_to(start, ends.shape), input=drive)
-    # a tenth of what other engines are asked for
+    # a tenth of other engines' tolerance
     assert np.abs(got.state - ends).max() <= got.error <= 1e-5 * np.abs(ends).max()
 
 

@@ -1,4 +1,4 @@
-"""Stacks of maps: what NumPy makes of arrays with one axis more, on every engine."""
+"""Stacks of maps: as NumPy does with arrays of one axis more, on every engine."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ COUNT = 3
 
 @cnnum.program
 def stacked(frame):
-    """A stack that is the same always, a memory, a loop, read-outs, beside single maps."""
+    """A stack that is the same always, a memory, a loop, read-outs, and single maps."""
     rows, cols = frame.shape
     levels = frame.constant(1.0 + np.arange(COUNT * rows * cols).reshape(-1, rows, cols))
     one = frame.memory()

@@ -58,7 +58,7 @@ def test_the_reference_covers_the_truth(known):
     """One of its solutions in three missed a kink of f, by up to 1e-3 where it stated 1e-10."""
     runs = [(Engine("reference").run(template, **maps), truth) for template, maps, truth in known]
     assert all(covers(run, truth) for run, truth in runs)
-    # a tenth of what others are asked for, of states that may grow without end
+    # a tenth of others' tolerance, of states that may grow without end
     assert all(run.error < 1e-5 * max(1.0, np.abs(run.state).max()) for run, _ in runs)
 
 

@@ -1,4 +1,4 @@
-"""One engine, one plan and its streams used by several threads give what one thread gets."""
+"""One engine, one plan and its streams give several threads the same as one thread."""
 
 from concurrent.futures import ThreadPoolExecutor
 

@@ -80,7 +80,7 @@ def kept(device, tmp_path, monkeypatch):
 
 
 def test_a_generic_processor_is_refused_by_the_compiler(wheel, tmp_path):
-    """What is played is real: without the repair PoCL builds nothing."""
+    """The fault that is played is real: without the repair PoCL builds nothing."""
     code = (
         "import pyopencl as cl\n"
         "device = cl.get_platforms()[0].get_devices()[0]\n"

@@ -77,7 +77,7 @@ def answer(job):
 
 
 def answer_on_disk(job):
-    """Mount a disk of its own for the job, and keep what is on it in the end."""
+    """Mount a disk of its own for the job, and keep its files in the end."""
     disk = job["disk"]
     mount = ["mount", "-t", "tmpfs", "-o", f"size={job['size']}", "none", disk]
     subprocess.run(mount, check=True)

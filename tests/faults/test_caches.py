@@ -105,7 +105,7 @@ def test_caches_of_others_are_not_read(faults, good, copied):
         folder, (engine, code) = copied(), THEIRS[pattern]
         for place in list(folder.glob(pattern)):
             damage(place, random.Random(seed))
-        shutil.rmtree(folder / "cnnum" / "kernels")  # what is ours must not hide it
+        shutil.rmtree(folder / "cnnum" / "kernels")  # our own cache must not hide it
         done = child(engine, code, environment(folder))
         return lost(done, code, engine) or done.stderr
 

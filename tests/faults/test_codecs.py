@@ -96,7 +96,7 @@ class Bench:
             damaged += b"\n\n"
         good = range(first, first + GOOD)
         got = decoder.feed(damaged)
-        if self.known.request:  # what is asked for comes by itself
+        if self.known.request:  # an answer to a request comes alone
             decoder.flush()
             got = [scan for n in good for scan in decoder.feed(self.data[n])]
         else:

@@ -88,7 +88,7 @@ def soon():
 
 
 def fault_of(call, *arguments, may_pass=True):
-    """Return what is wrong with the way in which a call ends; None where nothing is."""
+    """Return the fault in the way in which a call ends; None where there is none."""
     try:
         with soon():
             call(*arguments)

@@ -1,4 +1,4 @@
-"""One bad frame costs one frame: whatever a cell reads, what follows is as if it had not come."""
+"""One bad frame costs one frame: whatever a cell reads, later frames are as without it."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -73,7 +73,7 @@ def way_of(plan: Plan, unit: str) -> FramePath:
 
 
 def same(one: FrameResult, other: FrameResult) -> bool:
-    """Whether two frames came to the same, to the bit; a gap is what they may differ by."""
+    """Whether two frames came to the same, to the bit; they may differ by a gap."""
     outputs = all(np.array_equal(one.outputs[n], other.outputs[n]) for n in one.outputs)
     events = [replace(e, after_gap=None, gap_end=None) for e in other.events]
     return outputs and one.outputs.keys() == other.outputs.keys() and list(one.events) == events
@@ -128,7 +128,7 @@ def leaky(frame):
     growth.store(0.5 * growth.value + cnnum.exp(frame.shear_y))
     numbers = {"mean": mean.value, "late": late.value.max(), "growth": growth.value.sum(),
                "power": power.value.sum()}  # fmt: skip
-    # a flag is finite whatever the memories hold
+    # a flag is finite for any memories
     return {**numbers, "wanted": mean.value + late.value + growth.value + power.value > 0.5}
 
 
@@ -156,7 +156,7 @@ def test_a_finite_outlier_never_poisons_a_stream(faults, engine, precision, want
             faults.lose(f"{size:g}: a later frame is refused")
         elif refused and not all(_equal(a, b, 0.0) for a, b in after):
             faults.lose(f"{size:g}: a later frame differs")
-        # what it has left halves a frame: of exp(100), 3e43, 7e-5 is left after 158 frames
+        # the rest of it halves each frame: of exp(100), 3e43, 7e-5 is left after 158 frames
         elif size < 1e19 and not _equal(*after[-1], tiny):
             faults.lose(f"{size:g}: it is not forgotten")
 

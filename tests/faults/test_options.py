@@ -1,4 +1,4 @@
-"""Options that nobody means: one sentence and exit code 2, in every driver, scene and command."""
+"""Options that make no sense: one sentence and exit code 2, in drivers, scenes and commands."""
 
 import inspect
 import os
@@ -55,7 +55,7 @@ NEEDED = {
 
 
 def fault_of(call, *arguments, **options):
-    """Return what is wrong with the way in which a call ends; None where nothing is."""
+    """Return the fault in the way in which a call ends; None where there is none."""
     began = time.monotonic()
     try:
         call(*arguments, **options)
@@ -85,7 +85,7 @@ def options_of(name):
 
 @pytest.mark.parametrize("name", DRIVERS)
 def test_drivers(faults, name):
-    """Every option of a driver is taken or refused in one sentence, whatever its value is."""
+    """Every option of a driver is taken or refused in one sentence, at any value."""
     cases = [(key, value) for key in (*options_of(name), "zz") for value in VALUES]
     for key, value in faults.each(cases, short=40):
         if fault := fault_of(opened, name, {**NEEDED[name], key: VALUES[value]}):
@@ -149,7 +149,7 @@ ARGUMENTS = {
     "surrogate": "\udcff",
     "digits in a key": "array.seed=" + "1" * 400,
 }
-# each ends soon, whatever its options are: the engine or the scene that it names is not there
+# each ends soon, with any options: the engine or the scene that it names is not there
 CALLS = {
     "demo": ["--set", "array.script=[]"],
     "run": ["nowhere"],
@@ -173,7 +173,7 @@ def leaf(name):
 
 
 def test_commands(faults, tmp_path, monkeypatch):
-    """Every option of a command gets one sentence and exit code 2 for what it cannot use."""
+    """Every option of a command gets one sentence and exit code 2 for values it cannot use."""
     monkeypatch.chdir(tmp_path)
     cases = [
         (name, option.opts[-1], what)

@@ -95,7 +95,7 @@ def compiled():
 
 
 def played(case):
-    """Return what the children of a parent said, and the parent itself."""
+    """Return the output of a parent's children, and of the parent itself."""
     done = subprocess.run(
         [sys.executable, "-c", PARENT, json.dumps(case)],
         capture_output=True,
@@ -122,7 +122,7 @@ def sums(side):
 
 
 def wrong(then, said, side, engine):
-    """Return what is wrong with the answer of a child; nothing if it is right."""
+    """Return the fault in the answer of a child; nothing if it is right."""
     runs = then in ("old engine", "new engine", "any engine", "parent")
     # float32: ten steps of numbers within ±1, each rounded to 6e-8, in all cells
     right = said[:1] == [engine] and abs(said[1] - sums(side)[runs]) < 1e-6 * side**2

@@ -1,4 +1,4 @@
-"""Recordings under kills, signals and full disks: what was stored is there."""
+"""Recordings under kills, signals and full disks: stored frames are there."""
 
 import json
 import os
@@ -23,7 +23,7 @@ from cnnum.frame import Frame
 
 WORKERS = 6
 WAIT = 20.0  # s after which a recorder counts as hung; none takes a tenth of it
-PROMISED = 1.0  # s: what came longer ago than this is in the file
+PROMISED = 1.0  # s: frames older than this are in the file
 ARRAY = {
     "seed": 11,
     "shape": [3, 3],
@@ -206,7 +206,7 @@ def test_signal(faults, recorders, tape, tmp_path, suffix):
 
 
 def full_disk(faults, tape, target: Path, code: int, said: str, count: int, what: str) -> None:
-    """Check what a recording said that met a full disk, and what it left."""
+    """Check the sentence and the files of a recording that met a full disk."""
     journal = target.with_name(f"{target.name}.recording.mcap")
     if code == 0:
         if target.suffix != ".csv" and len(frames_in(target)) != count:
@@ -240,7 +240,7 @@ SIZES = [4096 * n for n in range(1, 51)]  # to 205 kB: a journal and the file fi
 
 @pytest.mark.parametrize("suffix", [".mcap", ".npz", ".csv"])
 def test_limit(faults, recorders, tape, tmp_path, suffix):
-    """A recording that reaches the largest size of a file keeps what was stored, and says so."""
+    """A recording that reaches the largest size of a file keeps its frames, and says so."""
 
     def one(recorder: Recorder, trial: int):
         limit, folder = SIZES[trial] + 117 * trial, tmp_path / str(trial)

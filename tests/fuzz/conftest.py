@@ -22,7 +22,7 @@ PATIENCE_S = 20.0
 """s that one call may take on a busy machine."""
 
 ROOM = 3 << 30
-"""Bytes of address space that a case may take beyond what the process has."""
+"""Bytes of address space that a case may take beyond the process's own."""
 
 TESTS = [0]
 
@@ -33,7 +33,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture
 def fuzz() -> Callable[..., None]:
-    """What runs a call on random cases, until the time is over in a long run."""
+    """A function that runs a call on random cases, until the time is over in a long run."""
 
     def run(cases: st.SearchStrategy[Any], call: Callable[[Any], object], short: int = 25) -> None:
         end = time.monotonic() + SECONDS / max(TESTS[0], 1)

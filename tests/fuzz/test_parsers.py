@@ -175,7 +175,7 @@ def test_damaged_files_are_read_or_refused(name, fuzz):
     data = seed()
     with warnings.catch_warnings():  # a recording that was not closed is whole, but for its index
         warnings.simplefilter("ignore", RecordingWarning)
-        parse(data)  # so that damage is near what the parser knows
+        parse(data)  # so that damage is near a file that the parser knows
     fuzz(EDITS.map(lambda edits: damaged(data, edits)), parse)
 
 

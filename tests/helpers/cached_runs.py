@@ -97,7 +97,7 @@ def lost(done, code, engine):
 
 
 def on_two_cores(faults, cases, trial, short):
-    """Run trials side by side; note what each of them loses."""
+    """Run trials side by side; note the losses of each."""
     with ThreadPoolExecutor(2) as pool:
         chosen = [(case, pool.submit(trial, case)) for case in faults.each(cases, short=short)]
         for case, done in chosen:

@@ -1,7 +1,7 @@
 """An independent simulator of cell arrays: SciPy's correlate, shifted copies, and small steps.
 
 It shares nothing with the engines: it pads through scipy's and numpy's own modes, once for all
-steps, looks tables up by counting, and takes fixed steps far below the stability bound,
+steps, and looks tables up by counting. It takes fixed steps far below the stability bound:
 Runge–Kutta's of fourth order or, where rates jump, Euler's. States are (pictures, layers, rows,
 cols) inside.
 """
@@ -37,7 +37,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Maps:
-    """What is given to a run, each (pictures, maps, rows, cols) but the mask."""
+    """The maps of a run, each (pictures, maps, rows, cols) but the mask."""
 
     input: Floats | None
     previous: Floats | None

@@ -2,9 +2,9 @@
 
     python tests/house/platforms.py [PYTHON_VERSION]
 
-pip takes markers as those of the machine that it runs on, whatever `--platform` says. So they are
-evaluated here, for the dependencies that `pyproject.toml` names; those of dependencies are pip's.
-Nothing is installed; exits with 1 if a platform cannot be resolved.
+pip takes markers as those of the machine that it runs on, without regard to `--platform`. So they
+are evaluated here, for the dependencies that `pyproject.toml` names; those of dependencies are
+pip's. Nothing is installed; exits with 1 if a platform cannot be resolved.
 """
 
 import json
@@ -49,7 +49,7 @@ def wanted(environment: dict[str, str]) -> list[str]:
 
 
 def resolved(environment: dict[str, str], tags: list[str], version: str) -> tuple[int, str]:
-    """Return how many packages pip would install, and which OpenCL is among them or what failed."""
+    """Return how many packages pip would install, and the OpenCL among them or the fault."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "pip", "--disable-pip-version-check", "install"]
         command += ["--dry-run", "--quiet", "--only-binary=:all:", "--target", folder]

@@ -110,7 +110,7 @@ def test_import_is_light():
     """`import cnnum` and naming public things needs NumPy alone."""
     assert libraries("import cnnum; dir(cnnum); assert cnnum.__all__") <= {"numpy"}
     assert libraries("import cnnum; cnnum.Template") == {"numpy"}
-    # this would see what is heavy
+    # this would see a heavy library
     assert {"scipy", "numpy"} <= libraries("import cnnum; import scipy.optimize")
 
 

@@ -1,4 +1,4 @@
-"""Licences: the table has every locked package, and no module imports what is for tests."""
+"""Licences: the table has every locked package, and no module imports one for tests."""
 
 import ast
 import re

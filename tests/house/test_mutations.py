@@ -1,4 +1,4 @@
-"""The list of `make mutate` fits the code, and its runner tells a caught fault from a survivor."""
+"""The list of `make mutate` fits the code, and its runner sees which faults survive."""
 
 import importlib.util
 import sys

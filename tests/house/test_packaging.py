@@ -1,4 +1,4 @@
-"""The wheel holds every module and data file, and leaks nothing beside `cnnum`."""
+"""The wheel holds every module and data file, and installs nothing but `cnnum`."""
 
 import subprocess
 import sys
@@ -16,7 +16,7 @@ SHIPPED = {".py", ".toml", ".cl", ".css", ".js", ".html", ".npz"}
 @pytest.fixture(scope="module")
 def wheel(tmp_path_factory):
     out = tmp_path_factory.mktemp("wheel")
-    # a copy of what git would hand out: no caches, links kept as links
+    # a copy of the files that git would hand out: no caches, links kept as links
     source = tmp_path_factory.mktemp("source")
     for line in subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
@@ -99,7 +99,7 @@ def test_conda_has_the_dependencies_of_pip():
     text = (ROOT / "docs/environment.yml").read_text()
     items = [line.strip() for line in text.splitlines() if line.startswith("  ")]
     listed = {item[2:] for item in items if item.startswith("- ")}
-    # "pip:" opens the list of what conda leaves to pip
+    # "pip:" opens the list of packages that conda leaves to pip
     own = {"conda-forge", "pip", "pip:", "pocl", f"python{project['requires-python']}"}
     assert listed == (asked - wheel) | own
 

@@ -1,4 +1,4 @@
-"""What `auto`, or a method that is asked for, comes to on an array."""
+"""The result of `auto`, or of a method that is asked for, on an array."""
 
 import pytest
 

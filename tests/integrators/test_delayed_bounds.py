@@ -27,7 +27,7 @@ def lone(now, seen, delay, output="linear"):
 
 
 def largest_root(method, now, seen, delay, count):
-    """What `count` steps a delay make of a mode at most, each, by the roots of its polynomial."""
+    """The largest growth of a mode in each of `count` steps a delay, by its polynomial's roots."""
     step = delay / count
     if method == "euler":
         kept, before, after = 1.0 + step * now, step * seen, 0.0
@@ -79,7 +79,7 @@ def test_a_step_that_its_delay_makes_unstable_is_refused_and_marked(name):
     truth = 0.5 * float(by_steps(np.array(-1.0), np.array(-3.0), 0.5, 4.0))
     auto = engine.run(template, state=start, duration=4.0)
     # Heun's error is h² |σ|³ / 12 of a mode a time constant: σ = −0.35 + 3.5 i, 0.9 % in steps of
-    # 0.05, over 4 of them, of what has fallen to ½ e^{−1.4}
+    # 0.05, over 4 of them, of a state that has fallen to ½ e^{−1.4}
     assert np.abs(auto.state - truth).max() < 4 * 0.009 * 0.12
 
 
@@ -109,7 +109,7 @@ def test_no_mode_of_an_array_that_decays_grows_in_steps_at_its_bound(method, now
 
 @pytest.mark.parametrize("method", WITH_DELAYS)
 def test_an_array_that_saturates_comes_to_rest_in_steps_at_its_bound(method):
-    """It is a contraction by its row sums: 1 > 0.3 + 0.6, whatever cells saturate."""
+    """It is a contraction by its row sums, whatever cells saturate: 1 > 0.3 + 0.6."""
     kernel = np.array([[0.1, -0.3, 0.1], [0.0, 0.0, 0.0], [0.05, 0.0, 0.05]])
     template = Template("late contraction", 0.5 * kernel, boundary=0.0, delayed=late(kernel, 2.0))
     bound = stability_bound(method, template, (5, 5))

@@ -207,7 +207,7 @@ def test_truncation_is_the_error_of_a_linear_step(method):
         parts = [
             sum(float(d) * k for d, k in zip(row, slopes, strict=True)) for row in method.truncation
         ]
-        # what is left is of the next order; of the difference, 1e-15 is rounding
+        # the rest is of the next order; of the difference, 1e-15 is rounding
         left = 1.1 * abs(z) ** (method.order + 2) / math.factorial(method.order + 2)
         assert abs(np.exp(z) - step - sum(parts)) <= left + 1e-15
         assert abs(sum(parts)) > 0

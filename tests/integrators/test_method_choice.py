@@ -1,4 +1,4 @@
-"""What `auto` takes: by evaluations of the rates, counted on runs with every method."""
+"""The choice of `auto`: by evaluations of the rates, counted on runs with every method."""
 
 import math
 

@@ -48,7 +48,7 @@ def test_a_wrong_coefficient_is_refused(changed):
 
 @pytest.mark.parametrize("name", ["reference", "numba"])
 def test_a_linear_array_is_its_exponential(name):
-    """The error falls as the tolerance does, and what is stated covers it."""
+    """The error falls as the tolerance does, and the stated one covers it."""
     A = np.array([[0.2, -0.6], [1.3, -0.4]])[:, :, np.newaxis, np.newaxis]
     template = Template("linear", A, tau=(1.0, 1e-5), output="linear", duration=2.0)
     start = np.stack([np.full((2, 2), 0.4), np.full((2, 2), -0.3)])

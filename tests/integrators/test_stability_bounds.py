@@ -25,7 +25,7 @@ ADVECTION = [[0, 0, 0], [-3.0, 0, 3.0], [0, 0, 0]]
 
 
 def factors(method, step, rates):
-    """What a step makes of modes, stage by stage: x' = λx, or x' = −x + (λ + 1)x."""
+    """Factors of modes in a step, stage by stage: x' = λx, or x' = −x + (λ + 1)x."""
     rates = np.asarray(rates, dtype=complex)
     if method in EXPONENTIAL_METHODS:
         kept, first = math.exp(-step), -math.expm1(-step)
@@ -57,7 +57,7 @@ def test_no_mode_of_a_linear_array_that_decays_grows(shape):
     for _ in range(15 if shape != (3, 90) else 8):
         template = sampled(rng, "linear")
         rates = np.linalg.eigvals(Network(template, shape).linear_system().matrix)
-        # a mode that the decomposition cannot tell from one that only turns is left out
+        # a mode that the decomposition cannot set apart from one that only turns is left out
         decaying = rates[rates.real <= -1e-6]
         for method in STEPPING:
             step = stability_bound(method, template, shape).step

@@ -72,7 +72,7 @@ def shot(browser: Browser, tmp_path: Path, name: str) -> bytes:
 
 
 def canvas(browser: Browser) -> str:
-    """What the taxels look like, as one string."""
+    """The picture of the taxels, as one string."""
     return str(browser.value("document.getElementById('taxels').toDataURL()"))
 
 

@@ -47,7 +47,7 @@ def mutations(path: Path = LIST) -> list[Mutation]:
 
 
 def faults(listed: Sequence[Mutation], root: Path = ROOT) -> list[str]:
-    """Return what is wrong with a list: it must fit the code as it stands."""
+    """Return the faults of a list: it must fit the code as it stands."""
     found = []
     names = [one.name for one in listed]
     found += [f"'{name}' is listed twice" for name in {n for n in names if names.count(n) > 1}]
@@ -72,7 +72,7 @@ def faults(listed: Sequence[Mutation], root: Path = ROOT) -> list[str]:
 
 
 def copy(root: Path, scratch: Path) -> None:
-    """Copy what the tests need."""
+    """Copy the files that the tests need."""
     ignored = shutil.ignore_patterns("__pycache__", "_build", ".*")
     for name in COPIED:
         source = root / name

@@ -4,7 +4,7 @@ dx/dt = −x + A clip(x) + c on one layer, τ = 1. Where the same cells are satu
 linear: x(s) is a Taylor polynomial, with a remainder below ‖M‖^K ‖v‖ s^(K+1) e^{‖M‖s} / (K+1)!.
 Cells that meet a corner do so within a stretch of 2ε, which is passed by an inclusion: if
 X ⊇ x + [0, 2ε] F(X), the solution stays in X (Picard–Lindelöf) and ends in x + 2ε F(X).
-What wraps around the truth is paid by precision: balls of 400 bits lose e^{‖M‖t} of it.
+Precision pays for the wrapping around the truth: balls of 400 bits lose e^{‖M‖t} of it.
 """
 
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ THINNEST = 1e-12
 
 
 class UndecidedError(Exception):
-    """Two ways of going on cannot be told apart: a cell is balanced, or grazes a corner."""
+    """Two ways of going on cannot be set apart: a cell is balanced, or grazes a corner."""
 
 
 @dataclass(slots=True)
@@ -39,7 +39,7 @@ class Balls:
 
 
 def weights_of(kernel, boundary: Boundary, shape) -> tuple[np.ndarray, np.ndarray]:
-    """Weights (cells, cells) of a kernel, and what its constant boundary adds to each cell."""
+    """Weights (cells, cells) of a kernel, and its constant boundary's part of each cell."""
     rows, cols = shape
     radius = kernel.shape[-1] // 2
     around = halo_sources(boundary, shape, radius)

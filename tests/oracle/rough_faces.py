@@ -55,7 +55,7 @@ def solved(surface: Floats, load: float) -> tuple[Floats, float]:
 
 
 def table(faces: int = FACES) -> dict[str, Floats]:
-    """Return what the suite needs: pressures as shares of the largest, approaches in m."""
+    """Return the suite's table: pressures as shares of the largest, approaches in m."""
     pressed, approach = [], []
     for seed in range(faces):
         found = [solved(face(seed), share * LOAD) for share in LOADS[1:]]

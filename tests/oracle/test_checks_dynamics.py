@@ -27,7 +27,7 @@ def test_method_of_steps_is_the_solution_of_its_equation(rate: float, late: floa
 
     refined = (4.0 * heun(800) - heun(400)) / 3.0
     exact = by_steps(np.array([rate]), np.array([late]), 2.0, 6.6)[0]
-    assert exact == pytest.approx(refined, abs=1e-7)  # what is left is of the order of h⁴ = 4e-11
+    assert exact == pytest.approx(refined, abs=1e-7)  # the rest is of the order of h⁴ = 4e-11
 
 
 def test_method_of_steps_knows_the_first_stretch_in_full() -> None:

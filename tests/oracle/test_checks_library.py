@@ -35,7 +35,7 @@ EQUIVALENT = {
     ("LOGNOT", "A", (0, 0, 1, 1)),
     # Gray values differ by less than 2, so that the table is never read beyond.
     *((name, "table 0", (n,)) for name in ("AVERGRAD", "BLUE") for n in (0, 4)),
-    # The maximum flows round one edge that repels it; test_waves.py tells such an array apart.
+    # The maximum flows round one edge that repels it; test_waves.py sees such an array.
     *(("GLOBMAX", "weights 0", edge) for edge in ((0, 1), (1, 0), (1, 2), (2, 1))),
 }
 

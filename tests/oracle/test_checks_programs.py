@@ -13,7 +13,7 @@ FORMS = [form for name in checked_programs() for form in program_forms(name)]
 WRONG = {
     "outline-strain": {"depth": 1.9},
     "outline-stress": {"push": 1.0},
-    # whatever ends within two cells is taken for an edge
+    # any load that ends within two cells is taken for an edge
     "no-edge": {"sharp": 0.5},
     "centroid": {"push": 1.0},
     "bump-loads": {"share": 0.9},

@@ -37,7 +37,7 @@ def test_closed_averages_are_the_integrals(case: Any) -> None:
     def root(x: Any, y: Any) -> Any:
         return np.sqrt(a * a - x * x - y * y)
 
-    # the quadrature's 16 points; beside the rim a² - ρ² rounds, which the inverse root feels
+    # the quadrature's 16 points; near the rim a² - ρ² rounds, which the inverse root feels
     np.testing.assert_allclose(
         contact.root_average(grid, centre, a), average(root), rtol=0, atol=1e-10
     )

@@ -1,4 +1,4 @@
-"""Hertz, punch, partial slip and twist: what their tractions do to the surface, by quadrature.
+"""Hertz, punch, partial slip and twist: displacements under their tractions, by quadrature.
 
 Every claim "the stuck part moves as one" is checked by integrating the traction with the surface
 displacement of a ring of point loads (complete elliptic integrals), which no formula under test
@@ -69,7 +69,7 @@ def test_hertz_pressure_bends_the_surface_to_the_sphere(sphere: contact.Hertz) -
     a = float(sphere.contact_radius)
     for r in (0.05 * a, 0.5 * a, 0.95 * a):
         moved = integral(ring_potential, sphere.pressure, r, a, 0.0) / (math.pi * MODULUS)
-        # what points within 1e-14 of the logarithm leave out
+        # the part that points within 1e-14 of the logarithm leave out
         assert moved == pytest.approx(float(sphere.approach) - r * r / (2 * RADIUS), rel=1e-7)
     total = integrate.quad(lambda r: 2 * math.pi * r * float(sphere.pressure(r)), 0, a)[0]
     assert total == pytest.approx(LOAD, rel=1e-8)

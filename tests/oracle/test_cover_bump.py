@@ -41,7 +41,7 @@ def totals(cover, force, reach):
 def test_the_load_comes_back_at_taxel_depth(depth, rigid_base, force):
     cover = BumpCover(depth * R, E, R, rigid_base=rigid_base)
     total, moment = totals(cover, np.array(force), 2000.0 if not rigid_base else 60.0)
-    # the tables' own error; what lies beyond 2000 depths is less
+    # the tables' own error; the part beyond 2000 depths is less
     np.testing.assert_allclose(total, force, atol=0.01)
     arm = (load_tables().lever + depth) * R
     # far away the moment is that of small stress at long arms

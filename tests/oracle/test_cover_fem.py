@@ -109,7 +109,7 @@ def test_energy_is_half_the_work(deep):
 
 
 def test_reciprocity(deep):
-    """Betti: what a sideways force does downwards, a downward force does sideways."""
+    """Betti: a sideways force moves the cover down as much as a downward force moves it aside."""
     body = deep.pushed
     nodes = cap(body, 0.6)[1:6]
     count = len(body.nodes)
@@ -120,7 +120,7 @@ def test_reciprocity(deep):
 
 
 def test_far_below_only_the_force_counts(deep):
-    """The stress tends to Boussinesq's; what is left falls as 1/z, and is extrapolated away."""
+    """The stress tends to Boussinesq's; the rest falls as 1/z, and is extrapolated away."""
     depths = np.array([12.0, 24.0])
     shares = []
     for depth in depths:
@@ -210,7 +210,7 @@ def test_plate_neither_pulls_nor_overlaps():
         forces.append(contact.force)
         widths.append(body.nodes[contact.nodes, 0].max())
     assert (np.diff(widths) >= 0).all()
-    # Hertz on a rigid plate, 16/9 E √R δ^1.5, less what the bump and the block give besides
+    # Hertz on a rigid plate, 16/9 E √R δ^1.5, less the strain of the bump and the block
     hertz = 16 / 9 * np.array([0.05, 0.1, 0.15, 0.2, 0.25]) ** 1.5
     assert (np.asarray(forces) < 1.02 * hertz).all()
     assert (np.asarray(forces) > 0.75 * hertz).all()

@@ -78,7 +78,7 @@ def test_wide_rod_catches_what_a_disc_does():
 
 
 def test_share_of_the_rod_is_the_disc_by_reciprocity():
-    """What a disc at depth catches of a point load is what a loaded disc does at a point."""
+    """A disc at depth catches as much of a point load as a loaded disc makes at a point."""
     force = np.array([0, 0, 1.0])
     caught, _ = HAIR.caught([0.0, 0.0], force)
     disc = halfspace.circle_axis_stress(HAIR.above, force, radius=HAIR.radius)

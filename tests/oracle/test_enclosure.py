@@ -120,6 +120,6 @@ def test_stated_errors_are_certified(seed):
     for name, rtol in (("numba", 1e-3), ("numba", 1e-6), ("reference", 1e-6)):
         engine = cnnum.Engine(name, precision="float64")
         result = engine.run(template, input=picture, state=start, rtol=rtol, atol=rtol)
-        # what float64 makes of the truth itself
+        # the rounding of the truth itself in float64
         off = np.abs(result.state - truth).max() - 4.0 * np.spacing(np.abs(truth).max())
         assert off <= result.error

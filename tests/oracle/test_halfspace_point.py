@@ -21,7 +21,7 @@ PLACES = (
     (1e-9, 2e-9, 3e-9),
     (1e-8, 0.0, 1.0),  # nearly straight below
 )
-# Thirty digits against doubles: what remains is the rounding of some ten operations.
+# Thirty digits against doubles: the rest is the rounding of some ten operations.
 TOLERANCE = 5e-15
 
 

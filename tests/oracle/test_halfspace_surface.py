@@ -190,7 +190,7 @@ def test_strain_of_a_uniform_pressure_is_that_of_a_very_large_disc() -> None:
     factor = halfspace.strain_transfer(0.0, 0.0, 1.0, youngs_modulus=2.0, poisson=0.3)
     disc = halfspace.circle_axis_stress(1.0, np.eye(3), radius=1e9, poisson=0.3)
     strain = halfspace.strain_from_stress(disc, youngs_modulus=2.0, poisson=0.3)
-    # what a disc lacks to infinity is z/a = 1e-9
+    # a disc lacks z/a = 1e-9 to infinity
     np.testing.assert_allclose(factor.real, strain[:, :, 2].T, rtol=0, atol=1e-8)
     assert not factor.imag.any()
 

@@ -1,4 +1,4 @@
-"""The rough faces that scoring drags are what tamaas says."""
+"""The rough faces that scoring drags are those of tamaas."""
 
 from importlib import resources
 from importlib.util import module_from_spec, spec_from_file_location

@@ -86,7 +86,7 @@ def test_von_mises_of_known_states() -> None:
 def test_overload_is_flagged_beyond_the_yield_stress() -> None:
     bridge = Bridge()
     both = [10e-3 / np.sqrt(2.0), 10e-3 / np.sqrt(2.0), 0.0]
-    assert bridge.von_mises_bound(both) >= 269.9e6  # Table 3.I: what it bounds
+    assert bridge.von_mises_bound(both) >= 269.9e6  # the bound of Table 3.I
     silicon = Bridge(largest_force=float("inf"))
     forces = [[0.0, 0.0, 12e-3], [0.0, 0.0, 13e-3], [8e-3, 0.0, 0.0], [9e-3, 0.0, 0.0]]
     assert silicon.overloaded(forces).tolist() == [False, True, False, True]

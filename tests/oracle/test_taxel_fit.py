@@ -115,7 +115,7 @@ def test_saturated_frames_are_left_out() -> None:
     blind = fit_calibration(*arguments, youngs_modulus=E, depth=Z, taxels=TAXELS)
     true = taxel.calibration().alpha_normal
     assert cut.calibration.alpha_normal == pytest.approx(true, rel=2e-3)
-    assert abs(blind.calibration.alpha_normal / true - 1.0) > 0.02  # what the flag saves
+    assert abs(blind.calibration.alpha_normal / true - 1.0) > 0.02  # the error that the flag saves
 
 
 @pytest.mark.parametrize(

@@ -31,7 +31,7 @@ def test_two_gaussians_are_told_apart_as_well_as_can_be() -> None:
 
 
 def test_groups_do_not_leak() -> None:
-    # Tight clusters with labels drawn at random: only a torn group could be told right.
+    # Tight clusters with labels drawn at random: only a torn group could be classified right.
     rng = np.random.default_rng(1)
     centres, labels = rng.normal(size=(60, 2)), rng.permutation(np.repeat([0, 1], 30))
     logs = np.repeat(centres, 40, axis=0) + 1e-3 * rng.normal(size=(2400, 2))
@@ -104,7 +104,7 @@ def test_profiles_have_their_height_and_length(material: Material) -> None:
         "weave": trace.std() * math.sqrt(2.0 / 1.25),  # (1 + ¼) is the mean of (1 + n/2)²
         "teeth": np.sort(trace)[-len(trace) // 200 :].mean() / 1.4,
     }[material.kind]
-    # 0.2 m holds some hundred correlation lengths of what is random
+    # 0.2 m holds some hundred correlation lengths of a random profile
     assert size == pytest.approx(material.height, rel=0.15)
 
 

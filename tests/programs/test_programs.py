@@ -1,4 +1,4 @@
-"""Tracing programs: what is recorded, what is one, and what is refused."""
+"""Tracing programs: operations recorded, equal ones merged, and faults refused."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""What any elastic half-space obeys, for random loads and places."""
+"""Laws that any elastic half-space obeys, for random loads and places."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Turning, shifting or scaling what is felt does just that to the answer."""
+"""Turning, shifting or scaling the strain does just that to the answer."""
 
 import numpy as np
 from hypothesis import given, settings

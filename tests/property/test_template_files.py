@@ -1,4 +1,4 @@
-"""Reading what was written gives the same template."""
+"""A template that was written reads back the same."""
 
 import tempfile
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Files of other programs: what is written comes back."""
+"""Files of other programs: a written template comes back."""
 
 import tempfile
 from contextlib import suppress

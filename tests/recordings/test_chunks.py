@@ -1,4 +1,4 @@
-"""What is written is plain MCAP: the library of the format reads it, and its frames are ours."""
+"""Files are plain MCAP: the library of the format reads them, and their frames are ours."""
 
 import struct
 import zlib

@@ -1,4 +1,4 @@
-"""Frames reach the file in time and leave memory; what is there already is not touched."""
+"""Frames reach the file in time and leave memory; an older file is not touched."""
 
 import errno
 import time

@@ -1,4 +1,4 @@
-"""Taxel frames beside pictures, and LeRobot's layout."""
+"""Taxel frames together with pictures, and LeRobot's layout."""
 
 import json
 from pathlib import Path

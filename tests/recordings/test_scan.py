@@ -1,4 +1,4 @@
-"""Whole chunks are found in whatever a file has become, and nothing absurd is believed."""
+"""Whole chunks are found in a file with any damage, and nothing absurd is believed."""
 
 import random
 import struct

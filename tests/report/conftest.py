@@ -1,4 +1,4 @@
-"""A small made-up scene: what happens in it is known to the frame."""
+"""A small made-up scene: its events are known to the frame."""
 
 from dataclasses import replace
 from typing import Any
@@ -57,7 +57,7 @@ def made_events() -> tuple[Event, ...]:
 
 
 def made_flags() -> dict[str, Any]:
-    """What a program with every phase reports."""
+    """The report of a program with every phase."""
     names = ("incipient_slip", "gross_slip", "twist")
     return {"contact": during((22, 109)), **{name: during((0, 0)) for name in names}}
 

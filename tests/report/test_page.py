@@ -21,7 +21,7 @@ SECTIONS = ("story", "frames", "events", "errors", "plans", "latency", "further"
 
 
 class Reader(HTMLParser):
-    """Follows the tags, and gathers tables, text and what an element refers to."""
+    """Follows the tags, and gathers tables, text and the references of elements."""
 
     def __init__(self) -> None:
         super().__init__(convert_charrefs=True)

@@ -1,4 +1,4 @@
-"""Reports against the ground truth: what is right, late, wrong, missed or false."""
+"""Reports against the ground truth: right, late, wrong, missed or false ones."""
 
 from dataclasses import replace
 from math import pi

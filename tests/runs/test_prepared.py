@@ -1,4 +1,4 @@
-"""Runs that are prepared once give what a first run gives, and refuse what it refuses."""
+"""Runs that are prepared once answer as a first run does, and refuse the same arguments."""
 
 import threading
 

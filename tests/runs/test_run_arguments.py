@@ -1,4 +1,4 @@
-"""What `Engine.run` and `stability_bound` are given wrongly is named in one sentence."""
+"""Wrong arguments of `Engine.run` and `stability_bound` are named in one sentence."""
 
 import math
 

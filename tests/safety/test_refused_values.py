@@ -1,4 +1,4 @@
-"""What fuzzing found: values that no one means are refused in one sentence."""
+"""Finds of fuzzing: values that make no sense are refused in one sentence."""
 
 import numpy as np
 import pytest

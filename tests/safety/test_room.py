@@ -1,4 +1,4 @@
-"""What never fits into memory is refused in one sentence, before any of it is made."""
+"""Arrays that never fit into memory are refused in one sentence, before any of them is made."""
 
 import tracemalloc
 

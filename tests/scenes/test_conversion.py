@@ -1,4 +1,4 @@
-"""From a driver's frame to a program's channels: what one frame does not change is done once."""
+"""From a driver's frame to a program's channels: work that no frame changes is done once."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Flags become events when they change, with what the rule says."""
+"""Flags become events when they change, with the fields of the rule."""
 
 import math
 

@@ -9,7 +9,7 @@ RATE = 100.0
 
 
 def said(numbers: list[int]) -> list[Gap]:
-    """Return what is said of a stream of these scans."""
+    """Return the gaps that are said of a stream of these scans."""
     watch, found = GapWatch(), list[Gap]()
     for place, number in enumerate(numbers):
         missed = place > 0 and number != numbers[place - 1] + 1

@@ -1,4 +1,4 @@
-"""Scene files: what they say, and one sentence for what is wrong with them."""
+"""Scene files: their keys, and one sentence for each fault."""
 
 import pytest
 

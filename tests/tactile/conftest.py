@@ -102,5 +102,5 @@ def run() -> Run:
 
 @pytest.fixture
 def run_anew() -> Run:
-    """For tests that change what programs are made of: every run has a plan of its own."""
+    """For tests that change the parts of programs: every run has a plan of its own."""
     return runs_on(compiled)

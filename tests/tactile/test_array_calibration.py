@@ -170,7 +170,7 @@ def test_pushes_that_read_as_pulls_are_said_once(push, caplog):
 def test_pushes_the_right_way_round_are_not(caplog):
     assert not watched(1.0, 1.0)
     assert not watched(-1.0, -1.0)
-    assert not watched(1.0, -1.0, program="slip")  # the release of what was held
+    assert not watched(1.0, -1.0, program="slip")  # the release of a held object
     assert not caplog.records
 
 

@@ -82,7 +82,7 @@ def test_contact_begins_and_ends_with_the_load(fast, run, simulate):
     got = run(fast, contact, strain, ["contact"])["contact"] > 0
     true = truth["contact"] > 0
     assert (np.diff(got.astype(int)) != 0).sum() == 2  # one touch, one release, no chatter
-    # 5 frames: what the load needs to rise above 6 standard deviations, with room
+    # 5 frames: the time of the load to rise above 6 standard deviations, with room
     assert abs(int(np.argmax(got)) - int(np.argmax(true))) <= 5
     assert abs(int(got.sum()) - int(true.sum())) <= 5
 

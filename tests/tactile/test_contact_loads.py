@@ -49,7 +49,7 @@ def test_loads_of_pulled_spheres(fast, cells, depth, reads):
     assert np.quantile(off["load_x, load_y"], 0.9) < 0.1
     assert np.median(off["load_x, load_y"]) < 0.05
     assert np.quantile(np.abs(off["friction_used"]), 0.9) < 0.12
-    # what strain tells of pull and pressure cannot be told apart wholly: a tenth of the radius
+    # strain cannot set pull and pressure apart wholly: a tenth of the radius
     assert off["place"].max() < 0.4
     # whole taxels: the rim crosses 10 to 25 of them
     assert np.abs(off["contact_area"]).max() < 0.45
@@ -58,7 +58,7 @@ def test_loads_of_pulled_spheres(fast, cells, depth, reads):
 
 @pytest.mark.parametrize("reads", ["strain", "stress"])
 def test_narrow_contacts_weigh_what_their_readings_allow(fast, reads):
-    """Half a cell to one in radius: between taxels, what these add up to is all that is known."""
+    """Half a cell to one in radius: between taxels, their sum is all that is known."""
     for depth, limit in ((0.75, 0.15), (1.0, 0.15)):
         touches = drawn(np.random.default_rng(12), (0.5, 1.0), 8, 24)
         off = errors(touches, run_contact(fast, touches, 8, depth, reads), 8)["load_normal"]
@@ -88,7 +88,7 @@ def test_a_pull_does_not_move_the_contact(fast):
     raw = np.where(seen > 0.1 * seen.max(), seen, 0.0)
     assert np.abs((raw * np.arange(16)).sum() / raw.sum() - 7.5) > 2.0
     got = run_contact(fast, [still, pulled], 16, 0.5, "strain")
-    # a seventh of the radius is what is left of it, and a quarter more load
+    # a seventh of the radius is left of it, and a quarter more load
     assert got["contact_column"] == pytest.approx(7.5, abs=0.7)
     assert got["load_normal"] == pytest.approx(1.0, abs=0.25)
 
@@ -180,7 +180,7 @@ def test_shear_seen_is_what_the_array_adds_up_to():
                 load[row, col, kind] = 1.0
                 read = SurfaceToDepth((5, 7), 1.0, depth, youngs_modulus=1.5)(load)
                 assert found[row, col] == pytest.approx(-read[..., axis].sum(), abs=1e-12)
-    # what an array misses falls as depth over side: twice 0.5/61 around, and the corners
+    # the share that an array misses falls as depth over side: twice 0.5/61 around, and the corners
     wide = shear_seen((61, 61), 0.5)
     assert wide.own_x[30, 30] == pytest.approx(1.0, abs=0.03)
     assert wide.pushed_x[30, 30] == pytest.approx(0.0, abs=1e-12)
@@ -188,7 +188,7 @@ def test_shear_seen_is_what_the_array_adds_up_to():
 
 @pytest.mark.parametrize("reads", ["strain", "stress"])
 def test_left_kernel_is_what_the_filter_leaves(reads):
-    """A load on one cell less what the filter gives back of it, on an array that holds both."""
+    """A load on one cell less the filter's result of it, on an array that holds both."""
     side = 2 * (LEFT + 4) + 1
     load = np.zeros((side, side, 3))
     load[side // 2, side // 2, 2] = 1.0

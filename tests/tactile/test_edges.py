@@ -209,7 +209,7 @@ def test_surround_of_bars_and_points():
 
 @pytest.mark.parametrize("depth", [0.5, 1.0])
 def test_surround_inhibition_is_the_covers(fast, run, depth):
-    """Beside a narrow load strain falls below rest as in the closed form; stress never does."""
+    """Next to a narrow load strain falls below rest as in the closed form; stress never does."""
     body = Disc(0.1)
     seen = frame_under(body, (9, 9), depth, "strain")
     got = run(fast, edges.bind(depth=depth), pressed(seen), ["surround_inhibition"])

@@ -79,7 +79,7 @@ def test_motions_are_told_apart(engine, run, shape):
 
 
 def test_all_codes_are_read(fast, run):
-    """2¹⁶ grasps side by side: every code is what its shears say, and has at most one meaning."""
+    """2¹⁶ grasps side by side: every code is that of its shears, and has at most one meaning."""
     codes = np.arange(1 << 16)
     bits = codes[:, None] >> np.arange(16) & 1
     signs = (2.0 * bits - 1.0).reshape(-1, 2, 2, 2, 2)  # finger, row, column, axis

@@ -17,7 +17,7 @@ LIMITS = {0: (0.27, 0.05), 2: (0.12, 0.02)}
 as measured, to the next hundredth. A push's were 0.60 and 0.094 on the lattice as it is."""
 
 PLANE = 2
-"""The taxels lie so many slabs deep."""
+"""Slabs above the taxels."""
 
 
 def relaxed(engine, load, *, slabs, thickness, cells=1, poisson, tolerance, match=False):
@@ -90,7 +90,7 @@ def test_what_relaxes_nears_4_9_as_the_square_of_the_cell(poisson, axis):
 @pytest.mark.parametrize("poisson", [0.3, 0.49])
 @pytest.mark.parametrize("axis", [0, 2], ids=["Q", "F"])
 def test_loads_matched_to_the_lattice_come_nearer_to_4_9(poisson, axis):
-    """Nine weights a load take off what the lattice fades too little; see the documentation."""
+    """Nine weights a load make up for waves that the lattice fades too little; see the pages."""
     errors = [off_4_9(cells, axis, poisson, match=True) for cells in (1, 2)]
     assert errors[0] <= LIMITS[axis][0]
     assert errors[1] <= LIMITS[axis][1]

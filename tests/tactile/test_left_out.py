@@ -1,4 +1,4 @@
-"""What nothing asks for is gone: operations, channels, templates and maps, by count."""
+"""Unwanted parts are gone: operations, channels, templates and maps, by count."""
 
 from collections import Counter
 
@@ -123,7 +123,7 @@ def scenes():
 
 
 def texts_of(source):
-    """What a kernel's text reads, keeps and gives: lines by where they go."""
+    """Lines of a kernel's text that read, keep and give, by where they go."""
     body = source[source.index("__kernel") :].splitlines()
     return {
         name: [line for line in body if f"{call}({name} +" in line]
@@ -148,7 +148,7 @@ def test_scene_runs_what_it_wants_and_no_more(name, whole, scenes):
     assert plan.bytes_out == 4 * (64 * len(maps) + numbers) < everything.bytes_out / 2
     assert plan.ops < everything.ops
     assert plan.flops < everything.flops
-    # what is gone is said, and nothing else is
+    # parts that are gone are said, and nothing else is
     gone = {item.what.removeprefix("output ") for item in plan.left_out if "output " in item.what}
     assert gone == set(WHOLE.outputs) - set(scene.plan.schedule.outputs)
     for template in without:
@@ -191,7 +191,7 @@ def all_events(whole):
 
 @pytest.mark.parametrize("name", ["contact", "slip", "twist"])
 def test_events_are_those_of_the_scene_that_wants_everything(name, scenes, all_events):
-    """What is left out changes nothing of what is left."""
+    """The parts left out change nothing of the rest."""
     kinds = {"contact": {"contact", "release"}}.get(name, {name})
     thin, full = (
         [(event.t, event.kind, event.phase) for event in events if event.kind in kinds]
@@ -212,7 +212,7 @@ def test_cost_of_scenes_tells_what_was_left_out_and_changes_no_answer(fast):
     # 60 frames of rest and 20 more of the press, the pull, the twist and after
     assert all(row.compared == 80 for row in rows.values())
     # float32 through some hundred operations; a strength is a ratio of small differences. The rate
-    # of a twist that tactile tells is no part of this: of so few frames it is anything
+    # of a twist that tactile gives is no part of this: of a few frames it is anything
     assert all(rows[name].error < 5e-3 for name in SCENES)
     # a taxel's edge can lie within rounding of its level in one of the frames
     assert all(row.flips <= 1 for row in rows.values())

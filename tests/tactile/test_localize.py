@@ -1,4 +1,4 @@
-"""Bumps: loads by the finite-element coefficients, and every contact told from the others."""
+"""Bumps: loads by the finite-element coefficients, and every contact set apart."""
 
 import numpy as np
 import pytest

@@ -23,7 +23,7 @@ SCRIPT = (
 
 
 def last(fast, run, load, **parameters):
-    """What is said of a load that came after rest, its pull later and slowly."""
+    """The outputs for a load that came after rest, its pull later and slowly."""
     frames = REST + 2 * HELD
     noise = 1e-3 * np.abs(load).max() * np.random.default_rng(3).normal(size=(frames, 8, 8, 3))
     pull = np.clip((np.arange(frames) - REST - HELD) / HELD, 0.0, 1.0)[:, None, None, None]

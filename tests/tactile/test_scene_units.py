@@ -14,7 +14,7 @@ SCENES = ("contact", "demo", "edges", "slip", "tactile", "twist")
 
 @pytest.fixture(scope="module")
 def demo():
-    """Loads told and true, (frames, 3), and the events of the first contact."""
+    """Loads reported and true, (frames, 3), and the events of the first contact."""
     scene = load_scene("demo", changes={"wants": ["contact", *LOADS]})
     moments = [moment for moment in scene.results() if moment.values is not None]
     told = np.array([[float(m.outputs[name]) for name in LOADS] for m in moments])

@@ -1,8 +1,8 @@
 """Every tactile program on 4×4×3, 8×8×3 and 16×16×3, in a batch with its mirror image.
 
-The same thing is put in the middle of each array: what the program says of it may differ by the
-noise, which is drawn anew, by what a small array cuts off, and by nothing else. A scene that is
-turned over, left for right, must be told turned over.
+The same thing is put in the middle of each array. The program's outputs may differ by the noise,
+which is drawn anew, by the part that a small array cuts off, and by nothing else. A scene that is
+turned over, left for right, must be reported turned over.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ MIRROR = np.array([-1.0, 1.0, 1.0])
 
 @dataclass(frozen=True)
 class Same:
-    """An output that is the same on every array, to within what."""
+    """An output that is the same on every array, and the room for differences."""
 
     name: str
     within: float
@@ -37,7 +37,7 @@ class Same:
 
 @dataclass(frozen=True)
 class Scene:
-    """Frames by the array's side, and what is to come out of the last of them."""
+    """Frames by the array's side, and the wanted outputs of the last of them."""
 
     frames: Callable[[int], Floats]
     same: tuple[Same, ...]
@@ -135,7 +135,7 @@ TWIST = (
     Same("twist_column", 0.1, turns=True),
 )
 STRESSES = tuple(
-    # the block is half as wide as the 4×4 array, and what is beyond the rim differs:
+    # the block is half as wide as the 4×4 array, and the surface beyond the rim differs:
     # mirrored, periodic or free, a tenth of the largest stress of 1 kPa
     Same(name, 130.0, turns=name.endswith("xz"))
     for name in ("stress_xz", "stress_yz", "stress_zz")
@@ -228,7 +228,7 @@ def test_sizes_and_mirror_images_agree(fast, name):
             assert np.isfinite(value).all()
             said[same.name].append(value)
             turned = value[1][..., ::-1] if value.ndim > 1 else value[1]
-            # rounding of float32, after steps of differing order: a hundredth of what is allowed
+            # rounding of float32, after steps of differing order: a hundredth of the room
             room = max(0.02 * same.within, 1e-6)
             np.testing.assert_allclose(turned, -value[0] if same.turns else value[0], atol=room)
         if cells == SIZES[0]:

@@ -1,4 +1,4 @@
-"""Slip and twist by what moves: against plain NumPy, and on noise, slides, turns and recordings."""
+"""Slip and twist: against plain NumPy, and on noise, slides, turns and recordings."""
 
 import inspect
 import os
@@ -39,7 +39,7 @@ def four():
 
 
 def both(rates=None, **settings):
-    """Slip and twist in one program, which share what they start from; rates of false reports."""
+    """Slip and twist in one program, which share their first fields; rates of false reports."""
 
     def fitting(part):
         known = inspect.signature(part.function).parameters
@@ -115,7 +115,7 @@ def test_gain_and_offset_do_not_matter(fast, run, four):
     program = both(**BOUND)
     one = run(fast, program, four[:, SLIDES])["slip_strength"]
     other = run(fast, program, 1e3 * four[:, SLIDES] + 500.0)["slip_strength"]
-    # offsets of 500 round in single precision by 3e-5, beside noise of 0.1
+    # offsets of 500 round in single precision by 3e-5, the noise is 0.1
     np.testing.assert_allclose(other, one, rtol=5e-3, atol=1e-3)
 
 
@@ -200,7 +200,7 @@ def test_a_report_ends_once_its_strength_was_low_for_a_time(fast, run):
 
 @program
 def start(frame):
-    """What slip and twist start from."""
+    """The fields that slip and twist start from."""
     recent = frame.once(
         RecentLoads, push=-1.0, shear_gain=1.0, pads=1, rate=200.0, rest=0.4, look=0.08, floor=240.0
     )

@@ -54,7 +54,7 @@ def test_the_network_is_least_squares(fast, shape):
 
 
 def test_drags_are_as_likely_as_said(fast):
-    """By hand: with drags ten times less likely, a pressure is what strain comes from."""
+    """By hand: with drags ten times less likely, strain comes from pressure."""
     load, _ = two_contacts()
     load[..., :2] = 0.0
     cover = SurfaceToDepth((8, 8), PITCH, THICKNESS, youngs_modulus=E)
@@ -82,14 +82,14 @@ def test_several_contacts_come_back_at_once(fast, rounds):
     got, residual = answer(fast, noisy, rounds=rounds)
     inside = load[..., 2] > 0
     pressure = got[..., 2]
-    # without rounds, what is between contacts is the ground that they stand on
+    # without rounds, the load between contacts is the ground that they stand on
     ground = np.median(pressure[~inside]) if rounds == 0 else 0.0
     touched = pressure - ground > 3e3
     assert (touched == inside).all()
     for patch, wanted in ((np.s_[1:3, 1:3], 8e3), (np.s_[5:7, 4:7], 6e3)):
         # a resolution of about a taxel smears an eighth of a patch of two over its edge
         assert abs(pressure[patch].mean() - ground - wanted) <= 0.2 * wanted
-    # a fit takes up some of the noise; loads that nowhere pull leave what least squares would take
+    # a fit takes up some noise; loads that nowhere pull leave strain that least squares would take
     assert 0.1 <= residual <= (1.2 if rounds == 0 else 6.0)
     if rounds:
         assert pressure.min() >= 0.0
@@ -109,7 +109,7 @@ def test_no_drag_exceeds_friction(fast):
 
 
 def test_rounding_decides_about_no_load(fast):
-    """Strains of order 1, ten thousand times the noise: the worst frames for whatever switches."""
+    """Strains of order 1, ten thousand times the noise: the worst frames for cells that switch."""
     frames = np.random.default_rng(0).normal(size=(1024, 8, 8, 3))
     plan = fast.compile(surface_load.bind(), (8, 8), list(NAMES))
     fused, stepped = plan(frames), plan.unfused()(frames)
@@ -193,7 +193,7 @@ def test_one_round_halves_the_error(fast):
     none, one = (load_errors.measure(fast, 1e-4, rounds, count=40) for rounds in (0, 1))
     assert one.rms < 0.5 * none.rms
     assert abs(one.height - 1.0) < abs(none.height - 1.0)
-    # 0.9 of all pressure is found, and a tenth of it is what edges lose
+    # 0.9 of all pressure is found, and edges lose a tenth of it
     assert one.height > 0.9
 
 

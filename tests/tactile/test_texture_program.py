@@ -10,7 +10,7 @@ from cnnum.templates.tactile.texture import texture
 
 
 def rubbed(shape, batch=(), frames=60, seed=0):
-    """Rest, then what a taxel with a bump reads of the four materials, one after the other."""
+    """Rest, then readings of a taxel with a bump on four materials, one after the other."""
     rng = np.random.default_rng(seed)
     still = 2.5e-3 * rng.normal(size=(20, *batch, *shape, 3))
     cells = int(np.prod((*batch, *shape)))

@@ -1,4 +1,4 @@
-"""Which cell a virtual one copies, by hand: closed forms and engines share what says it."""
+"""Which cell a virtual one copies, by hand: closed forms and engines share the rule."""
 
 import numpy as np
 import pytest

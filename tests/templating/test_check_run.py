@@ -1,4 +1,4 @@
-"""run_check: what it measures, and what it refuses."""
+"""run_check: its figures, and the answers it refuses."""
 
 from dataclasses import dataclass, fields
 from typing import Any
@@ -31,7 +31,7 @@ class Answer:
 
 
 class Shifter:
-    """Answers a shift to the east exactly, then spoils the answer as told."""
+    """Answers a shift to the east exactly, then spoils the answer as asked."""
 
     name = "shifter"
     precision = "float64"

@@ -1,4 +1,4 @@
-"""What designers are told: stability, robustness, measured figures, the audit of boundaries."""
+"""Figures for designers: stability, robustness, measured ones, the audit of boundaries."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Template files: what is read, and the one sentence for each thing that is wrong."""
+"""Template files: their keys, and one sentence for each fault."""
 
 from pathlib import Path
 

@@ -60,7 +60,7 @@ class HairCover:
 
     @property
     def depth(self) -> float:
-        """Depth of the taxels, m: of the rod's foot."""
+        """Depth of the taxels and of the rod's foot, m."""
         return self.above + self.length
 
     @property

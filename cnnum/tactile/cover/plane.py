@@ -60,13 +60,13 @@ class PlaneFigures:
 
     @property
     def normal_to_shear(self) -> float:
-        """FzUz over FxUx below the middle at 200 µm, equal indentations: "about two" (6.11)."""
+        """FzUz over FxUx below the middle at 200 µm, equal indentations; "about two" (6.11)."""
         middle = self.x.size // 2
         return float(self.line[0, 1, middle] / self.line[1, 0, middle])
 
     @property
     def cross_talk(self) -> float:
-        """The larger of FzUx/FzUz and FxUz/FxUx below the middle at 200 µm: "zero" (6.11)."""
+        """The larger of FzUx/FzUz and FxUz/FxUx below the middle at 200 µm; "zero" (6.11)."""
         middle = self.line[:, :, self.x.size // 2]
         return float(max(abs(middle[0, 0] / middle[0, 1]), abs(middle[1, 1] / middle[1, 0])))
 

@@ -56,7 +56,7 @@ class StandardLinearSolid:
 
     @property
     def relaxation_time(self) -> float:
-        """Time constant of the stress under constant strain, s: τ E_∞/E_0."""
+        """Time constant of the stress under constant strain, τ E_∞/E_0, s."""
         return self.creep_time * self.relaxed_modulus / self.instant_modulus
 
     def creep(self, time: ArrayLike) -> Array:

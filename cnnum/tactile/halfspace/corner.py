@@ -59,7 +59,7 @@ class Corner:
 
     @property
     def angle_x(self) -> Array:
-        """The integral of L_x over Y, differentiated: 2 atan(XY / ((s + z)(r + s)))."""
+        """The integral of L_x over Y, differentiated, 2 atan(XY / ((s + z)(r + s)))."""
         return 2 * np.arctan2(self.X * self.Y, (self.s + self.z) * (self.r + self.s))
 
     @property

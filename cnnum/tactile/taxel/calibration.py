@@ -174,7 +174,7 @@ class Calibration:
 
     @property
     def wanders(self) -> bool:
-        """Whether time adds anything to the offsets: heat after switch-on, or drift."""
+        """Whether heat after switch-on, or drift, adds anything to the offsets."""
         return bool(self.heat.amplitude != 0.0 or self.drift.any())
 
     def wander(self, time: ArrayLike) -> Floats:

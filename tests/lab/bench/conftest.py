@@ -1,4 +1,4 @@
-"""The engine that benchmarks measure, and what the reference engine tells them, asked once."""
+"""The engine that benchmarks measure, and the reference engine's answers, asked once."""
 
 from collections.abc import Callable
 from typing import Any

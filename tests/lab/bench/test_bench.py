@@ -108,18 +108,18 @@ def test_every_benchmark_has_a_picture():
 
 
 def _place(point, ns_per_update):
-    """A row of `cnnum bench scaling` that nobody has measured."""
+    """A row of `cnnum bench scaling` without a measurement."""
     about = (point.case, "a device", point.shape, point.batch, point.radius, point.layers)
     return scaling.Scaling(*about, 1e9 / ns_per_update, ns_per_update, None, 1.0, 0.0, 0.0)
 
 
 def test_growth_ends_in_its_time_on_a_slow_machine(monkeypatch):
-    """Builds and slow places use up what later places may take, and never make the run longer."""
+    """Builds and slow places use up the time of later places, and never make the run longer."""
     now, budgets = [0.0], []
 
     def slow(engine, point, budget):
         budgets.append(budget)
-        now[0] += 4.0 + budget  # a build of 4 s, and then what it may take
+        now[0] += 4.0 + budget  # a build of 4 s, and then the time it may take
         return _place(point, 1.0)
 
     monkeypatch.setattr(scaling, "_measure", slow)
@@ -241,7 +241,7 @@ def test_a_run_that_is_stopped_leaves_its_rows(tmp_path, capsys):
 
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_results_are_the_same_to_the_bit_from_run_to_run(precision):
-    """What is timed: adaptive and fixed steps, in a plan built anew each time."""
+    """The steps that are timed: adaptive and fixed ones, in a plan built anew each time."""
     rng, template = generator(), full_template()
     start, given = rng.uniform(-1, 1, (2, 5, 9, 11))
     for how in ({"method": "bogacki-shampine"}, {"dt": 0.05}):
@@ -265,7 +265,7 @@ def test_states_of_the_denormals_benchmark_do_become_denormal():
         least = denormals.smallest(precision)
         state, given = denormals.near_zero(ordinary, least)
         assert np.median(np.abs(state)) > least
-        # float64 shows what float32 would be left with
+        # float64 shows the rest that float32 would have
         engine = cnnum.Engine("reference")
         left = engine.run(
             denormals.decaying(), input=0 * given, state=state, method="euler", dt=0.1

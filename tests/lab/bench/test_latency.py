@@ -1,4 +1,4 @@
-"""The way of one frame: to its events, in time, with an error, and with what is missing named."""
+"""The way of one frame: to its events, in time, with an error, and with missing cases named."""
 
 import time
 
@@ -46,7 +46,7 @@ def test_slip_and_twist_are_the_plan_of_a_scene_that_wants_both(opencl):
 
 
 def test_frames_go_as_far_as_their_events(opencl, monkeypatch):
-    """The detector runs within the time, on every frame, and reports what the stream has."""
+    """The detector runs within the time, on every frame, and reports the stream's events."""
     seen = []
     update = EventDetector.update
 
@@ -126,7 +126,7 @@ def test_errors_are_those_of_the_outputs_that_are_wanted(opencl, monkeypatch):
 
 
 def test_tails_of_launches_are_those_of_the_same_turns(opencl, monkeypatch):
-    """Every fiftieth empty launch of 1 ms takes 9: p99 is nine medians, whatever frames take."""
+    """Every fiftieth empty launch of 1 ms takes 9: p99 is nine medians, for any times of frames."""
     taken = ([1e-3] * 100, [1e-3] * 100, ([1e-3] * 49 + [9e-3]) * 2)
     monkeypatch.setattr(latency, "_turns", lambda *_: (taken, [2e-3]))
     row = row_of(opencl, QUICK)

@@ -35,7 +35,7 @@ def test_runs_next_to_zero_are_held_to_the_reference_engines(precision):
     # flushed, as PoCL does when it is asked to, there are none
     assert row.error == 1.0 or (row.error < 1e-3 and "Portable" not in row.device)
     near, ordinary = denormals.case_truths(case)
-    # what is wrong is below the smallest normal number, and the run begins e^10 above it
+    # the error is below the smallest normal number, and the run begins e^10 above it
     assert row.error_of_start < 1e-4
     row = denormals.measure_case(engine, case, (1.5 * near, 1.5 * ordinary), budget=0.01)
     assert row.ordinary_error == pytest.approx(1 / 3, abs=1e-3)

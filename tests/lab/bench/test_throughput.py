@@ -20,7 +20,7 @@ SMALL = tuple(
 
 @pytest.fixture(autouse=True)
 def _three_turns(monkeypatch):
-    """As few as there are: peaks and their shares are told of three turns as of fifteen."""
+    """As few as there are: peaks and their shares follow from three turns as from fifteen."""
     monkeypatch.setattr(throughput, "difference", partial(difference, runs=3))
 
 

@@ -1,4 +1,4 @@
-"""What is timed in turns: a difference of two calls, and its share of a rate beside it."""
+"""Times in turns: a difference of two calls, and its share of a rate in the same turn."""
 
 import math
 

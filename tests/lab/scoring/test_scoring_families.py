@@ -22,7 +22,7 @@ from cnnum.report.record import truth_columns
 from cnnum.tactile.contact import sliding_torque, torsion_slip
 from cnnum.tactile.grid import make_grid
 
-NO_INFLUENCE = np.empty(0)  # what a contact does on the surface needs no taxels
+NO_INFLUENCE = np.empty(0)  # tractions of a contact on the surface need no taxels
 BOUNDS = Bounds(25e-3, load_of(2e-3, 25e-3, YOUNGS_MODULUS), 0.6, YOUNGS_MODULUS)
 BY_NAME = {family.name: family for family in FAMILIES}
 
@@ -111,7 +111,7 @@ HAND = Drawn(mass=0.1, stiffness=1500.0, speed=1e-3, limit=0.5, travel=1e-6, kin
 
 def test_friction_falls_from_static_to_kinetic_with_speed():
     assert HAND.friction(0.0) == 1.0
-    assert HAND.friction(FADES) == pytest.approx(0.8)  # half of what can go is gone
+    assert HAND.friction(FADES) == pytest.approx(0.8)  # half of the possible fall
     assert HAND.friction(1e3 * FADES) == pytest.approx(0.6, abs=1e-3)
 
 

@@ -294,7 +294,7 @@ def test_a_table_counts_aims_and_has_no_infinite_numbers():
     assert (made.aimed, made.missed) == (
         3,
         2,
-    )  # what never came misses, what was not there does not
+    )  # a row that never came misses, one that was not there does not
     assert list(made.records())[1] == {"table": "t", "name": "b", "found": None, "slid": None}
     assert [column.text(rows[1][column.key]) for column in columns] == ["b", "–", "–"]
     others = replace(made, rows=[{**row, "baseline": True} for row in rows])

@@ -32,7 +32,7 @@ def engine():
 
 @pytest.fixture(scope="module")
 def trials():
-    """A few quick scenes in every family's place: what they show is not looked at."""
+    """A few quick scenes in every family's place: their results do not matter."""
     arrays = Arrays()
     make = {family.name: family.make for family in FAMILIES}
     some = [make[name](arrays, name, seed) for name in SOME for seed in (3, 4)]
