@@ -70,13 +70,12 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
     Notes
     -----
     A mode that grows by itself (Re λ > 0) sets no bound. Rates are those of `spectrum`. Of a linear
-    array no other mode grows at all: eigenvalues are held to |R| ≤ 1, and where they are not known,
-    so is a box around the field of values, which may leave Euler's and Heun's method no step. An
-    array that saturates has rates that change with the cells: steps let none of them grow faster
-    than the array itself could, e^{max(Re λ, 0) h}. That holds without saturation or, by
-    Gershgorin's discs, with any. With a delay, a mode depends on its past, too
-    (`cnnum.integrators.delays`). Steps are whole parts of the delay, and only methods whose stages
-    lie at ends of steps have any.
+    array no other mode grows at all: eigenvalues are held to |R| ≤ 1. Where they are not known, so
+    is a box around the field of values, which may leave Euler's and Heun's method no step. An array
+    that saturates has rates that change with the cells: steps let none of them grow faster than the
+    array itself could, e^{max(Re λ, 0) h}. That holds without saturation or, by Gershgorin's discs,
+    with any. With a delay, a mode depends on its past, too (`cnnum.integrators.delays`). Steps are
+    whole parts of the delay, and only methods whose stages lie at ends of steps have any.
     """
     shape = as_shape(shape)
     expect("template", template, Template, TemplateError)

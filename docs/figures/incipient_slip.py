@@ -35,14 +35,14 @@ OTHERS = {"flat punch": faces.punch, "bar": faces.bar, "ridges": faces.ridges}
 
 
 def made(contact: float | None) -> dict[str, Make]:
-    """Return what makes the scenes of each family."""
+    """Return the functions that make the scenes of each family."""
     spheres = {name: pulled(pull, Array(contact=contact)) for name, pull in PULLS.items()}
     layer = pulled(pulls.power(1.0), Array(cover="layer", contact=contact))
     return {**spheres, "layer": layer, **{name: dragged(face) for name, face in OTHERS.items()}}
 
 
 def play(engine: Engine, trial: Trial) -> dict[str, np.ndarray]:
-    """Return what the program says of a scene, an array of frames an output."""
+    """Return the program's outputs for a scene, an array of frames each."""
     array = Array(cover="layer" if trial.family == "layer" else "flat")
     draw = Draw.of(trial.family, int(trial.name.rpartition(" ")[2]), array)
     program = get_program("mindlin_slip").bind(

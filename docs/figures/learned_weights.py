@@ -4,7 +4,7 @@
 `CNNUM_RECORDINGS=FOLDER python docs/figures/learned_weights.py recordings [--objects all]`
 
 Each family of scenes, or each object, is left out in turn: SciPy's Nelder–Mead sets the weights on
-all others, and they are judged on what was left out. Families learn on `--count` scenes of tuning
+all others, and they are judged on those left out. Families learn on `--count` scenes of tuning
 seeds and are judged on `--scenes` of scoring seeds. The read-outs come from the templates of
 `slip`, once; its decision is the formula at the head of its file, with seven numbers to set:
 
@@ -68,7 +68,7 @@ def shows(
     pads: int = 1,
     rate: float = 200.0,
 ) -> Mapping[str, Field]:
-    """What `slip` decides by."""
+    """The fields that `slip` decides by."""
     recent = frame.once(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=0.4, look=0.08,
         floor=240.0,

@@ -1,6 +1,6 @@
 """The page of coupled templates that a search found; `python docs/figures/search_table.py [NAME…]`.
 
-Each search starts from weights that know nothing. What it found is judged under draws of the
+Each search starts from weights that know nothing. Its template is judged under draws of the
 mismatch that it has never seen, the same for the published weights. A page takes minutes.
 """
 
@@ -41,7 +41,7 @@ On {machine}.
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """A search and what it came to."""
+    """A search and its result."""
 
     name: str
     published: float

@@ -117,7 +117,7 @@ class VirtualArray:
 
 
 class _Alarm:
-    """Rings once whenever so much time has gone by."""
+    """Rings once whenever its time has gone by."""
 
     def __init__(self, every: float) -> None:
         self._every = self._next = every

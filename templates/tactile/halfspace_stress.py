@@ -34,9 +34,9 @@ def halfspace_stress(
 ) -> Mapping[str, Field]:
     """Stress that taxels see under a load on an incompressible cover.
 
-    On the lattice k is the root of the five-point Laplacian's eigenvalue, and no flux crosses the
-    rim of the array, as if the load went on mirrored; the error against the half-space falls as
-    the square of the cell over the thickness.
+    On the lattice k is the root of the five-point Laplacian's eigenvalue. No flux crosses the rim
+    of the array, as if the load went on mirrored; the error against the half-space falls as the
+    square of the cell over the thickness.
 
     Parameters
     ----------

@@ -70,7 +70,7 @@ def accounted(scene: Scene) -> bool:
 def run(
     scene: Scene, count: int, at: int = -1, do: Callable[[], object] = list
 ) -> list[FrameResult]:
-    """Run so many frames, and do something after one of them."""
+    """Run some frames, and do something after one of them."""
     results, got = scene.results(), []
     for moment in results:
         got.append(moment)

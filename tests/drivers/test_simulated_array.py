@@ -106,7 +106,7 @@ def test_the_frame_holds_the_shear_force() -> None:
 
     seen = 4 * dblquad(kernel, 0, half, 0, half, epsabs=1e-6)[0]
     force = array._springs.force(state)[0]
-    # taxels 1.5 mm apart below 1 mm of cover leave e^(-2π z/pitch) = 1.5 % of what is shorter
+    # taxels 1.5 mm apart below 1 mm of cover leave e^(-2π z/pitch) = 1.5 % of waves shorter
     # than two of them; the contact's width changes the tail by (2.5/12)² of its 12 %
     assert -stress.sum() * 1.5e-3**2 == pytest.approx(seen * force, rel=0.02)
     assert abs(where) < 0.3e-3

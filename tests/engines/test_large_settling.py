@@ -78,7 +78,7 @@ def test_strips_end_with_the_step_that_sees_no_change(method, monkeypatch):
 
 
 def test_steps_to_rest_of_arrays_beyond_one_work_item():
-    """In single precision, as a run of a duration of so many steps, which nothing watches."""
+    """In single precision, as a run of a duration of as many steps, which nothing watches."""
     rng = np.random.default_rng(90)
     template = resting(rng, "zero-flux", "standard", 1, 1)
     maps = {name: rng.uniform(-1, 1, (2, 300, 257)) for name in ("input", "state")}

@@ -33,7 +33,7 @@ def random_template(rng, boundary, output, radius=1, equal=False, control=True):
 
 
 def all_methods(methods, templates, steps):
-    """Return a program that takes so many steps with all methods, of a template each."""
+    """Return a program that takes `steps` steps with all methods, of a template each."""
 
     @program
     def each(frame):

@@ -63,7 +63,7 @@ def test_state_is_that_of_small_steps(engine, precision, a, time, start_and_inpu
     assert (got.method, np.max(got.steps)) == ("propagator", 0)
     want = stepped(a, given + 0.1, start, time)
     np.testing.assert_allclose(got.state, want, atol=TOLERANCE[precision])
-    # what rounding leaves is stated, and no more than it can be: 8 roundings of numbers below 10
+    # rounding is stated, and no more than it can be: 8 roundings of numbers below 10
     # that grow by e^3
     rounding = np.finfo(precision).eps
     assert np.all(got.error > rounding)

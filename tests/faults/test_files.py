@@ -210,7 +210,7 @@ except CnnumError as error:
 
 
 def bomb(path, *, member, promised, sent):
-    """Write an archive of which one member has so many bytes, most of them after deflation."""
+    """Write an archive of which one member has `sent` bytes, most of them after deflation."""
     archive(path, compressed=False)
     shape = (promised // 32, 1, 1, 4) if member == "values" else (promised // 8,)
     text = repr({"descr": "<f8", "fortran_order": False, "shape": shape}).encode() + b"\n"

@@ -226,7 +226,7 @@ def test_truncation_is_the_error_of_a_linear_step(method):
     ids=lambda it: getattr(it, "name", ""),
 )
 def test_truncation_sees_corners(method, least):
-    """The rate bends at θ: the parts are no less than so much of the quadrature's error."""
+    """The rate bends at θ: the parts are no less than `least` of the quadrature's error."""
     times = np.array([float(sum(row)) for row in method.a])
     weights = np.array(method.b, dtype=float)
     for theta in np.linspace(0.002, 0.998, 499):

@@ -1,8 +1,7 @@
 """Hertz, punch, partial slip and twist: displacements under their tractions, by quadrature.
 
-Every claim "the stuck part moves as one" is checked by integrating the traction with the surface
-displacement of a ring of point loads (complete elliptic integrals), which no formula under test
-uses.
+To check that "the stuck part moves as one", the traction is integrated with the surface
+displacement of a ring of point loads. Its complete elliptic integrals are in no formula under test.
 """
 
 import math

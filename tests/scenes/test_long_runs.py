@@ -39,7 +39,7 @@ def test_equal_numbers_have_their_own_quantile():
 
 
 def grown(scene: Scene, frames: int) -> int:
-    """Bytes that a scene has more after so many frames than after a tenth of them."""
+    """Bytes that a scene has more after all frames than after a tenth of them."""
 
     def endless() -> Iterator[Frame]:
         first = next(type(scene.driver).frames(scene.driver))

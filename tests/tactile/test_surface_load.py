@@ -28,7 +28,7 @@ LINEAR = {"rounds": 0, "drag": 1.0}
 
 
 def least_squares(shape, beyond=7, noise=NOISE):
-    """Singular values of loads on the array and so many cells around it, and where the array is."""
+    """Singular values of loads on the array and cells around it, and where the array is."""
     rows, cols = shape
     cover = LoadMap(
         taxels(shape), (rows + 2 * beyond, cols + 2 * beyond), PITCH, THICKNESS, E, noise

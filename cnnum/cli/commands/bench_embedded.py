@@ -1,4 +1,4 @@
-"""Options of `cnnum bench embedded`, and what they ask for."""
+"""Options of `cnnum bench embedded`, and the runs that they ask for."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -70,7 +70,7 @@ class Wanted:
 
     @classmethod
     def of(cls, asked: Mapping[str, object]) -> "Wanted":
-        """Return what options ask for.
+        """Return the runs that options ask for.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class Wanted:
 
     @property
     def label(self) -> str:
-        """What runs, in words."""
+        """The runs, in words."""
         cores = sorted({case[-1] for case in self.cases})
         return f"Cortex {', '.join(core.upper() for core in cores)}, counted by Unicorn"
 

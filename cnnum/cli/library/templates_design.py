@@ -41,7 +41,7 @@ def design(name: str, engine: str, weights: bool, output: Path, as_json: bool) -
     A specification is a TOML file with a table [design]: a rule, or examples. Its templates are
     written as files of the library, with their proof. Of a template, of the library or a file: its
     class of stability and why, the largest stable Euler step, settle time against array size,
-    margin, how often cells flip under mismatch and with coarse weights, and its cost.
+    margin, and cost. It also shows how often cells flip under mismatch and with coarse weights.
     """
     from cnnum.design.spec import is_spec
     from cnnum.engine import Engine

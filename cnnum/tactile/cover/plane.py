@@ -78,7 +78,7 @@ class PlaneFigures:
 
     @property
     def pad_ratio(self) -> float:
-        """T_z over T_x of (6.1) at 50 µm, taxels at the extrema of the dragged u_z: "about 4".
+        """T_z over T_x of (6.1) at 50 µm, taxels at the extrema of the dragged u_z; "about 4".
 
         Fig. 6.14 names deformations, so u_z stands for the taxels' signals; of stress the ratio
         is `pad_stress_ratio`.

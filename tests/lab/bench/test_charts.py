@@ -20,7 +20,7 @@ def row(case, place, method, seconds, error):
 
 
 def rows_of(decades, places):
-    """A template and programs whose methods differ by so many decades of time."""
+    """A template and programs whose methods differ by some decades of time."""
     methods = ("euler", "rk4", "propagator", "auto")
     return [
         row(case, place, method, 6e-6 * 10.0 ** (decades * n / 3), 10.0**-n)

@@ -3,8 +3,7 @@
 Level 0 makes Y₁ of Y₀ = x; level j makes Y_{j+1} in the place of Y_{j−1}; level s judges Y_s, and
 leaves its rates in the place of Y_{s−1}. So two arrays hold the states of the stages of even and of
 odd number. Two more hold the begin of a step. A step that is taken over changes which array is
-which. That, how many stages there are and with what coefficients stands in an array that the plan's
-body sets.
+which. An array that the plan's body sets holds that, the number of stages and their coefficients.
 """
 
 from dataclasses import replace

@@ -1,8 +1,8 @@
 """Steps of a fixed length until nothing changes, by strips: a launch takes several of them.
 
-Each step keeps, by strip and lane, whether a rate at its start is above the limit of rest. If the
-first step that saw no such rate is amid a launch, the launch is taken again from its begin, up to
-that step's end.
+Each step keeps, by strip and lane, whether a rate at its start is above the limit of rest. The
+first step that saw no such rate may be amid a launch. Then the launch is taken again from its
+begin, up to that step's end.
 """
 
 from dataclasses import dataclass, replace
