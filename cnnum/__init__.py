@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from cnnum.programs.transients import apply, shift, transient
     from cnnum.recordings.recording import Recording
     from cnnum.runs.analysis import Analysis, analyse, analyse_program
+    from cnnum.runs.chip import Chip
     from cnnum.runs.result import Result
     from cnnum.scenes.event_list import EventList
     from cnnum.scenes.events import Event
@@ -45,6 +46,7 @@ _HOME = {
     "Analysis": "cnnum.runs.analysis",
     "analyse": "cnnum.runs.analysis",
     "analyse_program": "cnnum.runs.analysis",
+    "Chip": "cnnum.runs.chip",
     "Result": "cnnum.runs.result",
     "CnnumError": "cnnum.errors",
     "Event": "cnnum.scenes.events",
@@ -83,6 +85,7 @@ _HOME = {
 __all__ = [
     "Analysis",
     "Check",
+    "Chip",
     "CnnumError",
     "Engine",
     "Event",

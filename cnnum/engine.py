@@ -28,6 +28,7 @@ from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.batches import run_batch
+from cnnum.runs.chip import Chip, run_on_chip
 from cnnum.runs.graph import graph_of
 from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
@@ -222,6 +223,7 @@ class Engine:
         force: bool = False,
         estimate: bool = False,
         at: ArrayLike | None = None,
+        chip: Chip | None = None,
     ) -> Result:
         """Run one template's transient.
 
@@ -261,6 +263,8 @@ class Engine:
         at : sequence of float, optional
             Times in time constants, each after the one before, instead of a duration. Each stretch
             between them is a run by the same method and tolerances.
+        chip : Chip, optional
+            As on an analogue array of that accuracy: weights, maps, noise and mismatch.
 
         Returns
         -------
@@ -278,10 +282,14 @@ class Engine:
         SizeError
             If the machine or the device has less memory than the array needs.
         """
-        if isinstance(template, TemplateBatch):
-            arrays = (input, previous, state, bias, mask)
+        arrays = (input, previous, state, bias, mask)
+        if chip is not None or isinstance(template, TemplateBatch):
+            options: dict[str, Any]
             options = {"duration": duration, "method": method, "rtol": rtol, "atol": atol, "dt": dt,
                        "force": force, "estimate": estimate, "at": at}  # fmt: skip
+            if chip is not None or not isinstance(template, TemplateBatch):
+                run = partial(self.run, **options)
+                return run_on_chip(cast(Chip, chip), template, arrays, run)
             how = (self.name, self.precision, self._plan_for, self.run)
             return run_batch(*how, template, arrays, options)
         if not isinstance(template, Template):
@@ -290,9 +298,8 @@ class Engine:
             run = partial(self.run, template, method=method, rtol=rtol, atol=atol, dt=dt,
                           force=force, estimate=estimate)  # fmt: skip
             maps: dict[str, ArrayLike | None]
-            maps = dict(zip(ROLES, (input, previous, state, bias, mask), strict=True))
+            maps = dict(zip(ROLES, arrays, strict=True))
             return run_at(template, checked_times(at, duration), run, maps)
-        arrays = (input, previous, state, bias, mask)
         asked = (duration, method, rtol, atol, dt, force, estimate)
         form = form_of(template, arrays, asked)
         prepared = None if form is None else self._prepared.get(form)
@@ -325,16 +332,7 @@ class Engine:
         def again(given: dict[str, NDArray[np.floating]], duration: float) -> Result:
             return self._run(template, given, shape, replace(spec, duration=duration), None)
 
-        return at_rest(
-            result,
-            template,
-            given,
-            again,
-            limit=spec.settle_limit,
-            rtol=spec.rtol,
-            atol=spec.atol,
-            precision=self.precision,
-        )
+        return at_rest(result, template, given, again, spec, self.precision)
 
     def _run(
         self,

@@ -4,9 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from cnnum.arrays import Floats
+from cnnum.arrays import Floats, largest
 from cnnum.design.experiment import WEIGHT, Value
 from cnnum.errors import TemplateError
+from cnnum.templating.numbers import on_grid
 from cnnum.templating.template import Template
 
 Parts = dict[str, Floats]
@@ -50,8 +51,7 @@ def weights_of(template: Template, place: Mapping[str, Value], rng: np.random.Ge
 
 def rounded(part: Floats, bits: int) -> Floats:
     """Return numbers as whole multiples of the largest one over 2^(bits − 1) − 1."""
-    step = max(float(np.abs(part).max(initial=0.0)), 1e-30) / (2 ** (bits - 1) - 1)
-    return np.asarray(step * np.rint(part / step), dtype=np.float64)
+    return on_grid(part, largest(part), bits)
 
 
 def biases_of(

@@ -28,7 +28,7 @@ Value = float | str
 OUTER = ("boundary", "size", "precision", "method", "tau")
 """Axes along which runs are launches of their own."""
 
-INNER = ("noise", "mismatch", "offset", "drift", "bits", "z", "A", "B")
+INNER = ("noise", "mismatch", "offset", "drift", "bits", "state_bits", "z", "A", "B")
 """Axes whose runs lie in lanes of one launch; also single weights, as in "A[0, 1]"."""
 
 WEIGHT = re.compile(r"[AB]\[\d+, ?\d+\]")
@@ -48,8 +48,9 @@ class Experiment:
         Values by the axis: "boundary", "size", "precision", "method", "tau", "noise" (standard
         deviation of the inputs), "mismatch" (of all weights, as a share, alike in all cells),
         "offset" (standard deviation of a bias of each cell), "drift" (of a bias that grows along
-        a line: of its slope times the array's half diagonal), "bits" (of weights), "z", single
-        weights as in "A[0, 1]", and "A" and "B" (factors of all their weights).
+        a line: of its slope times the array's half diagonal), "bits" (of weights), "state_bits"
+        (of inputs and outputs, which saturate at 1), "z", single weights as in "A[0, 1]", and "A"
+        and "B" (factors of all their weights).
     draws : int
         Of the random numbers, at each place.
     pictures : int
@@ -211,7 +212,7 @@ def _check_values(name: str, values: Sequence[Value]) -> None:
         if isinstance(value, str) and name not in words:
             raise TemplateError(f"The axis '{name}' takes numbers, got '{value:.40}'.")
         widths = dict.fromkeys(("noise", "mismatch", "offset", "drift"), 0.0)
-        least = (widths | {"tau": 1e-9, "size": 1.0, "bits": 2.0}).get(name)
+        least = (widths | {"tau": 1e-9, "size": 1.0, "bits": 2.0, "state_bits": 2.0}).get(name)
         if least is not None and not (isinstance(value, int | float) and value >= least):
             raise TemplateError(f"The axis '{name}' takes numbers from {least:g}, got {value}.")
 

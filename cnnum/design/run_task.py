@@ -1,5 +1,6 @@
 """One task of a sweep: runs of one launch, each judged by the template's check."""
 
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -11,6 +12,7 @@ from cnnum.design.changed import biases_of, weights_of
 from cnnum.design.experiment import DRAW, OUTER, Experiment, Value
 from cnnum.engine import Engine
 from cnnum.errors import CnnumError
+from cnnum.runs.chip import Chip
 from cnnum.runs.result import Result
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks.records import Case
@@ -68,8 +70,8 @@ def _block(experiment: Experiment, first: int, last: int) -> Figures:
     drawn = [weights_of(template, p, rng) for p, rng in zip(places, rngs, strict=True)]
     noise = [float(place.get("noise", 0.0)) for place in places]
     inputs = case.pictures if template.inputs or case.state is None else case.states
-    noisy = np.stack(
-        [inputs + s * r.normal(size=inputs.shape) for s, r in zip(noise, rngs, strict=True)]
+    noisy = _stored(
+        [inputs + s * r.normal(size=inputs.shape) for s, r in zip(noise, rngs, strict=True)], places
     )
     expected = form_of(template).expected(template, case)
     if any("offset" in place or "drift" in place for place in places):
@@ -79,12 +81,24 @@ def _block(experiment: Experiment, first: int, last: int) -> Figures:
     engine = _engine(experiment.engine, str(shared.get("precision", "")))
     try:
         result = _run(engine, template, case, drawn, noisy, experiment, shared)
-        return _judged(template, result, expected)
+        coarse = replace(result, output=_stored(result.output, places))
+        return _judged(template, coarse, expected)
     except CnnumError:
         if last - first == 1:
             return _lost()  # it diverges, or does not reach its end
         parts = [_block(experiment, run, run + 1) for run in range(first, last)]
         return {name: np.concatenate([part[name] for part in parts]) for name in NAMES}
+
+
+def _stored(maps: Iterable[Floats], places: Sequence[Mapping[str, Value]]) -> Floats:
+    """Return the maps of each run as memories of its bits hold them."""
+    bits = [place.get("state_bits") for place in places]
+    return np.stack(
+        [
+            own if of is None else Chip(state_bits=int(of)).stored(own)
+            for own, of in zip(maps, bits, strict=True)
+        ]
+    )
 
 
 def _biased(template: Template, case: Case, maps: Floats) -> Floats:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.graph.nodes import RunSpec
 from cnnum.runs.equilibrium import NEAR, has_certificate, verdict
 from cnnum.runs.result import Result
 from cnnum.templating.template import Template
@@ -25,10 +26,7 @@ def at_rest(
     template: Template,
     given: Given,
     again: Rerun,
-    *,
-    limit: float,
-    rtol: float,
-    atol: float,
+    spec: RunSpec,
     precision: str,
 ) -> Result:
     """Return a result whose frames rest where they say so.
@@ -42,9 +40,8 @@ def at_rest(
         The run's maps, by role.
     again : callable
         Runs some frames for a time; it is given the state, too.
-    limit : float
-        Time constants after which a frame is said not to rest.
-    rtol, atol : float
+    spec : RunSpec
+        Its limit is the time constants after which a frame is said not to rest.
     precision : str
         Of the engine.
 
@@ -61,10 +58,11 @@ def at_rest(
     while len(waiting):
         some = found.given_of(waiting)
         state = found.state[waiting]
-        seen = verdict(template, some, state, rtol=rtol, atol=atol, precision=precision)
+        error = {"rtol": spec.rtol, "atol": spec.atol}
+        seen = verdict(template, some, state, **error, precision=precision)
         found.state[waiting], found.settled[waiting] = seen.state, seen.rests
         found.error[waiting] += np.where(seen.rests, seen.off, 0.0)
-        waiting = waiting[~seen.rests & (found.time[waiting] < limit)]
+        waiting = waiting[~seen.rests & (found.time[waiting] < spec.settle_limit)]
         if len(waiting):
             found.run_on(waiting, again)
     return found.result()

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats
 from cnnum.templating.couplings import NonlinearCoupling
@@ -81,3 +82,9 @@ def _tabled(table: Table, values: Floats | None) -> Table:
         return table
     places = [place for place, _ in table.points]
     return replace(table, points=tuple(zip(places, values.tolist(), strict=True)))
+
+
+def on_grid(values: ArrayLike, top: float, bits: int) -> Floats:
+    """Return numbers as whole multiples of the largest one over 2^(bits − 1) − 1."""
+    step = max(top, 1e-30) / (2 ** (bits - 1) - 1)
+    return np.asarray(step * np.rint(np.asarray(values) / step), dtype=np.float64)

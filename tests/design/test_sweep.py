@@ -61,6 +61,17 @@ def test_flip_rates_are_those_of_the_check():
     assert abs(rate - known.flipped) < 4 * np.sqrt(2 * 0.25 / 60)
 
 
+def test_coarse_maps_cost_a_level_at_most():
+    bits = (4.0, 8.0, 16.0)
+    given = {"template": "DIFFUS", "engine": "reference", "draws": 1}
+    found = sweep(small(axes={"state_bits": bits}, **given)).results["error"].values.ravel()
+    plain = sweep(small(axes={}, **given)).results["error"].values.ravel()
+    levels = 1.0 / (2.0 ** (np.array(bits) - 1.0) - 1.0)
+    # diffusion enlarges no error: half a level of the input, and half of the output
+    assert (found < levels + plain).all()
+    assert (found[:2] > 0.25 * levels[:2]).all()
+
+
 def test_runs_know_their_own_random_numbers():
     experiment = small(axes={"noise": (0.2,), "mismatch": (0.1,)}, draws=5)
     together = run_task(experiment, 0, 5)

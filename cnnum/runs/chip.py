@@ -1,0 +1,213 @@
+"""A template's run as on an analogue array: coarse weights, coarse memories, noise, mismatch."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from numbers import Integral
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from cnnum.arrays import Floats, Shape, finite, largest
+from cnnum.errors import MethodError, NotSupportedError
+from cnnum.runs.arguments import maps_by_role
+from cnnum.runs.raw_pictures import ROLES
+from cnnum.runs.result import Result
+from cnnum.safety.values import expect, is_real
+from cnnum.templating.batch import TemplateBatch
+from cnnum.templating.boundary import halo_sources
+from cnnum.templating.library import by_name
+from cnnum.templating.network import taps
+from cnnum.templating.numbers import on_grid
+from cnnum.templating.template import Template
+
+MOST_BITS = 32
+STREAMS = {"A": 0, "B": 1, "z": 2, "noise": 3}
+"""Random numbers of each part have a stream of their own, so that none shifts another's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Chip:
+    """An analogue array as `Engine.run` takes it: a model of its limited accuracy.
+
+    A number of b bits is a whole multiple of the largest one over 2^(b − 1) − 1. Weights are
+    rounded by the largest of A, B and z together. Inputs, the initial state and the output have
+    `full_scale` as their largest number, and saturate there. A bias map has its own. The output
+    gets its noise first, and is rounded then.
+
+    The weights of B and z are multiplied by 1 + ε, with an ε of its own in every cell. Those of A
+    are, too, but cells share their ε: engines have no feedback that differs from cell to cell.
+
+    ACE16k has weights of 8 bits and an accuracy of 7 to 8 bits: Rodríguez-Vázquez et al. 2004,
+    "ACE16k: the third generation of mixed-signal SIMD-CNN ACE chips toward VSoCs", IEEE
+    Transactions on Circuits and Systems I 51(5). The defaults follow it, but for noise and
+    mismatch: those are of an array at hand.
+
+    Not modelled: mismatch of A from cell to cell, mismatch of τ, multipliers that are not linear,
+    noise during the transient, memories that leak, and temperature. The state during the transient
+    is not rounded, and its output function is the template's. Fixed boundaries are exact.
+
+    Attributes
+    ----------
+    weight_bits, state_bits : int
+        2 to 32.
+    noise : float
+        Standard deviation of the output's noise, in the unit of the output.
+    mismatch : float
+        Standard deviation of ε, as a share of the weight.
+    seed : int
+        The same mismatch for all of a batch, and for all templates of the same size. Noise is
+        drawn for each map of a batch. Every engine has the same random numbers.
+    full_scale : float
+        Largest magnitude of inputs, initial states and outputs, in their unit.
+
+    Raises
+    ------
+    MethodError
+        If a number is beyond its range.
+    """
+
+    weight_bits: int = 8
+    state_bits: int = 8
+    noise: float = 0.0
+    mismatch: float = 0.0
+    seed: int = 0
+    full_scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("weight_bits", "state_bits"):
+            _whole(name, getattr(self, name), 2, MOST_BITS)
+        _whole("seed", self.seed, 0, None)
+        for name in ("noise", "mismatch", "full_scale"):
+            value = getattr(self, name)
+            least = "above 0" if name == "full_scale" else "from 0 up"
+            if not is_real(value) or value < 0.0 or (value == 0.0 and name == "full_scale"):
+                raise MethodError(f"'{name}' of a chip is a number {least}, got {value!r:.60}.")
+
+    def stored(self, values: ArrayLike) -> Floats:
+        """Return values as a memory of the array holds them: saturated and rounded."""
+        held = np.clip(np.asarray(values, dtype=np.float64), -self.full_scale, self.full_scale)
+        return on_grid(held, self.full_scale, self.state_bits)
+
+    def read(self, output: Floats) -> Floats:
+        """Return an output as it is read: noisy, saturated and rounded."""
+        if self.noise:
+            output = output + self.noise * self._drawn("noise", output.shape)
+        return self.stored(output)
+
+    def programmed(self, template: Template) -> Template:
+        """Return the template with the weights that all cells share.
+
+        Raises
+        ------
+        NotSupportedError
+            If it has nonlinear or delayed couplings, or gains.
+        """
+        if not template.plain:
+            raise NotSupportedError(
+                f"A chip has linear couplings, at once and constant in time: run "
+                f"'{template.name}', which has others, without 'chip'."
+            )
+        parts = {"A": template.A, "B": template.B, "z": template.z}
+        top = max(largest(part) for part in parts.values())
+        parts = {key: on_grid(part, top, self.weight_bits) for key, part in parts.items()}
+        if self.mismatch:
+            parts["A"] = parts["A"] * (1.0 + self.mismatch * self._drawn("A", parts["A"].shape))
+        changes: dict[str, Any] = {"A": parts["A"], "z": parts["z"].tolist()}
+        changes |= {"B": parts["B"]} if template.inputs else {}
+        if not isinstance(template.initial, str):
+            changes["initial"] = float(self.stored(template.initial))
+        return replace(template, **changes)
+
+    def offsets(self, template: Template, inputs: Floats | None, shape: Shape) -> Floats:
+        """Return the bias that mismatch of B and z adds, (..., layers, rows, cols).
+
+        Parameters
+        ----------
+        template : Template
+            The programmed one.
+        inputs : (..., inputs, rows, cols) float or None
+        shape : (rows, cols)
+        """
+        lead = () if inputs is None else inputs.shape[:-3]
+        total = np.zeros((*lead, template.layers, *shape))
+        total += template.z[:, np.newaxis, np.newaxis] * self._drawn("z", total.shape[-3:])
+        if inputs is not None:
+            off, radius = self._drawn("B", (*template.B.shape, *shape)), template.B.shape[-1] // 2
+            halo = halo_sources(template.input_boundary, shape, radius)
+            rim = np.full((*inputs.shape[:-2], 1), template.input_boundary.constant or 0.0)
+            # virtual cells of a fixed boundary have the index −1: the last
+            seen = np.concatenate([inputs.reshape(*inputs.shape[:-2], -1), rim], axis=-1)[..., halo]
+            for layer in range(template.layers):
+                for tap in taps(template.B, layer):
+                    row, col = radius + tap.row, radius + tap.col
+                    near = seen[..., tap.source, row : row + shape[0], col : col + shape[1]]
+                    total[..., layer, :, :] += tap.weight * off[layer, tap.source, row, col] * near
+        return self.mismatch * total
+
+    def _drawn(self, part: str, size: tuple[int, ...]) -> Floats:
+        return np.random.default_rng([self.seed, STREAMS[part]]).standard_normal(size)
+
+
+def run_on_chip(
+    chip: Chip,
+    template: Template | TemplateBatch | str,
+    arrays: Sequence[ArrayLike | None],
+    run: Callable[..., Result],
+) -> Result:
+    """Run a template as on an analogue array.
+
+    Parameters
+    ----------
+    chip : Chip
+    template : Template or str
+    arrays : sequence of array or None
+        Input, previous, state, bias and mask, as `Engine.run` takes them.
+    run : callable
+        Runs a template on arrays by name.
+
+    Raises
+    ------
+    MethodError
+        If it is no chip.
+    NotSupportedError
+        If the template is a batch of them, or has couplings that no chip has.
+    ArrayError
+        If the arrays do not fit.
+    """
+    expect("chip", chip, Chip, MethodError)
+    if isinstance(template, TemplateBatch):
+        raise NotSupportedError(
+            "A chip holds one template at a time: run those of a batch one by one."
+        )
+    if not isinstance(template, Template):
+        template = by_name(template)
+    own = chip.programmed(template)
+    names = ("input", "previous", "state", "bias", "mask")
+    given, shape = maps_by_role(template, dict(zip(names, arrays, strict=True)))
+    maps = {role: finite(role, array) for role, array in given.items()}
+    for role in maps.keys() & {*ROLES, "previous"}:
+        maps[role] = chip.stored(maps[role])
+    if "bias" in maps:
+        maps["bias"] = on_grid(maps["bias"], largest(maps["bias"]), chip.state_bits)
+    if chip.mismatch:
+        offsets = chip.offsets(own, maps.get("input"), shape)
+        maps["bias"] = offsets + maps["bias"] if "bias" in maps else offsets
+    result = run(own, **{role: _plain(array) for role, array in maps.items()})
+    bits = f"chip of {chip.weight_bits}-bit weights and {chip.state_bits}-bit maps"
+    return replace(result, output=chip.read(result.output), reason=f"{bits}; {result.reason}")
+
+
+def _plain(array: Floats) -> Floats:
+    """Return maps as a user gives them: a single one has no axis of its own."""
+    return array[..., 0, :, :] if array.shape[-3] == 1 else array
+
+
+def _whole(name: str, value: Any, least: int, most: int | None) -> None:
+    # True and False are whole numbers to Python
+    number = -1 if isinstance(value, bool) or not isinstance(value, Integral) else int(value)
+    if number < least or (most is not None and number > most):
+        upto = "up" if most is None else f"to {most}"
+        raise MethodError(
+            f"'{name}' of a chip is a whole number from {least} {upto}, got {value!r:.60}."
+        )
