@@ -1,11 +1,11 @@
 """How often `mindlin_slip` says that a contact begins to slide, before all of it does.
 
-`python docs/figures/incipient_slip.py [--count 6] [--seed 2000000] [--contact 3.2e-3]` plays the
-families of scenes of `cnnum score` in which a sphere is pulled over a half-space, whose truth is
-Mindlin's c/a, and bodies of which the law is not. The program knows friction, cover and rate of
-each scene, as its user has to. A report is in time while less than half the radius sticks, early
-before that. With `--contact` all spheres have that contact radius, m. It prints the rows of the
-table in `docs/scoring.md`.
+`python docs/figures/incipient_slip.py [--count 6] [--seed 2000000] [--contact 3.2e-3]` plays
+families of scenes of `cnnum score`. In some a sphere is pulled over a half-space, and the truth is
+Mindlin's c/a. In the others the law does not hold for the bodies. The program knows friction, cover
+and rate of each scene, as its user has to. A report is in time while less than half the radius
+sticks, early before that. With `--contact` all spheres have that contact radius, m. It prints the
+rows of the table in `docs/scoring.md`.
 """
 
 import argparse

@@ -1,8 +1,8 @@
 """Statements of a program in whole numbers (or reals), as records that are run or printed.
 
-Let, Set     a variable, and what it becomes
+Let, Set     a variable, and its new value
 Store        a number of an array
-Fold         what a loop over cells adds up, or keeps the largest or smallest of
+Fold         a sum over the cells of a loop, or the largest or smallest value
 Total        a sum over terms, one after the other
 Cells        a loop over cells whose rounds do not see each other
 Repeat       rounds one after the other
