@@ -16,6 +16,7 @@ import numpy as np
 
 from cnnum.arrays import digest
 from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.runs.chip import MOST_BITS
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST, parse_toml
 from cnnum.templating.checks.registry import form_of
@@ -30,6 +31,9 @@ OUTER = ("boundary", "size", "precision", "method", "tau")
 
 INNER = ("noise", "mismatch", "offset", "drift", "bits", "state_bits", "z", "A", "B")
 """Axes whose runs lie in lanes of one launch; also single weights, as in "A[0, 1]"."""
+
+BITS = ("bits", "state_bits")
+"""Axes of whole numbers."""
 
 WEIGHT = re.compile(r"[AB]\[\d+, ?\d+\]")
 DRAW = "draw"
@@ -215,6 +219,10 @@ def _check_values(name: str, values: Sequence[Value]) -> None:
         least = (widths | {"tau": 1e-9, "size": 1.0, "bits": 2.0, "state_bits": 2.0}).get(name)
         if least is not None and not (isinstance(value, int | float) and value >= least):
             raise TemplateError(f"The axis '{name}' takes numbers from {least:g}, got {value}.")
+        if name in BITS and not (float(value).is_integer() and float(value) <= MOST_BITS):
+            raise TemplateError(
+                f"The axis '{name}' takes whole numbers from 2 to {MOST_BITS}, got {value}."
+            )
 
 
 def grid(experiment: Experiment) -> Iterator[tuple[Value, ...]]:

@@ -72,6 +72,12 @@ def test_coarse_maps_cost_a_level_at_most():
     assert (found[:2] > 0.25 * levels[:2]).all()
 
 
+@pytest.mark.parametrize(("axis", "value"), [("bits", 7.5), ("state_bits", 40.0)])
+def test_bits_are_whole_numbers(axis, value):
+    with pytest.raises(TemplateError, match=f"'{axis}' takes whole numbers from 2 to 32"):
+        small(axes={axis: (value,)})
+
+
 def test_runs_know_their_own_random_numbers():
     experiment = small(axes={"noise": (0.2,), "mismatch": (0.1,)}, draws=5)
     together = run_task(experiment, 0, 5)
