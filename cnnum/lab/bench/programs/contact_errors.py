@@ -114,7 +114,7 @@ def main(reads: Reads = "strain", count: int = 24) -> None:
                 print(f"| {cells} | {depth} | {radii[0]}–{radii[1]}", *row, sep=" | ", end=" |\n")
     for radius in (0.5, 0.7, 1.0):
         shares = {depth: f"{aliased(radius, depth, reads):.1%}" for depth in DEPTHS}
-        print(f"readings of a sphere of {radius} cells add up to so much too much: {shares}")
+        print(f"readings of a sphere of {radius} cells add up to this share too much: {shares}")
 
 
 if __name__ == "__main__":
