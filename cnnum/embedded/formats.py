@@ -136,4 +136,4 @@ def precision_named(name: str) -> Precision:
 
 def is_integer(name: str | None) -> bool:
     """Return whether a precision's name is one of whole numbers."""
-    return name is not None and re.fullmatch(r"q\d{1,2}(\.\d{1,2})?", name) is not None
+    return isinstance(name, str) and bool(re.fullmatch(r"q\d{1,2}(\.\d{1,2})?", name))

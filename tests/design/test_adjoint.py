@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from own_process import in_own_process, jax_gradients
 
 from cnnum import Engine, Template, get_template
 from cnnum.design.adjoint import adjoint
@@ -96,29 +97,10 @@ def test_a_decay_has_the_gradients_of_its_closed_form():
 def test_gradients_are_those_of_jax():
     if importlib.util.find_spec("jax") is None:
         pytest.skip("the extra 'autodiff' is not installed")
-    import jax
-    import jax.numpy as jnp
-
     template, maps, weights = drawn(7)
     run = adjoint(template, **maps, step=0.5, method="euler")
-
-    def correlate(maps, kernel):
-        padded = jnp.pad(maps, ((0, 0), (1, 1), (1, 1)), mode="wrap")
-        rows, cols = maps.shape[1:]
-        return sum(
-            kernel[r, c] * padded[:, r : r + rows, c : c + cols] for r in range(3) for c in range(3)
-        )
-
-    def loss(a, b, z, tau, x):
-        drive = correlate(jnp.asarray(maps["input"]), b) + z
-        steps, h = run.times
-        for _ in range(steps):
-            x = x + h * (correlate(jnp.tanh(x), a) + drive - x) / tau
-        return (jnp.tanh(x) * weights).sum()
-
-    with jax.enable_x64(True):
-        numbers = (template.A[0, 0], template.B[0, 0], template.z[0], template.tau[0])
-        theirs = jax.grad(loss, argnums=range(5))(*map(jnp.asarray, (*numbers, maps["state"])))
+    numbers = (template.A[0, 0], template.B[0, 0], template.z[0], template.tau[0], maps["state"])
+    theirs = in_own_process(jax_gradients, numbers, maps["input"], weights, run.times)
     ours = run.pull(weights)
     for one, other in zip(theirs, (ours.A, ours.B, ours.z, ours.tau, ours.state), strict=True):
         # both are exact but for the order of their sums

@@ -46,7 +46,7 @@ class Viewing:
         return self.address.split(":")[2].split("/")[0]
 
     def stop(self) -> int:
-        self.process.send_signal(signal.SIGINT)
+        self.process.send_signal(signal.SIGTERM)  # SIGINT is ignored where a shell does so
         code = self.process.wait(WAIT)
         if self.process.stdout:
             self.process.stdout.close()
