@@ -1,4 +1,4 @@
-"""Thinning by MatCNN's three families of eight elements, in turn until nothing changes."""
+"""Thinning by families of templates, in turn until nothing changes."""
 
 from collections.abc import Mapping
 
@@ -8,18 +8,28 @@ from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.templates.pictures.peeling import eight, peeled
 
-FAMILIES = ("SKELE", "SKLHV", "SKL")
+FAMILIES = {
+    "SKELE": eight("MATCNN_SKELE"),
+    "SKLHV": eight("MATCNN_SKLHV"),
+    "SKL": eight("MATCNN_SKL"),
+    "HORSKEL": ("HORSKELL", "HORSKELR"),
+    "VERSKEL": ("VERSKELT", "VERSKELB"),
+}
+"""Templates of a family in their turn: MatCNN's eights, and pairs of the CNN Software Library."""
 
 
 @program
 def thinning(frame: FrameFields, *, family: str = "SKELE") -> Mapping[str, Field]:
-    """Thin the black objects of a picture with the templates MATCNN_<family>1 to 8.
+    """Thin the black objects of a picture with a family of templates.
+
+    `SKELE`, `SKLHV` and `SKL` are MatCNN's families of eight elements; `HORSKEL` peels west and
+    east sides, `VERSKEL` north and south sides.
 
     Returns
     -------
     picture : logic map of the skeleton.
-    rounds : how often all eight elements were tried.
+    rounds : how often all templates of the family were tried.
     """
     if family not in FAMILIES:
         raise name_error("family of templates", family, FAMILIES)
-    return peeled(frame, eight(f"MATCNN_{family}"))
+    return peeled(frame, FAMILIES[family])

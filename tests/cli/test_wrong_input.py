@@ -74,6 +74,13 @@ def test_recording_that_is_none(call, tmp_path):
     assert "is no recording" in sentence(call("replay", tmp_path / "trial.wav"))
 
 
+def test_a_folder_that_cannot_be_made_is_refused_before_the_export(call, tmp_path, monkeypatch):
+    monkeypatch.setattr("cnnum.lab.embedded.streams.made", lambda *_: pytest.fail("it worked on"))
+    (tmp_path / "file").write_text("")
+    said = sentence(call("export", "slip", "--out", tmp_path / "file" / "folder"))
+    assert f"'{tmp_path / 'file'}' takes no new files" in said
+
+
 def test_no_traceback_in_a_real_shell(shell):
     done = shell("run", "nowhere")
     assert (done.returncode, done.stdout) == (2, "")

@@ -78,6 +78,15 @@ def test_thinning_is_that_of_its_elements(fast, family):
     np.testing.assert_array_equal(run(fast, thinning.bind(family=family), cells), wanted)
 
 
+@pytest.mark.parametrize(("family", "turns"), [("HORSKEL", (3, 1)), ("VERSKEL", (0, 2))])
+def test_two_sides_are_peeled_until_nothing_changes(fast, family, turns):
+    elements = [turned("ooo/.#./.#.", turn) for turn in turns]
+    cells = pictures(8)
+    wanted = np.stack([until_still(picture, elements) for picture in cells])
+    assert wanted.sum() < cells.sum()
+    np.testing.assert_array_equal(run(fast, thinning.bind(family=family), cells), wanted)
+
+
 def peeled(cells):
     """MatCNN's eight steps by the rule of their words, the picture turned for each: until still.
 

@@ -1,5 +1,6 @@
 """`cnnum export`: a program as C99 for a microcontroller."""
 
+import os
 import re
 from pathlib import Path
 
@@ -49,6 +50,7 @@ def command(
     from cnnum.lab.embedded.streams import made, vector_frames
 
     size = shape_of(shape)
+    require_room(out)
     wanted = None if needs is None else tuple(name.strip() for name in needs.split(","))
     found = made(program, size, precision, method, wanted)
     about = (
@@ -79,6 +81,19 @@ def command(
         f"{exported.output_bytes}, tables {exported.table_bytes}.",
     )
     return 0
+
+
+def require_room(out: Path) -> None:
+    """Refuse a folder that cannot be made or written, before the work of a minute.
+
+    Raises
+    ------
+    click.UsageError
+        If a file is in its way, or its place takes no files.
+    """
+    there = next(place for place in (out, *out.absolute().parents) if place.exists())
+    if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
+        raise click.UsageError(f"'{out}' cannot be written: '{there}' takes no new files.")
 
 
 def shape_of(text: str) -> tuple[int, int]:
