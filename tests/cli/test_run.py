@@ -97,7 +97,7 @@ def test_plan_of_the_scene(call, records, scene):
     # those of a kind are one row, whose text goes over several lines
     words = {word for item in record["left_out"] for word in item["what"].split()[1:]}
     assert all(word in text for word in words)
-    first = "__kernel" if record["engine"] == "opencl" else "0: memory 0"
+    first = "__kernel" if record["engine"] == "opencl" else "0: memory age"
     assert first in call("plan", scene, "--source").stdout
 
 
