@@ -84,7 +84,11 @@ def test_installed_wheel_runs_from_any_folder(wheel, tmp_path):
         "print(cnnum.__file__); print(len(cnnum.template_names())); print(r.driver_names())"
     )
     done = subprocess.run(
-        [home / "bin/python", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True
+        [home / "bin/python", "-E", "-c", code],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
     )
     where, count, drivers = done.stdout.splitlines()
     assert Path(where).is_relative_to(home)
