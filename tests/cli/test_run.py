@@ -156,7 +156,7 @@ def start(*arguments: object, **streams: object) -> subprocess.Popen:
 
 
 LONG = ("--set", 'array.script=[{kind="hold",duration=0.1},{kind="press",load=1,duration=0.2},'
-        '{kind="hold",duration=1000}]')  # fmt: skip
+        '{kind="hold",duration=100000}]')  # fmt: skip
 
 
 def test_ctrl_c_ends_with_the_summary(scene, records):
@@ -168,7 +168,7 @@ def test_ctrl_c_ends_with_the_summary(scene, records):
     assert "Traceback" not in said
     *events, summary = records(first + rest)
     assert events[0]["kind"] == "contact"
-    assert 0 < summary["frames"] < 200_000
+    assert 0 < summary["frames"] < 20_000_000
 
 
 def over_and_over(tape, times):
@@ -197,7 +197,8 @@ def test_other_signals_end_with_the_summary_too(scene, records, call, tmp_path, 
         tape = tmp_path / "long.npz"
         assert call("record", scene, tape).exit_code == 0
         over_and_over(tape, 100)
-        more["replay"] = [tape, "--scene", scene]
+        # in real time: flat out, a fast machine is through before the signal comes
+        more["replay"] = [tape, "--scene", scene, "--speed", "1"]
     process = start(
         command, *more[command], "--json", stdout=subprocess.PIPE, stderr=subprocess.PIPE
     )
