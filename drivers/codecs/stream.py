@@ -179,6 +179,10 @@ def overtaken(
                 return count
         return DEPTH
 
+    # a header of which only the first bytes are here may be that of a rival, too
+    partial = range(max(1, len(data) - len(marker) + 1), size)
+    if not ended and any(marker.startswith(data[at:]) for at in partial):
+        return MORE
     rivals = places(data, marker, 1, size)
     if not rivals:
         return Found(size)

@@ -183,6 +183,21 @@ def test_a_header_in_the_taxels_does_no_harm() -> None:
     assert decoder.discarded == 0
 
 
+@pytest.mark.parametrize("begun", range(1, 5))
+def test_a_header_that_is_cut_by_a_chunk_keeps_its_packet(begun: int) -> None:
+    """A damaged packet that chance makes pass with the next one's first bytes gives way to it."""
+    known = spoken("paxini-board")
+    good = [known.encode(drawn("paxini-board", n, seed=7)) for n in range(4)]
+    damaged = bytearray(good[0][:-begun])
+    damaged[20] = (damaged[20] - sum(damaged) - sum(good[1][:begun])) % 256
+    decoder, stream = known.decoder(), b"".join(good[1:])
+    got = decoder.feed(bytes(damaged)) + decoder.feed(stream[:begun])
+    got += decoder.feed(stream[begun:]) + decoder.flush()
+    alone = [decoder.feed(packet) + decoder.flush() for packet in good[1:]]
+    came = [scan.values.tobytes() for scan in got]
+    assert came == [scan.values.tobytes() for (scan,) in alone]
+
+
 def test_a_descriptor_of_your_own_is_read(tmp_path: Path) -> None:
     path = tmp_path / "mat.toml"
     path.write_text(
