@@ -8,8 +8,9 @@ export PIP_CONSTRAINT := requirements.lock
 # one more than the cores: some tests wait for ports, processes and the disk
 WORKERS := $(shell $(PYTHON) -c "import os; print(min((os.cpu_count() or 1) + 1, 4))")
 PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile
-QUICK := $(addprefix tests/,cli/test_devices.py cli/test_run.py engines/test_machine.py engines/test_threads.py \
-    engines/test_working_devices.py tactile/test_contact.py test_plan.py programs/test_programs.py scenes/test_scene.py)
+QUICK := $(addprefix tests/,cli/commands/test_devices.py cli/commands/test_run.py engines/programs/test_machine.py \
+    engines/devices/test_threads.py engines/devices/test_working_devices.py tactile/test_contact.py test_plan.py \
+    graph/test_tracing.py scenes/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
 
 .PHONY: demo test situations faults arrays embedded fuzz mutate platforms docs lint style mypy pyright bench lock clean
@@ -50,7 +51,7 @@ fuzz: $(VENV)/dev.stamp
 embedded: $(VENV)/dev.stamp
 	command -v cc >/dev/null || { [ "$$(id -u)" = 0 ] && apt-get install --yes gcc libc6-dev; } || \
 	    { echo "Install a C compiler that is called by 'cc', such as GCC with its sanitizers." >&2; exit 1; }
-	CNNUM_FRAMES=10000 $(PYTEST) tests/embedded tests/cli/test_bench_embedded.py
+	CNNUM_FRAMES=10000 $(PYTEST) tests/embedded tests/cli/commands/test_bench_embedded.py
 	$(BIN)/cnnum bench embedded --out bench-results
 
 # faults put into a copy of the code, one at a time: the tests must catch each (tests/mutations)

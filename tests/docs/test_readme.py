@@ -15,7 +15,7 @@ BLOCKS = [
 
 QUICKER = {"side, runs = 1024, 6": "side, runs = 24, 2"}
 """Of code that times itself: a small array, and once more than the first run. That it runs is asked
-here; test_large_couplings.py builds and runs the steps of large arrays."""
+here; large_arrays/test_couplings.py builds and runs the steps of large arrays."""
 
 
 def test_code_that_is_run_quicker_is_there():

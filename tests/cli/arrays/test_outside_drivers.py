@@ -10,7 +10,7 @@ from cnnum.drivers import outside
 from cnnum.drivers.registry import driver_names, open_driver
 from cnnum.errors import CnnumError, SceneError
 
-PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "array.md"
+PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "array.md"
 
 
 @pytest.fixture

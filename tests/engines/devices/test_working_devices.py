@@ -23,7 +23,7 @@ from cnnum.engines.devices.verdicts import (
 from cnnum.engines.processor import Processor, read_cpuinfo
 from cnnum.errors import NoOpenCLError
 
-PLAYED = Path(__file__).parents[1] / "situations" / "generic_cpu"
+PLAYED = Path(__file__).parents[2] / "situations" / "generic_cpu"
 ZEN_5 = """processor	: 0
 vendor_id	: AuthenticAMD
 cpu family	: 26
