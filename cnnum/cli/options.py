@@ -2,8 +2,9 @@
 
 import tomllib
 from collections.abc import Callable, Iterable
+from functools import wraps
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import click
 
@@ -11,17 +12,10 @@ from cnnum.safety.names import shown
 from cnnum.safety.toml_reading import parse_toml
 
 Function = TypeVar("Function", bound=Callable[..., Any])
+Changes = dict[str, object]
 
 json_option = click.option("--json", "as_json", is_flag=True, help="One JSON object a line.")
 """Every command takes it."""
-
-set_option = click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Set a key of the scene, as in 'array.seed=3' (again for more).",
-)
 
 
 def in_a_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path | None:
@@ -40,16 +34,56 @@ page_option = click.option(
 )
 
 
-def engine_options(function: Function) -> Function:
-    """Add the options that choose an engine."""
-    options = (
-        click.option("--engine", help="Engine to run on: opencl, numba or reference."),
-        click.option("--device", help="Part of the device's name."),
-        click.option("--precision", help="float32 or float64."),
-    )
-    for option in reversed(options):
-        function = option(function)
-    return function
+results_option = click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Write PNG, JSON and HTML into this folder.",
+)
+
+
+def together(*options: Callable[[Function], Function]) -> Callable[[Function], Function]:
+    """Return the decorator that adds options in this order."""
+
+    def add(function: Function) -> Function:
+        for option in reversed(options):
+            function = option(function)
+        return function
+
+    return add
+
+
+engine_options = together(
+    click.option("--engine", help="Engine to run on: opencl, numba or reference."),
+    click.option("--device", help="Part of the device's name."),
+    click.option("--precision", help="float32 or float64."),
+)
+"""They choose an engine."""
+
+set_option = click.option(
+    "--set",
+    "settings",
+    multiple=True,
+    metavar="KEY=VALUE",
+    help="Set a key of the scene, as in 'array.seed=3' (again for more).",
+)
+
+
+def scene_options(function: Function) -> Function:
+    """Add the options that change a scene; the command takes them as `changes`."""
+
+    @wraps(function)
+    def command(
+        settings: Iterable[str],
+        engine: str | None,
+        device: str | None,
+        precision: str | None,
+        **others: object,
+    ) -> object:
+        chosen = {"engine.name": engine, "engine.device": device, "engine.precision": precision}
+        changes = assignments(settings) | {key: value for key, value in chosen.items() if value}
+        return function(changes=changes, **others)
+
+    return set_option(engine_options(cast(Function, command)))
 
 
 def assignments(settings: Iterable[str], prefix: str = "") -> dict[str, object]:
@@ -88,11 +122,3 @@ def toml_value(text: str) -> object:
     except ValueError as error:
         raise click.UsageError(f"The value '{text:.40}…' cannot be used: {error}.") from None
     return table["value"] if set(table) == {"value"} else text
-
-
-def scene_changes(
-    settings: Iterable[str], engine: str | None, device: str | None, precision: str | None
-) -> dict[str, object]:
-    """Return all that the command line sets over a scene's file."""
-    chosen = {"engine.name": engine, "engine.device": device, "engine.precision": precision}
-    return assignments(settings) | {key: value for key, value in chosen.items() if value}

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
+from cnnum.cli.options import Changes, json_option, scene_options
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
 from cnnum.cli.signals import stoppable
@@ -29,8 +29,7 @@ SHOWN = (
 @click.option("--host", default="127.0.0.1", help="Address to listen at; this machine's own.")
 @click.option("--port", type=click.IntRange(0, 65_535), default=8765, help="0 for any free one.")
 @click.option("--token", default="", help="Word that the page's address must contain.")
-@set_option
-@engine_options
+@scene_options
 @json_option
 def command(
     source: str,
@@ -38,10 +37,7 @@ def command(
     host: str,
     port: int,
     token: str,
-    settings: tuple[str, ...],
-    engine: str | None,
-    device: str | None,
-    precision: str | None,
+    changes: Changes,
     as_json: bool,
 ) -> int:
     """Show SOURCE (a scene, a driver's name, or a recording) in a browser, until Ctrl-C.
@@ -55,7 +51,6 @@ def command(
     if not is_loopback(host) and not token:
         token = secrets.token_urlsafe(12)
     where = Place(host, port, token)
-    changes = scene_changes(settings, engine, device, precision)
     with busy(COMPILING, as_json=as_json):
         feed = _feed(source, scene, changes)
     output = Output(as_json)

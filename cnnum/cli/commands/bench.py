@@ -10,7 +10,7 @@ import click
 from cnnum.cli.commands.bench_all import run_all
 from cnnum.cli.commands.bench_embedded import Wanted, embedded_options
 from cnnum.cli.following import STOPPED
-from cnnum.cli.options import json_option
+from cnnum.cli.options import json_option, results_option, together
 from cnnum.cli.output import Output, table
 from cnnum.cli.progress import progress
 from cnnum.cli.signals import stoppable, undisturbed
@@ -29,20 +29,12 @@ def command() -> None:
     """
 
 
-def _options(function: Function) -> Function:
-    options = (
-        click.option("--device", help="Part of the OpenCL device's name."),
-        click.option("--quick", is_flag=True, help="Fewer places and repeats."),
-        click.option(
-            "--out",
-            type=click.Path(path_type=Path, file_okay=False),
-            help="Write PNG, JSON and HTML into this folder.",
-        ),
-        json_option,
-    )
-    for option in reversed(options):
-        function = option(function)
-    return function
+_options = together(
+    click.option("--device", help="Part of the OpenCL device's name."),
+    click.option("--quick", is_flag=True, help="Fewer places and repeats."),
+    results_option,
+    json_option,
+)
 
 
 def _engine(device: str | None) -> "Engine":

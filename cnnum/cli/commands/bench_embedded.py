@@ -1,52 +1,42 @@
 """Options of `cnnum bench embedded`, and the runs that they ask for."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from math import inf
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from cnnum.cli.commands.export import shape_of
-from cnnum.cli.options import json_option
+from cnnum.cli.options import json_option, results_option, together
 
 if TYPE_CHECKING:
     from cnnum.lab.embedded.answer import Bounds
     from cnnum.lab.embedded.costs import Case
 
-Function = TypeVar("Function", bound=Callable[..., Any])
-
 SUFFIXES = {"": 1.0, "k": 1e3, "m": 1e6, "g": 1e9}
 KIB = {"": 1.0, "k": 1024.0, "m": 1024.0**2}
 
 
-def embedded_options(function: Function) -> Function:
-    """Add the options of the command."""
-    several: dict[str, Any] = {"multiple": True, "metavar": "NAME"}
-    options = (
-        click.option("--program", "programs", **several, help="slip and twist unless given."),
-        click.option("--shape", "shapes", **several, help="As 8x8x3, which it is unless given."),
-        click.option("--precision", "precisions", **several, help="q15, q7 and float32."),
-        click.option("--method", "methods", **several, help="auto or euler; auto unless given."),
-        click.option("--core", "cores", **several, help="m0, m4 or m7; m4 unless given."),
-        click.option("--clock", default="168MHz", show_default=True, help="Of the core."),
-        click.option("--max-error", type=click.FloatRange(min=0, min_open=True), help="Bound."),
-        click.option("--ram", help="Bound in bytes, as 32k."),
-        click.option("--flash", help="Bound in bytes, as 128k."),
-        click.option("--rate", help="Frames a second to reach, as 1kHz."),
-        click.option("--quick", is_flag=True, help="q15 and q7 alone, and no scenes scored."),
-        click.option(
-            "--out",
-            type=click.Path(path_type=Path, file_okay=False),
-            help="Write PNG, JSON and HTML into this folder.",
-        ),
-        json_option,
-    )
-    for option in reversed(options):
-        function = option(function)
-    return function
+SEVERAL: dict[str, Any] = {"multiple": True, "metavar": "NAME"}
+
+embedded_options = together(
+    click.option("--program", "programs", **SEVERAL, help="slip and twist unless given."),
+    click.option("--shape", "shapes", **SEVERAL, help="As 8x8x3, which it is unless given."),
+    click.option("--precision", "precisions", **SEVERAL, help="q15, q7 and float32."),
+    click.option("--method", "methods", **SEVERAL, help="auto or euler; auto unless given."),
+    click.option("--core", "cores", **SEVERAL, help="m0, m4 or m7; m4 unless given."),
+    click.option("--clock", default="168MHz", show_default=True, help="Of the core."),
+    click.option("--max-error", type=click.FloatRange(min=0, min_open=True), help="Bound."),
+    click.option("--ram", help="Bound in bytes, as 32k."),
+    click.option("--flash", help="Bound in bytes, as 128k."),
+    click.option("--rate", help="Frames a second to reach, as 1kHz."),
+    click.option("--quick", is_flag=True, help="q15 and q7 alone, and no scenes scored."),
+    results_option,
+    json_option,
+)
+"""Options of the command."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from cnnum.cli.following import follow
-from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
+from cnnum.cli.options import Changes, json_option, scene_options
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
 
@@ -18,15 +18,11 @@ from cnnum.cli.progress import COMPILING, busy
     show_default=True,
     help="Where the report goes.",
 )
-@set_option
-@engine_options
+@scene_options
 @json_option
 def command(
     out: Path,
-    settings: tuple[str, ...],
-    engine: str | None,
-    device: str | None,
-    precision: str | None,
+    changes: Changes,
     as_json: bool,
 ) -> int:
     """Run the scene that comes with the package, and write an HTML report of it.
@@ -37,7 +33,6 @@ def command(
     """
     if not out.parent.is_dir():
         raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
-    changes = scene_changes(settings, engine, device, precision)
     with busy(COMPILING, as_json=as_json):
         from cnnum.cli.demo_report import DemoReport
         from cnnum.scenes.pipeline import load_scene

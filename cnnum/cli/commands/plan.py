@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cnnum.cli.following import left_out_records
-from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
+from cnnum.cli.options import Changes, json_option, scene_options
 from cnnum.cli.output import Output, facts, quantity, table
 
 if TYPE_CHECKING:
@@ -16,18 +16,14 @@ if TYPE_CHECKING:
 
 @click.command("plan")
 @click.argument("scene")
-@set_option
-@engine_options
+@scene_options
 @click.option("--ops", is_flag=True, help="List the operations by function; --json has every line.")
 @click.option("--lines", is_flag=True, help="With --ops: by the lines of each function, too.")
 @click.option("--source", is_flag=True, help="Print the text of the kernels instead.")
 @json_option
 def command(
     scene: str,
-    settings: tuple[str, ...],
-    engine: str | None,
-    device: str | None,
-    precision: str | None,
+    changes: Changes,
     ops: bool,
     lines: bool,
     source: bool,
@@ -39,7 +35,7 @@ def command(
     from cnnum.scenes.pipeline import load_scene
 
     output = Output(as_json)
-    opened = load_scene(scene, changes=scene_changes(settings, engine, device, precision))
+    opened = load_scene(scene, changes=changes)
     with opened.driver:
         explanation, text = opened.plan.explain(), opened.plan.source if source else ""
     if ops:

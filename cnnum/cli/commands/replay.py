@@ -4,18 +4,11 @@ from pathlib import Path
 
 import click
 
+from cnnum.cli import saving
 from cnnum.cli.following import follow
-from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
+from cnnum.cli.options import Changes, json_option, scene_options
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
-from cnnum.cli.saving import (
-    FieldSaver,
-    refuse_unwritable,
-    rerun_option,
-    save_option,
-    to_rerun,
-    watching,
-)
 
 RAW = ("count", "V")
 """Units of arrays that nothing is known of: no scene fits all of them."""
@@ -29,10 +22,9 @@ DEFAULT = "demo"
     "--scene",
     help="A scene's file or name, which says what to look for. Counts need one; else 'demo'.",
 )
-@set_option
-@engine_options
-@save_option
-@rerun_option
+@scene_options
+@saving.save_option
+@saving.rerun_option
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
 @click.option(
     "--speed",
@@ -46,10 +38,7 @@ DEFAULT = "demo"
 def command(
     file: Path,
     scene: str | None,
-    settings: tuple[str, ...],
-    engine: str | None,
-    device: str | None,
-    precision: str | None,
+    changes: Changes,
     save: Path | None,
     rerun: str | None,
     frames: int | None,
@@ -64,23 +53,22 @@ def command(
     folder of a uSkin trial. Only the array of the scene is replaced: its program and its events
     stay.
     """
-    refuse_unwritable(save)
+    saving.refuse_unwritable(save)
     with busy(COMPILING, as_json=as_json):
         from cnnum.drivers.recording_file import array_of
         from cnnum.scenes.pipeline import load_scene
 
         array = array_of(file)
-        given = scene_changes(settings, engine, device, precision)
         if scene is None:
-            scene = _usual_scene(file, array, given)
-        loaded = load_scene(scene, changes={"array": array} | given)
+            scene = _usual_scene(file, array, changes)
+        loaded = load_scene(scene, changes={"array": array} | changes)
         if speed or begin is not None or end is not None:
             from cnnum.drivers.timing.paced import Paced
 
             loaded.driver = Paced(loaded.driver, speed, begin, end)
-    saver = FieldSaver(save, loaded)
-    with to_rerun(loaded, rerun) as send:
-        watch = watching(saver.add, send)
+    saver = saving.FieldSaver(save, loaded)
+    with saving.to_rerun(loaded, rerun) as send:
+        watch = saving.watching(saver.add, send)
         return follow(loaded, Output(as_json), frames=frames, watch=watch, keep=saver.write)
 
 

@@ -5,18 +5,11 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cnnum.cli import saving
 from cnnum.cli.following import follow
-from cnnum.cli.options import engine_options, json_option, scene_changes, set_option
+from cnnum.cli.options import Changes, json_option, scene_options
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
-from cnnum.cli.saving import (
-    FieldSaver,
-    refuse_unwritable,
-    rerun_option,
-    save_option,
-    to_rerun,
-    watching,
-)
 
 if TYPE_CHECKING:
     from cnnum.scenes.pipeline import FrameResult, Scene
@@ -24,10 +17,9 @@ if TYPE_CHECKING:
 
 @click.command("run")
 @click.argument("scene")
-@set_option
-@engine_options
-@save_option
-@rerun_option
+@scene_options
+@saving.save_option
+@saving.rerun_option
 @click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
 @click.option(
     "--trace",
@@ -43,10 +35,7 @@ if TYPE_CHECKING:
 @json_option
 def command(
     scene: str,
-    settings: tuple[str, ...],
-    engine: str | None,
-    device: str | None,
-    precision: str | None,
+    changes: Changes,
     save: Path | None,
     rerun: str | None,
     frames: int | None,
@@ -58,23 +47,22 @@ def command(
 
     Ctrl-C (or SIGTERM, SIGHUP) ends it with the summary.
     """
-    changes = scene_changes(settings, engine, device, precision)
     _refuse_trace(trace, trace_frame)
-    refuse_unwritable(save, trace)
+    saving.refuse_unwritable(save, trace)
     output = Output(as_json)
     with busy(COMPILING, as_json=as_json):
         from cnnum.scenes.pipeline import load_scene
 
         loaded = load_scene(scene, changes=changes)
-    saver = FieldSaver(save, loaded)
+    saver = saving.FieldSaver(save, loaded)
     eventful: list[int] = []
 
     def watch(moment: "FrameResult") -> None:
         if moment.events and not eventful:
             eventful.append(moment.number)
 
-    with to_rerun(loaded, rerun) as send:
-        watches = watching(watch, saver.add, send)
+    with saving.to_rerun(loaded, rerun) as send:
+        watches = saving.watching(watch, saver.add, send)
         code = follow(loaded, output, frames=frames, watch=watches, keep=saver.write)
     if trace is None:
         return code
