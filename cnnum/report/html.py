@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from html import escape
+from importlib import resources
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,3 +93,26 @@ def paragraph(words: str, style: str = "") -> str:
     """Return a paragraph of plain words."""
     kind = f' class="{style}"' if style else ""
     return f"<p{kind}>{escape(words)}</p>"
+
+
+def document(title: str, lead: str, body: str, foot: str, data: str) -> str:
+    """Return a whole page that needs nothing else, in the style of all reports.
+
+    Parameters
+    ----------
+    title : str
+    lead, body, foot : str
+        HTML under the title, of the page, and at its end.
+    data : str
+        JSON that the page carries.
+    """
+    style = (resources.files("cnnum.report") / "style.css").read_text(encoding="utf-8")
+    inside = data.replace("<", "\\u003c")
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        f"<title>{escape(title)}</title>"
+        '<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<style>{style}</style></head><body><header><h1>{escape(title)}</h1>{lead}</header>"
+        f"<main>{body}</main><footer>{foot}</footer>"
+        f'<script type="application/json" id="data">{inside}</script></body></html>\n'
+    )

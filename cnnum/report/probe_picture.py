@@ -48,6 +48,8 @@ def draw(
             ax.set(title=f"{name}, {channel} ({unit})", xticks=[], yticks=[])
             ax.title.set_fontsize(8)
             figure.colorbar(shown, ax=ax).ax.tick_params(labelsize=7)
+    if len(crosses):
+        figure.supxlabel("× cell that is dead, stuck or noisy", color="r", fontsize=8)
     try:
         figure.savefig(path, dpi=110)
     except (OSError, ValueError) as error:

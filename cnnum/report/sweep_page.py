@@ -1,13 +1,13 @@
 """The page of a sweep: how figures depend on every axis, and phase diagrams of pairs of axes."""
 
-import io
 import itertools
-import re
-from html import escape
+import json
 from pathlib import Path
 from typing import Any
 
 from cnnum.report.environment import Environment
+from cnnum.report.html import document, paragraph, section
+from cnnum.report.plots import inline_svg, page_style
 from cnnum.safety.files import write_whole
 
 FIGURES = (
@@ -17,10 +17,9 @@ FIGURES = (
     ("time", "longest run, τ"),
     ("settled", "share of pictures at rest"),
 )
-STYLE = (
-    "body{font:16px/1.5 system-ui;max-width:60rem;margin:2rem auto;padding:0 1rem}"
-    "svg{max-width:100%;height:auto}"
-)
+LOGARITHMIC = ("error", "time")
+"""Figures that may span decades."""
+
 MOST_PAIRS = 6
 
 
@@ -40,48 +39,60 @@ def write_page(place: Path, results: Any) -> Path:
 def page(results: Any) -> str:
     """Return the page's text."""
     axes = [name for name in results.sizes if name != "draw" and results.sizes[name] > 1]
-    parts = [f"<h2>{escape(name)}</h2>{_lines(results, name)}" for name in axes]
     numeric = [name for name in axes if results[name].dtype.kind == "f"]
-    for pair in list(itertools.combinations(numeric, 2))[:MOST_PAIRS]:
-        parts.append(f"<h2>{escape(' and '.join(pair))}</h2>{_phases(results, *pair)}")
+    pairs = list(itertools.combinations(numeric, 2))[:MOST_PAIRS]
+    with page_style():
+        shown = [(name, _lines(results, name)) for name in axes]
+        shown += [(" and ".join(pair), _phases(results, *pair)) for pair in pairs]
+    parts = [section(n, f"s{n}", name, inside) for n, (name, inside) in enumerate(shown, 1)]
     here = Environment.here("")
     sizes = " × ".join(f"{count} {name}" for name, count in results.sizes.items())
-    name = escape(str(results.attrs.get("template", "")))
-    return (
-        '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
-        '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
-        f"<title>Sweep of {name}</title>\n<style>{STYLE}</style>\n<main>"
-        f"<h1>Sweep of {name}</h1><p>{escape(sizes)}. Each point is the mean over all other axes."
-        f"</p>{''.join(parts)}"
-        f"<footer>{escape(here.date)} · {escape(here.machine)}</footer></main>\n"
+    lead = paragraph(f"{sizes}. Each point is the mean over all other axes.", "lead")
+    foot = paragraph(f"Written by “cnnum sweep --page” on {here.date}; {here.machine}.", "note")
+    attributes = json.dumps({key: str(value) for key, value in results.attrs.items()})
+    return document(
+        f"Sweep of {results.attrs.get('template', '')}", lead, "".join(parts), foot, attributes
     )
 
 
 def _lines(results: Any, axis: str) -> str:
-    """Return the figures along one axis."""
+    """Return the figures along one axis, a panel each; one that never changes is a sentence."""
     import numpy as np
     from matplotlib.figure import Figure
 
-    figure: Any = Figure(figsize=(11.0, 2.4), layout="constrained")
     values = results[axis].values
     places = values if values.dtype.kind == "f" else np.arange(len(values))
-    for plot, (name, label) in zip(figure.subplots(1, len(FIGURES)), FIGURES, strict=True):
+    panels, constant = list[str](), list[str]()
+    for name, label in FIGURES:
         along = results[name].where(np.isfinite(results[name]))
-        others = [other for other in along.dims if other != axis]
-        plot.plot(places, along.mean(others).values, "o-", markersize=3)
-        plot.set_title(label, fontsize=8)
-        plot.tick_params(labelsize=7)
+        means = along.mean([other for other in along.dims if other != axis]).values
+        if not np.isfinite(means).any():
+            constant.append(f"{label}: none of the runs has one")
+            continue
+        if np.nanmax(means) == np.nanmin(means):
+            constant.append(f"{label}: {np.nanmin(means):.3g} everywhere")
+            continue
+        figure: Any = Figure(figsize=(4.4, 2.8), layout="constrained")
+        plot = figure.add_subplot()
+        plot.plot(places, means, "o-", markersize=3)
+        plot.set(xlabel=axis, title=label)
+        if name in LOGARITHMIC and (means > 0.0).all() and means.max() > 100.0 * means.min():
+            plot.set_yscale("log")
         if values.dtype.kind != "f":
-            plot.set_xticks(places, [str(value) for value in values], fontsize=7)
-    return _svg(figure)
+            plot.set_xticks(places, [str(value) for value in values])
+        panels.append(f'<div class="plot">{inline_svg(figure, f"{label} along {axis}")}</div>')
+    note = paragraph("; ".join(constant).capitalize() + ".", "note") if constant else ""
+    return f'<div class="panels">{"".join(panels)}</div>{note}'
 
 
 def _phases(results: Any, down: str, across: str) -> str:
     """Return maps of the flip rate and of the share at rest over two axes."""
     from matplotlib.figure import Figure
 
-    figure: Any = Figure(figsize=(9.0, 3.4), layout="constrained")
-    for plot, name in zip(figure.subplots(1, 2), ("flipped", "settled"), strict=True):
+    panels = list[str]()
+    for name in ("flipped", "settled"):
+        figure: Any = Figure(figsize=(4.6, 3.6), layout="constrained")
+        plot = figure.add_subplot()
         others = [other for other in results[name].dims if other not in (down, across)]
         field = results[name].mean(others).transpose(down, across)
         drawn = plot.pcolormesh(
@@ -94,10 +105,6 @@ def _phases(results: Any, down: str, across: str) -> str:
         )
         plot.set(xlabel=across, ylabel=down, title=dict(FIGURES)[name])
         figure.colorbar(drawn, ax=plot)
-    return _svg(figure)
-
-
-def _svg(figure: Any) -> str:
-    buffer = io.StringIO()
-    figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return re.sub(r"^.*?(?=<svg)", "", buffer.getvalue(), flags=re.DOTALL)
+        title = f"{dict(FIGURES)[name]} over {across} and {down}"
+        panels.append(f'<div class="plot">{inline_svg(figure, title)}</div>')
+    return f'<div class="panels">{"".join(panels)}</div>'

@@ -1,5 +1,6 @@
 """Sweeps: judged as the template's check judges, in any chunks, on one machine or a cluster."""
 
+import itertools
 import os
 import signal
 import threading
@@ -163,10 +164,17 @@ def test_what_is_no_experiment_is_said(tmp_path, text, words):
         load_experiment(path)
 
 
-def test_the_page_has_a_picture_an_axis_and_one_a_pair():
+def test_the_page_has_a_section_an_axis_and_one_a_pair():
     text = page(sweep(small()).results)
-    assert text.count("<svg") == 3 + 3
+    sections = text.split("<section")[1:]
+    heads = [part.partition("</i>")[2].partition("<")[0] for part in sections]
+    axes = ["size", "A[1, 1]", "mismatch"]
+    assert heads == [*axes, *(f"{a} and {b}" for a, b in itertools.combinations(axes, 2))]
+    # a figure that is the same everywhere is a sentence
+    assert all("<svg" in part or "everywhere" in part for part in sections)
+    assert [part.count("<svg") for part in sections[3:]] == [2, 2, 2]
     assert "Sweep of HOLE" in text
+    assert "http" not in text
 
 
 @pytest.mark.filterwarnings("ignore")  # of a library that loses a worker, as it should

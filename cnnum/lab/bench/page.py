@@ -1,23 +1,39 @@
 """A benchmark's page: one HTML file with its picture, its table and its data inside."""
 
-import base64
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
+from typing import Any
 
 from cnnum.lab.bench.charts import CHARTS, save
 from cnnum.lab.bench.records import write_data
 from cnnum.report.environment import Environment
+from cnnum.report.html import Cell, both, document, paragraph, section, table
+from cnnum.report.plots import inline_svg, page_style
 from cnnum.safety.files import write_whole
 
 Row = Mapping[str, object]
+NARROW = 4.4
+"""Width of a picture on a phone, inches."""
 
-_STYLE = """
-body{font:15px/1.5 system-ui,sans-serif;max-width:75rem;margin:2rem auto;padding:0 1rem}
-table{border-collapse:collapse;font-size:13px}td,th{padding:.2rem .7rem;text-align:right}
-td:first-child,th:first-child{text-align:left}tr:nth-child(even){background:#8881}
-img{max-width:100%;background:#fff}
-"""
+HEADINGS = {
+    "p50_us": "median, µs",
+    "p99_us": "99 % below, µs",
+    "ratio": "times",
+    "own_launch_us": "launch in this thread, µs",
+    "own_ratio": "times that",
+    "flops": "flop/s",
+    "peak_flops": "peak, flop/s",
+    "ns_per_update": "ns an update",
+    "seconds": "time, s",
+    "peer_seconds": "peer's time, s",
+    "ordinary_seconds": "ordinary time, s",
+    "spread": "spread, s",
+    "tail": "p99 over median",
+}
+"""Columns whose name in the data is no heading."""
+
+ENDINGS = {"_per_s": " a second", "_us": ", µs", "_s": ", s", "_bytes": ", bytes", "_j": ", J"}
 
 
 def write_report(
@@ -52,46 +68,59 @@ def write_report(
     save(CHARTS[name](rows), picture)
     asked = command or f"cnnum bench {name}"
     write_data(data, asked, rows, device, omissions)
-    text = _html(name, asked, rows, picture, data, device, omissions)
+    text = _page(name, asked, rows, data.read_text(encoding="utf-8"), device, omissions)
     write_whole(page, text.encode("utf-8"))
     return picture, data, page
 
 
-def _html(
-    name: str,
-    command: str,
-    rows: Sequence[Row],
-    picture: Path,
-    data: Path,
-    device: str,
-    omissions: Sequence[str],
+def _page(
+    name: str, command: str, rows: Sequence[Row], data: str, device: str, omissions: Sequence[str]
 ) -> str:
     here = Environment.here(device)
-    image = base64.b64encode(picture.read_bytes()).decode()
     versions = ", ".join(f"{package} {number}" for package, number in here.versions)
     left_out = "".join(f"<li>{escape(text)}</li>" for text in omissions) or "<li>Nothing.</li>"
-    raw = data.read_text(encoding="utf-8").replace("<", "\\u003c")
-    return (
-        f"<!doctype html><html lang=en><meta charset=utf-8><title>cnnum bench {name}</title>"
-        f"<style>{_STYLE}</style><h1>cnnum bench {name}</h1>"
-        f"<p><code>{escape(command)}</code></p>"
-        f"<p>{escape(here.date)} · {escape(here.machine)} · {escape(here.device)} · "
-        f"{escape(versions)}</p><img alt='{name}' src='data:image/png;base64,{image}'>"
-        f"{_table(rows)}<h2>Omissions</h2><ul>{left_out}</ul>"
-        f"<script type=application/json id=data>{raw}</script></html>"
+    body = (
+        section(1, "picture", "Picture", _pictures(name, rows))
+        + section(2, "figures", "Figures", _table(rows))
+        + section(3, "omissions", "Omissions", f"<ul>{left_out}</ul>")
     )
+    foot = f"Measured on {here.date}; {here.machine}; {here.device}; {versions}."
+    foot += " The figures are in this file once more as JSON."
+    lead = f"<p><code>{escape(command)}</code></p>"
+    return document(f"cnnum bench {name}", lead, body, paragraph(foot, "note"), data)
+
+
+def _pictures(name: str, rows: Sequence[Row]) -> str:
+    """Return the picture; one with a single panel also as wide as a phone."""
+    with page_style():
+        figure: Any = CHARTS[name](rows)
+        if len(figure.axes) > 1:
+            return f'<div class="plot broad">{inline_svg(figure, name)}</div>'
+        wide = inline_svg(figure, name)
+        figure.set_size_inches(NARROW, figure.get_figheight())
+        narrow = inline_svg(figure, name)
+    return f'<div class="plot">{both(wide, narrow)}</div>'
 
 
 def _table(rows: Sequence[Row]) -> str:
-    # the device stands above, unless rows differ in it
+    # the device stands below, unless rows differ in it
     same = len({row.get("device") for row in rows}) == 1
-    keys = [key for key in (rows[0] if rows else ()) if key != "device" or not same]
-    head = "".join(f"<th>{escape(key)}</th>" for key in keys)
-    body = "".join(
-        "<tr>" + "".join(f"<td>{escape(cell(row[key]))}</td>" for key in keys) + "</tr>"
+    first, *others = [key for key in (rows[0] if rows else ("",)) if key != "device" or not same]
+    lines = (
+        (False, [Cell(cell(row[key]), strong=key == first) for key in (first, *others)])
         for row in rows
     )
-    return f"<table><tr>{head}</tr>{body}</table>"
+    return table([heading(key) for key in (first, *others)], lines, style="fold")
+
+
+def heading(key: str) -> str:
+    """Return a column's heading, with its unit."""
+    if key in HEADINGS:
+        return HEADINGS[key]
+    for ending, unit in ENDINGS.items():
+        if key.endswith(ending):
+            return key.removesuffix(ending).replace("_", " ") + unit
+    return key.replace("_", " ")
 
 
 def cell(value: object) -> str:
@@ -99,7 +128,7 @@ def cell(value: object) -> str:
     if value is None:
         return "–"
     if isinstance(value, float):
-        return f"{value:.3g}"
+        return f"{value:,.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
     if isinstance(value, list | tuple):
         return "×".join(str(item) for item in value)  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
     return str(value)

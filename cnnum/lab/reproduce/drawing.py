@@ -1,62 +1,22 @@
 """Draws panels with matplotlib, as SVG that takes its colours and letters from the page."""
 
-import io
 import re
-from html import escape
 from typing import Any
 
-import matplotlib
 import numpy as np
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure as Canvas
 from matplotlib.ticker import FuncFormatter
 
 from cnnum.lab.reproduce.figure import Arrows, Curve, Dots, Field, Layer, Matrix, Panel
+from cnnum.report.plots import INK, PALETTE, inline_svg, page_style
 
 WIDE, NARROW = (5.3, 3.6), (4.0, 3.1)
 """Size of a panel, inches, two or three to a row; letters have the same size on the page."""
 
-INK = "#010203"
-"""Stands for the page's own colour of text; no other colour here is like it."""
-
-PALETTE = ("#0a6ebd", "#d1590b", "#2a8c5a", "#8a4fbf", "#b8860b", "#c03a72")
-"""Distinct with any common colour vision; the page lightens them on dark paper."""
-
 HOT = LinearSegmentedColormap.from_list(
     "pushed", ("#0b3f8c", "#3f8fd6", "#f4f5f7", "#eb8a3e", "#8f2f06")
 )
-SETTINGS: Any = {
-    "svg.fonttype": "none",
-    "svg.hashsalt": "cnnum",
-    "font.family": "sans-serif",
-    "font.size": 9.5,
-    "axes.titlesize": 10.5,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.unicode_minus": True,
-    "xtick.major.width": 0.7,
-    "ytick.major.width": 0.7,
-    "legend.frameon": False,
-    "legend.fontsize": 8.5,
-    "lines.linewidth": 1.6,
-    **dict.fromkeys(
-        (
-            "text.color",
-            "axes.edgecolor",
-            "axes.labelcolor",
-            "axes.titlecolor",
-            "xtick.color",
-            "ytick.color",
-        ),
-        INK,
-    ),
-}
-INKED = ("text.color", "axes.edgecolor", "axes.labelcolor", "axes.titlecolor", "xtick.color",
-         "ytick.color")  # fmt: skip
 MANY = 400
 """Dots above which they are drawn as a picture: as elements they would make the page heavy."""
 
@@ -80,20 +40,14 @@ def draw(panel: Panel, *, wide: bool = True) -> str:
     str
         As wide as its place; with its title for screen readers.
     """
-    settings: Any = SETTINGS | dict.fromkeys(INKED, INK)
-    library: Any = matplotlib
-    with library.rc_context(settings):
+    with page_style():
         canvas = Canvas(figsize=WIDE if wide else NARROW, layout="constrained", dpi=130)
-        canvas.patch.set_alpha(0.0)
         axes: Any = canvas.add_subplot()
-        axes.patch.set_alpha(0.0)
         for number, layer in enumerate(panel.layers):
             _draw_layer(axes, layer, number)
         _dress(axes, panel)
-        target = io.StringIO()
-        painter: Any = FigureCanvasSVG(canvas)
-        painter.print_svg(target, metadata={"Date": None})
-    return _for_page(target.getvalue(), panel.title)
+        body = inline_svg(canvas, panel.title)
+    return re.sub(r"(<text[^>]*>)([^<]*_[^<]*)(</text>)", _lowered, body)
 
 
 def _draw_layer(axes: Any, layer: Layer, number: int) -> None:
@@ -222,20 +176,6 @@ def _has_field(panel: Panel) -> bool:
 def _is_scaled(layer: Layer) -> bool:
     """Return whether a layer's label is that of its colour bar."""
     return isinstance(layer, Dots) and not isinstance(layer.colour, int)
-
-
-def _for_page(svg: str, title: str) -> str:
-    body = svg[svg.index("<svg") :]
-    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
-    body = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", body)
-    body = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", body, count=1)
-    body = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", body, count=1)
-    body = body.replace("<svg", f'<svg role="img" aria-label="{escape(title)}"', 1)
-    body = re.sub(r"font: ([^;\"]*?)px [^;\"]*", r"font-size: \1px", body)
-    body = re.sub(r"(<text[^>]*>)([^<]*_[^<]*)(</text>)", _lowered, body)
-    for number, colour in enumerate(PALETTE):
-        body = body.replace(colour, f"var(--c{number})")
-    return re.sub(r"\n\s*", "\n", body.replace(INK, "currentColor"))
 
 
 def _lowered(text: re.Match[str]) -> str:

@@ -2,14 +2,13 @@
 
 import json
 from collections.abc import Iterator, Sequence
-from importlib import resources
 from pathlib import Path
 
 from cnnum.errors import ReportError
 from cnnum.lab.scoring.suites import SCORING, Request
 from cnnum.lab.scoring.table import Row, Table
 from cnnum.report.environment import Environment
-from cnnum.report.html import Cell, paragraph, section, table
+from cnnum.report.html import Cell, document, paragraph, section, table
 from cnnum.safety.files import write_whole
 
 TITLE = "cnnum: slip and twist where the truth is known"
@@ -37,18 +36,9 @@ def write_page(
 
 def page(tables: Sequence[Table], request: Request, environment: Environment) -> str:
     """Return the page as a text that needs nothing else."""
-    style = (resources.files("cnnum.report") / "style.css").read_text(encoding="utf-8")
-    data = [record for each in tables for record in each.records()]
-    inside = json.dumps(data, ensure_ascii=False).replace("<", "\\u003c")
-    return (
-        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>{TITLE}</title>'
-        '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<style>{style}</style></head><body><header><h1>{TITLE}</h1>"
-        f"{paragraph(_lead(tables, request), 'lead')}</header>"
-        f"<main>{''.join(_sections(tables))}</main>"
-        f"<footer>{paragraph(_foot(environment), 'note')}</footer>"
-        f'<script type="application/json" id="data">{inside}</script></body></html>\n'
-    )
+    data = json.dumps([record for each in tables for record in each.records()], ensure_ascii=False)
+    lead, foot = paragraph(_lead(tables, request), "lead"), paragraph(_foot(environment), "note")
+    return document(TITLE, lead, "".join(_sections(tables)), foot, data)
 
 
 def _lead(tables: Sequence[Table], request: Request) -> str:

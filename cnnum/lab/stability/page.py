@@ -1,18 +1,16 @@
 """The page of the suite: a picture of every error over its tolerance, and all rows."""
 
-import io
 import json
 import math
-import re
 from collections.abc import Sequence
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from cnnum.lab.reproduce.style import STYLE
 from cnnum.lab.stability.record import Row
 from cnnum.report.environment import Environment
+from cnnum.report.plots import PALETTE, inline_svg, page_style
 from cnnum.safety.files import write_whole
 
 FAMILIES = {
@@ -21,7 +19,6 @@ FAMILIES = {
     "extreme": "Extreme: numbers and shapes at their limits",
     "precision": "Precision: roundings, orders of sums, long streams",
 }
-COLOURS = ("#0a6ebd", "#d1590b", "#2a8c5a", "#8a4fbf", "#b8860b")
 LEAST = 1e-12
 """Share of the tolerance below which an error is drawn at the edge of the picture."""
 
@@ -44,7 +41,8 @@ def page(rows: Sequence[Row]) -> str:
     )
     here = Environment.here("")
     data = json.dumps([_plain(row) for row in rows], ensure_ascii=False).replace("<", "\\u003c")
-    parts = [_family(name, title, rows) for name, title in FAMILIES.items()]
+    with page_style():
+        parts = [_family(name, title, rows) for name, title in FAMILIES.items()]
     versions = ", ".join(f"{package} {number}" for package, number in here.versions)
     return (
         '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
@@ -113,7 +111,7 @@ def _picture(rows: Sequence[Row]) -> str:
             places = [min(max(row.share, LEAST), 1e3) if marker == "o" else 1.0 for row in some]
             label = f"{engine} {precision}" if marker == "o" else None
             heights = [names.index(row.case) + lift for row in some]
-            axes.scatter(places, heights, s=14, marker=marker, c=COLOURS[number], label=label)
+            axes.scatter(places, heights, s=14, marker=marker, c=PALETTE[number], label=label)
     axes.set_xscale("log")
     axes.axvline(1.0, color="#888", linewidth=1.0)
     axes.set_yticks(range(len(names)), names, fontsize=7)
@@ -121,21 +119,7 @@ def _picture(rows: Sequence[Row]) -> str:
     axes.set_xlabel("error over tolerance")
     axes.grid(axis="y", alpha=0.25, linewidth=0.6)
     figure.legend(loc="outside upper center", ncols=3, fontsize=8, frameon=False)
-    return _themed(figure)
-
-
-def _themed(figure: Any) -> str:
-    mpl: Any = import_module("matplotlib")
-    made = io.StringIO()
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "stability"}):
-        figure.patch.set_alpha(0.0)
-        for axes in figure.axes:
-            axes.patch.set_alpha(0.0)
-        figure.savefig(made, format="svg", metadata={"Date": None})
-    text = made.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub("<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    return text.replace("#000000", "currentColor").replace("<text", '<text fill="currentColor"')
+    return inline_svg(figure, "error over tolerance")
 
 
 def _plain(row: Row) -> dict[str, object]:

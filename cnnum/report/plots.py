@@ -1,0 +1,87 @@
+"""Matplotlib figures as SVG that takes its colours and letters from the page."""
+
+import io
+import re
+from collections.abc import Generator
+from contextlib import contextmanager
+from html import escape
+from typing import Any
+
+INK = "#010203"
+"""Stands for the page's own colour of text; no other colour here is like it."""
+
+PALETTE = ("#0a6ebd", "#d1590b", "#2a8c5a", "#8a4fbf", "#b8860b", "#c03a72")
+"""Distinct with any common colour vision; the page lightens them on dark paper."""
+
+INKED = ("text.color", "axes.edgecolor", "axes.labelcolor", "axes.titlecolor", "xtick.color",
+         "ytick.color")  # fmt: skip
+SETTINGS: Any = {
+    "svg.fonttype": "none",
+    "svg.hashsalt": "cnnum",
+    "font.family": "sans-serif",
+    "font.size": 9.5,
+    "axes.titlesize": 10.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.linewidth": 0.7,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.unicode_minus": True,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "legend.frameon": False,
+    "legend.fontsize": 8.5,
+    "lines.linewidth": 1.6,
+    **dict.fromkeys(INKED, INK),
+}
+
+
+@contextmanager
+def page_style() -> Generator[None]:
+    """Have Matplotlib draw as pages look, until the block ends."""
+    import matplotlib
+    from cycler import cycler
+
+    library: Any = matplotlib
+    with library.rc_context(SETTINGS | {"axes.prop_cycle": cycler(color=list(PALETTE))}):
+        yield
+
+
+def inline_svg(figure: Any, title: str) -> str:
+    """Return a figure as an SVG element for a page.
+
+    Parameters
+    ----------
+    figure : matplotlib.figure.Figure
+        Drawn in `page_style`.
+    title : str
+        For screen readers.
+
+    Returns
+    -------
+    str
+        As wide as its place.
+    """
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    figure.patch.set_alpha(0.0)
+    for axes in figure.axes:
+        axes.patch.set_alpha(0.0)
+    target = io.StringIO()
+    painter: Any = FigureCanvasSVG(figure)
+    painter.print_svg(target, metadata={"Date": None})
+    return _for_page(target.getvalue(), title)
+
+
+def _for_page(svg: str, title: str) -> str:
+    body = svg[svg.index("<svg") :]
+    body = re.sub(r' xmlns(:\w+)?="[^"]*"', "", body)  # HTML knows them
+    body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
+    body = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", body)
+    body = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", body, count=1)
+    body = re.sub(r'(<svg[^>]*?) width="[^"]*"', r"\1", body, count=1)
+    body = body.replace("<svg", f'<svg role="img" aria-label="{escape(title)}"', 1)
+    body = re.sub(r"font: ([^;\"]*?)px [^;\"]*", r"font-size: \1px", body)
+    for number, colour in enumerate(PALETTE):
+        body = body.replace(colour, f"var(--c{number})")
+    return re.sub(r"\n\s*", "\n", body.replace(INK, "currentColor"))
