@@ -14,6 +14,7 @@ PAGE, PICTURE = ROOT / "docs" / "architecture.md", ROOT / "docs" / "house.svg"
 FLOORS: list[dict[str, str]] = [
     {"errors": "every error, one sentence each"},
     {"arrays": "number types, and the check of arrays from outside"},
+    {"kernels": "kernels as records, and their printers: OpenCL C and C99"},
     {"safety": "checked names and expressions, memory at hand, files written whole"},
     {"sharing": "objects as datasets, tables, HTML and plots"},
     {"frame": "one scan of a tactile array", "pictures": "pixels and picture files"},
@@ -140,6 +141,7 @@ PLACES = {
     "recordings": (3, 5),
     "tactile": (3, 7),
     "embedded": (1, 9),
+    "kernels": (2, 10),
     "integrators": (0, 9),
     "graph": (1, 10),
     "templating": (1.5, 11),

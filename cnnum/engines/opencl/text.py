@@ -6,7 +6,7 @@ from functools import cache
 from importlib import resources
 from string import Template as Text
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 
 WIDE_BYTES = 64
 """Vectors from this size on have no built-ins that every compiler can handle."""

@@ -8,7 +8,7 @@ which. An array that the plan's body sets holds that, the number of stages and t
 
 from dataclasses import replace
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.strip_couplings import coupled
 from cnnum.engines.opencl.large_arrays.strip_error import A, B, figures, judged, magnitude
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows, constant, vector

@@ -5,7 +5,7 @@ Every strip keeps its findings in each lane, and the plan's body makes one numbe
 
 from collections.abc import Sequence
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, START, P, Rows, X, constant, vector
 from cnnum.engines.opencl.transients.step_control import rounding

@@ -4,7 +4,7 @@ A step then reads and writes half as much. Neighbours of a vector in the rows of
 registers from one vector to the next. So each state is read, and its output made, once.
 """
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
 from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS, by_turns
 from cnnum.engines.opencl.large_arrays.strip_couplings import FROM, Kept, coupled

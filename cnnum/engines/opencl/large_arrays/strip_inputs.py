@@ -1,6 +1,6 @@
 """Inputs that the cells of large arrays go on reading, in lanes."""
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_rows import (
     OWN,
     lane_text,

@@ -3,8 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from cnnum.engines.opencl import ir
-from cnnum.engines.opencl.ir.launch_plan import Strips
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.lane_rows import BLOCK_ROWS, OWN, lane_text, size_of
 from cnnum.engines.opencl.large_arrays.strip_boundary import (
@@ -19,6 +18,7 @@ from cnnum.engines.opencl.large_arrays.strip_rows import HELD
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented, owned
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import constant_drive
+from cnnum.kernels.launch_plan import Strips
 from cnnum.templating.reads import moving_inputs
 
 LEVELS = 32

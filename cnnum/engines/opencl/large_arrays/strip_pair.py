@@ -4,7 +4,7 @@ The first stage takes over the step before, if it was accepted, and makes the fi
 one finds the worst of the error in a strip, and leaves the step to be judged.
 """
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.strip_couplings import coupled
 from cnnum.engines.opencl.large_arrays.strip_error import A, B, figures, judged, magnitude
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows, constant, vector

@@ -4,11 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from cnnum.engines.opencl import ir
-from cnnum.engines.opencl.ir.number_types import in_vectors
-from cnnum.engines.opencl.ir.printer import OpenCLPrinter
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.kernels.number_types import in_vectors
+from cnnum.kernels.printer import OpenCLPrinter
 from cnnum.templating.reads import reads_states
 
 HELD = "strip_held"

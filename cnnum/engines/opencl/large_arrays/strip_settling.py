@@ -7,8 +7,7 @@ begin, up to that step's end.
 
 from dataclasses import dataclass, replace
 
-from cnnum.engines.opencl import ir
-from cnnum.engines.opencl.ir.launch_plan import Strips
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
 from cnnum.engines.opencl.large_arrays.strip_boundary import first_states
@@ -23,6 +22,7 @@ from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS
 from cnnum.integrators.schemes import FixedSteps
+from cnnum.kernels.launch_plan import Strips
 
 BEFORE = "strip_before"
 """The array of the states with which a launch began."""

@@ -1,6 +1,6 @@
 """The stages of fixed steps, as `strip_stages` has them."""
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.strip_couplings import PART, coupled
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows, vector
 from cnnum.engines.opencl.large_arrays.strip_settling import Watch

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit, row_layout, size_of
 from cnnum.engines.opencl.large_arrays.strip_euler import keeps_states, state_steps
 from cnnum.engines.opencl.large_arrays.strip_kernel import (

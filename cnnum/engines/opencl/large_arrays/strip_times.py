@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.strip_boundary import LATER, OUTPUTS, by_turns
 from cnnum.engines.opencl.large_arrays.strip_couplings import NEXT, PART, PAST
 from cnnum.engines.opencl.transients.builder import TransientBuilder

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.graph.nodes import Product
 

@@ -6,10 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum import kernels as ir
 from cnnum.engines.backend import Solvers
-from cnnum.engines.opencl import ir
-from cnnum.engines.opencl.ir.launch_plan import LaunchPlan
-from cnnum.engines.opencl.ir.number_types import NumberType
 from cnnum.engines.opencl.lowering.kernel_split import split_kernels
 from cnnum.engines.opencl.lowering.program import FRAME, LAST, MEMORY, Lowering
 from cnnum.engines.opencl.lowering.storage import (
@@ -25,6 +23,8 @@ from cnnum.engines.opencl.runtime.host_exchange import exchange_text
 from cnnum.engines.opencl.text import WIDE_BYTES, fill
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
+from cnnum.kernels.launch_plan import LaunchPlan
+from cnnum.kernels.number_types import NumberType
 
 OUTPUT = ir.Name("output")
 """The buffer of results."""

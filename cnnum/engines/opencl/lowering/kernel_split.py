@@ -9,15 +9,15 @@ different ways, a register of their own says whether a part is theirs.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from cnnum.engines.opencl import ir
-from cnnum.engines.opencl.ir.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
-from cnnum.engines.opencl.ir.printer import OpenCLPrinter
-from cnnum.engines.opencl.ir.uses import Uses, uses
+from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.program import FIRST
 from cnnum.engines.opencl.lowering.split_scopes import Fixed, GlobalArray, Meaning, Register, Scope
 from cnnum.engines.opencl.lowering.storage import UNFINISHED
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients.builder import ROW
+from cnnum.kernels.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
+from cnnum.kernels.printer import OpenCLPrinter
+from cnnum.kernels.uses import Uses, uses
 
 PIECE = 1024
 """Values that a work item takes of a sweep that does not go by rows."""

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from cnnum import kernels as ir
 from cnnum.engines.backend import Solvers
-from cnnum.engines.opencl import ir
-from cnnum.engines.opencl.ir.formulas import formula
 from cnnum.engines.opencl.lowering.dense_products import product
 from cnnum.engines.opencl.lowering.program_loops import lower_loop
 from cnnum.engines.opencl.lowering.read_outs import begun, chained, chains, rounds, step, taken_in
@@ -28,6 +27,7 @@ from cnnum.graph.nodes import (
     Transient,
 )
 from cnnum.graph.schedule import Schedule
+from cnnum.kernels.formulas import formula
 
 FRAME, LAST = ir.Name("frame"), ir.Name("last")
 """The first frame of a work item, and the batch's last."""

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import UNFINISHED
 from cnnum.graph.nodes import CAPTURED, Loop, Node, Parameter, Pick
 

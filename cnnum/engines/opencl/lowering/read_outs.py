@@ -5,11 +5,11 @@ change its order, so they work out all that shares its loop one cell at a time. 
 plan sums up in the same order, so that a frame's results do not depend on its neighbours.
 """
 
-from cnnum.engines.opencl import ir
-from cnnum.engines.opencl.ir.formulas import formula
+from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.engines.opencl.text import filled
 from cnnum.graph.elementwise import SUM, ReduceOp
+from cnnum.kernels.formulas import formula
 
 CHAIN, NUMBERS, K, AT = ir.Name("chain"), ir.Name("numbers"), ir.Name("k"), ir.Name("at")
 

@@ -5,11 +5,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum import kernels as ir
 from cnnum.arrays import Floats
-from cnnum.engines.opencl import ir
-from cnnum.engines.opencl.ir.number_types import number_type
-from cnnum.engines.opencl.ir.printer import OpenCLPrinter
 from cnnum.graph.nodes import Constant, ConstantMap, Node
+from cnnum.kernels.number_types import number_type
+from cnnum.kernels.printer import OpenCLPrinter
 from cnnum.templating.boundary import Boundary, halo_sources
 
 PRIVATE_CELLS = 16 * 16

@@ -14,10 +14,10 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.engines.opencl.ir.number_types import NumberType
 from cnnum.engines.opencl.runtime.result_blocks import KeptBlock
 from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.text import fill
+from cnnum.kernels.number_types import NumberType
 
 PIECES = 32
 """Work items that share an array."""

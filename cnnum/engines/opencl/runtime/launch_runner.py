@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
-from cnnum.engines.opencl.ir.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
 from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array, shares_memory
+from cnnum.kernels.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
 
 
 @dataclass(slots=True, eq=False)

@@ -4,11 +4,11 @@ from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-from cnnum.engines.opencl import ir
-from cnnum.engines.opencl.ir.formulas import formula
+from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import Arena, Tables
 from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
 from cnnum.integrators.choice import Solver
+from cnnum.kernels.formulas import formula
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import Tap
 from cnnum.templating.reads import delays_inputs

@@ -4,8 +4,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from cnnum import kernels as ir
 from cnnum.arrays import Floats
-from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.large_arrays.strip_adaptive import STAGES, chebyshev_attempts
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from cnnum import kernels as ir
 from cnnum.arrays import Floats
-from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive, drive_of

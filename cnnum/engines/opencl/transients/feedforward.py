@@ -1,6 +1,6 @@
 """The drive of the cells from outside: w = B∗u + z + bias, once a frame."""
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit
 from cnnum.engines.opencl.large_arrays.strip_inputs import keep_rows
 from cnnum.engines.opencl.text import comment

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS, TIME, Figures, H

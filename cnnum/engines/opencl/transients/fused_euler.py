@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from cnnum import kernels as ir
 from cnnum.arrays import Floats
-from cnnum.engines.opencl import ir
 from cnnum.engines.opencl.transients.builder import COL, ROW, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures

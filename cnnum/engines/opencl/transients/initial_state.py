@@ -1,6 +1,6 @@
 """Where the states start."""
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 
 X = ir.Name("x")

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import SUM, TransientBuilder
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
 from cnnum.templating.function_tables import Table

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import arrive
 from cnnum.engines.opencl.transients.fixed_steps import last_number, repeated

@@ -8,7 +8,7 @@ others of the multiply-adds, which round otherwise.
 
 import numpy as np
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.runge_kutta_steps import judge, rates_of

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import drive_of
 from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name, gains, nonlinear

@@ -7,7 +7,7 @@ by the cells left and right of it, and compilers then find it once.
 from collections.abc import Callable, Iterable
 from itertools import groupby
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.templating.network import Tap
 
 

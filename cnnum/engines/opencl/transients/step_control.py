@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import UNFINISHED
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.strip_adaptive import pair_attempts
 from cnnum.engines.opencl.large_arrays.strip_steps import (
     state_strips,

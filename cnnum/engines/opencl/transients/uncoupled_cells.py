@@ -5,7 +5,7 @@ The formulas, and the meaning of d, stand in `cnnum.integrators.separate`.
 
 import math
 
-from cnnum.engines.opencl import ir
+from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import NOW, TransientBuilder
 from cnnum.engines.opencl.transients.closed_form import LARGEST, begin_exact, exact_figures
 from cnnum.engines.opencl.transients.feedforward import drive_of

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from cnnum.engines.opencl.ir.expressions import (
+from cnnum.kernels.expressions import (
     Binary,
     Call,
     Cast,
@@ -20,8 +20,8 @@ from cnnum.engines.opencl.ir.expressions import (
     Number,
     operand,
 )
-from cnnum.engines.opencl.ir.number_types import NumberType
-from cnnum.engines.opencl.ir.statements import (
+from cnnum.kernels.number_types import NumberType
+from cnnum.kernels.statements import (
     Accumulate,
     Array,
     Assign,

@@ -3,7 +3,7 @@
 Other rooms name the records by this one: `ir.Sweep`, `ir.pick`.
 """
 
-from cnnum.engines.opencl.ir.expressions import (
+from cnnum.kernels.expressions import (
     CELL,
     ONE,
     PLACE,
@@ -32,7 +32,7 @@ from cnnum.engines.opencl.ir.expressions import (
     size,
     total,
 )
-from cnnum.engines.opencl.ir.statements import (
+from cnnum.kernels.statements import (
     Accumulate,
     Array,
     Assign,

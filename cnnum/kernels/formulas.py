@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable
 from functools import cache
 
-from cnnum.engines.opencl.ir.expressions import (
+from cnnum.kernels.expressions import (
     Binary,
     Call,
     Constant,

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from typing import Any
 
-from cnnum.engines.opencl.ir.expressions import Name
-from cnnum.engines.opencl.ir.statements import (
+from cnnum.kernels.expressions import Name
+from cnnum.kernels.statements import (
     Accumulate,
     Array,
     Assign,

@@ -6,7 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cnnum
-from cnnum.engines.opencl.ir.expressions import (
+from cnnum.engines.opencl.lowering.kernel_split import split_kernels
+from cnnum.engines.opencl.transients.builder import ROW
+from cnnum.engines.opencl.transients.strategies import STRATEGIES
+from cnnum.graph.nodes import RunSpec
+from cnnum.kernels.expressions import (
     CELL,
     ONE,
     ZERO,
@@ -21,11 +25,11 @@ from cnnum.engines.opencl.ir.expressions import (
     call,
     shifted,
 )
-from cnnum.engines.opencl.ir.formulas import formula
-from cnnum.engines.opencl.ir.launch_plan import Launch, Rounds
-from cnnum.engines.opencl.ir.number_types import FLOAT32, FLOAT64, in_vectors
-from cnnum.engines.opencl.ir.printer import OpenCLPrinter
-from cnnum.engines.opencl.ir.statements import (
+from cnnum.kernels.formulas import formula
+from cnnum.kernels.launch_plan import Launch, Rounds
+from cnnum.kernels.number_types import FLOAT32, FLOAT64, in_vectors
+from cnnum.kernels.printer import OpenCLPrinter
+from cnnum.kernels.statements import (
     Accumulate,
     Array,
     Assign,
@@ -38,11 +42,7 @@ from cnnum.engines.opencl.ir.statements import (
     fixed,
     sweep,
 )
-from cnnum.engines.opencl.ir.uses import uses
-from cnnum.engines.opencl.lowering.kernel_split import split_kernels
-from cnnum.engines.opencl.transients.builder import ROW
-from cnnum.engines.opencl.transients.strategies import STRATEGIES
-from cnnum.graph.nodes import RunSpec
+from cnnum.kernels.uses import uses
 
 PRINTER = OpenCLPrinter(FLOAT64)
 A, B, X, TOTAL = Name("a"), Name("b"), Name("x"), Name("total")

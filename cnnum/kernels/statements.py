@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cnnum.engines.opencl.ir.expressions import (
+from cnnum.kernels.expressions import (
     Element,
     Expression,
     Name,
@@ -11,7 +11,7 @@ from cnnum.engines.opencl.ir.expressions import (
     call,
     operand,
 )
-from cnnum.engines.opencl.ir.launch_plan import Strips
+from cnnum.kernels.launch_plan import Strips
 
 
 @dataclass(frozen=True, slots=True)
