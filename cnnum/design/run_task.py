@@ -150,36 +150,10 @@ def _run(
     given |= {"input": noisy} if case.input is not None else {"state": noisy}
     if case.input is not None:
         given["state"] = case.state
-    parts = {key: np.stack([one[key] for one in drawn])[:, np.newaxis] for key in ("A", "B", "z")}
-    if not template.plain:
-        return _alone(engine, template, parts, given, options)
-    batch = TemplateBatch(template, parts["A"], parts["B"], parts["z"])
+    parts = {key: np.stack([one[key] for one in drawn]) for key in ("A", "B", "z")}
+    # an axis for the pictures of the case
+    batch = TemplateBatch(template, parts["A"], parts["B"], parts["z"]).spread()
     return engine.run(batch, **given, **options)
-
-
-def _alone(
-    engine: Engine, template: Template, parts: dict[str, Floats], given: Any, options: Any
-) -> Result:
-    """Run templates whose couplings no batch has, one by one."""
-    noisy = next(
-        key for key in ("input", "state") if given[key] is not None and given[key].ndim > 3
-    )
-    found = list[Result]()
-    own = 3 if template.layers == 1 else 4
-    several = [noisy]
-    if given["bias"] is not None and given["bias"].ndim > own:
-        several.append("bias")
-    for n in range(len(parts["A"])):
-        b = {"B": parts["B"][n, 0]} if template.inputs else {}
-        one = replace(template, A=parts["A"][n, 0], z=parts["z"][n, 0].tolist(), **b)
-        found.append(
-            engine.run(one, **(given | {key: given[key][n] for key in several}), **options)
-        )
-    names = ("output", "state", "time", "steps", "settled", "error")
-    stacked: dict[str, Any] = {
-        name: np.stack([np.asarray(getattr(one, name)) for one in found]) for name in names
-    }
-    return Result(**stacked, method=found[0].method, reason=found[0].reason)
 
 
 def _judged(template: Template, result: Result, expected: Floats) -> Figures:

@@ -8,6 +8,7 @@ from typing import TypeVar
 from cnnum.arrays import Floats, Shape, digest, frozen
 from cnnum.graph.elementwise import ElementOp, ReduceOp
 from cnnum.graph.origins import origin_here
+from cnnum.templating.batch_parts import stand_ins
 from cnnum.templating.template import Duration, Template
 
 Argument = TypeVar("Argument")
@@ -124,8 +125,8 @@ class RunSpec:
 class Transient:
     """A template's transient.
 
-    Arguments: its inputs, its inputs before the start, state and bias (one a layer), mask, and a
-    map whose first cells hold the weights of A, where frames have templates of their own.
+    Arguments: its inputs, its inputs before the start, state and bias (one a layer), mask, and,
+    where frames have templates of their own, a map whose first cells hold a frame's numbers.
     """
 
     template: Template = field(compare=False)
@@ -151,9 +152,8 @@ class Transient:
 
     @property
     def weights(self) -> tuple[float, ...]:
-        """The numbers of A that stand for frames' own weights, in their order."""
-        numbers = self.template.A[self.template.A.nonzero()]
-        return tuple(numbers.tolist()) if self.has_weights else ()
+        """The numbers of the template that stand for frames' own weights, in their order."""
+        return stand_ins(self.template) if self.has_weights else ()
 
     def by_role(self, arguments: Sequence[Argument]) -> dict[str, tuple[Argument, ...]]:
         """Return the arguments by role; a role that is not given is an empty tuple."""

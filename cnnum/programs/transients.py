@@ -67,8 +67,9 @@ def transient(
     mask : logic Field, optional
         Fixed-state mask: where it holds, the state keeps its value.
     weights : Field, optional
-        A map whose first cells hold the weights of A in the order of its numbers that are not 0;
-        those of the template say only where they are, and how fast it may be.
+        A map whose first cells hold the numbers of each frame's own template, as
+        `cnnum.runs.lanes` packs them; those of the template say only where they are, and how fast
+        it may be.
     spec : RunSpec, optional
         Duration, method and tolerances.
 

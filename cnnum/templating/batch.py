@@ -3,14 +3,14 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from cnnum.arrays import Floats, finite, frozen
+from cnnum.arrays import Floats
 from cnnum.errors import TemplateError
 from cnnum.safety.values import expect
+from cnnum.templating.batch_parts import Parts, checked_parts, inner, parts_of, with_parts
 from cnnum.templating.template import Template
 
 
@@ -24,24 +24,37 @@ class TemplateBatch:
     Parameters
     ----------
     template : Template
-        Gives the numbers that are left out, and all that is no weight: boundaries, start, duration,
-        output. Its couplings are linear, at once and constant in time.
+        Gives the numbers that are left out, and all that is no number: boundaries, start, duration,
+        output, tables of nonlinear couplings, times of gains.
     A : (..., k, k) or (..., layers, layers, k, k) float, optional
     B : (..., k, k) or (..., layers, inputs, k, k) float, optional
     z, tau : (...) or (..., layers) float, optional
         Of one layer (...).
+    delay : (...) float, optional
+        Of the delayed couplings, in time constants.
+    delayed_A, delayed_B : like `A` and `B`, optional
+    nonlinear : sequence of ((..., k, k) float or None), optional
+        Weights of each nonlinear coupling, in their order.
+    gains : sequence of ((..., points) float or None), optional
+        Values of each gain at the times of its table, in their order.
+
+    Attributes
+    ----------
+    template : Template
+    parts : mapping of str to array
+        All numbers by their name, such as "A", "delayed A" and "gain 1", each with its own leading
+        axes.
+    lead : tuple of int
+        The leading axes that all numbers broadcast to.
 
     Raises
     ------
     TemplateError
-        If shapes do not fit, a τ is not positive, or the template has other couplings.
+        If shapes do not fit, a τ or delay is not positive, or the template lacks such a part.
     """
 
     template: Template
-    A: Floats
-    B: Floats
-    z: Floats
-    tau: Floats
+    parts: Parts
     lead: tuple[int, ...]
 
     def __init__(
@@ -51,22 +64,18 @@ class TemplateBatch:
         B: ArrayLike | None = None,
         z: ArrayLike | None = None,
         tau: ArrayLike | None = None,
+        *,
+        delay: ArrayLike | None = None,
+        delayed_A: ArrayLike | None = None,
+        delayed_B: ArrayLike | None = None,
+        nonlinear: Sequence[ArrayLike | None] | None = None,
+        gains: Sequence[ArrayLike | None] | None = None,
     ) -> None:
         expect("template", template, Template, TemplateError)
-        if not template.plain:
-            raise TemplateError(
-                f"A batch of '{template.name}' needs linear couplings, at once and constant in "
-                "time: run templates with others one by one."
-            )
-        layers, inputs = template.layers, template.inputs
-        parts = {
-            "A": _kernels(template, "A", A, (layers, layers)),
-            "B": _kernels(template, "B", B, (layers, inputs)),
-            "z": _numbers(template, "z", z),
-            "tau": _numbers(template, "tau", tau),
-        }
-        inner = {"A": 4, "B": 4, "z": 1, "tau": 1}
-        leads = {key: part.shape[: part.ndim - inner[key]] for key, part in parts.items()}
+        given = {"A": A, "B": B, "z": z, "tau": tau, "delay": delay, "delayed_A": delayed_A,
+                 "delayed_B": delayed_B, "nonlinear": nonlinear, "gains": gains}  # fmt: skip
+        parts = checked_parts(template, given)
+        leads = {key: part.shape[: part.ndim - inner(key)] for key, part in parts.items()}
         try:
             lead = np.broadcast_shapes(*leads.values())
         except ValueError:
@@ -74,13 +83,10 @@ class TemplateBatch:
                 f"A batch of '{template.name}' needs weights whose leading axes broadcast, got "
                 f"{leads}."
             ) from None
-        if (parts["tau"] <= 0.0).any() or 0 in lead:
-            raise TemplateError(
-                f"A batch of '{template.name}' needs at least one template, and a tau above 0."
-            )
+        if 0 in lead:
+            raise TemplateError(f"A batch of '{template.name}' needs at least one template.")
         object.__setattr__(self, "template", template)
-        for key, part in parts.items():
-            object.__setattr__(self, key, frozen(part))
+        object.__setattr__(self, "parts", parts)
         object.__setattr__(self, "lead", lead)
 
     @classmethod
@@ -90,7 +96,7 @@ class TemplateBatch:
         Raises
         ------
         TemplateError
-            If there is none, or they differ in more than A, B, z and tau.
+            If there is none, or they differ in more than their numbers.
         """
         expect("templates", templates, Sequence, TemplateError)
         if not templates:
@@ -102,77 +108,60 @@ class TemplateBatch:
             if _form(other) != _form(first):
                 raise TemplateError(
                     f"A batch needs templates of one form, got '{first.name}' and '{other.name}': "
-                    "boundary, start, duration, output and sizes must be the same."
+                    "boundary, start, duration, output, tables and sizes must be the same."
                 )
-        parts: dict[str, Any] = {
-            key: np.stack([getattr(one, key) for one in templates]) for key in ("A", "B", "z")
-        }
-        tau = np.stack([one.tau for one in templates])
-        return cls(first, **parts, tau=tau)
+        each = [parts_of(one) for one in templates]
+        stacked = {key: np.stack([parts[key] for parts in each]) for key in each[0]}
+        return _made(first, stacked, (len(templates),))
+
+    def spread(self, axes: int = 1) -> "TemplateBatch":
+        """Return the same with more leading axes of length 1: a run has its arrays there."""
+        flat = self.flat(self.lead)
+        lead = (*self.lead, *(axes * (1,)))
+        parts = {key: part.reshape(*lead, *part.shape[1:]) for key, part in flat.items()}
+        return _made(self.template, parts, lead)
 
     @property
     def size(self) -> int:
         """Number of templates."""
         return math.prod(self.lead)
 
-    def flat(self, lead: tuple[int, ...]) -> tuple[Floats, Floats, Floats, Floats]:
-        """Return A, B, z and tau of every run of a batch that the weights broadcast to.
+    def flat(self, lead: tuple[int, ...]) -> dict[str, Floats]:
+        """Return the numbers of every run of a batch that the weights broadcast to.
 
         Returns
         -------
-        (n, layers, layers, k, k), (n, layers, inputs, k, k), (n, layers) and (n, layers) float
+        dict of str to (n, ...) float
+            "A" is (n, layers, layers, k, k), "z" is (n, layers), and so on.
         """
 
-        def all_of(part: Floats, inner: int) -> Floats:
-            own = part.shape[part.ndim - inner :]
+        def all_of(name: str, part: Floats) -> Floats:
+            own = part.shape[part.ndim - inner(name) :]
             return np.broadcast_to(part, (*lead, *own)).reshape(math.prod(lead), *own)
 
-        return all_of(self.A, 4), all_of(self.B, 4), all_of(self.z, 1), all_of(self.tau, 1)
+        return {name: all_of(name, part) for name, part in self.parts.items()}
 
     def templates(self) -> Iterator[Template]:
         """Yield every template, the last leading axis first."""
-        given = self.template.inputs > 0
-        for a, b, z, tau in zip(*self.flat(self.lead), strict=True):
-            parts: dict[str, Any] = {"A": a, "z": z.tolist(), "tau": tau.tolist()}
-            yield replace(self.template, **parts, **({"B": b} if given else {}))
+        flat = self.flat(self.lead)
+        for number in range(self.size):
+            yield with_parts(self.template, {key: part[number] for key, part in flat.items()})
 
     def __repr__(self) -> str:
         return f"TemplateBatch('{self.template.name}', lead={self.lead})"
 
 
-def _kernels(
-    template: Template, part: str, value: ArrayLike | None, couples: tuple[int, int]
-) -> Floats:
-    if value is None:
-        return np.asarray(getattr(template, part), dtype=np.float64)
-    found = finite(f"{part} of a batch of '{template.name}'", value)
-    plain = 2 <= found.ndim < 4 or (found.ndim >= 4 and found.shape[-4:-2] != (1, 1))
-    if couples == (1, 1) and plain:
-        found = found[..., np.newaxis, np.newaxis, :, :]
-    sizes = found.shape[-4:]
-    if len(sizes) < 4 or sizes[:2] != couples or sizes[-1] != sizes[-2] or sizes[-1] % 2 == 0:
-        raise TemplateError(
-            f"{part} of a batch of '{template.name}' must be (..., k, k) with k odd, for {couples} "
-            f"couplings, got the shape {np.shape(value)}."
-        )
-    return found
-
-
-def _numbers(template: Template, part: str, value: ArrayLike | None) -> Floats:
-    if value is None:
-        return np.asarray(getattr(template, part), dtype=np.float64)
-    found = finite(f"{part} of a batch of '{template.name}'", value)
-    if template.layers == 1 and (found.ndim == 0 or found.shape[-1] != 1):
-        return found[..., np.newaxis]
-    if found.ndim == 0 or found.shape[-1] != template.layers:
-        raise TemplateError(
-            f"{part} of a batch of '{template.name}' must be (..., {template.layers}), got the "
-            f"shape {found.shape}."
-        )
+def _made(template: Template, parts: Parts, lead: tuple[int, ...]) -> TemplateBatch:
+    """Return a batch of numbers that are known to fit."""
+    found = object.__new__(TemplateBatch)
+    for key, value in (("template", template), ("parts", parts), ("lead", lead)):
+        object.__setattr__(found, key, value)
     return found
 
 
 def _form(template: Template) -> tuple[object, ...]:
+    """Return all of a template that is no number of a batch."""
+    delayed, one = template.delayed, np.ones((1, 1))
     return (
         template.A.shape,
         template.B.shape,
@@ -181,5 +170,11 @@ def _form(template: Template) -> tuple[object, ...]:
         template.initial,
         template.duration,
         template.output.name,
-        template.plain,
+        None if delayed is None else (delayed.A.shape, delayed.B.shape),
+        *((c.weights.shape, replace(c, weights=one).physics[1:]) for c in template.nonlinear),
+        *((g.to, g.source, g.table.interpolation, _places(g.table.points)) for g in template.gains),
     )
+
+
+def _places(points: Sequence[tuple[float, float]]) -> tuple[float, ...]:
+    return tuple(place for place, _ in points)

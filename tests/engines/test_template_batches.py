@@ -6,6 +6,8 @@ import pytest
 from cnnum import Engine, Template, TemplateBatch, get_template
 from cnnum.errors import ArrayError, NotSupportedError, TemplateError
 from cnnum.lab.bench.throughput import rate_beside_one
+from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
+from cnnum.templating.function_tables import Table
 
 NAMES = ("opencl", "numba")
 
@@ -75,6 +77,71 @@ def test_every_number_of_a_template_can_be_its_own(engine):
         assert np.abs(found.state[number] - alone.state).max() < 3e-3
 
 
+def alone(batch, **given):
+    """Return the states of the templates one by one, at a tolerance far below those of lanes."""
+    exact = {} if batch.template.delayed else {"rtol": 1e-7, "atol": 1e-8}
+    return np.array([Engine("numba").run(one, **given, **exact).state for one in batch.templates()])
+
+
+def test_delays_and_their_weights_can_be_a_template_s_own(engine):
+    rng = np.random.default_rng(7)
+    pictures, before = rng.uniform(-1, 1, (2, 6, 5))
+    nothing = np.zeros((1, 1, 3, 3))
+    form = Template("late", nothing, nothing, boundary="zero-flux", duration=1.7,
+                    delayed=DelayedCoupling(1.0, nothing, nothing))  # fmt: skip
+    late, control, weights = 0.4 * rng.normal(size=(3, 4, 3, 3))
+    batch = TemplateBatch(
+        form, weights, delay=np.array([0.5, 0.52, 0.6, 0.5]), delayed_A=late, delayed_B=control
+    )
+    found = engine.run(batch, input=pictures, previous=before)
+    expected = alone(batch, input=pictures, previous=before)
+    # Heun's steps of 0.05 and less: (0.05)²/6 of third derivatives of about 1, in both runs
+    assert np.abs(found.state - expected).max() < 1e-3
+    assert found.state.std(axis=0).max() > 0.1
+
+
+def test_gains_and_nonlinear_weights_can_be_a_template_s_own(engine):
+    rng = np.random.default_rng(8)
+    pictures = rng.uniform(-1, 1, (6, 5))
+    bend, steps = (
+        Table(way, ((-1.0, 0.2), (0.5, 1.0), (2.0, 0.5))) for way in ("linear", "constant")
+    )
+    nothing = np.zeros((3, 3))
+    form = Template("courses", nothing, nothing, duration=1.7, gains=[Gain(0, 0, bend)], nonlinear=[
+        NonlinearCoupling(nothing, bend, "y", "y"), NonlinearCoupling(nothing, bend, "u", "x"),
+        NonlinearCoupling(nothing, steps, "u")])  # fmt: skip
+    # three neighbours of each kind: kernels of few are built quickly
+    weights, control, *coupled = 0.4 * rng.normal(size=(5, 3, 3, 3)) * np.eye(3)
+    gains = rng.uniform(-1.0, 2.0, (3, 3))
+    batch = TemplateBatch(form, weights, control, tau=np.array([1.0, 0.5, 2.0]),
+                          nonlinear=coupled, gains=[gains])  # fmt: skip
+    found = engine.run(batch, input=pictures)
+    # rtol 1e-4 of states of about 1, over some steps
+    assert np.abs(found.state - alone(batch, input=pictures)).max() < 1e-3
+    assert found.state.std(axis=0).max() > 0.1
+
+
+def test_several_layers_with_one_input(engine):
+    rng = np.random.default_rng(9)
+    form = Template("two", np.zeros((2, 2, 3, 3)), np.zeros((2, 1, 3, 3)), duration=1.0)
+    pictures = rng.uniform(-1, 1, (3, 6, 5))
+    tau = np.array([[1.0, 2.0], [1.0, 1.0], [0.5, 1.0]])
+    weights = 0.3 * rng.normal(size=(3, 2, 2, 3, 3)) * np.eye(3)
+    control = rng.normal(size=(3, 2, 1, 3, 3))
+    batch = TemplateBatch(form, weights, control, rng.normal(size=(3, 2)), tau)
+    found = engine.run(batch.spread(), input=pictures)
+    assert found.output.shape == (3, 3, 2, 6, 5)
+    assert np.abs(found.state - alone(batch, input=pictures)).max() < 1e-3
+
+
+def test_errors_of_lanes_hold(opencl):
+    batch, picture = near("HOLE", np.random.default_rng(6), 4), np.ones((8, 8))
+    found = opencl.run(batch, input=picture, duration=6.0)
+    for number, template in enumerate(batch.templates()):
+        exact = Engine("numba").run(template, input=picture, duration=6.0, rtol=1e-8, atol=1e-9)
+        assert np.abs(found.state[number] - exact.state).max() <= found.error[number].max()
+
+
 def test_lanes_share_one_launch(opencl):
     rng = np.random.default_rng(6)
     batch = near("HOLE", rng, 40)
@@ -102,6 +169,8 @@ def test_templates_of_one_form_make_a_batch():
         ({"A": np.zeros((2, 2))}, "k odd"),
         ({"A": np.zeros((2, 3, 3)), "z": np.zeros(3)}, "broadcast"),
         ({"tau": np.zeros(3)}, "tau above 0"),
+        ({"delay": 1.0}, "no part 'delay'"),
+        ({"gains": [np.ones(3)]}, "one for each of its 0"),
     ],
 )
 def test_numbers_that_do_not_fit_are_refused(parts, words):
@@ -115,8 +184,6 @@ def test_axes_that_do_not_broadcast_are_refused(engine):
         engine.run(batch, input=np.zeros((2, 8, 8)))
     with pytest.raises(NotSupportedError, match="one by one"):
         engine.run(batch, input=np.zeros((8, 8)), at=[1.0])
-    with pytest.raises(TemplateError, match="linear couplings"):
-        TemplateBatch(get_template("MEDIAN"))
 
 
 def test_a_step_outside_the_bound_of_one_template_is_refused(opencl):

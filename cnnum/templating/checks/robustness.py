@@ -130,13 +130,9 @@ class Judge:
 
     def shares(self, changed: Sequence[Template]) -> list[float]:
         """Return the share of wrong cells of many templates, in one run where that can be."""
-        if not self.template.plain or self.form.compares != "output" or self.template.layers > 1:
+        if self.form.compares != "output":
             return [self.wrong(one) for one in changed]
-        first = TemplateBatch.of(changed)
-        # an axis for the pictures of the case
-        batch = TemplateBatch(
-            first.template, first.A[:, None], first.B[:, None], first.z[:, None], first.tau[:, None]
-        )
+        batch = TemplateBatch.of(changed).spread()  # an axis for the pictures of the case
         try:
             result = run_case(batch, self.engine, self.case, self.form.rtol)
         except CnnumError:

@@ -9,7 +9,7 @@ from cnnum.engines.opencl.lowering.dense_products import product
 from cnnum.engines.opencl.lowering.program_loops import lower_loop
 from cnnum.engines.opencl.lowering.read_outs import begun, chained, chains, rounds, step, taken_in
 from cnnum.engines.opencl.lowering.storage import Arena, Tables, Values
-from cnnum.engines.opencl.transients.builder import Operands, TransientBuilder
+from cnnum.engines.opencl.transients.builder import Operands, OwnNumbers, TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.strategies import Strategy, run, settled_now, strategy_of
@@ -270,10 +270,8 @@ class Lowering:
             self.arena,
             self.tables,
         )
-        text.body += [
-            ir.fixed(name, self._weights(node)[ir.Integer(k)])
-            for k, name in enumerate(text.operands.weights.values())
-        ]
+        if text.operands.own is not None:
+            text.body += text.operands.own.declared(self._weights(node))
         picks = self.users[node.index]
         scalars = [node for node in picks if node.scalar]
         self.body += [ir.declare(self.values.name_scalar(node)) for node in scalars]
@@ -298,10 +296,9 @@ class Lowering:
         values = [self.values.read(argument) for argument in node.arguments]
         roles = operation.by_role(values)
         mask = roles["mask"][0] if roles["mask"] else None
-        names = {w: ir.Name(f"weight_{k}") for k, w in enumerate(operation.weights)}
-        return Operands(
-            roles["input"], roles["previous"], roles["state"], roles["bias"], mask, names
-        )
+        weights = operation.weights
+        own = OwnNumbers.of(weights, operation.template) if operation.has_weights else None
+        return Operands(roles["input"], roles["previous"], roles["state"], roles["bias"], mask, own)
 
     def _weights(self, node: Node) -> ir.Name:
         """Return the array that holds the weights of a transient's frames."""

@@ -24,10 +24,54 @@ VECTORISE = "#pragma clang loop vectorize(assume_safety)"
 
 
 @dataclass(frozen=True, slots=True)
+class OwnNumbers:
+    """The variables of frames' own numbers.
+
+    Attributes
+    ----------
+    weights : mapping of float to Name
+        By the numbers that stand for them in the template.
+    taus : tuple of Name
+        A layer each; `rates` are one over them.
+    growth : Name
+        Of errors, 1/time.
+    delay : Name or None
+    """
+
+    weights: Mapping[float, ir.Name]
+    taus: tuple[ir.Name, ...]
+    growth: ir.Name
+    delay: ir.Name | None
+
+    @classmethod
+    def of(cls, weights: Sequence[float], template: Template) -> "OwnNumbers":
+        """Return the variables of a template's stand-ins."""
+        return cls(
+            {w: ir.Name(f"weight_{k}") for k, w in enumerate(weights)},
+            tuple(ir.Name(f"tau_{layer}") for layer in range(template.layers)),
+            ir.Name("growth"),
+            None if template.delayed is None else ir.Name("delay"),
+        )
+
+    @property
+    def rates(self) -> tuple[ir.Name, ...]:
+        """One over τ of every layer."""
+        return tuple(ir.Name(f"rate_{layer}") for layer in range(len(self.taus)))
+
+    def declared(self, packed: ir.Name) -> list[ir.Statement]:
+        """Return the statements that take them from the first cells of a map."""
+        names = (*self.weights.values(), *self.taus, self.growth)
+        names += () if self.delay is None else (self.delay,)
+        taken = [ir.fixed(name, packed[ir.Integer(k)]) for k, name in enumerate(names)]
+        pairs = zip(self.rates, self.taus, strict=True)
+        return [*taken, *(ir.fixed(rate, ir.ONE / tau) for rate, tau in pairs)]
+
+
+@dataclass(frozen=True, slots=True)
 class Operands:
     """Expressions of `i` for the maps that a transient reads; empty where one is not given.
 
-    `weights` are the variables of frames' own weights, by the numbers that stand for them in A.
+    `own` are the variables of frames' own numbers, None where all share one template.
     """
 
     inputs: tuple[ir.Expression, ...]
@@ -35,7 +79,7 @@ class Operands:
     states: tuple[ir.Expression, ...]
     biases: tuple[ir.Expression, ...]
     mask: ir.Expression | None
-    weights: Mapping[float, ir.Name] = field(default_factory=dict[float, ir.Name])
+    own: OwnNumbers | None = None
 
 
 @dataclass(slots=True)
@@ -163,7 +207,23 @@ class TransientBuilder:
 
     def number(self, weight: float) -> ir.Expression:
         """Return a weight: a number, or the variable that the number stands for."""
-        return self.operands.weights.get(weight) or ir.Number(weight)
+        own = self.operands.own
+        return (own and own.weights.get(weight)) or ir.Number(weight)
+
+    def rate(self, layer: int) -> ir.Expression:
+        """Return one over τ of a layer."""
+        own = self.operands.own
+        return own.rates[layer] if own else ir.Number(1.0 / float(self.template.tau[layer]))
+
+    def slowest(self) -> ir.Expression:
+        """Return the largest τ of any layer."""
+        own = self.operands.own
+        if own is None:
+            return ir.Number(float(self.template.tau.max()))
+        found: ir.Expression = own.taus[0]
+        for tau in own.taus[1:]:
+            found = ir.call("fmax", found, tau)
+        return found
 
     def scale(self, value: ir.Expression) -> ir.Expression:
         """Return the tolerance of a value of this size."""

@@ -62,8 +62,7 @@ def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
 
 def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
     """Append the second array of outputs, the first values of both, and the scaled drive."""
-    for own in text.operands.weights.values():
-        text.body.append(ir.fixed(ir.Name(f"{own.text}_h"), _number(text, scheme, 0) * own))
+    text.body += _own_numbers(text, scheme)
     boundary = text.template.boundary
     text.array(Z, text.layers * text.padded)
     if boundary.constant is not None:
@@ -83,17 +82,41 @@ def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
         text.fill_rims(Y, text.layers, boundary, None)
 
 
+def _own_numbers(text: TransientBuilder, scheme: FixedSteps) -> list[ir.Statement]:
+    """Return statements that scale frames' own numbers: h/τ, 1 − h/τ, and each weight."""
+    lines: list[ir.Statement] = []
+    for layer in range(text.layers if text.operands.own else 0):
+        move, kept = _move(layer), ir.Name(f"kept_{layer}")
+        lines += [
+            ir.fixed(move, ir.Number(scheme.move(layer, 1.0)) * text.rate(layer)),
+            ir.fixed(kept, ir.ONE - move),
+        ]
+        own = [text.number(tap.weight) for tap in taps(text.template.A, layer)]
+        lines += [ir.fixed(_scaled(name), move * name) for name in own if isinstance(name, ir.Name)]
+    return lines
+
+
+def _move(layer: int) -> ir.Name:
+    return ir.Name(f"move_{layer}")
+
+
+def _scaled(weight: ir.Name) -> ir.Name:
+    return ir.Name(f"{weight.text}_h")
+
+
 def _number(
     text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0
-) -> ir.Number:
+) -> ir.Expression:
     """Return a number times h/τ of a layer."""
+    if text.operands.own is not None:
+        return ir.Number(factor) * _move(layer)
     return ir.Number(factor * scheme.move(layer, float(text.template.tau[layer])))
 
 
 def _weight(text: TransientBuilder, scheme: FixedSteps, layer: int, weight: float) -> ir.Expression:
     """Return a weight times h/τ of a layer."""
-    own = text.operands.weights.get(weight)
-    return _number(text, scheme, layer, weight) if own is None else ir.Name(f"{own.text}_h")
+    own = text.number(weight)
+    return _scaled(own) if isinstance(own, ir.Name) else _number(text, scheme, layer, weight)
 
 
 def _block(text: TransientBuilder) -> int:
@@ -183,8 +206,10 @@ def _begin(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) ->
         text.body.append(ir.declare(_sum(layer, row, column), begun))
 
 
-def _kept(text: TransientBuilder, scheme: FixedSteps, layer: int) -> ir.Number:
+def _kept(text: TransientBuilder, scheme: FixedSteps, layer: int) -> ir.Expression:
     """Return the share of a state that a step leaves."""
+    if text.operands.own is not None:
+        return ir.Name(f"kept_{layer}")
     return ir.Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
 
 

@@ -36,19 +36,45 @@ def table(function: Table, argument: ir.Name) -> ir.Expression:
     return value
 
 
+def own_table(
+    function: Table, argument: ir.Name, number: Callable[[float], ir.Expression]
+) -> ir.Expression:
+    """Return the expression of a table whose values are variables."""
+    places, values = [p for p, _ in function.points], [number(v) for _, v in function.points]
+    if function.interpolation == "constant":
+        value = values[-1]
+        for place, level in zip(reversed(places[:-1]), reversed(values[:-1]), strict=True):
+            value = ir.pick(argument <= ir.Number(place), level, value)
+        return value
+    value = values[0]
+    for (low, before), (high, after) in pairwise(zip(places, values, strict=True)):
+        ends = ir.Number(low), ir.Number(high)
+        share = (ir.call("clamp", argument, *ends) - ends[0]) * ir.Number(1.0 / (high - low))
+        value = value + share * (after - before)
+    return value
+
+
 def nonlinear(text: TransientBuilder, coupling: NonlinearCoupling) -> list[ir.Statement]:
     """Return statements that add a nonlinear coupling's sum in cell `p` to `sum`."""
 
     def quantity(name: Quantity, source: int, row: int, col: int) -> ir.Expression:
         return text.neighbour(ARRAYS[name], Tap(source, row, col, 1.0))
 
-    return summed(coupling, quantity, SUM)
+    return summed(coupling, quantity, SUM, number=text.number)
 
 
 def summed(
-    coupling: NonlinearCoupling, quantity: Reads, to: ir.Name, scale: float = 1.0, of: str = "real"
+    coupling: NonlinearCoupling,
+    quantity: Reads,
+    to: ir.Name,
+    scale: float = 1.0,
+    of: str = "real",
+    number: Callable[[float], ir.Expression] = ir.Number,
 ) -> list[ir.Statement]:
-    """Return statements that add a nonlinear coupling's scaled sum to a number of a type."""
+    """Return statements that add a nonlinear coupling's scaled sum to a number of a type.
+
+    `number` gives the expression of a scaled weight.
+    """
     radius, lines = coupling.weights.shape[0] // 2, list[ir.Statement]()
     for row, col in np.argwhere(coupling.weights):
         offsets = int(row) - radius, int(col) - radius
@@ -56,7 +82,7 @@ def summed(
         if coupling.centre is not None:
             centre = quantity(coupling.centre, coupling.centre_source, 0, 0)
             argument = argument - centre if coupling.reversed_sign else centre - argument
-        weight = ir.Number(scale * float(coupling.weights[row, col]))
+        weight = number(scale * float(coupling.weights[row, col]))
         value = weight * table(coupling.function, V)
         added = ir.add(to, value * V if coupling.times_argument else value)
         lines.append(ir.block(ir.fixed(V, argument, of=of), added))
@@ -72,6 +98,10 @@ def gains(text: TransientBuilder, since: ir.Expression) -> list[ir.Statement]:
     """Return the statements that find the gains that vary in time, at a time since the start."""
     found = text.template.gains
     lines: list[ir.Statement] = [ir.fixed(SINCE, since)] if found else []
-    return lines + [
-        ir.fixed(gain_name(k), table(gain.table, SINCE)) for k, gain in enumerate(found)
-    ]
+
+    def value(function: Table) -> ir.Expression:
+        if text.operands.own is None:
+            return table(function, SINCE)
+        return own_table(function, SINCE, text.number)
+
+    return lines + [ir.fixed(gain_name(k), value(gain.table)) for k, gain in enumerate(found)]

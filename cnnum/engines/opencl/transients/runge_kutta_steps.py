@@ -1,6 +1,8 @@
 """Explicit Runge–Kutta methods as sweeps over all cells, fixed and adaptive."""
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
@@ -35,6 +37,7 @@ from cnnum.engines.opencl.transients.step_control import (
 )
 from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
 from cnnum.integrators.tableau import Explicit, Pair, Row
+from cnnum.templating.batch_parts import LADDER
 from cnnum.templating.reads import delays_outputs, lag
 
 RING, NOW_AT, THEN_AT, NEXT_AT = (
@@ -44,6 +47,12 @@ RING, NOW_AT, THEN_AT, NEXT_AT = (
     ir.Name("next_at"),
 )
 """Outputs of the last steps, and where this one's and those of a delay ago stand among them."""
+
+SPAN = ir.Name("span")
+"""A frame's own step, where frames have delays of their own."""
+
+SLIVER = 0.01
+"""Share of a step below which the last one is a rounding."""
 
 
 def rates_of(stage: int) -> ir.Name:
@@ -123,7 +132,7 @@ def _ring(text: TransientBuilder, scheme: FixedSteps) -> list[ir.Statement]:
             ir.fixed(NOW_AT, ir.ROUND % slots, of="int"),
             ir.fixed(THEN_AT, ir.call("max", ir.ROUND - late, 0) % slots, of="int"),
             ir.fixed(NEXT_AT, ir.call("max", ir.ROUND + 1 - late, 0) % slots, of="int"),
-            ir.fixed(PART, last_number(scheme.count, 1.0, scheme.last / scheme.step)),
+            ir.fixed(PART, _share(text, scheme)),
         ]
     if text.has_history:
         with text.aside() as change:
@@ -132,11 +141,41 @@ def _ring(text: TransientBuilder, scheme: FixedSteps) -> list[ir.Statement]:
     return lines
 
 
-def _instant(text: TransientBuilder, step: float, c: float) -> Instant:
-    time = (
-        ir.Number(step) * ir.real(ir.ROUND) + ir.Number(c) * H if text.template.gains else ir.ZERO
-    )
+def _own_delay(text: TransientBuilder) -> ir.Name | None:
+    """Return the variable of frames' own delays, None where all have the same or none."""
+    own = text.operands.own
+    return None if own is None else own.delay
+
+
+def _share(text: TransientBuilder, scheme: FixedSteps) -> ir.Expression:
+    """Return the length of a step over that of all but the last."""
+    if _own_delay(text) is not None:
+        return H / SPAN
+    return last_number(scheme.count, 1.0, scheme.last / scheme.step)
+
+
+def _instant(text: TransientBuilder, scheme: FixedSteps, c: float) -> Instant:
+    step = ir.Number(scheme.step) if _own_delay(text) is None else SPAN
+    time = step * ir.real(ir.ROUND) + ir.Number(c) * H if text.template.gains else ir.ZERO
     return Instant(time, _past(text, c))
+
+
+def _own_steps(text: TransientBuilder, scheme: FixedSteps, delay: ir.Name) -> FixedSteps:
+    """Append the step of each frame, the same part of its delay in all; return more steps.
+
+    A delay is within a ladder's rung, so that no frame takes more steps than that times the usual.
+    """
+    late = ir.Number(1.0 / lag(text.template, scheme.step))
+    text.body.append(ir.fixed(SPAN, delay * late))
+    return replace(scheme, count=math.ceil(LADDER * scheme.count) + 1)
+
+
+def _length(text: TransientBuilder, scheme: FixedSteps) -> ir.Expression:
+    """Return the length of step `n`: 0 where a frame is at its end."""
+    if _own_delay(text) is None:
+        return last_number(scheme.count, scheme.step, scheme.last)
+    left = ir.Number(text.solver.duration) - SPAN * ir.real(ir.ROUND)
+    return ir.call("clamp", left, ir.ZERO, SPAN)
 
 
 def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
@@ -147,14 +186,19 @@ def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
             text.array(name, text.states)
     if delays_outputs(text.template):
         text.array(RING, (lag(text.template, scheme.step) + 1) * text.states)
+    if (delay := _own_delay(text)) is not None:
+        scheme = _own_steps(text, scheme, delay)
     head = _ring(text, scheme)
     with text.aside() as body:
         if stages == 1:
             _euler_step(text, scheme)
         else:
             _several_stages(text, scheme)
-    length = last_number(scheme.count, scheme.step, scheme.last)
-    return repeated(text, scheme, length, [*head, *body])
+    figures = repeated(text, scheme, _length(text, scheme), [*head, *body])
+    if _own_delay(text) is not None and not scheme.settle:
+        taken = ir.Number(text.solver.duration) / SPAN - ir.Number(SLIVER)
+        figures["steps"] = ir.call("ceil", taken)
+    return figures
 
 
 def _limited(text: TransientBuilder, state: ir.Expression) -> ir.Expression:
@@ -171,7 +215,7 @@ def _euler_step(text: TransientBuilder, scheme: FixedSteps) -> None:
         move = RATE if weight == 1 else ir.Number(float(weight)) * RATE
         return [*change, ir.Assign(X[at], _limited(text, X[at] + H * move))]
 
-    rates(text, X, then, _instant(text, scheme.step, 0.0))
+    rates(text, X, then, _instant(text, scheme, 0.0))
 
 
 def _several_stages(text: TransientBuilder, scheme: FixedSteps) -> None:
@@ -179,7 +223,7 @@ def _several_stages(text: TransientBuilder, scheme: FixedSteps) -> None:
     for stage in range(scheme.stages):
         c = float(sum(tableaux[0].a[stage]))
         with text.aside() as lines:
-            _stage(text, tableaux, stage, _instant(text, scheme.step, c))
+            _stage(text, tableaux, stage, _instant(text, scheme, c))
         text.body.append(ir.Block(tuple(lines)))
     body: list[ir.Statement] = []
     for layer, tableau in enumerate(tableaux):
@@ -232,7 +276,7 @@ def adaptive(
 def judge(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> list[ir.Statement]:
     """Return statements that find the worst error of a step, and the change at its end."""
     last, body = rates_of(tableaux[0].stages - 1), list[ir.Statement]()
-    tau, e = ir.Number(float(text.template.tau.max())), ir.Name("e")
+    tau, e = text.slowest(), ir.Name("e")
     for layer, tableau in enumerate(tableaux):
         at = text.at(layer)
         parts = [ir.size(H * _combination(d, at)) for d in tableau.truncation]

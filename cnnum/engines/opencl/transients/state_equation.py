@@ -117,7 +117,7 @@ def _rate_lines(
     for layer, now in enumerate(text.each(state)):
         body.append(ir.Assign(SUM, drive_of(text, layer) - now))
         body += couplings(layer)
-        body.append(ir.Assign(RATE, ir.Number(1.0 / float(text.template.tau[layer])) * SUM))
+        body.append(ir.Assign(RATE, text.rate(layer) * SUM))
         if text.template.output.limited:
             # at the rails, a rate that drives a state outwards is 0
             inwards = ir.pick(now * RATE > ir.ZERO, ir.ZERO, RATE)
@@ -169,5 +169,4 @@ def watch_change(text: TransientBuilder, state: ir.Expression) -> ir.Accumulate:
     A state whose rate times its layer's τ is below the tolerance stays within about that of its
     equilibrium.
     """
-    tau = ir.Number(float(text.template.tau.max()))
-    return ir.Accumulate(CHANGE, "greater", ir.size(tau * RATE) / text.scale(state))
+    return ir.Accumulate(CHANGE, "greater", ir.size(text.slowest() * RATE) / text.scale(state))

@@ -154,9 +154,9 @@ def _moved_on(control: Control) -> list[ir.Statement]:
 def _followed(text: TransientBuilder) -> list[ir.Statement]:
     """Return statements that follow the error: it grows as the rates do, within its bound."""
     before = ir.call("fmax", SPEED_BEFORE, ir.Number(SMALLEST_RATE))
-    growth = ir.call(
-        "fmin", ir.Number(error_growth(text.template)) * H, ir.Number(LARGEST_EXPONENT)
-    )
+    own = text.operands.own
+    fastest = own.growth if own else ir.Number(error_growth(text.template))
+    growth = ir.call("fmin", fastest * H, ir.Number(LARGEST_EXPONENT))
     sum = ir.call("fmin", ERROR * GROWN + ADDED, ir.Number(LOST))
     return [
         ir.Note("// an error grows as the rates do, within what the feedback allows"),

@@ -152,7 +152,7 @@ STRATEGIES = (
 
 def strategy_of(text: TransientBuilder) -> Strategy:
     """Return the first strategy that fits."""
-    scheme, own = text.solver.scheme, bool(text.operands.weights)
+    scheme, own = text.solver.scheme, text.operands.own is not None
     return next(
         each
         for each in STRATEGIES
