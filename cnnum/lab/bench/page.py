@@ -30,6 +30,7 @@ HEADINGS = {
     "ordinary_seconds": "ordinary time, s",
     "spread": "spread, s",
     "tail": "p99 over median",
+    "beside_one_template": "over one template’s rate",
 }
 """Columns whose name in the data is no heading."""
 

@@ -48,7 +48,7 @@ def page(rows: Sequence[Row]) -> str:
         '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
         "<title>Stiff and extreme cases</title>\n"
-        f"<style>{STYLE}.panels svg{{max-width:none}}</style>\n<main>"
+        f"<style>{STYLE}.panels{{overflow-x:auto}}.panels svg{{max-width:none;min-width:38rem}}</style>\n<main>"
         "<h1>Stiff and extreme cases</h1>"
         '<p class="lead">Each case is solved within its tolerance, or refused with the right '
         "reason. The truth is a closed form, or a solver that shares nothing with the engines.</p>"
