@@ -23,14 +23,18 @@ def new_axes(ax: Axes | None, columns: int = 1, rows: int = 1) -> Any:
     return made.ravel()
 
 
+def colours() -> Any:
+    """Return Matplotlib's colour map of a push: blue above 0, orange below."""
+    return import_module("matplotlib.colors").ListedColormap(scale(LIGHT))
+
+
 def maps(named: Mapping[str, Floats], ax: Axes | None = None, unit: str = "") -> Any:
     """Draw (rows, cols) maps side by side in one scale: blue above 0, orange below."""
     drawn = new_axes(ax, columns=len(named))
     top = max(float(np.nanmax(np.abs(values), initial=0.0)) for values in named.values())
-    colours: Any = import_module("matplotlib.colors").ListedColormap(scale(LIGHT))
     image: Any = None
     for axes, (name, values) in zip(drawn, named.items(), strict=False):
-        image = axes.imshow(values, cmap=colours, vmin=-(top or 1.0), vmax=top or 1.0)
+        image = axes.imshow(values, cmap=colours(), vmin=-(top or 1.0), vmax=top or 1.0)
         axes.set_title(name)
         axes.set_xlabel("column")
         axes.set_ylabel("row")

@@ -27,6 +27,7 @@ from cnnum.lab.bench.programs.halfspace_runs import (
     love_errors,
 )
 from cnnum.programs.library import get_program
+from cnnum.sharing.plots import colours
 from cnnum.tactile.halfspace import SurfaceToDepth
 
 Picture = Any
@@ -95,7 +96,9 @@ def inverse_figure(rows: Sequence[Row], maps: Sequence[tuple[str, Floats, float]
     for at, (title, values, unit) in enumerate(maps):
         where = axes[0, at]
         limit = float(np.abs(values).max()) / unit
-        shown = where.imshow(values / unit, cmap="RdBu_r", vmin=-limit, vmax=limit)
+        # a push is blue: a positive pressure, a negative strain
+        pushed = colours() if unit == 1e3 else colours().reversed()
+        shown = where.imshow(values / unit, cmap=pushed, vmin=-limit, vmax=limit)
         where.set(title=title, xlabel="column, taxels", ylabel="row, taxels")
         label = "pressure, kPa" if unit == 1e3 else "strain, 10⁻³ (noise 0.1)"
         figure.colorbar(shown, ax=where, label=label, shrink=0.85)

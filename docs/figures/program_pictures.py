@@ -25,6 +25,7 @@ from cnnum.lab.bench.programs.flat_punches import (
     triangle,
 )
 from cnnum.programs.library import get_program
+from cnnum.sharing.plots import colours
 from cnnum.tactile.bump_loads import bump_readings
 from cnnum.tactile.indenters import Disc, Rectangle, Ring, frame_under
 from cnnum.tactile.texture import texture as whole_recording
@@ -45,9 +46,9 @@ def _sheet(columns: int, width: float = 3.4, height: float = 3.5) -> tuple[Any, 
 
 
 def _map(axis: Any, values: Floats, title: str, top: float | None = None) -> Any:
-    """Draw a map, red where positive; the labels of rows are for the first of a sheet."""
+    """Draw a map, blue where positive; the labels of rows are for the first of a sheet."""
     top = top or float(np.abs(values).max()) or 1.0
-    image = axis.imshow(values, cmap="RdBu_r", vmin=-top, vmax=top)
+    image = axis.imshow(values, cmap=colours(), vmin=-top, vmax=top)
     axis.set(title=title, xlabel="column, cells")
     return image
 
@@ -106,11 +107,11 @@ def edges_picture() -> Any:
 
 def _loads(axis: Any, loads: Floats, title: str) -> Any:
     """Draw normal loads as colours and shear loads as arrows."""
-    image = axis.imshow(loads[..., 2], cmap="Reds", vmin=0.0, vmax=1.0)
+    image = axis.imshow(loads[..., 2], cmap="Blues", vmin=0.0, vmax=1.0)
     axis.set(title=title, xlabel="column, bumps")
     rows, cols = np.nonzero(np.abs(loads).max(axis=-1) > 0)
     shear = loads[rows, cols]
-    arrow = {"angles": "xy", "scale_units": "xy", "scale": 0.35, "width": 0.012, "color": "#0a6ebd"}
+    arrow = {"angles": "xy", "scale_units": "xy", "scale": 0.35, "width": 0.012, "color": "#d1590b"}
     drawn = axis.quiver(cols, rows, shear[:, 0], shear[:, 1], **arrow)
     axis.quiverkey(drawn, 0.15, 0.08, 0.35, "shear of 0.35", labelpos="E", coordinates="axes")
     return image
@@ -125,7 +126,7 @@ def localize_picture() -> Any:
     read = bump_readings(loads, "pad", 3.0, 0.5)
     got = _streamed("localize", _held(read), push=1.0, taxels="pad", bump_pitch=3.0, bump_depth=0.5)
     figure, axes = _sheet(4, 3.7, 3.9)
-    image = axes[0].imshow(read[..., 2], cmap="Reds", vmin=0.0)
+    image = axes[0].imshow(read[..., 2], cmap="Blues", vmin=0.0)
     axes[0].set(title="read: normal combination", xlabel="column, bumps", ylabel="row, bumps")
     label = "stress × (bump radius)² / load"
     figure.colorbar(image, ax=axes[0], label=label, shrink=0.8, location="bottom")

@@ -19,6 +19,9 @@ FAMILIES = {
     "extreme": "Extreme: numbers and shapes at their limits",
     "precision": "Precision: roundings, orders of sums, long streams",
 }
+PICTURE = ".panels{overflow-x:auto}.panels svg{max-width:none;min-width:38rem}"
+"""As wide as the page; on a phone it scrolls."""
+
 LEAST = 1e-12
 """Share of the tolerance below which an error is drawn at the edge of the picture."""
 
@@ -48,7 +51,7 @@ def page(rows: Sequence[Row]) -> str:
         '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
         "<title>Stiff and extreme cases</title>\n"
-        f"<style>{STYLE}.panels{{overflow-x:auto}}.panels svg{{max-width:none;min-width:38rem}}</style>\n<main>"
+        f"<style>{STYLE}{PICTURE}</style>\n<main>"
         "<h1>Stiff and extreme cases</h1>"
         '<p class="lead">Each case is solved within its tolerance, or refused with the right '
         "reason. The truth is a closed form, or a solver that shares nothing with the engines.</p>"
