@@ -1,7 +1,7 @@
 """The interface of every array driver: where its frames come from is its own affair."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Protocol, Self
 
@@ -120,11 +120,28 @@ class Closing:
         """Return the driver itself."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exception: object) -> None:
         """Close the driver."""
         self.close()
+
+
+class Counting(Closing):
+    """The counts of a driver whose frames are all at hand: no packet can be bad."""
+
+    def __init__(self) -> None:
+        self._counters = Counters()
+
+    @property
+    def counters(self) -> Counters:
+        """The counts so far."""
+        return self._counters
+
+    def count(self, *, repeated: bool = False, dropped: int = 0) -> None:
+        """Count a frame, and the scans that are lost before it."""
+        seen = self._counters
+        self._counters = replace(
+            seen,
+            frames=seen.frames + (not repeated),
+            repeated=seen.repeated + repeated,
+            dropped=seen.dropped + dropped,
+        )

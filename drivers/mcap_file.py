@@ -1,11 +1,11 @@
 """Recordings in MCAP files as arrays: recordings of `cnnum record`, as far as they are whole."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from cnnum.arrays import Shape
-from cnnum.drivers.driver import Closing, Counters
+from cnnum.drivers.driver import Counters, Counting
 from cnnum.frame import Frame, Quality
 from cnnum.recordings.reader import Contents, look
 
@@ -27,17 +27,15 @@ class McapOptions:
 
         Raises
         ------
-        RecordingError
-            If the file cannot be read.
-        CodecError
-            If there is no whole chunk of frames in it.
+        RecordingError, CodecError
+            As `look`.
         """
         contents = look(self.path)
         contents.warn()
         return McapFile(contents)
 
 
-class McapFile(Closing):
+class McapFile(Counting):
     """A recording as an array: its frames as they came, read a chunk at a time.
 
     Attributes
@@ -48,6 +46,7 @@ class McapFile(Closing):
     """
 
     def __init__(self, contents: Contents) -> None:
+        super().__init__()
         self._contents = contents
         layout = contents.layout
         self.shape: Shape = layout.shape
@@ -56,12 +55,6 @@ class McapFile(Closing):
         self.rate = layout.rate
         self.calibration = layout.calibrated(contents.path)
         self.total_frames = contents.frames
-        self._counters = Counters()
-
-    @property
-    def counters(self) -> Counters:
-        """The counts so far; bad packets are not in a recording, only bad frames."""
-        return self._counters
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames as fast as they are fetched; a second call starts again.
@@ -76,13 +69,7 @@ class McapFile(Closing):
         self._counters = Counters()
         last: int | None = None
         for frame, _ in self._contents.stored():
-            seen = self._counters
-            self._counters = replace(
-                seen,
-                frames=seen.frames + (not frame.repeated),
-                repeated=seen.repeated + frame.repeated,
-                dropped=seen.dropped + _lost_before(frame, last),
-            )
+            self.count(repeated=frame.repeated, dropped=_lost_before(frame, last))
             last = frame.sequence
             yield frame
 

@@ -8,7 +8,7 @@ a calibration. ``kind`` marks it as one.
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
-from cnnum.drivers.driver import Closing, Counters
+from cnnum.drivers.driver import Counters, Counting
 from cnnum.drivers.npz_archive import read_arrays
 from cnnum.errors import CalibrationError, CodecError
 from cnnum.frame import Frame, Quality, Truth
@@ -214,7 +214,7 @@ class NpzOptions:
         return NpzFile(read_npz(self.path))
 
 
-class NpzFile(Closing):
+class NpzFile(Counting):
     """A recording as an array: its frames as they came, flags and lost scans included.
 
     Attributes
@@ -225,6 +225,7 @@ class NpzFile(Closing):
     """
 
     def __init__(self, recording: Archive) -> None:
+        super().__init__()
         self._recording = recording
         self.shape: Shape = (recording.values.shape[1], recording.values.shape[2])
         self.channels = recording.channels
@@ -232,23 +233,12 @@ class NpzFile(Closing):
         self.rate = recording.rate
         self.calibration = recording.calibration
         self.total_frames = len(recording.values)
-        self._counters = Counters()
-
-    @property
-    def counters(self) -> Counters:
-        """The counts so far; bad packets are not in a recording, only bad frames."""
-        return self._counters
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames as fast as they are fetched; a second call starts again."""
         self._counters = Counters()
         known = self.calibration.identity if self.calibration else ""
         for number in range(self.total_frames):
-            frame, seen = self._recording.frame(number, known), self._counters
-            self._counters = replace(
-                seen,
-                frames=seen.frames + (not frame.repeated),
-                repeated=seen.repeated + frame.repeated,
-                dropped=seen.dropped + self._recording.lost_before(number),
-            )
+            frame = self._recording.frame(number, known)
+            self.count(repeated=frame.repeated, dropped=self._recording.lost_before(number))
             yield frame

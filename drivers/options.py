@@ -10,6 +10,9 @@ from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get
 
 from cnnum.errors import SceneError
 from cnnum.safety.names import shown
+from cnnum.safety.reading import read_text
+from cnnum.safety.toml_reading import LARGEST as LARGEST_FILE
+from cnnum.safety.toml_reading import parse_toml
 
 Record = TypeVar("Record")
 
@@ -50,6 +53,27 @@ def read_options(record: type[Record], table: Mapping[str, object], base: Path) 
             raise SceneError(f"The option '{name}' is missing: this driver cannot do without it.")
     values = {key: convert(key, value, hints[key], base) for key, value in table.items()}
     return record(**values)
+
+
+def read_options_file(
+    record: type[Record], kind: str, path: Path, changes: Mapping[str, object]
+) -> Record:
+    """Return the record that a TOML file describes; `kind` names the file, as "The layout".
+
+    Raises
+    ------
+    SceneError
+        If the file cannot be read, is no TOML, or a key is unknown, missing or wrong.
+    """
+    try:
+        table = parse_toml(read_text(path, most=LARGEST_FILE))
+        return read_options(record, {**table, **changes}, path.parent)
+    except OSError as error:
+        raise SceneError(f"{kind} '{path}' cannot be read: {error.strerror}.") from None
+    except SceneError as error:
+        raise SceneError(f"{kind} '{path}': {error}") from None
+    except ValueError as error:
+        raise SceneError(f"{kind} '{path}' is not TOML: {error}.") from None
 
 
 def convert(key: str, value: object, kind: Any, base: Path) -> Any:

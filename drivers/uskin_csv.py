@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
-from cnnum.drivers.driver import Closing, Counters
+from cnnum.drivers.driver import Counters, Counting
 from cnnum.drivers.options import require
 from cnnum.drivers.text_table import TextTable, read_table
 from cnnum.errors import CodecError, RecordingError, RecordingWarning
@@ -98,7 +98,7 @@ class UskinCsvOptions:
         return UskinCsv(self)
 
 
-class UskinCsv(Closing):
+class UskinCsv(Counting):
     """A trial, read whole; every row becomes a frame, a row that repeats the last one too.
 
     The log is faster than the sensor: such a row is flagged `Quality.REPEATED`, keeps the
@@ -107,6 +107,7 @@ class UskinCsv(Closing):
     """
 
     def __init__(self, options: UskinCsvOptions) -> None:
+        super().__init__()
         names = PAD_FILES if options.pad == "both" else (PAD_FILES[options.pad - 1],)
         pads = [read_table(options.path / name) for name in names]
         states, labels = _states(options.path), _known(options.path / LABELS)
@@ -122,13 +123,7 @@ class UskinCsv(Closing):
         self.pads = len(pads)
         self.unit = "count"
         self.full_scale = ENDS[1]
-        self._counters = Counters()
         self.total_frames = rows
-
-    @property
-    def counters(self) -> Counters:
-        """The counts so far."""
-        return self._counters
 
     def frames(self) -> Iterator[Frame]:
         """Yield a frame a row, as fast as they are fetched; a second call starts again."""
@@ -136,10 +131,7 @@ class UskinCsv(Closing):
         numbers = np.cumsum(~self._repeats) - 1
         for row, values in enumerate(self._values):
             again = bool(self._repeats[row])
-            seen = self._counters
-            self._counters = replace(
-                seen, frames=seen.frames + (not again), repeated=seen.repeated + again
-            )
+            self.count(repeated=again)
             yield Frame(
                 values=values,
                 channels=self.channels,

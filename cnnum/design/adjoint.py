@@ -36,9 +36,8 @@ class Gradients:
 
     Attributes
     ----------
-    A : (layers, layers, k, k) float
-    B : (layers, inputs, k, k) float
-    z, tau : (layers,) float
+    A, B, z, tau
+        Of the shapes of `Numbers`.
     state : (..., layers, rows, cols) float
     """
 

@@ -15,12 +15,18 @@ from typing import Any, cast
 import numpy as np
 
 from cnnum.arrays import digest
-from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.errors import TemplateError
 from cnnum.runs.chip import MOST_BITS
-from cnnum.safety.reading import read_text
-from cnnum.safety.toml_reading import LARGEST, parse_toml
 from cnnum.templating.checks.registry import form_of
-from cnnum.templating.files.toml_values import number, table, text, whole, wrong
+from cnnum.templating.files.toml_values import (
+    number,
+    read_table,
+    refuse_unknown,
+    table,
+    text,
+    whole,
+    wrong,
+)
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template
 
@@ -164,24 +170,13 @@ def load_experiment(path: str | PathLike[str]) -> Experiment:
         If a key is missing or unknown, or a value is wrong.
     """
     source = Path(path)
-    try:
-        content = parse_toml(read_text(source, most=LARGEST))
-    except OSError as error:
-        raise TemplateFileError(
-            f"The experiment '{source}' cannot be read: {error.strerror}; check the path."
-        ) from None
-    except ValueError as error:
-        raise TemplateError(f"'{source}' must be TOML, got an error: {error}.") from None
-    return _experiment(str(source), content)
+    return _experiment(str(source), read_table("experiment", source))
 
 
 def _experiment(file: str, content: dict[str, object]) -> Experiment:
     readers = {"template": text, "draws": whole, "pictures": whole, "seed": whole}
     readers |= {"duration": number, "engine": text, "chunk": whole}
-    for key in content:
-        if key not in (*readers, "axes"):
-            known = ", ".join((*readers, "axes"))
-            raise TemplateError(f"'{file}': unknown key {key!r:.60}, expected one of {known}.")
+    refuse_unknown(file, content, (*readers, "axes"))
     if "template" not in content:
         raise TemplateError(f"'{file}': the key 'template' is missing; a sweep needs one.")
     values: dict[str, Any] = {

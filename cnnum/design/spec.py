@@ -10,7 +10,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.design.local_rules import Table, example_table, rule_table
-from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.errors import TemplateError
 from cnnum.safety.names import checked_name
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST, parse_toml
@@ -19,6 +19,8 @@ from cnnum.templating.files.toml_values import (
     names,
     number,
     number_or_text,
+    read_table,
+    refuse_unknown,
     table,
     text,
     whole,
@@ -121,23 +123,15 @@ def load_spec(path: str | PathLike[str]) -> Spec:
         If a key is missing or unknown, or a value is wrong.
     """
     source = Path(path)
-    try:
-        content = parse_toml(read_text(source, most=LARGEST))
-    except OSError as error:
-        raise TemplateFileError(
-            f"The design '{source}' cannot be read: {error.strerror}; check the path."
-        ) from None
-    except ValueError as error:
-        raise TemplateError(f"'{source}' must be TOML, got an error: {error}.") from None
-    return _spec(str(source), content)
+    return _spec(str(source), read_table("design", source))
 
 
 def _spec(file: str, content: dict[str, object]) -> Spec:
-    _known(file, content, TOP)
+    refuse_unknown(file, content, TOP)
     if "name" not in content:
         raise TemplateError(f"'{file}': the key 'name' is missing; every template needs it.")
     asked = table(file, "design", content.get("design", {}))
-    _known(file, asked, (*DESIGN, *PROOF))
+    refuse_unknown(file, asked, (*DESIGN, *PROOF))
     values: dict[str, object] = {"name": text(file, "name", content["name"])}
     readers = {"rule": text, "avoid": text, "state": text, "boundary": number_or_text}
     readers |= {"initial": number_or_text, "margin": number, "split": flag, "draws": whole}
@@ -161,19 +155,11 @@ def _spec(file: str, content: dict[str, object]) -> Spec:
 
 
 def _search(file: str, found: dict[str, object]) -> dict[str, object]:
-    _known(file, found, SEARCH)
+    refuse_unknown(file, found, SEARCH)
     readers = dict.fromkeys(SEARCH[2:], whole) | {"like": text, "mismatch": number}
     if "like" not in found:
         raise TemplateError(f"'{file}': the key 'search.like' is missing: name a form's template.")
     return {key: readers[key](file, f"search.{key}", value) for key, value in found.items()}
-
-
-def _known(file: str, found: Mapping[str, object], keys: tuple[str, ...]) -> None:
-    for key in found:
-        if key not in keys:
-            raise TemplateError(
-                f"'{file}': unknown key {key!r:.60}, expected one of {', '.join(keys)}."
-            )
 
 
 def _until(file: str, value: object) -> bool:
@@ -188,7 +174,7 @@ def _numbers(file: str, key: str, value: object) -> tuple[float, ...]:
 
 
 def _example(file: str, found: dict[str, object]) -> tuple[Floats, Floats | None, Floats]:
-    _known(file, found, ("input", "state", "output"))
+    refuse_unknown(file, found, ("input", "state", "output"))
     for key in ("input", "output"):
         if key not in found:
             raise TemplateError(f"'{file}': an [[example]] needs the key '{key}'.")

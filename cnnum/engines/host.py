@@ -22,8 +22,37 @@ class HostMemory:
     values: dict[int, Values]
 
 
+class OnHost:
+    """An executable without a device: it has no memory of one, and one way for all frames."""
+
+    __slots__ = ()
+
+    @property
+    def private_bytes(self) -> int:
+        """There is no device with private memory."""
+        return 0
+
+    @property
+    def local_bytes(self) -> int:
+        """There is no device with local memory."""
+        return 0
+
+    @property
+    def strategies(self) -> Mapping[int, str]:
+        """Transients run in one way alone."""
+        return {}
+
+    def one(self, memory: object) -> None:
+        """A single frame goes the way of a batch."""
+        return
+
+    def run_large(self, maps: Sequence[Values], lead: tuple[int, ...]) -> None:
+        """Large arrays go the way of others, and are looked at before."""
+        return
+
+
 @dataclass(frozen=True, slots=True, eq=False)
-class HostExecutable(ABC):
+class HostExecutable(OnHost, ABC):
     """Walks a schedule operation by operation over a whole batch.
 
     Every value is (batch, rows, cols), a stack (batch, maps · rows, cols), a number (batch, 1, 1).
@@ -54,24 +83,9 @@ class HostExecutable(ABC):
         return 0
 
     @property
-    def private_bytes(self) -> int:
-        """There is no device with private memory."""
-        return 0
-
-    @property
-    def local_bytes(self) -> int:
-        """There is no device with local memory."""
-        return 0
-
-    @property
     def scratch_bytes(self) -> int:
         """The host's memory is not counted."""
         return 0
-
-    @property
-    def strategies(self) -> Mapping[int, str]:
-        """Transients run in one way alone."""
-        return {}
 
     @property
     def source(self) -> str:
@@ -104,14 +118,6 @@ class HostExecutable(ABC):
         assert isinstance(memory, HostMemory)
         copies = (values.copy() for values in numbers)
         memory.values = dict(zip(memory.values, copies, strict=True))
-
-    def one(self, memory: object) -> None:
-        """A single frame goes the way of a batch."""
-        return
-
-    def run_large(self, maps: Sequence[Values], lead: tuple[int, ...]) -> None:
-        """Large arrays go the way of others, and are looked at before."""
-        return
 
     def run(self, frames: Values, memory: object, *, first: bool) -> dict[str, Floats]:
         """Run every operation on the whole batch."""

@@ -15,12 +15,7 @@ def write_table(file: IO[bytes], contents: Contents) -> None:
 
     Numbers stand in the shortest form that is read back as the same.
 
-    Raises
-    ------
-    OSError
-        If there is no room.
-    RecordingError, CodecError
-        If the recording can no longer be read.
+    It raises as `cnnum.recordings.export.write_chunks`.
     """
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     try:

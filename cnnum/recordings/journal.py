@@ -44,10 +44,8 @@ class Journal:
 
     Raises
     ------
-    FileExistsError
-        If there is such a file.
-    OSError
-        If it cannot be created.
+    FileExistsError, OSError
+        As `ChunkFile`.
     """
 
     def __init__(

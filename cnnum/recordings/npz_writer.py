@@ -23,12 +23,7 @@ def write_archive(file: IO[bytes], contents: Contents) -> None:
 
     The recording is read once for each member that has a row a frame: a chunk at a time is held.
 
-    Raises
-    ------
-    OSError
-        If there is no room.
-    RecordingError, CodecError
-        If the recording can no longer be read.
+    It raises as `cnnum.recordings.export.write_chunks`.
     """
     layout = contents.layout
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:

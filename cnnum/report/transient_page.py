@@ -84,10 +84,8 @@ def write_transient(path: Path, template: Template, times: Floats, result: Resul
 
     Raises
     ------
-    UnknownNameError
-        If the suffix is another one.
-    ReportError
-        If the file cannot be written.
+    UnknownNameError, ReportError
+        If the suffix is another one, or the file cannot be written.
     MissingExtraError
         If Pillow is not installed, for .png and .gif.
     """

@@ -87,10 +87,8 @@ def pulled_normal(depth: float, reads: Reads, reach: int) -> Array:
 
     Parameters
     ----------
-    depth : float
-        Cover above the taxels, in pitches.
-    reads : "strain" or "stress"
-        The measured quantity, as in `cnnum.tactile.indenters`.
+    depth, reads
+        As in `cnnum.tactile.deconvolution.unblur_kernel`.
     reach : int
         Cells to each side, up to `NEAR`.
 

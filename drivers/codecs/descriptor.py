@@ -6,14 +6,13 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.checksums import CHECKS
-from cnnum.drivers.options import read_options, require
-from cnnum.errors import ArrayError, SceneError
+from cnnum.drivers.options import read_options_file, require
+from cnnum.errors import ArrayError, CodecError, SceneError
 from cnnum.recordings.recording import channel_names
-from cnnum.safety.reading import read_text
-from cnnum.safety.toml_reading import LARGEST, parse_toml
 
 CELLS = ("u8", "i8", "u16", "i16", "u32", "i32", "f32", "text")
 COUNTERS = ("none", "u8", "u16", "u32")
@@ -123,6 +122,20 @@ class Descriptor:
         """Rows, columns and axes."""
         return (*self.shape, len(self.axes))
 
+    def raw(self, values: NDArray[np.generic]) -> Floats:
+        """Return the numbers that a packet holds of a scan's values.
+
+        Raises
+        ------
+        CodecError
+            If the scan is not of this shape.
+        """
+        if values.shape != self.whole:
+            raise CodecError(
+                f"The protocol '{self.name}' carries {self.whole} numbers, got {values.shape}."
+            )
+        return np.asarray(values, np.float64) / self.scale
+
     @property
     def dtype(self) -> np.dtype[np.generic]:
         """Type of a cell; of text, that of its numbers."""
@@ -157,14 +170,5 @@ def read_descriptor(path: Path, shape: Shape | None = None) -> Descriptor:
     SceneError
         If the file cannot be read, is no TOML, or a key is unknown, missing or wrong.
     """
-    try:
-        table = parse_toml(read_text(path, most=LARGEST))
-        if shape is not None:
-            table = {**table, "shape": list(shape)}
-        return read_options(Descriptor, table, path.parent)
-    except OSError as error:
-        raise SceneError(f"The descriptor '{path}' cannot be read: {error.strerror}.") from None
-    except SceneError as error:
-        raise SceneError(f"The descriptor '{path}': {error}") from None
-    except ValueError as error:
-        raise SceneError(f"The descriptor '{path}' is not TOML: {error}.") from None
+    changes = {} if shape is None else {"shape": list(shape)}
+    return read_options_file(Descriptor, "The descriptor", path, changes)

@@ -9,7 +9,6 @@ from cnnum.drivers.codecs.checksums import CHECKS
 from cnnum.drivers.codecs.descriptor import Descriptor, bytes_of
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.stream import MORE, Found, Skip, overtaken, to_marker
-from cnnum.errors import CodecError
 
 MICROS = {"us": 1, "ms": 1000}
 
@@ -140,17 +139,10 @@ class FixedSize:
     def encode(self, scan: Scan) -> bytes:
         """Return the packet of a scan; whole cells are rounded, and clipped at their range.
 
-        Raises
-        ------
-        CodecError
-            If the scan is not of the descriptor's shape.
+        It raises as `Descriptor.raw`.
         """
         d = self._descriptor
-        if scan.values.shape != d.whole:
-            raise CodecError(
-                f"The protocol '{d.name}' carries {d.whole} numbers, got {scan.values.shape}."
-            )
-        values = np.asarray(scan.values, np.float64) / d.scale
+        values = d.raw(scan.values)
         values = values.transpose(2, 0, 1) if d.planes else values
         if d.dtype.kind != "f":
             known = np.iinfo(cast("np.dtype[np.int64]", d.dtype))

@@ -8,7 +8,6 @@ from cnnum.arrays import Floats
 from cnnum.drivers.codecs.descriptor import Descriptor
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.stream import MORE, Found, Skip
-from cnnum.errors import CodecError
 
 DIGITS = 32
 """Signs of the longest number."""
@@ -73,19 +72,8 @@ class TextRows:
         return values if inside else None
 
     def encode(self, scan: Scan) -> bytes:
-        """Return the lines of a scan.
-
-        Raises
-        ------
-        CodecError
-            If the scan is not of the descriptor's shape.
-        """
-        d = self._descriptor
-        if scan.values.shape != d.whole:
-            raise CodecError(
-                f"The protocol '{d.name}' carries {d.whole} numbers, got {scan.values.shape}."
-            )
-        raw = np.asarray(scan.values, np.float64) / d.scale
+        """Return the lines of a scan; it raises as `Descriptor.raw`."""
+        raw = self._descriptor.raw(scan.values)
         lines = [" ".join(f"{v:.9g}" for v in row.ravel().tolist()) for row in raw]
         return ("\n".join(lines) + ("\n" if self._rows == 1 else "\n\n")).encode()
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from cnnum.arrays import Shape
-from cnnum.drivers.driver import Closing, Counters
+from cnnum.drivers.driver import Counters, Counting
 from cnnum.drivers.own_data.layout import EXAMPLE, SECONDS, DataLayout, read_layout
 from cnnum.drivers.own_data.own_csv import is_own, read_own
 from cnnum.drivers.own_data.sources import READERS, VALUES, shaped
@@ -97,7 +97,7 @@ def _recording(path: Path, layout: DataLayout) -> Recording:
     )
 
 
-class DataFile(Closing):
+class DataFile(Counting):
     """A data file as an array: its frames in their order.
 
     Attributes
@@ -117,6 +117,7 @@ class DataFile(Closing):
         layout: DataLayout | None = None,
         calibration: Calibration | None = None,
     ) -> None:
+        super().__init__()
         self.recording = recording
         self.shape: Shape = recording.shape
         self.channels = recording.axes
@@ -126,22 +127,11 @@ class DataFile(Closing):
         self.pads = None if layout is None else layout.pads
         self.pitch = None if layout is None else layout.pitch
         self.total_frames = len(recording)
-        self._counters = Counters()
-
-    @property
-    def counters(self) -> Counters:
-        """The counts so far."""
-        return self._counters
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames as fast as they are fetched; a second call starts again."""
         self._counters = Counters()
         known = self.calibration.identity if self.calibration else ""
         for frame in self.recording.frames():
-            seen = self._counters
-            self._counters = replace(
-                seen,
-                frames=seen.frames + (not frame.repeated),
-                repeated=seen.repeated + frame.repeated,
-            )
+            self.count(repeated=frame.repeated)
             yield replace(frame, calibration=known) if known else frame

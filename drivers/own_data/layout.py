@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from cnnum.drivers.options import read_options, require
+from cnnum.drivers.options import read_options_file, require
 from cnnum.drivers.text_table import TextForm
 from cnnum.errors import ArrayError, SceneError
 from cnnum.recordings.recording import FASTEST, channel_names
-from cnnum.safety.reading import read_text
-from cnnum.safety.toml_reading import LARGEST, parse_toml
 
 EXAMPLE = 'shape = [4, 4], axes = ["x", "y", "z"], rate = 60.0, unit = "count"'
 """The least that a layout says, for the sentence of an error."""
@@ -159,19 +157,5 @@ def _named(pattern: str, place: dict[str, str]) -> str:
 
 
 def read_layout(path: Path) -> DataLayout:
-    """Read a layout.
-
-    Raises
-    ------
-    SceneError
-        If the file cannot be read, is no TOML, or a key is unknown, missing or wrong.
-    """
-    try:
-        table = parse_toml(read_text(path, most=LARGEST))
-        return read_options(DataLayout, table, path.parent)
-    except OSError as error:
-        raise SceneError(f"The layout '{path}' cannot be read: {error.strerror}.") from None
-    except SceneError as error:
-        raise SceneError(f"The layout '{path}': {error}") from None
-    except ValueError as error:
-        raise SceneError(f"The layout '{path}' is not TOML: {error}.") from None
+    """Read a layout; it raises as `read_options_file`."""
+    return read_options_file(DataLayout, "The layout", path, {})

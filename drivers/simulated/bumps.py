@@ -27,8 +27,8 @@ def bumps_fem_influence(
 
     Returns
     -------
-    (rows, cols, surface rows, surface cols, load, component) float, 1/Pa
-        Loads q_x, q_y, p; components ε_xz, ε_yz, ε_zz.
+    float, 1/Pa
+        As `flat_influence`.
 
     Raises
     ------

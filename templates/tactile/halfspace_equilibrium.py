@@ -41,15 +41,8 @@ def halfspace_equilibrium(
 
     Parameters
     ----------
-    frame : FrameFields
-        Surface tractions, Pa: `shear_x`, `shear_y`, and the pressure `normal`, a value a cell.
-        They go on periodically beyond the rim.
-    thickness : float, m
-        Of the cover: the depth of the taxels.
-    pitch : float, m
-        Of the taxels.
-    cells : int
-        Cells a taxel along each axis.
+    frame, thickness, pitch, cells
+        As in `halfspace_stress`, but the loads go on periodically beyond the rim.
     youngs_modulus : float, Pa
         Of the cover.
     poisson : float

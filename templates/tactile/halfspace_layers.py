@@ -30,14 +30,8 @@ def halfspace_layers(
 
     Parameters
     ----------
-    frame : FrameFields
-        Surface tractions, Pa: `shear_x`, `shear_y`, and the pressure `normal`, a value a cell.
-    thickness : float, m
-        Of the cover.
-    pitch : float, m
-        Of the taxels.
-    cells : int
-        Cells a taxel along each axis.
+    frame, thickness, pitch, cells
+        As in `halfspace_stress`.
     youngs_modulus : float, Pa
         Of the cover.
     layers : int

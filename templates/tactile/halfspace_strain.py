@@ -27,18 +27,12 @@ def halfspace_strain(
 
     Parameters
     ----------
-    frame : FrameFields
-        Surface tractions, Pa: `shear_x`, `shear_y`, and the pressure `normal`, a value a cell.
-    thickness : float, m
-        Of the cover.
-    pitch : float, m
-        Of the taxels.
-    cells : int
-        Cells a taxel along each axis.
+    frame, thickness, pitch, cells
+        As in `halfspace_stress`.
     youngs_modulus : float, Pa
         Of the cover; 0.87 MPa is that of Vásárhelyi's calculations (2007).
     tolerance : float
-        Of every wave's fading, as a share of the load.
+        As in `halfspace_stress`.
 
     Returns
     -------

@@ -35,15 +35,8 @@ def tactile(
 
     Parameters
     ----------
-    frame : FrameFields
-        Strain, stress or calibrated signals, in any unit.
-    push : float
-        −1 for strain and stress, which count tension as positive; +1 for signals and counts that
-        rise under a push.
-    depth, reads
-        See `edges` and `contact`.
-    unit : float
-        See `contact`: the unit of its loads.
+    frame, push, depth, reads, unit
+        As in `contact`; taxels that each carry their own load have no edges.
     rate, rest : float, Hz, s
         Frames a second, and the time at the start without contact, for `slip` and `twist`.
     slip_false_reports, twist_false_reports : float, 1/10 min

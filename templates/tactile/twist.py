@@ -34,21 +34,12 @@ def twist(
 
     Parameters
     ----------
-    frame : FrameFields
-        Strain, stress, signals or raw counts, several `pads` next to one another in the columns.
-    push, shear_gain : float
-        −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
-        Reading of the normal channel over that of a shear channel, under the same force.
-    rate, rest : float, Hz, s
-        Frames a second; time at the start without motion, which gives rest and noise.
+    frame, push, shear_gain, pads, rate, rest, floor, false_reports, hold_time
+        As in `slip`.
     look : float, s
         Time constant of the delayed maps.
-    floor : float
-        Least load of a pad, in noise of its sum.
     still : float, 1/s
         Change of the load, as a share of it, above which a curl is the load's.
-    false_reports, hold_time : float, 1/10 min, s
-        Accepted rate, which sets the level of a report; it ends once below half of that for a time.
 
     Returns
     -------

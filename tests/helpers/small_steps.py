@@ -45,6 +45,9 @@ class Maps:
     mask: Floats | None
 
 
+MAPS = ("input", "previous", "state", "bias", "mask")
+
+
 @dataclass(frozen=True, slots=True)
 class Simulator:
     """The interface of an engine."""
@@ -57,14 +60,11 @@ class Simulator:
         self,
         template: Template,
         *,
-        input: Floats | None = None,
-        previous: Floats | None = None,
-        state: Floats | None = None,
-        bias: Floats | None = None,
-        mask: Floats | None = None,
         duration: Duration | None = None,
-        **_accuracy: object,
+        **given: Any,
     ) -> Run:
+        """Run a template on the maps of an engine; accuracy is not asked for."""
+        input, previous, state, bias, mask = (given.get(name) for name in MAPS)
         x = start(template, input, state)
         u, before = (layered(maps, template.inputs) for maps in (input, previous))
         offset = 0.0 if bias is None else layered(bias, template.layers)

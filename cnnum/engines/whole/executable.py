@@ -13,6 +13,7 @@ from cnnum.embedded.formats import Precision
 from cnnum.embedded.ir.statements import IntegerProgram
 from cnnum.embedded.making import Made, make_with
 from cnnum.engines.backend import Solvers
+from cnnum.engines.host import OnHost
 from cnnum.errors import ProgramError
 from cnnum.graph.nodes import Pick
 from cnnum.graph.schedule import Schedule
@@ -37,7 +38,7 @@ class WholeMemory:
 
 
 @dataclass(slots=True, eq=False)
-class WholeExecutable:
+class WholeExecutable(OnHost):
     """Runs a schedule in whole numbers.
 
     Attributes
@@ -74,24 +75,9 @@ class WholeExecutable:
         return "\n".join([*c_text(self._made.program).body, ""])
 
     @property
-    def private_bytes(self) -> int:
-        """None: a frame is worked in where the memories are."""
-        return 0
-
-    @property
-    def local_bytes(self) -> int:
-        """None."""
-        return 0
-
-    @property
     def scratch_bytes(self) -> int:
         """Bytes that a frame is worked in; 0 while formats are not known."""
         return 0 if self._made is None else self._made.memory_bytes
-
-    @property
-    def strategies(self) -> Mapping[int, str]:
-        """Transients run in one way alone."""
-        return {}
 
     def new_memory(self, batch: int) -> object:
         """Return cleared memories."""
@@ -110,14 +96,6 @@ class WholeExecutable:
         memory.state = {
             name: values.astype(np.int64) for name, values in zip(names, numbers, strict=True)
         }
-
-    def one(self, memory: object) -> None:
-        """A single frame goes the way of a batch."""
-        return
-
-    def run_large(self, maps: object, lead: tuple[int, ...]) -> None:
-        """Large arrays go the way of others."""
-        return
 
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool

@@ -15,10 +15,8 @@ def contact_modulus(youngs_modulus: ArrayLike, poisson: ArrayLike = 0.5) -> Arra
 
     Parameters
     ----------
-    youngs_modulus : (...) float, Pa
-        Young's modulus.
-    poisson : (...) float
-        Poisson's ratio, above -1 and at most 0.5.
+    youngs_modulus, poisson : (...) float
+        Young's modulus, Pa, and Poisson's ratio, above -1 and at most 0.5.
 
     Returns
     -------
@@ -153,7 +151,7 @@ def punch_indentation(load: ArrayLike, radius: ArrayLike, modulus: ArrayLike) ->
     Raises
     ------
     PhysicsError
-        If the load is negative, or the radius or modulus not positive.
+        As `hertz`.
 
     References
     ----------

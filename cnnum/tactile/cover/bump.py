@@ -41,11 +41,6 @@ class BumpCover:
     tables : BumpTables, optional
         Others than the shipped ones.
 
-    Raises
-    ------
-    PhysicsError
-        If a number is out of range.
-
     References
     ----------
     Vásárhelyi, dissertation (2007), 6.4.

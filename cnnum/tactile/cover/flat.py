@@ -21,11 +21,6 @@ class FlatCover:
     poisson : float
         Above -1 and at most 0.5.
 
-    Raises
-    ------
-    PhysicsError
-        If a number is out of range.
-
     References
     ----------
     Vásárhelyi, dissertation (2007), (4.9)–(4.12).

@@ -37,11 +37,6 @@ class HairCover:
     poisson : float
         Above -1 and at most 0.5, of the cover.
 
-    Raises
-    ------
-    PhysicsError
-        If a number is out of range.
-
     References
     ----------
     Vásárhelyi, dissertation (2007), 6.2.2, Fig. 6.4.

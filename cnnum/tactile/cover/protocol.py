@@ -17,7 +17,7 @@ class Cover(Protocol):
     """A cover: the response at taxel depth to a concentrated load on its top.
 
     Loads superpose. Places are (x, y) in the plane of the surface; the axes are those of
-    `cnnum.tactile.halfspace`.
+    `cnnum.tactile.halfspace`. A number out of range is refused with a `PhysicsError`.
     """
 
     @property

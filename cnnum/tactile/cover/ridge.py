@@ -37,11 +37,6 @@ class RidgeCover:
     poisson : float
         Above -1 and at most 0.5.
 
-    Raises
-    ------
-    PhysicsError
-        If a number is out of range.
-
     References
     ----------
     Vásárhelyi, dissertation (2007), 6.3.1; linear traction: beam theory.

@@ -121,7 +121,7 @@ def rectangle_strain(
     Returns
     -------
     (..., 3, 3) float
-        Strain tensor, tensor shear strains.
+        Strain tensor; its shear components are half the engineering ones.
 
     Raises
     ------

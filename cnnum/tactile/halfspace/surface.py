@@ -190,10 +190,7 @@ def surface_load_stress(
     ArrayError, PhysicsError
         As `SurfaceToDepth`.
     """
-    load = _map(traction)
-    shape = (load.shape[-3], load.shape[-2])
-    cover = SurfaceToDepth(shape, spacing, depth, poisson, COMPONENTS)
-    return _as_tensor(cover(load))
+    return _tensor(traction, spacing, depth, poisson, None)
 
 
 def surface_load_strain(
@@ -223,13 +220,21 @@ def surface_load_strain(
     ArrayError, PhysicsError
         As `SurfaceToDepth`.
     """
+    return _tensor(traction, spacing, depth, poisson, youngs_modulus)
+
+
+def _tensor(
+    traction: ArrayLike,
+    spacing: float | tuple[float, float],
+    depth: float,
+    poisson: float,
+    youngs_modulus: float | None,
+) -> Array:
+    """Return the strain under a map of tractions, or the stress without Young's modulus."""
     load = _map(traction)
     shape = (load.shape[-3], load.shape[-2])
     cover = SurfaceToDepth(shape, spacing, depth, poisson, COMPONENTS, youngs_modulus)
-    return _as_tensor(cover(load))
-
-
-def _as_tensor(values: Array) -> Array:
+    values = cover(load)
     return influence.tensor({ij: values[..., n] for n, ij in enumerate(COMPONENTS)})
 
 

@@ -105,10 +105,8 @@ def strain_transfer(
     ----------
     kx, ky, depth
         As in `stress_transfer`.
-    youngs_modulus : (...) float, Pa
-        Young's modulus.
-    poisson : (...) float
-        Poisson's ratio, above -1 and at most 0.5.
+    youngs_modulus, poisson : (...) float
+        Young's modulus, Pa, and Poisson's ratio, above -1 and at most 0.5.
 
     Returns
     -------

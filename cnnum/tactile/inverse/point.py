@@ -140,10 +140,8 @@ def locate_signals(
 
     Raises
     ------
-    ArrayError
-        If an axis has the wrong length.
-    PhysicsError
-        If a parameter is out of range or a value is not finite.
+    ArrayError, PhysicsError
+        As `locate`.
 
     References
     ----------
@@ -171,9 +169,8 @@ def locate_stress(
     ----------
     stress : (..., 3) float, Pa
         σ_xz, σ_yz, σ_zz, tension positive.
-    depth : float, m
-    taxel : (..., 2) float, m
-        Place of the taxel.
+    depth, taxel
+        As in `locate`.
     noise : float or (float, float), Pa
         RMS of the shear and the normal stress.
 
@@ -184,10 +181,8 @@ def locate_stress(
 
     Raises
     ------
-    ArrayError
-        If an axis has the wrong length.
-    PhysicsError
-        If a parameter is out of range or a value is not finite.
+    ArrayError, PhysicsError
+        As `locate`.
 
     References
     ----------

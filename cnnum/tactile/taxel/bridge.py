@@ -100,20 +100,9 @@ class Bridge:
         return apply_matrix(self.matrix, load)
 
     def voltages(self, force: ArrayLike) -> Floats:
-        """Return the change of the four half-bridge voltages, before any amplifier.
+        """Return the change of the four half-bridge voltages, (..., 4) V, before any amplifier.
 
-        Parameters
-        ----------
-        force : (..., 3) float, N
-
-        Returns
-        -------
-        (..., 4) float, V
-
-        Raises
-        ------
-        ArrayError
-            If the last axis does not hold three components.
+        Parameter and error are those of `resistance_change`.
         """
         change = self.resistance_change(force)
         scale = 1.0 if self.linear else 1.0 / (1.0 + 0.5 * change)
@@ -144,43 +133,20 @@ class Bridge:
         return apply_matrix(np.asarray(np.linalg.pinv(self.matrix), dtype=np.float64), change)
 
     def von_mises_bound(self, force: ArrayLike) -> Floats:
-        """Return an upper bound of the von Mises stress.
+        """Return an upper bound of the von Mises stress, (...) Pa.
 
         Equivalent stress is a norm, so normal and shear parts add at most; a shear along a
-        bridge is the worst direction (Table 3.I: 293 against 270 MPa).
-
-        Parameters
-        ----------
-        force : (..., 3) float, N
-
-        Returns
-        -------
-        (...) float, Pa
-
-        Raises
-        ------
-        ArrayError
-            If the last axis does not hold three components.
+        bridge is the worst direction (Table 3.I: 293 against 270 MPa). Parameter and error are
+        those of `resistance_change`.
         """
         load = trailing("force", finite("force", force), 3, "(F_x, F_y, F_z)")
         sideways = np.hypot(load[..., 0], load[..., 1])
         return self.von_mises_normal * np.abs(load[..., 2]) + self.von_mises_shear * sideways
 
     def overloaded(self, force: ArrayLike) -> NDArray[np.bool_]:
-        """Return where a force may break the bridges: by its stress bound, or by experience.
+        """Return where (...) a force may break the bridges: by its stress bound, or by experience.
 
-        Parameters
-        ----------
-        force : (..., 3) float, N
-
-        Returns
-        -------
-        (...) bool
-
-        Raises
-        ------
-        ArrayError
-            If the last axis does not hold three components.
+        Parameter and error are those of `resistance_change`.
         """
         size = np.linalg.norm(np.asarray(force, dtype=np.float64), axis=-1)
         yields = self.von_mises_bound(force) > self.yield_stress

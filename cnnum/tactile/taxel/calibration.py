@@ -135,24 +135,12 @@ class Calibration:
     ) -> Floats:
         """Return the strain rows ε_xz, ε_yz, ε_zz at the taxels (4.15).
 
-        Parameters
-        ----------
-        volts : (..., rows, cols, 4) float, V
-        wanted : sequence of str
-            The channels to compute: "shear_x" (ε_xz), "shear_y" (ε_yz), "normal" (ε_zz).
-        time : (...) float, s, optional
+        Parameters and errors are those of `to_signals`.
 
         Returns
         -------
         (..., rows, cols, len(wanted)) float
             Tension positive.
-
-        Raises
-        ------
-        ArrayError
-            If the last axis does not hold four bridges, or a value is not finite.
-        UnknownNameError
-            If a wanted channel is not one of the three.
         """
         return self._decode(volts, self.strain_weights(wanted), time)
 

@@ -94,21 +94,12 @@ class Coupling:
         return cls(shear, normal, mixing)
 
     def force(self, strain: ArrayLike) -> Floats:
-        """Return the force on the silicon under a strain (or stress) at its surface.
+        """Return the force (..., 3), N, on the silicon under a strain (or stress) at its surface.
 
         Parameters
         ----------
         strain : (..., 3) float
-            ε_xz, ε_yz, ε_zz (or σ, Pa), tension positive.
-
-        Returns
-        -------
-        (..., 3) float, N
-
-        Raises
-        ------
-        ArrayError
-            If the last axis does not hold three components.
+            ε_xz, ε_yz, ε_zz (or σ, Pa), tension positive; an ArrayError refuses another last axis.
         """
         rows = trailing("strain", finite("strain", strain), 3, "(ε_xz, ε_yz, ε_zz)")
         stiffness = np.array([self.shear, self.shear, self.normal])

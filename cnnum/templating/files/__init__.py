@@ -128,10 +128,8 @@ def save_entry(entry: Entry, path: str | PathLike[str]) -> None:
 
     Raises
     ------
-    TemplateFileError
-        If the file cannot be written.
-    TemplateError
-        If the suffix is unknown.
+    TemplateFileError, TemplateError
+        As `save_template`.
     NotSupportedError
         If the format cannot hold a part of the template.
     """

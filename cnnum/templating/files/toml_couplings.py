@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from cnnum.templating.files.toml_values import (
     matrix,
     number,
     points,
+    refuse_unknown,
     table,
     text,
     whole,
@@ -63,6 +64,35 @@ class Delay:
         return DelayedCoupling(self.delay, feedback, control)
 
 
+@dataclass(frozen=True, slots=True)
+class _Tables(Generic[T]):
+    """Tables of one kind: a reader for every key, the needed keys, and the coupling they make."""
+
+    readers: Mapping[str, Reader]
+    needed: tuple[str, ...]
+    make: Callable[[dict[str, Any]], T]
+
+    def several(self, file: str, key: str, value: object) -> tuple[T, ...]:
+        """Return the couplings of a list of tables."""
+        if not isinstance(value, list):
+            raise wrong(file, key, f"a list of tables [[{key}]]", value)
+        items = enumerate(cast("list[object]", value))
+        return tuple(self.one(file, f"{key}[{n}]", item) for n, item in items)
+
+    def one(self, file: str, key: str, value: object) -> T:
+        """Return the coupling of a table."""
+        found = table(file, key, value)
+        refuse_unknown(file, found, self.readers, f"{key}.")
+        for name in self.needed:
+            if name not in found:
+                raise TemplateError(f"'{file}': the key '{key}.{name}' is missing.")
+        parts = {name: self.readers[name](file, f"{key}.{name}", found[name]) for name in found}
+        try:
+            return self.make(parts)
+        except (TemplateError, ArrayError) as error:
+            raise TemplateError(f"'{file}': the table '{key}' is wrong: {error}") from None
+
+
 def nonlinear(file: str, key: str, value: object) -> tuple[NonlinearCoupling, ...]:
     """Return the nonlinear couplings that the tables [[nonlinear]] describe.
 
@@ -71,81 +101,30 @@ def nonlinear(file: str, key: str, value: object) -> tuple[NonlinearCoupling, ..
     TemplateError
         If a table misses a key, has an unknown one, or a value is wrong.
     """
-    needed = ("neighbour", "weights", *_FUNCTION)
 
     def one(parts: dict[str, Any]) -> NonlinearCoupling:
         return NonlinearCoupling(function=_function(parts), **parts)
 
-    return _several(file, key, value, _NONLINEAR, needed, one)
+    needed = ("neighbour", "weights", *_FUNCTION)
+    return _Tables(_NONLINEAR, needed, one).several(file, key, value)
 
 
 def gains(file: str, key: str, value: object) -> tuple[Gain, ...]:
-    """Return the gains in time that the tables [[gain]] describe.
-
-    Raises
-    ------
-    TemplateError
-        As `nonlinear`.
-    """
+    """Return the gains in time that the tables [[gain]] describe; raises as `nonlinear`."""
 
     def one(parts: dict[str, Any]) -> Gain:
         return Gain(parts.get("to", 0), parts.get("source", 0), _function(parts))
 
-    return _several(file, key, value, _GAIN, tuple(_FUNCTION), one)
+    return _Tables(_GAIN, tuple(_FUNCTION), one).several(file, key, value)
 
 
 def delayed(file: str, key: str, value: object) -> Delay:
-    """Return the values of the table [delayed].
-
-    Raises
-    ------
-    TemplateError
-        As `nonlinear`.
-    """
+    """Return the values of the table [delayed]; raises as `nonlinear`."""
 
     def one(parts: dict[str, Any]) -> Delay:
         return Delay(parts["delay"], _kernels(parts.get("A")), _kernels(parts.get("B")))
 
-    return _one(file, key, value, _DELAYED, ("delay",), one)
-
-
-def _several(
-    file: str,
-    key: str,
-    value: object,
-    readers: Mapping[str, Reader],
-    needed: tuple[str, ...],
-    make: Callable[[dict[str, Any]], T],
-) -> tuple[T, ...]:
-    if not isinstance(value, list):
-        raise wrong(file, key, f"a list of tables [[{key}]]", value)
-    items = enumerate(cast("list[object]", value))
-    return tuple(_one(file, f"{key}[{n}]", item, readers, needed, make) for n, item in items)
-
-
-def _one(
-    file: str,
-    key: str,
-    value: object,
-    readers: Mapping[str, Reader],
-    needed: tuple[str, ...],
-    make: Callable[[dict[str, Any]], T],
-) -> T:
-    found = table(file, key, value)
-    for name in found:
-        if name not in readers:
-            raise TemplateError(
-                f"'{file}': unknown key {f'{key}.{name}'!r:.60}, expected one of "
-                f"{', '.join(readers)}."
-            )
-    for name in needed:
-        if name not in found:
-            raise TemplateError(f"'{file}': the key '{key}.{name}' is missing.")
-    parts = {name: readers[name](file, f"{key}.{name}", item) for name, item in found.items()}
-    try:
-        return make(parts)
-    except (TemplateError, ArrayError) as error:
-        raise TemplateError(f"'{file}': the table '{key}' is wrong: {error}") from None
+    return _Tables(_DELAYED, ("delay",), one).one(file, key, value)
 
 
 def _function(parts: dict[str, Any]) -> Table:

@@ -25,6 +25,7 @@ from cnnum.templating.files.toml_values import (
     names,
     number_or_text,
     per_layer,
+    refuse_unknown,
     text,
 )
 from cnnum.templating.template import Template
@@ -77,12 +78,7 @@ def _read(content: str, file: str) -> Entry:
 
 
 def _template(file: str, table: dict[str, object]) -> Template:
-    for key in table:
-        if key not in _READERS:
-            raise TemplateError(
-                f"'{file}': unknown key {key!r:.60}, expected one of "
-                f"{', '.join([*_READERS, 'aliases', *_ABOUT, 'measured', 'proof'])}."
-            )
+    refuse_unknown(file, table, (*_READERS, "aliases", *_ABOUT, "measured", "proof"))
     for key in _REQUIRED:
         if key not in table:
             raise TemplateError(f"'{file}': the key '{key}' is missing; every template needs it.")

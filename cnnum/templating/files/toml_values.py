@@ -1,84 +1,86 @@
-"""Values of a TOML template: one reader a kind of value."""
+"""Values of a TOML template: one reader a kind of value.
 
+A reader takes the file's name, the key and the value. It raises a TemplateError where the value is
+something else, and the error names file and key.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
 from typing import cast
 
-from cnnum.errors import TemplateError
+from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.safety.reading import read_text
+from cnnum.safety.toml_reading import LARGEST, parse_toml
 from cnnum.templating.template import Check
 
 
-def text(file: str, key: str, value: object) -> str:
-    """Return a text.
+def read_table(kind: str, path: Path) -> dict[str, object]:
+    """Return the whole table of a TOML file; `kind` names it in errors, as "design".
 
     Raises
     ------
+    TemplateFileError
+        If the file cannot be read.
     TemplateError
-        If it is something else.
+        If it is no TOML.
     """
+    try:
+        return parse_toml(read_text(path, most=LARGEST))
+    except OSError as error:
+        raise TemplateFileError(
+            f"The {kind} '{path}' cannot be read: {error.strerror}; check the path."
+        ) from None
+    except ValueError as error:
+        raise TemplateError(f"'{path}' must be TOML, got an error: {error}.") from None
+
+
+def refuse_unknown(file: str, keys: Iterable[str], known: Iterable[str], place: str = "") -> None:
+    """Refuse keys of a table that are not known; `place` ends in a full stop where it has one."""
+    choices = tuple(known)
+    for key in keys:
+        if key not in choices:
+            raise TemplateError(
+                f"'{file}': unknown key {place + key!r:.60}, expected one of {', '.join(choices)}."
+            )
+
+
+def text(file: str, key: str, value: object) -> str:
+    """Return a text."""
     if not isinstance(value, str):
         raise wrong(file, key, "a text", value)
     return value
 
 
 def names(file: str, key: str, value: object) -> tuple[str, ...]:
-    """Return a list of names.
-
-    Raises
-    ------
-    TemplateError
-        If it is something else.
-    """
+    """Return a list of names."""
     if not isinstance(value, list):
         raise wrong(file, key, "a list of names", value)
     return tuple(text(file, key, item) for item in cast("list[object]", value))
 
 
 def number(file: str, key: str, value: object) -> float:
-    """Return a number; true and false are none.
-
-    Raises
-    ------
-    TemplateError
-        If it is something else.
-    """
+    """Return a number; true and false are none."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise wrong(file, key, "a number", value)
     return float(value)
 
 
 def whole(file: str, key: str, value: object) -> int:
-    """Return a whole number from 0 up.
-
-    Raises
-    ------
-    TemplateError
-        If it is something else.
-    """
+    """Return a whole number from 0 up."""
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
         raise wrong(file, key, "a whole number from 0 up", value)
     return value
 
 
 def flag(file: str, key: str, value: object) -> bool:
-    """Return true or false.
-
-    Raises
-    ------
-    TemplateError
-        If it is something else.
-    """
+    """Return true or false."""
     if not isinstance(value, bool):
         raise wrong(file, key, "true or false", value)
     return value
 
 
 def number_or_text(file: str, key: str, value: object) -> float | str:
-    """Return a number or a text.
-
-    Raises
-    ------
-    TemplateError
-        If it is something else.
-    """
+    """Return a number or a text."""
     if isinstance(value, str):
         return value
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -87,26 +89,14 @@ def number_or_text(file: str, key: str, value: object) -> float | str:
 
 
 def per_layer(file: str, key: str, value: object) -> float | list[float]:
-    """Return a number, or a list with one a layer.
-
-    Raises
-    ------
-    TemplateError
-        If it is something else.
-    """
+    """Return a number, or a list with one a layer."""
     if isinstance(value, list):
         return [number(file, key, item) for item in cast("list[object]", value)]
     return number(file, key, value)
 
 
 def matrix(file: str, key: str, value: object) -> list[object]:
-    """Return a matrix as lists of equal length, two or four deep.
-
-    Raises
-    ------
-    TemplateError
-        If it is no list, or the lists differ in length or depth.
-    """
+    """Return a matrix as lists of equal length, two or four deep."""
     if not isinstance(value, list):
         raise wrong(file, key, "a matrix, as a list of rows", value)
     rows = cast("list[object]", value)
@@ -120,13 +110,7 @@ def matrix(file: str, key: str, value: object) -> list[object]:
 
 
 def points(file: str, key: str, value: object) -> list[list[float]]:
-    """Return the points of a function table: pairs of numbers (argument, value).
-
-    Raises
-    ------
-    TemplateError
-        If it is something else.
-    """
+    """Return the points of a function table: pairs of numbers (argument, value)."""
     if not isinstance(value, list):
         raise wrong(file, key, "a list of pairs [argument, value]", value)
     return [_pair(file, key, item) for item in cast("list[object]", value)]
@@ -144,13 +128,7 @@ def _listed(value: object) -> list[object]:
 
 
 def table(file: str, key: str, value: object) -> dict[str, object]:
-    """Return a table.
-
-    Raises
-    ------
-    TemplateError
-        If it is something else.
-    """
+    """Return a table."""
     if not isinstance(value, dict):
         raise wrong(file, key, "a table", value)
     return dict(cast("dict[str, object]", value))
@@ -170,13 +148,7 @@ def _shape(file: str, key: str, value: object) -> tuple[int, ...]:
 
 
 def check(file: str, key: str, value: object) -> Check:
-    """Return the check that the table [check] names.
-
-    Raises
-    ------
-    TemplateError
-        If it is no table, has no name, or a parameter is neither a number nor a text.
-    """
+    """Return the check that the table [check] names."""
     parts = table(file, key, value)
     if "name" not in parts:
         raise TemplateError(f"'{file}': the table '{key}' needs the key 'name' of a closed form.")

@@ -7,10 +7,10 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.linear import ANALOG_REASON, ANALOG_TOLERANCE
 from cnnum.templating.checks.analytic.operators import neighbours
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON
+from cnnum.templating.checks.digital.form import digital_form
 from cnnum.templating.checks.parameters import has, number, text
 from cnnum.templating.checks.pictures import as_picture, gray
-from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
+from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.template import Template
 
 _RING = [(down, east) for down in (-1, 0, 1) for east in (-1, 0, 1) if (down, east) != (0, 0)]
@@ -106,19 +106,6 @@ def _line(template: Template, case: Case) -> Floats:
     return as_picture(count >= number(template, "least"))
 
 
-def _digital(
-    name: str,
-    expected: Callable[[Template, Case], Floats],
-    summary: str,
-    needs: tuple[str, ...],
-    takes: tuple[str, ...] = (),
-) -> ClosedForm:
-    reason = DIGITAL_REASON
-    return ClosedForm(
-        name, _graded_case, expected, DIGITAL_TOLERANCE, reason, summary, needs=needs, takes=takes
-    )
-
-
 def _analog(
     name: str,
     expected: Callable[[Template, Case], Floats],
@@ -138,23 +125,30 @@ def _analog(
 
 
 FORMS = (
-    _digital(
+    digital_form(
         "flat-minimum",
+        _graded_case,
         _flat_extremum(-1.0),
         "cells above none of their eight neighbours",
         ("step",),
     ),
-    _digital(
-        "flat-maximum", _flat_extremum(1.0), "cells below none of their eight neighbours", ("step",)
+    digital_form(
+        "flat-maximum",
+        _graded_case,
+        _flat_extremum(1.0),
+        "cells below none of their eight neighbours",
+        ("step",),
     ),
-    _digital(
+    digital_form(
         "flat",
+        _graded_case,
         _flat,
         "cells whose eight absolute differences, each cut at the most, sum to little",
         ("threshold", "most", "step"),
     ),
-    _digital(
+    digital_form(
         "gray-line",
+        _graded_case,
         _line,
         "cells around which at least a number of neighbours are as a gray line has them",
         ("pattern", "similar", "least", "step"),
@@ -172,17 +166,23 @@ FORMS = (
         "the mean likeness of the nine cells, falling with their distance in gray",
         ("width", "step"),
     ),
-    _digital(
-        "local-maximum", _local_maximum, "cells above all of their eight neighbours", ("step",)
+    digital_form(
+        "local-maximum",
+        _graded_case,
+        _local_maximum,
+        "cells above all of their eight neighbours",
+        ("step",),
     ),
-    _digital(
+    digital_form(
         "contour",
+        _graded_case,
         _contour,
         "cells that differ from six neighbours by the threshold, or from five and are dark enough",
         ("threshold", "gray", "step"),
     ),
-    _digital(
+    digital_form(
         "steep",
+        _graded_case,
         _steep,
         "cells whose eight absolute differences sum to more than the threshold",
         ("threshold", "step"),

@@ -5,10 +5,10 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON
+from cnnum.templating.checks.digital.form import DISCRETE, digital_form
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import as_picture, binary, binary_input
-from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
+from cnnum.templating.checks.records import Case
 from cnnum.templating.template import Template
 
 _RING = np.array([[[1, 1, 1], [1, 0, 1], [1, 1, 1]]])
@@ -53,21 +53,18 @@ def _counts(template: Template, case: Case) -> Floats:
 
 
 FORMS = (
-    ClosedForm(
+    digital_form(
         "life",
         _game_case,
         _game,
-        DIGITAL_TOLERANCE,
-        "discrete time with outputs of -1 and 1 is exact; a wrong cell is off by 2",
         "generations of the game of life, two steps each",
-        needs=("generations",),
+        ("generations",),
+        reason=DISCRETE,
     ),
-    ClosedForm(
+    digital_form(
         "life-counts",
         binary_input,
         _counts,
-        DIGITAL_TOLERANCE,
-        DIGITAL_REASON,
         "at most three living neighbours; at most two living with oneself",
     ),
 )

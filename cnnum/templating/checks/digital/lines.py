@@ -5,17 +5,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
+from cnnum.templating.checks.digital.form import DISCRETE, SETTLED, digital_form
 from cnnum.templating.checks.digital.neighbourhood import Bools
 from cnnum.templating.checks.digital.propagation import packed_runs
 from cnnum.templating.checks.parameters import choice, number
 from cnnum.templating.checks.pictures import as_picture, binary, binary_input
-from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
+from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.template import Template
 
-_REASON = (
-    "cells settle outside [-1, 1], where the output is exactly black or white; a wrong cell is off "
-    "by 2"
-)
 _AXES = {"east": 1, "south": 0}
 
 
@@ -73,31 +70,28 @@ def _cumulated(template: Template, case: Case) -> Floats:
 
 
 FORMS = (
-    ClosedForm(
+    digital_form(
         "masked-runs",
         _walled,
         _masked_runs,
-        DIGITAL_TOLERANCE,
-        _REASON,
         "one cell for each run of black ones between walls, packed at the end of the stretch",
         needs=("direction",),
+        reason=SETTLED,
     ),
-    ClosedForm(
+    digital_form(
         "long-runs",
         binary_input,
         _long_runs,
-        DIGITAL_TOLERANCE,
-        _REASON,
         "runs of at least a number of black cells, trimmed at both ends",
         needs=("direction", "least", "trimmed"),
+        reason=SETTLED,
     ),
-    ClosedForm(
+    digital_form(
         "sorted-rows",
         _sort_case,
         _rows_sorted,
-        DIGITAL_TOLERANCE,
-        "discrete time with outputs of -1 and 1 is exact; a wrong cell is off by 2",
         "the black cells of each row, all at its west end",
+        reason=DISCRETE,
     ),
     ClosedForm(
         "cumulated",

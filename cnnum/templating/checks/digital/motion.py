@@ -1,16 +1,13 @@
 """Answers that compare a picture with that of a delay ago."""
 
-from collections.abc import Callable
-from typing import Literal
-
 import numpy as np
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON
+from cnnum.templating.checks.digital.form import digital_form
 from cnnum.templating.checks.parameters import number
 from cnnum.templating.checks.pictures import as_picture, binary
-from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, Cases, ClosedForm
+from cnnum.templating.checks.records import Case
 from cnnum.templating.template import Template
 
 _NINE = np.ones((1, 3, 3), dtype=np.int64)
@@ -93,28 +90,8 @@ def _path(template: Template, case: Case) -> Floats:
     return np.stack([as_picture(now), as_picture(now | (case.states[:, 1] > 0))], axis=1)
 
 
-def _form(
-    name: str,
-    cases: Cases,
-    expected: Callable[[Template, Case], Floats],
-    summary: str,
-    needs: tuple[str, ...] = (),
-    compares: Literal["output", "state"] = "output",
-) -> ClosedForm:
-    return ClosedForm(
-        name,
-        cases,
-        expected,
-        DIGITAL_TOLERANCE,
-        DIGITAL_REASON,
-        summary,
-        needs=needs,
-        compares=compares,
-    )
-
-
 FORMS = (
-    _form(
+    digital_form(
         "moved-east",
         _moving,
         _moved,
@@ -122,22 +99,24 @@ FORMS = (
         ("weight", "inhibition", "bias"),
         compares="state",
     ),
-    _form(
+    digital_form(
         "kept",
         _overlapping,
         _kept,
         "black cells with a number of black ones in their 3×3 neighbourhood a delay ago",
         ("least",),
     ),
-    _form(
+    digital_form(
         "appeared",
         _appearing,
         _appeared,
         "cells that turned black while around them a number more appeared than vanished",
         ("least",),
     ),
-    _form("path", _travelling, _path, "the picture, and all that it or the path up to now covers"),
-    _form(
+    digital_form(
+        "path", _travelling, _path, "the picture, and all that it or the path up to now covers"
+    ),
+    digital_form(
         "delayed-wave",
         _seeds,
         _grown,

@@ -9,17 +9,13 @@ from scipy import ndimage
 from cnnum.arrays import Floats
 from cnnum.errors import TemplateError
 from cnnum.templating.boundary import Boundary
+from cnnum.templating.checks.digital.form import digital_form
 from cnnum.templating.checks.parameters import has, number, text
 from cnnum.templating.checks.pictures import as_picture, binary_input
-from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
+from cnnum.templating.checks.records import Case
 from cnnum.templating.template import Template
 
 Bools = NDArray[np.bool_]
-
-DIGITAL_REASON = (
-    "a cell that is decided has come within e^-5 = 0.7 % of black or white after the five time "
-    "constants of a template that does not propagate; a wrong cell is off by 2"
-)
 
 _SQUARE = np.ones((3, 3), dtype=bool)
 _RING = np.array([[1, 1, 1], [1, 0, 1], [1, 1, 1]])
@@ -112,39 +108,36 @@ def _black_with_neighbours(template: Template, case: Case) -> Floats:
     return _local_answer(template, case, operation)
 
 
-def _form(
-    name: str,
-    expected: Callable[[Template, Case], Floats],
-    summary: str,
-    needs: tuple[str, ...] = (),
-    takes: tuple[str, ...] = (),
-) -> ClosedForm:
-    return ClosedForm(
-        name,
-        binary_input,
-        expected,
-        DIGITAL_TOLERANCE,
-        DIGITAL_REASON,
-        summary,
-        needs=needs,
-        takes=takes,
-    )
-
-
 FORMS = (
-    _form("edge", _edge, "black cells that the erosion by a 3×3 square removes"),
-    _form("erosion", _erosion, "binary erosion by the element", ("element",)),
-    _form("dilation", _dilation, "binary dilation by the reflected element", ("element",)),
-    _form(
+    digital_form(
+        "edge", binary_input, _edge, "black cells that the erosion by a 3×3 square removes"
+    ),
+    digital_form("erosion", binary_input, _erosion, "binary erosion by the element", ("element",)),
+    digital_form(
+        "dilation",
+        binary_input,
+        _dilation,
+        "binary dilation by the reflected element",
+        ("element",),
+    ),
+    digital_form(
         "thinning",
+        binary_input,
         _thinning,
         "black cells but for those whose neighbourhood is the one pattern or the other",
         ("pattern",),
         ("or",),
     ),
-    _form("hit-or-miss", _hit_or_miss, "cells whose neighbourhood is the pattern", ("pattern",)),
-    _form(
+    digital_form(
+        "hit-or-miss",
+        binary_input,
+        _hit_or_miss,
+        "cells whose neighbourhood is the pattern",
+        ("pattern",),
+    ),
+    digital_form(
         "neighbour-count",
+        binary_input,
         _black_with_neighbours,
         "black cells with a number of black ones among their eight neighbours",
         takes=("least", "most"),

@@ -7,7 +7,8 @@ from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.analytic.operators import neighbours
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON, Bools, local
+from cnnum.templating.checks.digital.form import digital_form
+from cnnum.templating.checks.digital.neighbourhood import Bools, local
 from cnnum.templating.checks.parameters import choice, number
 from cnnum.templating.checks.pictures import (
     as_picture,
@@ -16,7 +17,7 @@ from cnnum.templating.checks.pictures import (
     gray,
     with_even,
 )
-from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
+from cnnum.templating.checks.records import Case
 from cnnum.templating.template import Template
 
 MARGIN = 0.05
@@ -92,40 +93,30 @@ def _gray_edge(template: Template, case: Case) -> Floats:
     return as_picture(8.0 * case.pictures - ring > number(template, "threshold"))
 
 
-def _form(
-    name: str,
-    cases: Callable[..., Case],
-    expected: Callable[[Template, Case], Floats],
-    summary: str,
-    need: str,
-) -> ClosedForm:
-    return ClosedForm(
-        name, cases, expected, DIGITAL_TOLERANCE, DIGITAL_REASON, summary, needs=(need,)
-    )
-
-
 FORMS = (
-    _form("logic", binary_pair, _logic, "a Boolean function of input and state", "operation"),
-    _form("shift", binary_input, _shift, "the picture, one cell further", "direction"),
-    _form(
+    digital_form(
+        "logic", binary_pair, _logic, "a Boolean function of input and state", ("operation",)
+    ),
+    digital_form("shift", binary_input, _shift, "the picture, one cell further", ("direction",)),
+    digital_form(
         "threshold",
         _away_from_threshold,
         _threshold,
         "cells above the threshold, for gray values at least 0.05 from it",
-        "threshold",
+        ("threshold",),
     ),
-    _form(
+    digital_form(
         "latch",
         _beside_levels,
         _latch,
         "black above the level, white below its negative, else its value before",
-        "level",
+        ("level",),
     ),
-    _form(
+    digital_form(
         "gray-edge",
         _five_levels,
         _gray_edge,
         "cells whose eight differences to their neighbours sum to more than the threshold",
-        "threshold",
+        ("threshold",),
     ),
 )

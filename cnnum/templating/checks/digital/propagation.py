@@ -1,22 +1,20 @@
 """Boolean answers that a wave brings from any distance: shadows, holes, marked objects, runs."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
+from cnnum.templating.checks.digital.form import SETTLED, digital_form
 from cnnum.templating.checks.digital.neighbourhood import Bools
 from cnnum.templating.checks.parameters import choice
 from cnnum.templating.checks.pictures import as_picture, binary, binary_input
-from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, Cases, ClosedForm
+from cnnum.templating.checks.records import Case
 from cnnum.templating.template import Template
 
-_REASON = (
-    "cells settle outside [-1, 1], where the output is exactly black or white; a wrong cell is off "
-    "by 2"
-)
 _FOUR = ndimage.generate_binary_structure(2, 1)
 _EIGHT = ndimage.generate_binary_structure(2, 2)
 
@@ -114,15 +112,7 @@ def _components(template: Template, case: Case) -> Floats:
     return _each(choice(template, "direction", _RUNS), case.pictures)
 
 
-def _form(
-    name: str,
-    cases: Cases,
-    expected: Callable[[Template, Case], Floats],
-    summary: str,
-    needs: tuple[str, ...] = (),
-) -> ClosedForm:
-    return ClosedForm(name, cases, expected, DIGITAL_TOLERANCE, _REASON, summary, needs=needs)
-
+_form = partial(digital_form, reason=SETTLED)
 
 FORMS = (
     _form("holes", binary_input, _holes, "objects with their holes filled (4-connected white)"),

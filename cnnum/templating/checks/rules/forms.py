@@ -7,17 +7,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
-from cnnum.templating.checks.digital.neighbourhood import DIGITAL_REASON
+from cnnum.templating.checks.digital.form import SETTLED, digital_form
 from cnnum.templating.checks.parameters import choice, has, number, text
 from cnnum.templating.checks.pictures import as_picture, binary
-from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, ClosedForm
+from cnnum.templating.checks.records import Case
 from cnnum.templating.checks.rules.language import Neighbourhood, Rule, as_black
 from cnnum.templating.template import Template
 
-_STILL_REASON = (
-    "cells settle outside [-1, 1], where the output is exactly black or white; a wrong cell is off "
-    "by 2"
-)
 _TRIES = 400
 _SQUARE = np.ones((1, 5, 5), dtype=bool)
 _TAKES = ("state", "white", "avoid", "pictures")
@@ -132,24 +128,21 @@ def _still(template: Template, case: Case) -> Floats:
 
 
 FORMS = (
-    ClosedForm(
+    digital_form(
         "rule",
         _case,
         _once,
-        DIGITAL_TOLERANCE,
-        DIGITAL_REASON,
         "cells whose neighbourhood in the input obeys a rule",
         needs=("rule",),
         takes=_TAKES,
     ),
-    ClosedForm(
+    digital_form(
         "rule-until-still",
         _case,
         _still,
-        DIGITAL_TOLERANCE,
-        _STILL_REASON,
         "a rule applied to the state again and again until nothing changes",
         needs=("rule",),
         takes=_TAKES,
+        reason=SETTLED,
     ),
 )
