@@ -12,7 +12,7 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from cnnum.cli.fitting import fitted, needed, whole
+from cnnum.cli.fitted_tables import fitted, needed, whole
 
 PIPED_WIDTH = 120
 """Columns at which a pipe or a file gets its texts wrapped; tables are as wide as they are."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.design.changed import biases_of, weights_of
+from cnnum.design.changed_weights import biases_of, weights_of
 from cnnum.design.experiment import DRAW, OUTER, Experiment, Value
 from cnnum.engine import Engine
 from cnnum.errors import CnnumError

@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, AttachmentIndex
 
 from cnnum.errors import CodecError
-from cnnum.recordings.records import PREFIX, Fields, built, read_prefix
+from cnnum.recordings.mcap_records import PREFIX, Fields, built, read_prefix
 
 CALIBRATION, SCENE = "calibration.toml", "scene.toml"
 

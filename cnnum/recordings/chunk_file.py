@@ -8,8 +8,8 @@ from typing import IO
 
 from cnnum.recordings.attachments import Held, records
 from cnnum.recordings.chunks import beginning
-from cnnum.recordings.index import write_index
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_index import write_index
 from cnnum.recordings.place import sync_folder
 
 

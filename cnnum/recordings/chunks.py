@@ -13,7 +13,7 @@ from cnnum import __version__
 from cnnum.errors import RecordingError
 from cnnum.frame import Frame
 from cnnum.recordings.layout import Layout
-from cnnum.recordings.records import MAGIC, PREFIX, built
+from cnnum.recordings.mcap_records import MAGIC, PREFIX, built
 
 CHANNEL = 1
 TOPIC = "/taxels"

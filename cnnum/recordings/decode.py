@@ -12,8 +12,8 @@ from cnnum.errors import CodecError
 from cnnum.frame import Frame, Quality, Truth
 from cnnum.recordings.chunks import ENCODING, SCHEMA
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_records import PREFIX, Fields, records_in
 from cnnum.recordings.raw_chunks import is_raw
-from cnnum.recordings.records import PREFIX, Fields, records_in
 
 NO_FRAMES = np.dtype([("sequence", np.int64)])
 """Of a chunk of raw bytes."""

@@ -5,46 +5,15 @@ from pathlib import Path
 from typing import IO
 
 from cnnum.errors import name_error
-from cnnum.recordings.attachments import records
-from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning
-from cnnum.recordings.csv_table import write_table
+from cnnum.recordings.csv_writer import write_table
 from cnnum.recordings.hdf5_writer import write_hdf5
-from cnnum.recordings.index import write_index
+from cnnum.recordings.mcap_writer import write_mcap
 from cnnum.recordings.npz_writer import write_archive
 from cnnum.recordings.place import placed
-from cnnum.recordings.raw_chunks import RawMaker
 from cnnum.recordings.reader import Contents
 
-
-def write_chunks(file: IO[bytes], contents: Contents) -> None:
-    """Write files, frames and raw bytes to chunks anew, and the index.
-
-    Raises
-    ------
-    OSError
-        If there is no room.
-    RecordingError, CodecError
-        If the recording can no longer be read.
-    """
-    file.write(beginning() + records(contents.held))
-    maker, raw = ChunkMaker(contents.layout), RawMaker()
-    for frame, log_time in contents.stored():
-        maker.add(frame, log_time)
-        if maker.size >= CHUNK_BYTES:
-            file.write(maker.end())
-    if maker.count:
-        file.write(maker.end())
-    for log_time, data in contents.raw():
-        raw.add(data, log_time)
-        if raw.size >= CHUNK_BYTES:
-            file.write(raw.take().chunk())
-    if raw.count:
-        file.write(raw.take().chunk())
-    write_index(file, contents.layout)
-
-
 WRITERS: Mapping[str, Callable[[IO[bytes], Contents], None]] = {
-    ".mcap": write_chunks,
+    ".mcap": write_mcap,
     ".npz": write_archive,
     ".csv": write_table,
     ".h5": write_hdf5,

@@ -23,7 +23,7 @@ def write_archive(file: IO[bytes], contents: Contents) -> None:
 
     The recording is read once for each member that has a row a frame: a chunk at a time is held.
 
-    It raises as `cnnum.recordings.export.write_chunks`.
+    It raises as `cnnum.recordings.mcap_writer.write_mcap`.
     """
     layout = contents.layout
     with zipfile.ZipFile(file, "w", zipfile.ZIP_STORED) as archive:

@@ -8,7 +8,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 
 from cnnum.recordings.chunks import ENCODING, Waiting
-from cnnum.recordings.records import PREFIX, built, records_in
+from cnnum.recordings.mcap_records import PREFIX, built, records_in
 
 RAW_CHANNEL = 2
 RAW_TOPIC = "/raw"

@@ -15,8 +15,8 @@ from cnnum.frame import Frame, Quality
 from cnnum.recordings.attachments import Held, attached
 from cnnum.recordings.decode import Decoder, frames_of
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_records import MAGIC, WholeChunk
 from cnnum.recordings.raw_chunks import is_raw, raw_of
-from cnnum.recordings.records import MAGIC, WholeChunk
 from cnnum.recordings.scan import End, Hole, scan
 
 

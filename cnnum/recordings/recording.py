@@ -15,8 +15,8 @@ from cnnum.errors import ArrayError
 from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, shown_maps
 from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning
 from cnnum.recordings.export import export, suffix_of
-from cnnum.recordings.index import write_index
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_index import write_index
 from cnnum.recordings.place import taken
 from cnnum.recordings.reader import look
 from cnnum.safety.names import checked_name, shown

@@ -7,7 +7,7 @@ from typing import IO
 
 from mcap.opcode import Opcode
 
-from cnnum.recordings.records import (
+from cnnum.recordings.mcap_records import (
     MAGIC,
     WholeChunk,
     index_end,

@@ -15,7 +15,7 @@ from cnnum.templating.checks import CheckResult, form_of
 from cnnum.templating.checks.measuring import unsettled
 from cnnum.templating.checks.running import Engine, run_case
 from cnnum.templating.files import Entry
-from cnnum.templating.spelled import functions, matrices
+from cnnum.templating.numbers_in_words import functions, matrices
 from cnnum.templating.template import Template
 
 SHAPE = (16, 16)

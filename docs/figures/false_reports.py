@@ -11,8 +11,8 @@ from cnnum.engine import Engine
 from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.judge import judge
+from cnnum.lab.scoring.judged_programs import in_batches, reports, side_by_side
 from cnnum.lab.scoring.measures import per_ten_minutes
-from cnnum.lab.scoring.subject import in_batches, reports, side_by_side
 from cnnum.lab.scoring.trial import runs
 from cnnum.programs.library import get_program
 from cnnum.templates.tactile.shared.false_reports import TWIST

@@ -13,7 +13,7 @@ from cnnum.design.learning import Lesson, learn, untied
 from cnnum.engine import Engine
 from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES
-from cnnum.lab.scoring.subject import in_batches, side_by_side
+from cnnum.lab.scoring.judged_programs import in_batches, side_by_side
 from cnnum.lab.scoring.trial import Trial
 from docs.figures.learned_weights import PHYSICAL, READS, shows, strength
 

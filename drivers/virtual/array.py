@@ -9,7 +9,7 @@ from cnnum.arrays import Floats
 from cnnum.drivers.codecs.scan import Scan
 from cnnum.drivers.codecs.wire import Wire
 from cnnum.drivers.virtual.faults import LineCounts, LineFaults, Spoiler
-from cnnum.drivers.virtual.fitting import Fitting
+from cnnum.drivers.virtual.frames_to_scans import Fitting
 from cnnum.drivers.virtual.line import VirtualLine
 from cnnum.frame import Frame
 

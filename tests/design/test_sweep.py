@@ -11,7 +11,7 @@ from scipy.special import erfc
 
 from cnnum import Engine, get_template
 from cnnum.design import sweep
-from cnnum.design.changed import biases_of
+from cnnum.design.changed_weights import biases_of
 from cnnum.design.experiment import Experiment, load_experiment
 from cnnum.design.run_task import run_task
 from cnnum.errors import TemplateError, TemplateFileError

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cnnum.drivers.array_at_port import guess
 from cnnum.drivers.codecs.wire import Asked, protocol_names, wire
-from cnnum.drivers.guess import guess
 from cnnum.drivers.serial_array import SerialOptions
 from cnnum.drivers.serial_port import PortInfo
 from cnnum.drivers.serve import scan_of

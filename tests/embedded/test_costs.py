@@ -9,8 +9,8 @@ from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.records import as_row
 from cnnum.lab.embedded import costs
 from cnnum.lab.embedded.answer import Bounds, answers, front
+from cnnum.lab.embedded.cortex_m import missing_tools
 from cnnum.lab.embedded.costs import CostRow
-from cnnum.lab.embedded.microcontroller import missing_tools
 from cnnum.lab.embedded.scores import Loss
 from tests.embedded.conftest import made, streams
 

@@ -9,8 +9,8 @@ from played_recordings import frames_in
 
 from cnnum.frame import Frame, Quality, Truth
 from cnnum.recordings.chunks import ChunkMaker, beginning
-from cnnum.recordings.index import write_index
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_index import write_index
 from cnnum.recordings.reader import look
 
 

@@ -73,8 +73,8 @@ class Wanted:
         from cnnum.embedded.lowering.solvers import METHODS
         from cnnum.errors import name_error
         from cnnum.lab.embedded.answer import Bounds
+        from cnnum.lab.embedded.cortex_m import CORES
         from cnnum.lab.embedded.costs import PRECISIONS, SCENES, USUAL, cases
-        from cnnum.lab.embedded.microcontroller import CORES
         from cnnum.programs.library import get_program
 
         def names(key: str, usual: tuple[str, ...]) -> tuple[str, ...]:

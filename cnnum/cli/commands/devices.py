@@ -94,8 +94,8 @@ def _passes(tried: "_Tried", output: Output) -> bool:
 
 def _arrays(ports: tuple[str, ...], *, as_json: bool) -> None:
     """Show serial ports with a guess, and the protocols that are known."""
+    from cnnum.drivers.array_at_port import guesses
     from cnnum.drivers.codecs.wire import protocol_names
-    from cnnum.drivers.guess import guesses
     from cnnum.drivers.serial_port import serial_ports
 
     output = Output(as_json)

@@ -57,7 +57,7 @@ def show(
     template, output = entry.template, Output(as_json)
     output.record({**_record(template), **_words(entry)})
     output.show(facts([*_facts(template), *_known(entry)]), "")
-    from cnnum.templating.spelled import functions, matrices
+    from cnnum.templating.numbers_in_words import functions, matrices
 
     for label, kernel in matrices(template):
         output.show(f"{label} =", _matrix(kernel.tolist()), "")

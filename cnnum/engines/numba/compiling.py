@@ -1,8 +1,8 @@
 """How the functions of this room are compiled, and which of them are kept on disk.
 
-Only functions that Python calls are kept, each with all that it calls in it (`keeping.py`). Their
-last parameter is `ROOM`, a number of the contents of this room: their callees may lie in another
-file. It is part of their key.
+Only functions that Python calls are kept, each with all that it calls in it
+(`function_cache.py`). Their last parameter is `ROOM`, a number of the contents of this room: their
+callees may lie in another file. It is part of their key.
 """
 
 import zlib
@@ -13,7 +13,7 @@ from typing import Any, ParamSpec, TypeVar, cast
 import numba
 
 from cnnum.engines.forks import note_threads
-from cnnum.engines.numba.keeping import KeptForms
+from cnnum.engines.numba.function_cache import KeptForms
 
 _P = ParamSpec("_P")
 _R = TypeVar("_R")

@@ -12,7 +12,7 @@ from cnnum.engines.numba.coefficients import chebyshev_rows, tableaux
 from cnnum.engines.numba.layout import Layout
 from cnnum.engines.numba.methods import method_settings
 from cnnum.engines.numba.records import SETTINGS, Plan, Real
-from cnnum.engines.numba.taps import couplings_of, gains_of, packed
+from cnnum.engines.numba.stencil import couplings_of, gains_of, packed
 from cnnum.integrators.solver import Solver
 from cnnum.templating.reads import reads_states
 from cnnum.templating.template import Template

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from cnnum.arrays import Shape
 from cnnum.errors import CnnumError, NotSupportedError
-from cnnum.lab.embedded.microcontroller import Board
+from cnnum.lab.embedded.cortex_m import Board
 from cnnum.lab.embedded.scores import NO_EVENTS, events, loss
 from cnnum.lab.embedded.streams import made, vector_frames
 

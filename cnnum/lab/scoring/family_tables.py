@@ -13,8 +13,8 @@ import numpy as np
 from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES, Family
 from cnnum.lab.scoring.judge import NEAR, Verdict, judge, sense_right
+from cnnum.lab.scoring.judged_programs import Answers, Subject
 from cnnum.lab.scoring.measures import median, per_ten_minutes, share
-from cnnum.lab.scoring.subject import Answers, Subject
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.lab.scoring.trial import Trial
 

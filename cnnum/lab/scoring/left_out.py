@@ -10,9 +10,9 @@ from cnnum.engine import Engine
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import FALSE, FOUND, played
 from cnnum.lab.scoring.judge import NEAR
+from cnnum.lab.scoring.judged_programs import Subject
 from cnnum.lab.scoring.levels import LEVELS, Outcome, outcome, rate_of
 from cnnum.lab.scoring.measures import median
-from cnnum.lab.scoring.subject import Subject
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.lab.scoring.trial import Trial
 

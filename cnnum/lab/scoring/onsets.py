@@ -7,9 +7,9 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.lab.scoring.judge import judge
+from cnnum.lab.scoring.judged_programs import Answers, reports, shipped_level
 from cnnum.lab.scoring.levels import LEVELS
 from cnnum.lab.scoring.measures import median, per_ten_minutes, share
-from cnnum.lab.scoring.subject import Answers, reports, shipped_level
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.lab.scoring.trial import Flags, Trial, runs
 

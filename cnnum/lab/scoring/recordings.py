@@ -10,6 +10,7 @@ from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.errors import RecordingError
 from cnnum.lab.scoring import baselines
+from cnnum.lab.scoring.judged_programs import Answers, Subject
 from cnnum.lab.scoring.left_out import GRID
 from cnnum.lab.scoring.measures import auc
 from cnnum.lab.scoring.recorded import (
@@ -20,7 +21,6 @@ from cnnum.lab.scoring.recorded import (
     uskin_folders,
     uskin_trial,
 )
-from cnnum.lab.scoring.subject import Answers, Subject
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.lab.scoring.trial import Trial
 

@@ -8,12 +8,12 @@ from cnnum.engine import Engine
 from cnnum.errors import SceneError
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.family_tables import drawn, played, tables
+from cnnum.lab.scoring.judged_programs import Answers, Subject
 from cnnum.lab.scoring.left_out import GRID, choices, left_out_table
 from cnnum.lab.scoring.levels import level_table
 from cnnum.lab.scoring.onsets import recorded_levels, report_table, trial_table
 from cnnum.lab.scoring.recorded import flat_folders, uskin_folders
 from cnnum.lab.scoring.recordings import Recorded, read, score_table
-from cnnum.lab.scoring.subject import Answers, Subject
 from cnnum.lab.scoring.table import Table
 from cnnum.lab.scoring.trial import Trial
 

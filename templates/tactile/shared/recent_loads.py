@@ -15,7 +15,7 @@ from cnnum.templating.library import get_template
 
 FAST = 0.02  # s, time constant of the smoothing
 HOLD = 0.5  # share of its level below which a report may end
-ROUNDING, TINY = 1e-6, 1e-12  # least noise over the reading at rest; least load, in its unit
+ROUNDING, LEAST_LOAD = 1e-6, 1e-12  # least noise over the reading at rest; least load, in its unit
 Sums = Callable[[Field], Field]
 
 
@@ -95,7 +95,7 @@ class RecentLoads:
         return sqrt(power)
 
     def _pad(self, noise: Field, cells: int, total: Sums, inner: Sums) -> Pad:
-        least, power = maximum(noise * cells**0.5, TINY), total(self.z * self.z)
+        least, power = maximum(noise * cells**0.5, LEAST_LOAD), total(self.z * self.z)
         load, before = total(self.z) + least, total(self.old_z) + least
         x, y = (total(shear) for shear in self.shear)
         force, even = sqrt(x * x + y * y), least * least / cells

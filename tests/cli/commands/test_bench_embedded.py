@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from cnnum.lab.embedded.microcontroller import missing_tools
+from cnnum.lab.embedded.cortex_m import missing_tools
 
 
 @pytest.mark.parametrize(

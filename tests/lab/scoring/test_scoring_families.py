@@ -16,8 +16,8 @@ from cnnum.lab.scoring.families.bounds import LOOSE_TORQUE, Bounds, load_of
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.families.dragged import Dragged, spread
 from cnnum.lab.scoring.families.draw import YOUNGS_MODULUS, Array, Draw
-from cnnum.lab.scoring.families.skin import CREEP_TIME, creeping, loops, mixed
 from cnnum.lab.scoring.families.stick_slip import FADES, Drawn, stick_slip
+from cnnum.lab.scoring.families.taxel_effects import CREEP_TIME, creeping, loops, mixed
 from cnnum.report.record import truth_columns
 from cnnum.tactile.contact import sliding_torque, torsion_slip
 from cnnum.tactile.grid import make_grid

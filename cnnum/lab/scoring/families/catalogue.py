@@ -6,8 +6,8 @@ from typing import Literal
 from cnnum.lab.scoring.families import faces, held, pulls
 from cnnum.lab.scoring.families.dragged import dragged
 from cnnum.lab.scoring.families.draw import Array
-from cnnum.lab.scoring.families.skin import Skin
 from cnnum.lab.scoring.families.spheres import Make, pulled, twisted
+from cnnum.lab.scoring.families.taxel_effects import Skin
 
 Kind = Literal["slip", "twist", "held"]
 

@@ -10,8 +10,8 @@ from cnnum.lab.scoring.families.arrays import CHUNK, Arrays
 from cnnum.lab.scoring.families.draw import HOLD, PRESS, REST, Array, Draw
 from cnnum.lab.scoring.families.faces import PRESSURE, Face, Shaping
 from cnnum.lab.scoring.families.pulls import power
-from cnnum.lab.scoring.families.skin import Skin
 from cnnum.lab.scoring.families.spheres import SETTLED, Make
+from cnnum.lab.scoring.families.taxel_effects import Skin
 from cnnum.lab.scoring.trial import Trial
 from cnnum.tactile.grid import Grid
 

@@ -10,8 +10,8 @@ from cnnum.drivers.simulated.script import Phase
 from cnnum.lab.scoring.families.arrays import Arrays, touch
 from cnnum.lab.scoring.families.draw import Array, Draw
 from cnnum.lab.scoring.families.pulls import SWINGS, part, shaken
-from cnnum.lab.scoring.families.skin import Skin
 from cnnum.lab.scoring.families.spheres import Make, played, trial_of
+from cnnum.lab.scoring.families.taxel_effects import Skin
 from cnnum.lab.scoring.trial import Trial
 
 SECONDS = 6.0

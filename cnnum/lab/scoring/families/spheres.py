@@ -14,7 +14,7 @@ from cnnum.lab.scoring.families.arrays import Arrays, strain_of, touch
 from cnnum.lab.scoring.families.bounds import LOOSE_TORQUE
 from cnnum.lab.scoring.families.draw import Array, Draw
 from cnnum.lab.scoring.families.pulls import Pull, Pulling
-from cnnum.lab.scoring.families.skin import Skin
+from cnnum.lab.scoring.families.taxel_effects import Skin
 from cnnum.lab.scoring.trial import Trial
 from cnnum.report.record import truth_columns
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import pytest
 
-from cnnum.cli import fitting
+from cnnum.cli import fitted_tables
 from cnnum.cli.commands import bench
 from cnnum.cli.output import Output, table
 from cnnum.lab.bench.page import cell
@@ -130,7 +130,7 @@ def test_columns_go_in_the_order_that_is_asked_for(capsys, terminal):
 def test_a_verdict_goes_after_texts_and_numbers(columns, told):
     made = table("case", ">error", ">time", "result", "about")
     made.add_row("a case", "1.2345", "6.7891 ms", "passed", "a long text on what this row is about")
-    kept, gone = fitting.fitted(made, columns)
+    kept, gone = fitted_tables.fitted(made, columns)
     assert ", ".join(gone) == told
     assert "result" in [column.header for column in kept.columns]
 
@@ -138,7 +138,7 @@ def test_a_verdict_goes_after_texts_and_numbers(columns, told):
 def test_headers_fold_at_their_underscores_before_a_column_goes():
     made = table("case", ">cell_updates_per_s", ">share_of_peak")
     made.add_row("a case", "1.26e+10", "0.953")
-    narrow, gone = fitting.fitted(made, 28)
+    narrow, gone = fitted_tables.fitted(made, 28)
     assert gone == ()
     heads = [column.header for column in narrow.columns]
     assert heads == ["case", "cell_\nupdates_\nper_s", "share_\nof_\npeak"]

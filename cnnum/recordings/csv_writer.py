@@ -15,7 +15,7 @@ def write_table(file: IO[bytes], contents: Contents) -> None:
 
     Numbers stand in the shortest form that is read back as the same.
 
-    It raises as `cnnum.recordings.export.write_chunks`.
+    It raises as `cnnum.recordings.mcap_writer.write_mcap`.
     """
     text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
     try:

@@ -13,8 +13,8 @@ from mcap.records import ChunkIndex, DataEnd, Footer, McapRecord, Statistics, Su
 from cnnum.recordings.attachments import attached
 from cnnum.recordings.chunks import CHANNEL, SCHEMA, channel_of
 from cnnum.recordings.layout import Layout
+from cnnum.recordings.mcap_records import MAGIC, PREFIX, WholeChunk, built, index_end, records_in
 from cnnum.recordings.raw_chunks import RAW_CHANNEL, RAW_SCHEMA, raw_channel
-from cnnum.recordings.records import MAGIC, PREFIX, WholeChunk, built, index_end, records_in
 from cnnum.recordings.scan import scan
 
 PART = 1 << 16

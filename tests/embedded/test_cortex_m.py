@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from cnnum.errors import UnknownNameError
-from cnnum.lab.embedded.microcontroller import Board, missing_tools
+from cnnum.lab.embedded.cortex_m import Board, missing_tools
 from tests.embedded.conftest import made, streams
 
 pytestmark = pytest.mark.skipif(
