@@ -6,6 +6,9 @@ Each leaf is also the builtin that a caller would reach for, so ``except ValueEr
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+MOST_LISTED, FIRST_LISTED = 40, 8
+"""Names that an error lists, and those of a longer list."""
+
 LONGEST_GUESSED = 80
 """Signs of a name for which near ones are looked for: longer ones would take their time."""
 
@@ -151,6 +154,8 @@ def name_error(kind: str, name: object, known: Iterable[str]) -> UnknownNameErro
     """
     names = list(known)
     near = get_close_matches(name[:LONGEST_GUESSED], names, n=3) if isinstance(name, str) else []
-    choices, guess = (", ".join(f"'{item}'" for item in some) for some in (names, near))
+    shown = names if len(names) <= MOST_LISTED else names[:FIRST_LISTED]
+    choices, guess = (", ".join(f"'{item}'" for item in some) for some in (shown, near))
     hint = f" (did you mean {guess}?)" if near else ""
-    return UnknownNameError(f"Unknown {kind} {name!r:.60}{hint}: expected one of {choices}.")
+    more = f" and {len(names) - len(shown)} more" if len(shown) < len(names) else ""
+    return UnknownNameError(f"Unknown {kind} {name!r:.60}{hint}: expected one of {choices}{more}.")

@@ -3,7 +3,7 @@
 import base64
 import struct
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from html import escape
 from importlib import resources
@@ -11,6 +11,7 @@ from importlib import resources
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.report.pictures.svg import plain
 from cnnum.templating.checks import CheckResult, form_of
 from cnnum.templating.checks.measuring import unsettled
 from cnnum.templating.checks.running import Engine, run_case
@@ -19,6 +20,10 @@ from cnnum.templating.numbers_in_words import functions, matrices
 from cnnum.templating.template import Template
 
 SHAPE = (16, 16)
+
+
+FAINT = 0.5
+"""Largest magnitude below which pictures are shown stretched."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,14 +59,19 @@ def filmstrip(template: Template, engine: Engine) -> tuple[tuple[str, Floats], .
     some = [run_case(template, engine, replace(case, duration=t), form.rtol) for t in times]
     given = case.input if case.input is not None else case.state
     outputs = [np.asarray(given), *(np.asarray(run.output) for run in [*some, whole])]
-    captions = ["before", *(f"{t:.2g} τ" for t in times), f"{end:.3g} τ"]
-    at = _liveliest(outputs[-1])
-    return tuple((name, _plane(a[at])) for name, a in zip(captions, outputs, strict=True))
+    captions = ["before", *(f"{t:.3g} τ" if t < 1e3 else f"{t:.0f} τ" for t in (*times, end))]
+    at = _liveliest(outputs)
+    shown = [_plane(a[at]) for a in outputs]
+    top = max(float(np.abs(a).max()) for a in shown)
+    if 0.0 < top < FAINT:
+        shown, captions[0] = [a / top for a in shown], f"before, all ×{plain(1.0 / top, 2)}"
+    return tuple(zip(captions, shown, strict=True))
 
 
-def _liveliest(outputs: Floats) -> int:
-    """Return the picture whose answer varies most; empty ones show little."""
-    return int(np.argmax(outputs.reshape(len(outputs), -1).std(axis=1)))
+def _liveliest(outputs: Sequence[Floats]) -> int:
+    """Return the picture that varies most before and after; empty ones show little."""
+    spread = [[_plane(each).std() for each in a] for a in (outputs[0], outputs[-1])]
+    return int(np.argmax(np.sum(spread, axis=0)))
 
 
 def _plane(maps: Floats) -> Floats:

@@ -96,7 +96,9 @@ def check(
     if stop.stopped:
         return stop.say(len(results), len(jobs), "checks", as_json=as_json)
     for item in left_out:
-        click.echo(item.text, err=as_json)
+        if as_json:
+            click.echo(item.text, err=True)
+        output.show(item.text)
     if alone is not None and not as_json:
         report(alone.template, plain, output)
     return CHECKS_FAILED if failed else 0
