@@ -1,30 +1,37 @@
 """Runs the statements of a program in NumPy, for a batch of frames: exact 64-bit whole numbers."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.embedded.ir.expressions import Expression, Item, Name, Real, Whole
-from cnnum.embedded.ir.primitives import PRIMITIVES
-from cnnum.embedded.ir.statements import (
-    Cells,
-    Fold,
-    IntegerProgram,
-    Let,
-    Repeat,
-    Rounds,
-    Set,
+from cnnum.embedded.arithmetic.primitives import BY_SIGN, PRIMITIVES
+from cnnum.embedded.program import IntegerProgram
+from cnnum.kernels import (
+    Accumulate,
+    Assign,
+    Binary,
+    Call,
+    Cast,
+    Choice,
+    Counted,
+    Declare,
+    Element,
+    Expression,
+    Integer,
+    Loop,
+    Name,
+    Negative,
+    Number,
     Statement,
-    Store,
-    Total,
+    Sweep,
 )
 
 Numbers = NDArray[Any]
-_FOLDS: dict[str, Any] = {"add": np.sum, "maximum": np.max, "minimum": np.min}
-_PAIRS: dict[str, Any] = {"add": np.add, "maximum": np.maximum, "minimum": np.minimum}
+_FOLDS: dict[str, Any] = {"+": np.sum, "maximum": np.max, "minimum": np.min}
+_PAIRS: dict[str, Any] = {"+": np.add, "maximum": np.maximum, "minimum": np.minimum}
 
 
 def cleared(program: IntegerProgram, batch: int) -> dict[str, Numbers]:
@@ -59,6 +66,7 @@ class Emulator:
     sizes: dict[str, float] | None = None
     _values: dict[str, Numbers] = field(default_factory=dict[str, Numbers])
     _running: Numbers | None = None
+    _cells: int = 1
 
     def run(
         self, inputs: Mapping[str, Numbers], state: dict[str, Numbers], *, first: bool
@@ -108,103 +116,156 @@ class Emulator:
 
     def value(self, expression: Expression) -> Numbers:
         """Return the value of an expression, (batch or 1, 1 or cells)."""
-        if isinstance(expression, Whole | Real):
-            return np.asarray(expression.value)
-        if isinstance(expression, Name):
-            return self._values[expression.text]
-        if isinstance(expression, Item):
-            at = np.atleast_1d(self.value(expression.at))
-            return np.take(self._values[expression.array], at, axis=-1)
-        arguments = [self.value(one) for one in expression.arguments]
-        found = PRIMITIVES[expression.primitive].numpy(*arguments, *expression.parameters)
-        return self._rounded(np.asarray(found))
+        found: Numbers = _VALUES[type(expression)](self, expression)
+        return found
+
+    def literal(self, one: Integer | Number) -> Numbers:
+        """Return a number that is written out."""
+        return np.asarray(one.value)
+
+    def name(self, one: Name) -> Numbers:
+        """Return a variable."""
+        return self._values[one.text]
+
+    def element(self, one: Element) -> Numbers:
+        """Return numbers of an array."""
+        at = np.atleast_1d(self.value(one.at))
+        return np.take(self._values[one.array.text], at, axis=-1)
+
+    def call(self, one: Call) -> Numbers:
+        """Return the result of a function."""
+        return self._applied(PRIMITIVES[one.function].numpy, *one.arguments)
+
+    def binary(self, one: Binary) -> Numbers:
+        """Return the result of a sign."""
+        return self._applied(BY_SIGN[one.sign].numpy, one.left, one.right)
+
+    def negative(self, one: Negative) -> Numbers:
+        """Return a number with the other sign."""
+        return self._applied(np.negative, one.value)
+
+    def choice(self, one: Choice) -> Numbers:
+        """Return one of two."""
+        return self._applied(PRIMITIVES["pick"].numpy, one.condition, one.yes, one.no)
+
+    def cast(self, one: Cast) -> Numbers:
+        """Return whole numbers as real ones."""
+        return self._applied(PRIMITIVES["to_real"].numpy, one.value)
+
+    def _applied(self, function: Callable[..., Any], *operands: Expression) -> Numbers:
+        return self._rounded(np.asarray(function(*map(self.value, operands))))
 
     def _note(self, name: str, value: Numbers) -> None:
         if self.sizes is not None:
             size = float(np.abs(value).max(initial=0.0))
             self.sizes[name] = max(size, self.sizes.get(name, 0.0))
 
-    def let(self, statement: Let) -> None:
-        """Make a variable."""
-        self._values[statement.name] = self.value(statement.value)
-        self._note(statement.name, self._values[statement.name])
+    def declare(self, statement: Declare) -> None:
+        """Make variables."""
+        for name, value in statement.variables:
+            assert value is not None
+            self._values[name.text] = self.value(value)
+            if statement.type == "real":
+                self._note(name.text, self._values[name.text])
 
-    def set(self, statement: Set) -> None:
-        """Set a number of the state, of the outputs, or a variable."""
-        new = self.value(statement.value)
-        old = self._values.get(statement.name, new)
+    def assign(self, statement: Assign) -> None:
+        """Set, or change, a variable or numbers of an array."""
+        target, new = statement.target, self.value(statement.value)
+        if isinstance(target, Element):
+            self._store(target, new)
+            return
+        old = self._values.get(target.text, new)
+        if statement.sign == "+=":
+            new = self._rounded(np.asarray(old + new))
         if self._running is not None:
             new = np.where(self._running, new, old)
         # numbers of the state are (batch, 1)
-        self._values[statement.name] = np.broadcast_to(
-            new, np.broadcast_shapes(new.shape, old.shape)
-        )
-        self._note(statement.name, new)
+        self._values[target.text] = np.broadcast_to(new, np.broadcast_shapes(new.shape, old.shape))
+        self._note(target.text, new)
 
-    def store(self, statement: Store) -> None:
+    def _store(self, target: Element, new: Numbers) -> None:
         """Store numbers of an array."""
-        array, at = self._values[statement.array], np.atleast_1d(self.value(statement.at))
-        new = self.value(statement.value)
+        name = target.array.text
+        array, at = self._values[name], np.atleast_1d(self.value(target.at))
         if self._running is not None:
             new = np.where(self._running, new, array[:, at])
         array = array.copy() if not array.flags.writeable else array
         array[:, at] = new
-        self._values[statement.array] = array
-        self._note(statement.array, new)
+        self._values[name] = array
+        self._note(name, new)
 
-    def fold(self, statement: Fold) -> None:
+    def accumulate(self, statement: Accumulate) -> None:
         """Take in a value of each cell."""
-        value, count = self.value(statement.value), self._values["i"].size
-        whole = np.broadcast_to(value, np.broadcast_shapes(value.shape, (1, count)))
+        name, value = statement.target.text, self.value(statement.value)
+        whole = np.broadcast_to(value, np.broadcast_shapes(value.shape, (1, self._cells)))
         folded = _FOLDS[statement.how](whole, axis=-1, keepdims=True)
-        before = self._values[statement.name]
-        self._values[statement.name] = _PAIRS[statement.how](before, folded)
-        self._note(statement.name, self._values[statement.name])
+        self._values[name] = _PAIRS[statement.how](self._values[name], folded)
+        self._note(name, self._values[name])
 
-    def total(self, statement: Total) -> None:
-        """Add terms up."""
-        total: Numbers = np.asarray(0)
-        for number in range(statement.count):
-            self._values[statement.variable] = np.asarray(number)
-            total = self._rounded(np.asarray(total + self.value(statement.term)))
-        self._values[statement.name] = total
-        self._note(statement.name, total)
-
-    def cells(self, statement: Cells) -> None:
-        """Run a loop over cells, all at once."""
-        i = np.arange(statement.count)
-        self._values["i"] = i
-        if statement.cols:
-            rows, cols = np.divmod(i, statement.cols)
-            width, halo = statement.cols + 2 * statement.halo, statement.halo
-            self._values |= {"r": rows, "c": cols, "p": (rows + halo) * width + cols + halo}
-        self._block(statement.body)
-
-    def repeat(self, statement: Repeat) -> None:
-        """Run rounds one after the other."""
-        for _ in range(statement.count):
+    def loop(self, statement: Loop) -> None:
+        """Run rounds that add terms up; only the sums are noted."""
+        sizes, self.sizes = self.sizes, None
+        assert isinstance(statement.end, int)
+        for number in range(statement.start, statement.end, statement.step):
+            self._values[statement.variable.text] = np.asarray(number)
             self._block(statement.body)
+        self.sizes = sizes
+        for name in added_in(statement):
+            self._note(name, self._values[name])
 
-    def rounds(self, statement: Rounds) -> None:
+    def sweep(self, statement: Sweep) -> None:
+        """Run a loop over cells, or over rows of cells, all at once."""
+        count, body, name = statement.count, statement.body, statement.variable.text
+        inner = body[0]
+        if isinstance(inner, Sweep):
+            rows, cols = np.divmod(np.arange(count * inner.count), inner.count)
+            self._values |= {name: rows, inner.variable.text: cols}
+            count, body = count * inner.count, inner.body
+        else:
+            self._values[name] = np.arange(count)
+        self._cells = count
+        self._block(body)
+
+    def counted(self, statement: Counted) -> None:
         """Run rounds while a flag holds; frames that have stopped keep their values."""
-        outer = self._running
-        for _ in range(statement.limit):
-            running = self._values[statement.running] != 0
-            now: Numbers = running if outer is None else running & outer
-            if not now.any():
-                break
-            self._running = now
+        assert isinstance(statement.end, int)
+        outer, flag = self._running, statement.running
+        for _ in range(statement.start, statement.end):
+            if flag is not None:
+                running = self._values[flag.text] != 0
+                now: Numbers = running if outer is None else running & outer
+                if not now.any():
+                    break
+                self._running = now
             self._block(statement.body)
         self._running = outer
 
 
+def added_in(loop: Loop) -> set[str]:
+    """Return the sums of a loop."""
+    return {
+        one.target.text
+        for one in loop.body
+        if isinstance(one, Assign) and isinstance(one.target, Name)
+    }
+
+
+_VALUES: dict[type, Any] = {
+    Integer: Emulator.literal,
+    Number: Emulator.literal,
+    Name: Emulator.name,
+    Element: Emulator.element,
+    Call: Emulator.call,
+    Binary: Emulator.binary,
+    Negative: Emulator.negative,
+    Choice: Emulator.choice,
+    Cast: Emulator.cast,
+}
 _RUN: dict[type, Any] = {
-    Let: Emulator.let,
-    Set: Emulator.set,
-    Store: Emulator.store,
-    Fold: Emulator.fold,
-    Total: Emulator.total,
-    Cells: Emulator.cells,
-    Repeat: Emulator.repeat,
-    Rounds: Emulator.rounds,
+    Declare: Emulator.declare,
+    Assign: Emulator.assign,
+    Accumulate: Emulator.accumulate,
+    Loop: Emulator.loop,
+    Sweep: Emulator.sweep,
+    Counted: Emulator.counted,
 }

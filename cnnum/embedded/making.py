@@ -10,10 +10,10 @@ from cnnum.embedded.c.files import Exported, exported
 from cnnum.embedded.c.program import c_text, size_of
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
 from cnnum.embedded.formats import Precision
-from cnnum.embedded.ir.statements import Array, IntegerProgram
 from cnnum.embedded.lowering.schedules import lower
 from cnnum.embedded.lowering.solvers import solvers_for
 from cnnum.embedded.measuring import inputs_of, measured
+from cnnum.embedded.program import Array, IntegerProgram
 from cnnum.embedded.sizes import NoFormats
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver

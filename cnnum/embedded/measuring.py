@@ -7,8 +7,8 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.embedded.emulator import Emulator, cleared
 from cnnum.embedded.formats import Precision
-from cnnum.embedded.ir.statements import array_name
 from cnnum.embedded.lowering.schedules import lower
+from cnnum.embedded.program import array_name
 from cnnum.embedded.sizes import NoFormats, Sizes
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver

@@ -8,20 +8,24 @@ before a shift among them, fits in 64 bits, or lowering refuses the program.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from cnnum.embedded.ir.expressions import Call, Expression, Item
-from cnnum.embedded.ir.primitives import PRIMITIVES, Bounds
-from cnnum.embedded.ir.statements import (
-    Cells,
-    Fold,
-    IntegerProgram,
-    Let,
-    Repeat,
-    Rounds,
-    Set,
+from cnnum.embedded.arithmetic.primitives import LOGIC
+from cnnum.embedded.emulator import added_in
+from cnnum.embedded.program import IntegerProgram
+from cnnum.kernels import (
+    Accumulate,
+    Assign,
+    Binary,
+    Bounds,
+    Call,
+    Counted,
+    Declare,
+    Element,
+    Expression,
+    Loop,
     Statement,
-    Store,
-    Total,
+    Sweep,
 )
+from cnnum.kernels.expressions import operands
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,12 +56,7 @@ class Range:
 def ranges(program: IntegerProgram) -> list[Range]:
     """Return the interval of every value of a program in whole numbers."""
     found = list[Range]()
-    for statement in _all(program.body):
-        value = statement.term if isinstance(statement, Total) else statement.value
-        name = statement.array if isinstance(statement, Store) else statement.name
-        bounds = value.bounds
-        if isinstance(statement, Let | Total) and statement.bounds is not None:
-            bounds = statement.bounds
+    for name, bounds, value in _all(program.body):
         if bounds is None:
             continue
         array = program.arrays.get(name)
@@ -69,12 +68,21 @@ def ranges(program: IntegerProgram) -> list[Range]:
     return found
 
 
-def _all(body: Sequence[Statement]) -> Iterator[Let | Set | Store | Fold | Total]:
+def _all(body: Sequence[Statement]) -> Iterator[tuple[str, Bounds | None, Expression]]:
+    """Yield the targets of statements, with their bounds and their values; sums once."""
+    sums = {name for one in body if isinstance(one, Loop) for name in added_in(one)}
     for statement in body:
-        if isinstance(statement, Cells | Repeat | Rounds):
+        if isinstance(statement, Declare) and statement.type == "real":
+            for name, value in statement.variables:
+                if value is not None and name.text not in sums:
+                    yield name.text, name.bounds, value
+        elif isinstance(statement, Assign | Accumulate):
+            target, value = statement.target, statement.value
+            name = target.array if isinstance(target, Element) else target
+            adds = isinstance(statement, Assign) and statement.sign == "+="
+            yield name.text, target.bounds if adds else value.bounds, value
+        elif isinstance(statement, Sweep | Loop | Counted):
             yield from _all(statement.body)
-        else:
-            yield statement
 
 
 def _bits(bounds: Bounds) -> int:
@@ -83,24 +91,19 @@ def _bits(bounds: Bounds) -> int:
 
 def widest(value: Expression) -> int:
     """Return the bits of the widest whole number on the way to a value."""
-    if isinstance(value, Item):
-        return widest(value.at)
-    if not isinstance(value, Call):
-        return 0 if value.bounds is None else _bits(value.bounds)
-    inner = max((widest(one) for one in value.arguments), default=0)
-    known = PRIMITIVES[value.primitive]
-    given = [one.bounds for one in value.arguments if one.bounds is not None]
-    if value.bounds is None or known.always is not None or len(given) < len(value.arguments):
+    inner = max((widest(one) for one in operands(value)), default=0)
+    if isinstance(value, Binary) and value.bounds == LOGIC:
         return inner
-    within = known.within(given, value.parameters)
-    return max([inner, _bits(value.bounds), *(_bits(one) for one in within)])
+    if isinstance(value, Element):
+        return inner
+    own = [value.bounds, value.within] if isinstance(value, Call) else [value.bounds]
+    return max([inner, *(_bits(one) for one in own if one is not None)])
 
 
 def saturating(value: Expression) -> bool:
     """Return whether a value, or a part of it, is limited."""
-    if not isinstance(value, Call):
-        return False
-    return value.primitive == "limit" or any(saturating(one) for one in value.arguments)
+    limits = isinstance(value, Call) and value.function == "limit"
+    return limits or any(saturating(one) for one in operands(value))
 
 
 def range_lines(program: IntegerProgram) -> list[str]:

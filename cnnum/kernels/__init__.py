@@ -1,15 +1,18 @@
-"""Kernels as records: expressions, statements, and the printer of OpenCL C.
+"""Kernels as records: expressions, statements, and a printer for each target.
 
-Other rooms name the records by this one: `ir.Sweep`, `ir.pick`.
+Other rooms import it as `ir` and name the records so: `ir.Sweep`, `ir.pick`.
 """
 
 from cnnum.kernels.expressions import (
     CELL,
+    COL,
     ONE,
     PLACE,
     ROUND,
+    ROW,
     ZERO,
     Binary,
+    Bounds,
     Call,
     Cast,
     Choice,
@@ -52,13 +55,15 @@ from cnnum.kernels.statements import (
     block,
     declare,
     fixed,
+    grid,
     sweep,
 )
 
 __all__ = [
-    "CELL", "ONE", "PLACE", "ROUND", "ZERO", "Accumulate", "Array", "Assign", "Binary", "Block",
-    "Branch", "Call", "Cast", "Choice", "Component", "Constant", "Counted", "Declare", "Element",
-    "Expression", "Integer", "Load", "Loop", "Name", "Negative", "Note", "Number", "Operand",
-    "Statement", "Store", "StripSteps", "Sweep", "Verbatim", "While", "add", "after", "block",
-    "call", "clip", "declare", "fixed", "pick", "real", "shifted", "size", "sweep", "total",
+    "CELL", "COL", "ONE", "PLACE", "ROUND", "ROW", "ZERO", "Accumulate", "Array", "Assign",
+    "Binary", "Block", "Bounds", "Branch", "Call", "Cast", "Choice", "Component", "Constant",
+    "Counted", "Declare", "Element", "Expression", "Integer", "Load", "Loop", "Name", "Negative",
+    "Note", "Number", "Operand", "Statement", "Store", "StripSteps", "Sweep", "Verbatim", "While",
+    "add", "after", "block", "call", "clip", "declare", "fixed", "grid", "pick", "real", "shifted",
+    "size", "sweep", "total",
 ]  # fmt: skip

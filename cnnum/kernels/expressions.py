@@ -2,17 +2,24 @@
 
     rate = (drive - x[i]) * tau        # is Binary("*", Binary("-", drive, Element(x, i)), tau)
 
-A number is exact: the printer rounds it to the number type of its kernel.
+A number is exact: the printer rounds it to the number type of its kernel. Whole numbers may have
+`bounds`, the interval that they cannot leave: a printer finds a type by it that is wide enough.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+
+Bounds = tuple[int, int]
+"""The least and the largest value of a whole number."""
 
 
 class Expression:
     """An expression with a value; operands may be whole numbers of Python, too."""
 
     __slots__ = ()
+
+    bounds: Bounds | None = None
+    """The interval of a whole number, where it is known."""
 
     def __add__(self, other: "Operand") -> "Binary":
         return Binary("+", self, operand(other))
@@ -73,6 +80,7 @@ class Name(Expression):
     """A variable or an array; its meaning depends on its place."""
 
     text: str
+    bounds: Bounds | None = None
 
     def __getitem__(self, at: Operand) -> "Element":
         return Element(self, operand(at))
@@ -91,6 +99,11 @@ class Integer(Expression):
 
     value: int
 
+    @property
+    def bounds(self) -> Bounds:  # type: ignore[override]  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The number itself."""
+        return self.value, self.value
+
 
 @dataclass(frozen=True, slots=True)
 class Number(Expression):
@@ -105,6 +118,7 @@ class Element(Expression):
 
     array: Name
     at: Expression
+    bounds: Bounds | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,10 +138,12 @@ class Load(Expression):
 
 @dataclass(frozen=True, slots=True)
 class Call(Expression):
-    """The result of a function of the kernel."""
+    """The result of a function of the kernel; `within` is the interval of values on the way."""
 
     function: str
     arguments: tuple[Expression, ...]
+    bounds: Bounds | None = None
+    within: Bounds | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +153,7 @@ class Binary(Expression):
     sign: str
     left: Expression
     right: Expression
+    bounds: Bounds | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,6 +161,7 @@ class Negative(Expression):
     """The operand with the other sign."""
 
     value: Expression
+    bounds: Bounds | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,6 +171,7 @@ class Choice(Expression):
     condition: Expression
     yes: Expression
     no: Expression
+    bounds: Bounds | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,16 +180,31 @@ class Cast(Expression):
 
     type: str
     value: Expression
+    bounds: Bounds | None = None
 
 
 ZERO, ONE, HUGE = Constant("ZERO"), Constant("ONE"), Constant("HUGE")
 CELL, PLACE, ROUND = Name("i"), Name("p"), Name("n")
-"""Variables of loops: a cell, its place in a padded array, a step."""
+ROW, COL = Name("r"), Name("c")
+"""Variables of loops: a cell, its place in a padded array, a step; a row, a column."""
 
 
 def operand(value: Operand) -> Expression:
     """Return an expression as it is, and a whole number as one."""
     return Integer(value) if isinstance(value, int) else value
+
+
+def operands(value: Expression) -> tuple[Expression, ...]:
+    """Return the expressions that an expression is made of, but for arrays."""
+    if isinstance(value, Binary):
+        return value.left, value.right
+    if isinstance(value, Call):
+        return value.arguments
+    if isinstance(value, Element):
+        return (value.at,)
+    if isinstance(value, Choice):
+        return value.condition, value.yes, value.no
+    return (value.value,) if isinstance(value, Negative | Cast) else ()
 
 
 def call(function: str, *arguments: Operand) -> Call:

@@ -1,4 +1,4 @@
-"""The number types of kernels: how they are called, and how their literals are written."""
+"""The number types of kernels: their names, and how their literals are written."""
 
 import math
 from dataclasses import dataclass, replace
@@ -99,3 +99,43 @@ def in_vectors(numbers: NumberType) -> NumberType:
 def number_type(dtype: np.dtype[np.floating]) -> NumberType:
     """Return the type of kernels whose arrays on the host have this one."""
     return FLOAT64 if dtype == np.float64 else FLOAT32
+
+
+@dataclass(frozen=True, slots=True)
+class WholeNumbers:
+    """Whole numbers of two widths: a value has the narrower one where its interval allows.
+
+    Attributes
+    ----------
+    narrow, wide : str
+        Names of the types.
+    bits : int
+        Of the narrow one.
+    macro : str
+        The macro that makes a literal of the wide one.
+    """
+
+    narrow: str
+    wide: str
+    bits: int
+    macro: str
+
+    def needs_wide(self, bounds: tuple[int, int]) -> bool:
+        """Return whether an interval needs more than the narrow type."""
+        return bounds[0] < -1 << (self.bits - 1) or bounds[1] >= 1 << (self.bits - 1)
+
+    def type_of(self, bounds: tuple[int, int]) -> str:
+        """Return the type of a variable that stays within an interval."""
+        return self.wide if self.needs_wide(bounds) else self.narrow
+
+    def literal(self, value: int) -> str:
+        """Return a whole number; C has no negative literals, so those stand in brackets."""
+        if value == -1 << (self.bits - 1):
+            return f"({value + 1} - 1)"
+        text = str(abs(value))
+        text = f"{self.macro}({text})" if self.needs_wide((value, value)) else text
+        return text if value >= 0 else f"(-{text})"
+
+
+INT32 = WholeNumbers("int32_t", "int64_t", 32, "INT64_C")
+"""Of C99."""

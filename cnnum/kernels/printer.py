@@ -1,8 +1,8 @@
-"""Records as text: OpenCL C, for a number type."""
+"""Records as text: the part that all targets share, which write C in their own dialects."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import ClassVar
 
 from cnnum.kernels.expressions import (
     Binary,
@@ -39,17 +39,30 @@ from cnnum.kernels.statements import (
     While,
 )
 
-_CHOICE, _UNARY, _PRIMARY = 1, 9, 10
-_RANKS = {
-    "||": 2, "&&": 3, "|": 4, "==": 5, "!=": 5, "<": 6, "<=": 6, ">": 6, ">=": 6, "+": 7, "-": 7,
-    "*": 8, "/": 8, "%": 8,
+CHOICE, UNARY, PRIMARY = 1, 12, 13
+RANKS = {
+    "||": 2, "&&": 3, "|": 4, "^": 5, "&": 6, "==": 7, "!=": 7, "<": 8, "<=": 8, ">": 8, ">=": 8,
+    ">>": 9, "+": 10, "-": 10, "*": 11, "/": 11, "%": 11,
 }  # fmt: skip
 """How tightly signs bind in C."""
 
+Ranked = tuple[str, int]
+"""A text, and how tightly it binds."""
+
+_WRITERS: dict[type, str] = {
+    Name: "name", Constant: "constant", Integer: "integer", Number: "number", Element: "element",
+    Component: "component", Load: "load", Call: "call", Binary: "binary", Negative: "negative",
+    Cast: "cast", Choice: "choice", Assign: "assign", Declare: "declare", Array: "array",
+    Store: "store", Accumulate: "accumulate", Note: "note", StripSteps: "strip_steps",
+    Verbatim: "verbatim", Block: "block", Branch: "branch", While: "during", Sweep: "sweep",
+    Loop: "loop", Counted: "counted",
+}  # fmt: skip
+"""The method of each record; a target need not have all of them."""
+
 
 @dataclass(frozen=True, slots=True)
-class OpenCLPrinter:
-    """Writes records as OpenCL C.
+class Printer:
+    """Writes records.
 
     Attributes
     ----------
@@ -61,13 +74,22 @@ class OpenCLPrinter:
     numbers: NumberType
     names: Mapping[str, str] = field(default_factory=dict[str, str])
 
+    count_type: ClassVar[str] = "int"
+    """Of variables of loops."""
+
     def expression(self, value: Expression) -> str:
         """Return the text of an expression."""
-        return _EXPRESSIONS[type(value)](self, value)[0]
+        return self.ranked(value)[0]
 
-    def name(self, name: Name) -> str:
-        """Return how a name is written."""
-        return self.names.get(name.text, name.text)
+    def ranked(self, value: Expression) -> Ranked:
+        """Return the text of an expression, and how tightly it binds."""
+        written: Ranked = getattr(self, _WRITERS[type(value)])(value)
+        return written
+
+    def within(self, value: Expression, least: int) -> str:
+        """Return the text of an operand of a sign that binds so tightly."""
+        text, rank = self.ranked(value)
+        return text if rank >= least else f"({text})"
 
     def lines(self, statements: Iterable[Statement], depth: int = 0) -> list[str]:
         """Return the lines of statements."""
@@ -75,184 +97,115 @@ class OpenCLPrinter:
         return [
             pad + line if line and line[0] != "#" else line
             for statement in statements
-            for line in self._written(statement)
+            for line in getattr(self, _WRITERS[type(statement)])(statement)
         ]
 
-    def within(self, value: Expression, least: int) -> str:
-        """Return the text of an operand of a sign that binds so tightly."""
-        text, rank = _EXPRESSIONS[type(value)](self, value)
-        return text if rank >= least else f"({text})"
+    # expressions
+
+    def name(self, name: Name) -> Ranked:
+        """Write a name."""
+        return self.names.get(name.text, name.text), PRIMARY
+
+    def constant(self, word: Constant) -> Ranked:
+        """Write a word."""
+        return word.text, PRIMARY
+
+    def integer(self, number: Integer) -> Ranked:
+        """Write a whole number."""
+        return str(number.value), UNARY if number.value < 0 else PRIMARY
+
+    def number(self, number: Number) -> Ranked:
+        """Write a number of the kernel's type."""
+        return self.numbers.literal(number.value), PRIMARY
+
+    def element(self, element: Element) -> Ranked:
+        """Write a number of an array."""
+        return f"{self.name(element.array)[0]}[{self.expression(element.at)}]", PRIMARY
+
+    def call(self, call: Call) -> Ranked:
+        """Write the result of a function."""
+        inner = ", ".join([self.expression(argument) for argument in call.arguments])
+        return f"{self.names.get(call.function, call.function)}({inner})", PRIMARY
+
+    def binary(self, both: Binary) -> Ranked:
+        """Write two operands and their sign."""
+        rank = RANKS[both.sign]
+        left, right = self.within(both.left, rank), self.within(both.right, rank + 1)
+        return f"{left} {both.sign} {right}", rank
+
+    def negative(self, negative: Negative) -> Ranked:
+        """Write an operand with the other sign."""
+        return f"-{self.within(negative.value, PRIMARY)}", UNARY
+
+    def cast(self, cast: Cast) -> Ranked:
+        """Write a number of another type."""
+        return f"({cast.type}){self.within(cast.value, UNARY)}", UNARY
+
+    def choice(self, choice: Choice) -> Ranked:
+        """Write one of two."""
+        condition = self.within(choice.condition, CHOICE + 1)
+        yes, no = self.expression(choice.yes), self.within(choice.no, CHOICE)
+        return f"{condition} ? {yes} : {no}", CHOICE
 
     # statements
 
-    def _written(self, statement: Statement) -> list[str]:
-        write = _STATEMENTS.get(type(statement))
-        if write is not None:
-            return write(self, statement)
-        assert isinstance(statement, Block | Branch | Sweep | Loop | Counted | While)
-        hint = [statement.hint] if isinstance(statement, Loop | Counted) and statement.hint else []
-        head = f"{self._head(statement)} {{".lstrip()
-        return [*hint, head, *self.lines(statement.body, 1), "}"]
+    def assign(self, assign: Assign) -> list[str]:
+        """Write an assignment."""
+        target, value = self.expression(assign.target), self.expression(assign.value)
+        if (assign.sign, value) == ("+=", "1"):
+            return [f"++{target};"]
+        return [f"{target} {assign.sign} {value};"]
 
-    def _head(self, statement: Block | Branch | Sweep | Loop | Counted | While) -> str:
-        if isinstance(statement, Block):
-            return ""
-        if isinstance(statement, Branch):
-            return f"if ({self.expression(statement.condition)})"
-        if isinstance(statement, While):
-            return f"while ({self.expression(statement.condition)})"
-        v = statement.variable.text
-        if isinstance(statement, Sweep):
-            return f"for (int {v} = 0; {v} < {statement.count}; ++{v})"
-        if isinstance(statement, Loop):
-            next = f"++{v}" if statement.step == 1 else f"{v} += {statement.step}"
-            condition = f"{v} < {self.within(operand(statement.end), _RANKS['<'] + 1)}"
-            return f"for (int {v} = {statement.start}; {condition}; {next})"
-        condition = self.expression(statement.condition)
-        return f"for (int {v} = {statement.start}; {condition}; ++{v})"
+    def declare(self, new: Declare) -> list[str]:
+        """Write new variables."""
+        parts = [
+            name.text if value is None else f"{name.text} = {self.expression(value)}"
+            for name, value in new.variables
+        ]
+        return [f"{'const ' if new.fixed else ''}{new.type} {', '.join(parts)};"]
 
+    def accumulate(self, taken: Accumulate) -> list[str]:
+        """Write that a variable takes in a value."""
+        target = self.expression(taken.target)
+        if taken.how == "+":
+            return [f"{target} = {target} + {self.within(taken.value, RANKS['+'] + 1)};"]
+        return [f"{target} = {taken.how}({target}, {self.expression(taken.value)});"]
 
-Ranked = tuple[str, int]
-"""A text, and how tightly it binds."""
+    def note(self, note: Note) -> list[str]:
+        """Write a comment."""
+        return [note.text]
 
+    def block(self, block: Block) -> list[str]:
+        """Write a block."""
+        return self._body("", block.body)
 
-def _name(printer: OpenCLPrinter, name: Name) -> Ranked:
-    return printer.names.get(name.text, name.text), _PRIMARY
+    def branch(self, branch: Branch) -> list[str]:
+        """Write a branch."""
+        return self._body(f"if ({self.expression(branch.condition)})", branch.body)
 
+    def during(self, rounds: While) -> list[str]:
+        """Write rounds as long as a condition holds."""
+        return self._body(f"while ({self.expression(rounds.condition)})", rounds.body)
 
-def _constant(printer: OpenCLPrinter, word: Constant) -> Ranked:
-    del printer
-    return word.text, _PRIMARY
+    def sweep(self, sweep: Sweep) -> list[str]:
+        """Write a sweep as a loop."""
+        v = sweep.variable.text
+        head = f"for ({self.count_type} {v} = 0; {v} < {sweep.count}; ++{v})"
+        return self._body(head, sweep.body, sweep.hint)
 
+    def loop(self, loop: Loop) -> list[str]:
+        """Write a loop over numbers."""
+        v = loop.variable.text
+        next = f"++{v}" if loop.step == 1 else f"{v} += {loop.step}"
+        condition = f"{v} < {self.within(operand(loop.end), RANKS['<'] + 1)}"
+        head = f"for ({self.count_type} {v} = {loop.start}; {condition}; {next})"
+        return self._body(head, loop.body, loop.hint)
 
-def _integer(printer: OpenCLPrinter, number: Integer) -> Ranked:
-    del printer
-    return str(number.value), _UNARY if number.value < 0 else _PRIMARY
+    def counted(self, loop: Counted) -> list[str]:
+        """Write rounds one after the other."""
+        v, condition = loop.variable.text, self.expression(loop.condition)
+        head = f"for ({self.count_type} {v} = {loop.start}; {condition}; ++{v})"
+        return self._body(head, loop.body, loop.hint)
 
-
-def _number(printer: OpenCLPrinter, number: Number) -> Ranked:
-    return printer.numbers.literal(number.value), _PRIMARY
-
-
-def _element(printer: OpenCLPrinter, element: Element) -> Ranked:
-    return f"{printer.name(element.array)}[{printer.expression(element.at)}]", _PRIMARY
-
-
-def _component(printer: OpenCLPrinter, component: Component) -> Ranked:
-    return f"{printer.name(component.vector)}.s{component.lane:x}", _PRIMARY
-
-
-def _load(printer: OpenCLPrinter, load: Load) -> Ranked:
-    return f"*(__global const vec *)({printer.expression(load.place)})", _UNARY
-
-
-def _call(printer: OpenCLPrinter, call: Call) -> Ranked:
-    inner = ", ".join([printer.expression(argument) for argument in call.arguments])
-    return f"{printer.names.get(call.function, call.function)}({inner})", _PRIMARY
-
-
-def _binary(printer: OpenCLPrinter, both: Binary) -> Ranked:
-    rank = _RANKS[both.sign]
-    left, right = printer.within(both.left, rank), printer.within(both.right, rank + 1)
-    return f"{left} {both.sign} {right}", rank
-
-
-def _negative(printer: OpenCLPrinter, negative: Negative) -> Ranked:
-    return f"-{printer.within(negative.value, _PRIMARY)}", _UNARY
-
-
-def _cast(printer: OpenCLPrinter, cast: Cast) -> Ranked:
-    return f"({cast.type}){printer.within(cast.value, _UNARY)}", _UNARY
-
-
-def _choice(printer: OpenCLPrinter, choice: Choice) -> Ranked:
-    condition = printer.within(choice.condition, _CHOICE + 1)
-    yes, no = printer.expression(choice.yes), printer.within(choice.no, _CHOICE)
-    return f"{condition} ? {yes} : {no}", _CHOICE
-
-
-_EXPRESSIONS: dict[type[Expression], Callable[[OpenCLPrinter, Any], Ranked]] = {
-    Name: _name,
-    Constant: _constant,
-    Integer: _integer,
-    Number: _number,
-    Element: _element,
-    Component: _component,
-    Load: _load,
-    Call: _call,
-    Binary: _binary,
-    Negative: _negative,
-    Cast: _cast,
-    Choice: _choice,
-}
-
-
-def _assign(printer: OpenCLPrinter, assign: Assign) -> list[str]:
-    target, value = printer.expression(assign.target), printer.expression(assign.value)
-    if (assign.sign, value) == ("+=", "1"):
-        return [f"++{target};"]
-    return [f"{target} {assign.sign} {value};"]
-
-
-def _declare(printer: OpenCLPrinter, new: Declare) -> list[str]:
-    parts = [
-        name.text if value is None else f"{name.text} = {printer.expression(value)}"
-        for name, value in new.variables
-    ]
-    return [f"{'const ' if new.fixed else ''}{new.type} {', '.join(parts)};"]
-
-
-def _array(printer: OpenCLPrinter, array: Array) -> list[str]:
-    if array.start is None:
-        return [f"real {array.name.text}[{array.length}];"]
-    return [f"__global real *const {array.name.text} = {printer.expression(array.start)};"]
-
-
-def _store(printer: OpenCLPrinter, store: Store) -> list[str]:
-    place, value = printer.expression(store.place), printer.expression(store.value)
-    return [f"*(__global vec *)({place}) = {value};"]
-
-
-def _accumulate(printer: OpenCLPrinter, taken: Accumulate) -> list[str]:
-    target = printer.expression(taken.target)
-    if taken.how == "+":
-        return [f"{target} = {target} + {printer.within(taken.value, _RANKS['+'] + 1)};"]
-    return [f"{target} = {taken.how}({target}, {printer.expression(taken.value)});"]
-
-
-def _note(printer: OpenCLPrinter, note: Note) -> list[str]:
-    del printer
-    return [note.text]
-
-
-def _strips(printer: OpenCLPrinter, steps: StripSteps) -> list[str]:
-    levels = None if steps.levels is None else printer.expression(steps.levels)
-    return [steps.strips.within(levels)]
-
-
-def _verbatim(printer: OpenCLPrinter, text: Verbatim) -> list[str]:
-    written = ""
-    for piece in text.pieces:
-        if isinstance(piece, str):
-            written += piece
-        elif isinstance(piece, Expression):
-            written += printer.expression(piece)
-        else:
-            # statements stand as deep as the line that they begin
-            pad = written[written.rfind("\n") + 1 :]
-            depth = len(pad) // 4 if not pad.strip() else 0
-            written += "\n".join(printer.lines(piece, depth))[len(pad) if depth else 0 :]
-    return written.splitlines()
-
-
-_STATEMENTS: dict[type, Callable[[OpenCLPrinter, Any], list[str]]] = {
-    Assign: _assign,
-    Declare: _declare,
-    Array: _array,
-    Store: _store,
-    Accumulate: _accumulate,
-    Note: _note,
-    StripSteps: _strips,
-    Verbatim: _verbatim,
-}
-"""All that have no body."""
+    def _body(self, head: str, body: Iterable[Statement], hint: str = "") -> list[str]:
+        return [*([hint] if hint else []), f"{head} {{".lstrip(), *self.lines(body, 1), "}"]

@@ -4,6 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from cnnum.kernels.expressions import (
+    CELL,
+    COL,
+    PLACE,
+    ROW,
     Element,
     Expression,
     Name,
@@ -28,7 +32,8 @@ class Declare:
     Attributes
     ----------
     type : str
-        `real`, a number in every lane; `int`; or `scalar`, a number of a buffer's type.
+        `real`, a number of the kernel, in every lane; `int`, a place or a count; or `scalar`, a
+        number of a buffer's type.
     variables : tuple of (Name, Expression or None)
     fixed : bool
         Nothing assigns to them.
@@ -108,11 +113,14 @@ class Sweep:
     count : int
     body : tuple of Statement
         Rounds write to places of their own; common results are accumulated.
+    hint : str
+        A request to compilers: a line before it.
     """
 
     variable: Name
     count: int
     body: "tuple[Statement, ...]"
+    hint: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -233,3 +241,10 @@ def block(*body: Statement) -> Block:
 def sweep(variable: Name, count: int, body: Sequence[Statement]) -> Sweep:
     """Return a sweep."""
     return Sweep(variable, count, tuple(body))
+
+
+def grid(rows: int, cols: int, radius: int, body: Sequence[Statement], hint: str = "") -> Sweep:
+    """Return a sweep over cells `i` that stand at `p` in arrays with a rim of a width."""
+    place = (ROW + radius) * (cols + 2 * radius) + COL + radius
+    places = Declare("int", ((CELL, ROW * cols + COL), (PLACE, place)), fixed=True)
+    return Sweep(ROW, rows, (Sweep(COL, cols, (places, *body), hint),))

@@ -56,6 +56,11 @@ def uses(statements: tuple[Statement, ...]) -> Uses:
     )
 
 
+def names_in(value: Any) -> set[str]:
+    """Return all variables and arrays of a record, or of a tuple of them."""
+    return {record.text for record in _records(value) if isinstance(record, Name)}
+
+
 def declared(records: Any) -> Iterator[str]:
     """Yield the names that statements declare themselves."""
     for record in records:

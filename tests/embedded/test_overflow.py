@@ -65,7 +65,8 @@ def test_the_export_prints_the_intervals():
 
 
 def test_a_sum_before_its_shift_is_counted():
-    from cnnum.embedded.ir.expressions import Name, Whole, call, shifted
+    from cnnum.embedded.arithmetic.whole import call, shifted
+    from cnnum.kernels import Integer, Name
 
-    product = call("multiply", Name("n", (0, 2**30)), Whole(2**30 + 1))
+    product = call("multiply", Name("n", (0, 2**30)), Integer(2**30 + 1))
     assert widest(shifted(product, -40)) == 62

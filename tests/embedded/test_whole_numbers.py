@@ -9,12 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, constant, significant
+from cnnum.embedded.arithmetic.primitives import PRIMITIVES, cube_root, quotient, root
+from cnnum.embedded.arithmetic.whole import call, limited, shifted
 from cnnum.embedded.emulator import Emulator
 from cnnum.embedded.formats import Format, fitting, is_integer, precision_named
-from cnnum.embedded.ir.expressions import Name, Whole, call, limited, shifted
-from cnnum.embedded.ir.primitives import PRIMITIVES, cube_root, quotient, root
-from cnnum.embedded.ir.statements import IntegerProgram
+from cnnum.embedded.program import IntegerProgram
 from cnnum.errors import NotSupportedError, UnknownNameError
+from cnnum.kernels import Integer, Name
 
 WORDS = st.integers(-(2**30), 2**30 - 1)
 FRACTIONS = st.integers(0, 30)
@@ -30,13 +31,13 @@ def exact(quantity):
 
 
 def of(whole, fraction):
-    return Quantity(Whole(whole), fraction)
+    return Quantity(Integer(whole), fraction)
 
 
 @given(WORDS, st.integers(1, 40))
 def test_a_shift_down_rounds_to_the_nearest_and_halves_up(whole, places):
     wanted = (Fraction(whole, 2**places) + Fraction(1, 2)).__floor__()
-    assert value_of(call("down", Whole(whole), parameters=(places,))) == wanted
+    assert value_of(shifted(Integer(whole), -places)) == wanted
 
 
 @given(st.integers(-(2**61), 2**61), st.integers(-(2**61), 2**61))
@@ -118,7 +119,7 @@ def test_a_constant_factor_keeps_its_bits(number, bits):
 @given(WORDS, st.integers(2, 31))
 def test_what_does_not_fit_saturates(whole, bits):
     form = Format(bits, 0)
-    assert value_of(limited(Whole(whole), form.least, form.largest)) == max(
+    assert value_of(limited(Integer(whole), form.least, form.largest)) == max(
         form.least, min(form.largest, whole)
     )
 
@@ -126,25 +127,25 @@ def test_what_does_not_fit_saturates(whole, bits):
 @given(WORDS, WORDS, st.sampled_from(["add", "subtract", "multiply", "minimum", "maximum"]))
 def test_intervals_hold_the_values(a, b, which):
     low, high = sorted((a, b))
-    value = value_of(call(which, Whole(a), Whole(b)))
-    bounds = PRIMITIVES[which].bounds([(low, high), (low, high)], ())
+    value = value_of(call(which, Integer(a), Integer(b)))
+    bounds = PRIMITIVES[which].bounds([(low, high), (low, high)])
     assert bounds[0] <= value <= bounds[1]
 
 
 def test_an_intermediate_beyond_64_bits_is_refused():
     with pytest.raises(NotSupportedError, match="64 bits"):
-        shifted(call("multiply", Name("n", (0, 2**40)), Whole(2**20)), 10)
+        shifted(call("multiply", Name("n", (0, 2**40)), Integer(2**20)), 10)
 
 
 def test_an_interval_of_one_number_is_that_number():
     # a product of two constants overflowed in the C text, where both were of 32 bits
-    assert call("multiply", Whole(-76_303_427), Whole(8192)) == Whole(-76_303_427 * 8192)
-    assert call("multiply", Name("n", (0, 0)), Whole(2**58)) == Whole(0)
+    assert call("multiply", Integer(-76_303_427), Integer(8192)) == Integer(-76_303_427 * 8192)
+    assert call("multiply", Name("n", (0, 0)), Integer(2**58)) == Integer(0)
 
 
 def test_powers_of_two_only_move_the_point():
     found = Fixed(16).multiply(of(12345, 10), constant(0.25), 30)
-    assert found == Quantity(Whole(12345), 12)
+    assert found == Quantity(Integer(12345), 12)
 
 
 def test_precisions_by_name():

@@ -28,7 +28,7 @@ from cnnum.kernels.expressions import (
 from cnnum.kernels.formulas import formula
 from cnnum.kernels.launch_plan import Launch, Rounds
 from cnnum.kernels.number_types import FLOAT32, FLOAT64, in_vectors
-from cnnum.kernels.printer import OpenCLPrinter
+from cnnum.kernels.opencl import OpenCLPrinter
 from cnnum.kernels.statements import (
     Accumulate,
     Array,

@@ -4,8 +4,9 @@ from collections.abc import Sequence
 
 from cnnum.embedded.arithmetic.fixed import Fixed, Quantity
 from cnnum.embedded.arithmetic.reals import Reals
-from cnnum.embedded.ir.expressions import Expression, Whole, call
+from cnnum.embedded.arithmetic.whole import call, opposite
 from cnnum.errors import NotSupportedError
+from cnnum.kernels import Expression, Integer
 
 Arithmetic = Fixed | Reals
 
@@ -18,7 +19,9 @@ def applied(arithmetic: Arithmetic, name: str, given: Sequence[Quantity], finest
     NotSupportedError
         If the precision has no such operation.
     """
-    if name in ("and", "or", "xor", "not"):
+    if name == "not":
+        return Quantity(opposite(_logic(given[0])))
+    if name in ("and", "or", "xor"):
         return Quantity(call(name, *(_logic(one) for one in given)))
     if name == "select":
         holds, yes, no = given
@@ -64,4 +67,4 @@ def _of_two(arithmetic: Arithmetic, name: str, a: Quantity, b: Quantity, finest:
 
 def _logic(one: Quantity) -> Expression:
     """Return a flag as 0 or 1."""
-    return one.value if one.exact is None else Whole(int(one.exact != 0))
+    return one.value if one.exact is None else Integer(int(one.exact != 0))

@@ -10,18 +10,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, floor, log2
 
+from cnnum.embedded.arithmetic.whole import call, limited, magnitude, shifted, total
 from cnnum.embedded.formats import FINEST, Format
-from cnnum.embedded.ir.expressions import (
-    Expression,
-    Real,
-    Whole,
-    call,
-    limited,
-    magnitude,
-    shifted,
-    total,
-)
 from cnnum.errors import NotSupportedError
+from cnnum.kernels import Expression, Integer, Number
 
 ROOM = 62
 """Bits of a magnitude before a division or a root."""
@@ -49,7 +41,7 @@ class Quantity:
 
 def constant(number: float) -> Quantity:
     """Return a constant."""
-    return Quantity(Real(number), 0, Fraction(number))
+    return Quantity(Number(number), 0, Fraction(number))
 
 
 def nearest(number: Fraction) -> int:
@@ -85,7 +77,7 @@ class Fixed:
     def brought(self, one: Quantity, fraction: int) -> Expression:
         """Return the whole numbers of a quantity at another fraction."""
         if one.exact is not None:
-            return Whole(nearest(one.exact * Fraction(2) ** fraction))
+            return Integer(nearest(one.exact * Fraction(2) ** fraction))
         return shifted(one.value, fraction - one.fraction)
 
     def common(self, some: Sequence[Quantity], finest: int) -> int:
@@ -130,7 +122,7 @@ class Fixed:
         if one.exact is None:
             return one
         whole, fraction = significant(one.exact, 31)
-        return Quantity(Whole(whole), min(fraction, FINEST))
+        return Quantity(Integer(whole), min(fraction, FINEST))
 
     def multiply(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
         """Return a · b; a factor that is a power of two only moves the point."""
@@ -142,7 +134,7 @@ class Fixed:
             if abs(whole) == 1:
                 value = a.value if whole == 1 else call("negate", a.value)
                 return Quantity(value, a.fraction + fraction)
-            other: Expression = Whole(whole)
+            other: Expression = Integer(whole)
         else:
             other, fraction = b.value, b.fraction
         fraction += a.fraction
@@ -180,7 +172,7 @@ class Fixed:
         if exponent == Fraction(1, 2):
             return self.root(a, finest)
         if exponent.denominator == 1 and 1 <= exponent <= 4:
-            positive = Quantity(call("maximum", a.value, Whole(0)), a.fraction)
+            positive = Quantity(call("maximum", a.value, Integer(0)), a.fraction)
             found = positive
             for _ in range(int(exponent) - 1):
                 found = self.multiply(found, positive, finest)
@@ -252,10 +244,10 @@ class Fixed:
         for weight, (_, one) in zip(whole, terms, strict=True):
             if not weight:
                 continue
-            term = one.value if weight == 1 else call("multiply", one.value, Whole(weight))
+            term = one.value if weight == 1 else call("multiply", one.value, Integer(weight))
             sums.setdefault(one.fraction, []).append(term)
         if not sums:
-            return Quantity(Whole(0), 0)
+            return Quantity(Integer(0), 0)
         met = max(sums)
         met = min(met, min(sums) + SPREAD)
         whole_sum = total([shifted(total(each), met - at) for at, each in sorted(sums.items())])

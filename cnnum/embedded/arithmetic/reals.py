@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from cnnum.embedded.arithmetic.fixed import Quantity
+from cnnum.embedded.arithmetic.whole import call, total
 from cnnum.embedded.formats import Format
-from cnnum.embedded.ir.expressions import Expression, Real, call, total
+from cnnum.kernels import Expression, Number
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +55,7 @@ class Reals:
 
     def power(self, a: Quantity, exponent: Fraction, finest: int) -> Quantity:
         """Return a to a power; 0 where a is not above 0."""
-        return Quantity(call("power", _real(a), Real(float(exponent))))
+        return Quantity(call("power", _real(a), Number(float(exponent))))
 
     def exponential(self, a: Quantity, finest: int) -> Quantity:
         """Return e to the power of a."""
@@ -81,8 +82,8 @@ class Reals:
 
     def weighted(self, terms: Sequence[tuple[float, Quantity]], finest: int) -> Quantity:
         """Return a sum of quantities with weights."""
-        known = [call("multiply", _real(one), Real(weight)) for weight, one in terms if weight]
-        return Quantity(total(known) if known else Real(0.0))
+        known = [call("multiply", _real(one), Number(weight)) for weight, one in terms if weight]
+        return Quantity(total(known) if known else Number(0.0))
 
 
 def _real(one: Quantity) -> Expression:

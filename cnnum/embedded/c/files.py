@@ -7,15 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from cnnum.embedded.c.expressions import element_type, real, whole
 from cnnum.embedded.c.program import (
     c_text,
+    element_type,
+    literal,
     members,
     size_of,
     table_lines,
 )
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
-from cnnum.embedded.ir.statements import Array, IntegerProgram
+from cnnum.embedded.program import Array, IntegerProgram
 from cnnum.embedded.ranges import range_lines
 
 
@@ -237,11 +238,10 @@ _COMPARED = {
 
 
 def _rows(name: str, array: Array, rows: Sequence[Numbers]) -> list[str]:
-    write = whole if array.format is not None or array.logic else real
     length = max(1, array.length)
     lines = [f"static const {element_type(array)} {name}[{len(rows)}][{length}] = {{"]
     for row in rows:
-        texts = [write(one) for one in np.broadcast_to(row, (1, length)).ravel().tolist()]
+        texts = [literal(array, one) for one in np.broadcast_to(row, (1, length)).ravel().tolist()]
         lines.append(f"    {{{', '.join(texts)}}},")
     return [*lines, "};", ""]
 

@@ -2,7 +2,7 @@
 
 from cnnum.embedded.c.files import identifier, structures
 from cnnum.embedded.c.program import CText, table_lines
-from cnnum.embedded.ir.statements import IntegerProgram
+from cnnum.embedded.program import IntegerProgram
 
 KERNEL = "frames"
 

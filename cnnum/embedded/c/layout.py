@@ -6,10 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.embedded.c.expressions import element_type
-from cnnum.embedded.c.program import WIDTHS
+from cnnum.embedded.c.program import WIDTHS, element_type
 from cnnum.embedded.emulator import Numbers
-from cnnum.embedded.ir.statements import Array
+from cnnum.embedded.program import Array
 
 CODES = {"float": "<f4", "uint8_t": "<u1", "int8_t": "<i1", "int16_t": "<i2", "int32_t": "<i4"}
 

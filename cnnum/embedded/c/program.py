@@ -5,11 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.embedded.c.expressions import CExpressions, element_type, real, whole
 from cnnum.embedded.c.helpers import HELPERS
-from cnnum.embedded.c.statements import CStatements, changed_in, live
-from cnnum.embedded.ir.statements import Array, IntegerProgram
+from cnnum.embedded.program import Array, IntegerProgram
+from cnnum.kernels import Number
+from cnnum.kernels.c99 import C99Printer
+from cnnum.kernels.live import live
+from cnnum.kernels.number_types import FLOAT32, INT32
+from cnnum.kernels.uses import names_in
 
+PREFIX = {"input": "in->", "state": "m->", "work": "m->", "output": "out->", "table": ""}
 WIDTHS = {"uint8_t": 1, "int8_t": 1, "int16_t": 2, "int32_t": 4, "float": 4}
 
 
@@ -37,23 +41,40 @@ class CText:
 
 def c_text(program: IntegerProgram) -> CText:
     """Return the parts of a program's text; of its arrays only those that are read."""
-    needed = set[str]()
-    body = live(program.body, needed)
-    # twice: a memory that only its own old value reads is still read
-    used = set[str]()
-    lines = CStatements(CExpressions(program.arrays, used), changed_in(body)).lines(body)
-    named = used | needed
+    body = live(program.body, set[str]())
+    printer = C99Printer(
+        FLOAT32,
+        {name: f"{PREFIX[one.kind]}{name}" for name, one in program.arrays.items()},
+        {name: element_type(one) for name, one in program.arrays.items()},
+        HELPERS,
+    )
+    lines, used = printer.lines(body, 1), names_in(body)
     text = "\n".join(lines)
     helpers = [code for name, code in HELPERS.items() if f"{name}(" in text]
-    arrays = [
-        one for one in program.arrays.values() if one.name in named or f"->{one.name}" in text
-    ]
+    arrays = [one for one in program.arrays.values() if one.name in used]
     return CText(
         helpers,
         [one for one in arrays if one.kind == "table"],
         lines,
         [one for one in arrays if one.kind in ("state", "work")],
     )
+
+
+def element_type(array: Array) -> str:
+    """Return the C type of an array's numbers."""
+    if array.logic:
+        return "uint8_t"
+    if array.format is None:
+        return FLOAT32.scalar
+    bits = next(bits for bits in (8, 16, 32) if array.format.bits <= bits)
+    return f"int{bits}_t"
+
+
+def literal(array: Array, value: float) -> str:
+    """Return a number of an array as C writes it."""
+    if array.format is None and not array.logic:
+        return C99Printer(FLOAT32).expression(Number(value))
+    return INT32.literal(int(value))
 
 
 def members(arrays: Iterable[Array]) -> list[str]:
@@ -81,8 +102,7 @@ def table_lines(array: Array, kind: str) -> list[str]:
     """Return the definition of a table."""
     assert array.values is not None
     flat = np.asarray(array.values).ravel()
-    write = real if array.format is None else whole
-    numbers = [write(one) for one in flat.tolist()]
+    numbers = [literal(array, one) for one in flat.tolist()]
     rows = [numbers[at : at + 12] for at in range(0, len(numbers), 12)]
     lines = [f"    {', '.join(row)}," for row in rows]
     head = f"{kind} {element_type(array)} {array.name}[{array.length}] = {{"

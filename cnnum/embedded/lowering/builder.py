@@ -10,10 +10,21 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Shape
 from cnnum.embedded.arithmetic.elements import Arithmetic
 from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, nearest
+from cnnum.embedded.arithmetic.whole import item
 from cnnum.embedded.formats import Format
-from cnnum.embedded.ir.expressions import Expression, Item, Name, Real, Whole
-from cnnum.embedded.ir.statements import Array, Cells, Kind, Let, Statement, Store
+from cnnum.embedded.program import Array, Kind
 from cnnum.embedded.sizes import Formats
+from cnnum.kernels import (
+    Assign,
+    Expression,
+    Integer,
+    Name,
+    Number,
+    Statement,
+    fixed,
+    grid,
+    sweep,
+)
 
 CELL = Name("i", (0, 1 << 16))
 PLACE = Name("p", (0, 1 << 16))
@@ -94,18 +105,19 @@ class Builder:
     def item(self, array: Array, at: Expression = CELL) -> Quantity:
         """Return a number of an array."""
         fraction = 0 if array.format is None else array.format.fraction
-        return Quantity(Item(array.name, at, array.bounds), fraction)
+        return Quantity(item(array.name, at, array.bounds), fraction)
 
     def let(self, name: str, one: Quantity) -> Quantity:
         """Return a quantity by a new name."""
-        self.body.append(Let(name, one.value))
+        made = Name(name, one.value.bounds)
+        self.body.append(fixed(made, one.value))
         self.fractions[name] = one.fraction
-        return Quantity(Name(name, one.value.bounds), one.fraction)
+        return Quantity(made, one.fraction)
 
     def stored(self, one: Quantity, array: Array) -> Expression:
         """Return the expression that an array holds for a quantity."""
         if array.logic:
-            return one.value if one.exact is None else Whole(int(one.exact != 0))
+            return one.value if one.exact is None else Integer(int(one.exact != 0))
         if array.format is None:
             return one.value
         assert isinstance(self.arithmetic, Fixed)
@@ -113,23 +125,27 @@ class Builder:
 
     def store(self, array: Array, one: Quantity, at: Expression = CELL) -> None:
         """Store a quantity in an array."""
-        self.body.append(Store(array.name, at, self.stored(one, array)))
+        self.body.append(self.store_to(array, self.stored(one, array), at))
+
+    def store_to(self, array: Array, value: Expression, at: Expression = CELL) -> Assign:
+        """Return the statement that stores a number of an array."""
+        return Assign(item(array.name, at, array.bounds), value)
 
     def zero(self) -> Expression:
         """Return 0."""
-        return Whole(0) if self.integer else Real(0.0)
+        return Integer(0) if self.integer else Number(0.0)
 
     def whole(self, value: float, array: Array) -> Expression:
         """Return a constant as an array holds it."""
         if array.format is None:
-            return Real(value)
+            return Number(value)
         from fractions import Fraction
 
         found = nearest(Fraction(value) * Fraction(2) ** array.format.fraction)
-        return Whole(max(array.format.least, min(array.format.largest, found)))
+        return Integer(max(array.format.least, min(array.format.largest, found)))
 
     def loop(self, body: Sequence[Statement], *, cols: bool = False, halo: int = 0) -> None:
         """Write a loop over cells."""
         if body:
-            width = self.shape[1] if cols else 0
-            self.body.append(Cells(self.cells, tuple(body), width, halo))
+            over = grid(*self.shape, halo, body) if cols else sweep(CELL, self.cells, body)
+            self.body.append(over)

@@ -4,11 +4,21 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from cnnum.embedded.arithmetic.fixed import Quantity
-from cnnum.embedded.ir.expressions import Expression, Name, Whole, call
-from cnnum.embedded.ir.primitives import LOGIC
-from cnnum.embedded.ir.statements import Array, Fold, Let, Rounds, Set, Statement, Store
-from cnnum.embedded.lowering.builder import CELL
+from cnnum.embedded.arithmetic.primitives import LOGIC
+from cnnum.embedded.arithmetic.whole import call, opposite
+from cnnum.embedded.program import Array
 from cnnum.graph.nodes import CAPTURED, Loop, Node, Parameter, Pick
+from cnnum.kernels import (
+    ROUND,
+    Accumulate,
+    Assign,
+    Counted,
+    Expression,
+    Integer,
+    Name,
+    Statement,
+    declare,
+)
 
 if TYPE_CHECKING:
     from cnnum.embedded.lowering.schedules import Lowering
@@ -44,21 +54,21 @@ def lower_loop(work: "Lowering", node: Node) -> None:
         _carried(work, f"c{node.index}_{k}", one, result)
         for k, (one, result) in enumerate(zip(rest, loop.results, strict=False))
     ]
-    running, rounds = f"running{node.index}", f"rounds{node.index}"
-    to.body.append(Let(running, _flag(work, start), LOGIC))
-    to.body.append(Let(rounds, Whole(0), (0, loop.limit)))
+    running = Name(f"running{node.index}", LOGIC)
+    rounds = Name(f"rounds{node.index}", (0, loop.limit))
+    to.body += [declare(running, _flag(work, start)), declare(rounds, 0)]
     with work.within() as body:
         again = _round(work, node, carried, rest[len(loop.results) :])
-        more = call("add", Name(rounds, (0, loop.limit)), Whole(1))
-        to.body.append(Set(rounds, call("minimum", more, Whole(loop.limit))))
-        to.body.append(Set(running, again))
-    to.body.append(Rounds(running, loop.limit, tuple(body)))
-    _picked(work, node, carried, Name(running, LOGIC), Name(rounds, (0, loop.limit)))
+        more = call("add", rounds, Integer(1))
+        to.body.append(Assign(rounds, call("minimum", more, Integer(loop.limit))))
+        to.body.append(Assign(running, again))
+    to.body.append(Counted(ROUND, 0, loop.limit, running, tuple(body)))
+    _picked(work, node, carried, running, rounds)
 
 
 def _flag(work: "Lowering", node: Node) -> Expression:
     one = work.numbers[node.index]
-    return one.value if one.exact is None else Whole(int(one.exact != 0))
+    return one.value if one.exact is None else Integer(int(one.exact != 0))
 
 
 def _carried(work: "Lowering", name: str, start: Node, result: Node) -> Carried:
@@ -67,7 +77,8 @@ def _carried(work: "Lowering", name: str, start: Node, result: Node) -> Carried:
     if result.scalar:
         form = to.formats.register(name)
         array = Array(name, "work", 0, None if logic else form, logic=logic)
-        to.body.append(Let(name, to.stored(work.numbers[start.index], array), array.bounds))
+        begun = to.stored(work.numbers[start.index], array)
+        to.body.append(declare(Name(name, array.bounds or begun.bounds), begun))
         to.fractions[name] = 0 if array.format is None else array.format.fraction
         return Carried(array, scalar=True)
     form = to.formats.kept(name)
@@ -104,12 +115,12 @@ def _round(
         else:
             inner.maps[one.index] = known.array
     inner.levelwise()
-    changed = f"changed{node.index}"
-    to.body.append(Let(changed, Whole(0), LOGIC))
+    changed = Name(f"changed{node.index}", LOGIC)
+    to.body.append(declare(changed, 0))
     _hand_on(inner, loop, carried, changed)
     if loop.again is not None:
         return _flag(inner, loop.again)
-    return Name(changed, LOGIC)
+    return changed
 
 
 def _number(array: Array) -> Quantity:
@@ -117,18 +128,18 @@ def _number(array: Array) -> Quantity:
     return Quantity(Name(array.name, array.bounds), fraction)
 
 
-def _hand_on(inner: "Lowering", loop: Loop, carried: list[Carried], changed: str) -> None:
+def _hand_on(inner: "Lowering", loop: Loop, carried: list[Carried], changed: Name) -> None:
     """Write the values of the next round; all are read before any is written."""
     to = inner.to
     maps = [(one, n) for one, n in zip(carried, loop.results, strict=True) if not one.scalar]
     numbers = [(one, n) for one, n in zip(carried, loop.results, strict=True) if one.scalar]
     known, last = dict(inner.numbers), list[Statement]()
     for one, result in numbers:
-        name = one.array.name
+        old = Name(one.array.name, one.array.bounds)
         new = Quantity(to.stored(inner.numbers[result.index], one.array), 0)
-        value = to.let(f"new_{name}", new).value
-        moved = call("not", call("equal", value, Name(name, one.array.bounds)))
-        last += [Set(changed, call("or", Name(changed, LOGIC), moved)), Set(name, value)]
+        value = to.let(f"new_{old.text}", new).value
+        moved = opposite(call("equal", value, old))
+        last += [Assign(changed, call("or", changed, moved)), Assign(old, value)]
     with inner.within() as body:
         values = [(one.array, inner.operand(result)) for one, result in maps]
         news = [
@@ -136,8 +147,8 @@ def _hand_on(inner: "Lowering", loop: Loop, carried: list[Carried], changed: str
             for array, one in values
         ]
         for array, value in news:
-            moved = call("not", call("equal", value, to.item(array).value))
-            to.body += [Fold(changed, "maximum", moved), Store(array.name, CELL, value)]
+            moved = opposite(call("equal", value, to.item(array).value))
+            to.body += [Accumulate(changed, "maximum", moved), to.store_to(array, value)]
     inner.numbers = known
     to.loop(body)
     to.body += last
@@ -158,7 +169,7 @@ def _picked(
             else:
                 work.maps[user.index] = one.array
         elif pick.what == "finished":
-            work.numbers[user.index] = Quantity(call("not", running))
+            work.numbers[user.index] = Quantity(opposite(running))
         else:
             count: Expression = rounds if to.integer else call("to_real", rounds)
             work.numbers[user.index] = Quantity(count)

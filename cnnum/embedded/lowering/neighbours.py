@@ -6,9 +6,10 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.arithmetic.fixed import Quantity
-from cnnum.embedded.ir.expressions import Item, Name, Whole, call
-from cnnum.embedded.ir.statements import Array, Cells, Store
+from cnnum.embedded.arithmetic.whole import call, item
 from cnnum.embedded.lowering.builder import CELL, PLACE, Builder
+from cnnum.embedded.program import Array
+from cnnum.kernels import Expression, Integer, sweep
 from cnnum.templating.boundary import Boundary, halo_sources
 
 
@@ -67,7 +68,8 @@ class Padded:
     def fill(self, value: Quantity) -> None:
         """Write the cells, and a rim that copies them."""
         stored = self.to.stored(value, self.array)
-        self.to.loop([Store(self.array.name, PLACE, stored)], cols=True, halo=self.halo)
+        store = self.to.store_to(self.array, stored, PLACE)
+        self.to.loop([store], cols=True, halo=self.halo)
         self.copy_rim()
 
     def copy_rim(self) -> None:
@@ -75,26 +77,25 @@ class Padded:
         if self.boundary.constant is not None or not self.halo:
             return
         to_name, from_name = self._rim_tables()
-        at = Item(to_name.name, CELL, to_name.bounds)
-        seen = Item(from_name.name, CELL, from_name.bounds)
-        value = Item(self.array.name, seen, self.array.bounds)
-        self.to.body.append(Cells(to_name.length, (Store(self.array.name, at, value),)))
+        at, seen = (item(one.name, CELL, one.bounds) for one in (to_name, from_name))
+        copy = self.to.store_to(self.array, item(self.array.name, seen, self.array.bounds), at)
+        self.to.body.append(sweep(CELL, to_name.length, [copy]))
 
     def at(self, row: int, col: int) -> Quantity:
         """Return the neighbour that many rows below and columns to the right."""
         width = self.to.shape[1] + 2 * self.halo
         place = CELL if not self.halo else PLACE
         distance = row * width + col
-        at: Name | object = place if not distance else _moved(place, distance)
-        return self.to.item(self.array, at)  # type: ignore[arg-type]
+        at: Expression = call("add", place, Integer(distance)) if distance else place
+        return self.to.item(self.array, at)
 
     def _constant_rim(self, value: float) -> None:
         if not self.halo:
             return
         places, _ = self._rim_tables()
-        at = Item(places.name, CELL, places.bounds)
-        constant = self.to.whole(value, self.array)
-        self.to.body.append(Cells(places.length, (Store(self.array.name, at, constant),)))
+        at = item(places.name, CELL, places.bounds)
+        store = self.to.store_to(self.array, self.to.whole(value, self.array), at)
+        self.to.body.append(sweep(CELL, places.length, [store]))
 
     def _rim_tables(self) -> tuple[Array, Array]:
         """Return where the rim is, and which place of the padded map each of it copies."""
@@ -115,7 +116,3 @@ class Padded:
         if names[1] not in self.to.arrays:
             self.to.places(names[1], seen, "the cells that the rim copies")
         return self.to.arrays[names[0]], self.to.arrays[names[1]]
-
-
-def _moved(place: Name, distance: int) -> object:
-    return call("add", place, Whole(distance))

@@ -6,11 +6,12 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.arithmetic.fixed import Quantity
-from cnnum.embedded.ir.expressions import Expression, Name, Whole, call
-from cnnum.embedded.ir.statements import Array, Total
+from cnnum.embedded.arithmetic.whole import call
 from cnnum.embedded.lowering.builder import CELL, COLUMN, FINE, ROW
+from cnnum.embedded.program import Array
 from cnnum.integrators.propagator import Propagator
 from cnnum.integrators.spectral import Spectral
+from cnnum.kernels import Expression, Integer, Loop, Name, add, declare
 
 if TYPE_CHECKING:
     from cnnum.embedded.lowering.transients import TransientWork
@@ -19,7 +20,7 @@ J = Name("j", (0, 1 << 16))
 
 
 def _place(row: Expression, width: int, col: Expression) -> Expression:
-    return call("add", call("multiply", row, Whole(width)), col)
+    return call("add", call("multiply", row, Integer(width)), col)
 
 
 def _total(work: "TransientWork", name: str, count: int, a: Quantity, b: Quantity) -> Quantity:
@@ -28,8 +29,9 @@ def _total(work: "TransientWork", name: str, count: int, a: Quantity, b: Quantit
     bounds = None
     if term.bounds is not None:
         bounds = min(0, count * term.bounds[0]), max(0, count * term.bounds[1])
-    work.to.body.append(Total(name, "j", count, term, bounds))
-    return Quantity(Name(name, bounds), a.fraction + b.fraction)
+    sum, nothing = Name(name, bounds), work.to.zero()
+    work.to.body += [declare(sum, nothing), Loop(J, count, (add(sum, term),))]
+    return Quantity(sum, a.fraction + b.fraction)
 
 
 def _sources(work: "TransientWork") -> list[tuple[str, int, Array]]:

@@ -7,20 +7,11 @@ from dataclasses import dataclass, field
 from cnnum.embedded.arithmetic.elements import applied
 from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, constant
 from cnnum.embedded.arithmetic.reals import Reals
-from cnnum.embedded.ir.expressions import Name, Real, Whole
-from cnnum.embedded.ir.statements import (
-    Array,
-    Fold,
-    IntegerProgram,
-    Let,
-    Set,
-    Statement,
-    array_name,
-)
 from cnnum.embedded.lowering.builder import FINE, Builder
 from cnnum.embedded.lowering.levels import Level, Levels, is_local, levels_of
 from cnnum.embedded.lowering.loops import lower_loop
 from cnnum.embedded.lowering.transients import lower_transient
+from cnnum.embedded.program import Array, IntegerProgram, array_name
 from cnnum.embedded.sizes import Formats, Sizes
 from cnnum.errors import NotSupportedError
 from cnnum.graph.elementwise import MULTIPLY
@@ -39,9 +30,10 @@ from cnnum.graph.nodes import (
 )
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
+from cnnum.kernels import Accumulate, Assign, Integer, Name, Number, Statement, declare
 
 FOLDS = {
-    "sum": "add",
+    "sum": "+",
     "largest": "maximum",
     "smallest": "minimum",
     "any": "maximum",
@@ -251,7 +243,8 @@ class Lowering:
                     self._cell(node)
         self.numbers = known
         for node, found in folds:
-            self.to.body.append(Let(f"f{node.index}", self._start(node, found), found.value.bounds))
+            assert isinstance(found.value, Name)
+            self.to.body.append(declare(found.value, self._start(node, found)))
         self.to.loop(body)
         for node, found in folds:
             name, form = f"n{node.index}", self.to.formats.register(f"n{node.index}")
@@ -317,21 +310,22 @@ class Lowering:
         value = one.value
         if not self.to.integer and not node.logic and value.bounds is not None:
             value = applied(Reals(), "add", [one, constant(0.0)], 0).value
-        self.to.body.append(Fold(f"f{node.index}", how, value))
         bounds = value.bounds
-        if bounds is not None and how == "add":
+        if bounds is not None and how == "+":
             bounds = min(0, bounds[0] * self.to.cells), max(0, bounds[1] * self.to.cells)
-        return Quantity(Name(f"f{node.index}", bounds), one.fraction)
+        folded = Name(f"f{node.index}", bounds)
+        self.to.body.append(Accumulate(folded, how, value))
+        return Quantity(folded, one.fraction)
 
-    def _start(self, node: Node, found: Quantity) -> Whole | Real:
+    def _start(self, node: Node, found: Quantity) -> Integer | Number:
         operation = node.operation
         assert isinstance(operation, Reduce)
         how, bounds = FOLDS[operation.function.name], found.value.bounds
-        if how == "add":
-            return Whole(0) if bounds is not None else Real(0.0)
+        if how == "+":
+            return Integer(0) if bounds is not None else Number(0.0)
         if bounds is None:
-            return Real(-HUGE if how == "maximum" else HUGE)
-        return Whole(bounds[0] if how == "maximum" else bounds[1])
+            return Number(-HUGE if how == "maximum" else HUGE)
+        return Integer(bounds[0] if how == "maximum" else bounds[1])
 
     def ends(self) -> None:
         """Write outputs, and the memories for the next frame."""
@@ -340,15 +334,13 @@ class Lowering:
             array = self._output(name, node)
             self.outputs[name] = array.name
             if node.scalar:
-                self.to.body.append(Set(array.name, self.to.stored(self._known(node), array)))
+                self._set(array, node)
             else:
                 copied.append((array, node))
         for number, memory in self.schedule.memories.items():
             array = self.to.arrays[f"m{number}"]
             if memory.read.scalar:
-                self.to.body.append(
-                    Set(array.name, self.to.stored(self._known(memory.store), array))
-                )
+                self._set(array, memory.store)
             elif number not in self._direct and memory.store is not memory.read:
                 copied.append((array, memory.store))
         self._copy(copied)
@@ -363,8 +355,9 @@ class Lowering:
         self.numbers = known
         self.to.loop(body)
 
-    def _known(self, node: Node) -> Quantity:
-        return self.numbers[node.index]
+    def _set(self, array: Array, node: Node) -> None:
+        value = self.to.stored(self.numbers[node.index], array)
+        self.to.body.append(Assign(Name(array.name, array.bounds), value))
 
     def _output(self, name: str, node: Node) -> Array:
         form, name_of = self.to.formats, array_name("out", name)

@@ -3,15 +3,14 @@
 from typing import TYPE_CHECKING
 
 from cnnum.embedded.arithmetic.fixed import Quantity
-from cnnum.embedded.ir.expressions import Expression
-from cnnum.embedded.ir.statements import Array, Store
-from cnnum.embedded.lowering.builder import CELL
 from cnnum.embedded.lowering.neighbours import Padded, reach
 from cnnum.embedded.lowering.watch import Watch
+from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Pick
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.tableau import EULER
+from cnnum.kernels import Expression
 from cnnum.templating.network import taps
 
 if TYPE_CHECKING:
@@ -72,7 +71,7 @@ def _state(work: "TransientWork", layer: int) -> Array:
     form = to.formats.stored(name)
     array = to.array(name, "work", to.cells, form, f"state of {work.template.name}")
     start = work.start(layer)
-    to.loop([Store(array.name, CELL, _value(work, array, start))])
+    to.loop([to.store_to(array, _value(work, array, start))])
     return array
 
 
@@ -128,7 +127,7 @@ def _step(
     if watch.needed:
         new = to.let(f"new{work.index}_{layer}", Quantity(to.stored(total, state), _places(state)))
         to.body.append(watch.noted(new.value, to.item(state).value))
-        to.body.append(Store(state.name, CELL, new.value))
+        to.body.append(to.store_to(state, new.value))
         return
     to.store(state, total)
 
@@ -156,6 +155,6 @@ def _ends(work: "TransientWork", states: list[Array]) -> dict[int, Array]:
             continue
         array = work.target(layer, "output")
         value = work.clipped(work.to.item(states[layer]))
-        work.to.loop([Store(array.name, CELL, work.to.stored(value, array))])
+        work.to.loop([work.to.store_to(array, work.to.stored(value, array))])
         found[one.index] = array
     return found

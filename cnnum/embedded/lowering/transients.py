@@ -10,11 +10,11 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.arithmetic.fixed import Quantity, constant
-from cnnum.embedded.ir.statements import Array
 from cnnum.embedded.lowering.builder import Builder
 from cnnum.embedded.lowering.neighbours import Padded, reach
 from cnnum.embedded.lowering.products import propagated, through_modes
 from cnnum.embedded.lowering.stepping import stepped
+from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Node, Pick, Transient
 from cnnum.integrators.propagator import Decay, Propagator

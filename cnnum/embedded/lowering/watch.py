@@ -5,11 +5,22 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from cnnum.embedded.arithmetic.fixed import Quantity, constant
-from cnnum.embedded.ir.expressions import Expression, Name, Real, Whole, call
-from cnnum.embedded.ir.primitives import LOGIC
-from cnnum.embedded.ir.statements import Fold, Let, Repeat, Rounds, Set, Statement
+from cnnum.embedded.arithmetic.primitives import LOGIC
+from cnnum.embedded.arithmetic.whole import call, opposite
 from cnnum.embedded.lowering.builder import FINE
 from cnnum.integrators.schemes import FixedSteps
+from cnnum.kernels import (
+    ROUND,
+    Accumulate,
+    Assign,
+    Counted,
+    Expression,
+    Integer,
+    Name,
+    Number,
+    Statement,
+    declare,
+)
 
 if TYPE_CHECKING:
     from cnnum.embedded.lowering.transients import TransientWork
@@ -24,43 +35,43 @@ class Watch:
 
     Attributes
     ----------
-    moved, steps, running : str
+    moved, steps, running : Name
     needed : bool
         Whether anything asks for them.
     """
 
-    moved: str
-    steps: str
-    running: str
+    moved: Name
+    steps: Name
+    running: Name
     needed: bool
 
     @classmethod
     def of(cls, work: "TransientWork", scheme: FixedSteps) -> "Watch":
         """Return those of a transient."""
         at, needed = work.index, scheme.settle or "settled" in work.figures
-        return cls(f"moved{at}", f"steps{at}", f"running{at}", needed)
+        steps = Name(f"steps{at}", (0, scheme.count))
+        return cls(Name(f"moved{at}", LOGIC), steps, Name(f"running{at}", LOGIC), needed)
 
-    def noted(self, new: Expression, old: Expression) -> Fold:
+    def noted(self, new: Expression, old: Expression) -> Accumulate:
         """Return the statement that takes in whether a cell moves."""
         if new.bounds is not None:
-            return Fold(self.moved, "maximum", call("not", call("equal", new, old)))
+            return Accumulate(self.moved, "maximum", opposite(call("equal", new, old)))
         far = call("absolute", call("subtract", new, old))
-        return Fold(self.moved, "maximum", call("greater", far, Real(STILL)))
+        return Accumulate(self.moved, "maximum", call("greater", far, Number(STILL)))
 
     def repeat(self, work: "TransientWork", scheme: FixedSteps, steps: Sequence[Statement]) -> None:
         """Write the steps and the figures of the run."""
         to, count = work.to, constant(float(scheme.count))
-        moves = Name(self.moved, LOGIC)
         if self.needed:
-            to.body.append(Let(self.moved, Whole(0), LOGIC))
-            steps = (Set(self.moved, Whole(0)), *steps)
+            to.body.append(declare(self.moved, 0))
+            steps = (Assign(self.moved, Integer(0)), *steps)
         if scheme.settle:
-            count = self._until_still(work, scheme, steps, moves)
+            count = self._until_still(work, scheme, steps)
             time = to.arithmetic.multiply(count, constant(scheme.step), FINE)
         else:
-            to.body.append(Repeat(scheme.count, tuple(steps)))
+            to.body.append(Counted(ROUND, 0, scheme.count, None, tuple(steps)))
             time = constant(scheme.step * scheme.count)
-        known = {"steps": count, "time": time, "settled": Quantity(call("not", moves))}
+        known = {"steps": count, "time": time, "settled": Quantity(opposite(self.moved))}
         for name in work.figures:
             one = known[name]
             if one.exact is None:
@@ -68,20 +79,14 @@ class Watch:
             work.figures[name] = one
 
     def _until_still(
-        self,
-        work: "TransientWork",
-        scheme: FixedSteps,
-        steps: Sequence[Statement],
-        moves: Expression,
+        self, work: "TransientWork", scheme: FixedSteps, steps: Sequence[Statement]
     ) -> Quantity:
-        many, to = (0, scheme.count), work.to
-        more = call("add", Name(self.steps, many), Whole(1))
-        counted = Set(self.steps, call("minimum", more, Whole(scheme.count)))
-        body = (*steps, counted, Set(self.running, moves))
+        to, more = work.to, call("add", self.steps, Integer(1))
+        counted = Assign(self.steps, call("minimum", more, Integer(scheme.count)))
+        body = (*steps, counted, Assign(self.running, self.moved))
         to.body += [
-            Let(self.steps, Whole(0), many),
-            Let(self.running, Whole(1), LOGIC),
-            Rounds(self.running, scheme.count, body),
+            declare(self.steps, 0),
+            declare(self.running, 1),
+            Counted(ROUND, 0, scheme.count, self.running, body),
         ]
-        found = Name(self.steps, many)
-        return Quantity(found if to.integer else call("to_real", found))
+        return Quantity(self.steps if to.integer else call("to_real", self.steps))

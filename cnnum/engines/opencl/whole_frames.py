@@ -9,7 +9,7 @@ from cnnum.embedded.c.kernel import KERNEL, kernel_text
 from cnnum.embedded.c.layout import packed, record_type, unpacked
 from cnnum.embedded.c.program import c_text
 from cnnum.embedded.emulator import Numbers
-from cnnum.embedded.ir.statements import IntegerProgram
+from cnnum.embedded.program import IntegerProgram
 from cnnum.engines.devices.building import build_program
 from cnnum.engines.devices.selection import choose_device
 from cnnum.engines.forks import refuse_after_fork

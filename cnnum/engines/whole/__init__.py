@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from cnnum.arrays import Floats
 from cnnum.embedded.emulator import Emulator
 from cnnum.embedded.formats import Precision, precision_named
-from cnnum.embedded.ir.statements import IntegerProgram
+from cnnum.embedded.program import IntegerProgram
 from cnnum.engines.backend import Solvers
 from cnnum.engines.whole.executable import Runner, WholeExecutable
 from cnnum.errors import DeviceError, UnknownNameError

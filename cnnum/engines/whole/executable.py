@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.embedded.emulator import Numbers, cleared
 from cnnum.embedded.formats import Precision
-from cnnum.embedded.ir.statements import IntegerProgram
 from cnnum.embedded.making import Made, make_with
+from cnnum.embedded.program import IntegerProgram
 from cnnum.engines.backend import Solvers
 from cnnum.engines.host import OnHost
 from cnnum.errors import ProgramError

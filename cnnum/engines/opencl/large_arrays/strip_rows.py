@@ -8,7 +8,7 @@ from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.kernels.number_types import in_vectors
-from cnnum.kernels.printer import OpenCLPrinter
+from cnnum.kernels.opencl import OpenCLPrinter
 from cnnum.templating.reads import reads_states
 
 HELD = "strip_held"

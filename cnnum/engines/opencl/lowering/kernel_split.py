@@ -16,7 +16,7 @@ from cnnum.engines.opencl.lowering.storage import UNFINISHED
 from cnnum.engines.opencl.text import fill, indented
 from cnnum.engines.opencl.transients.builder import ROW
 from cnnum.kernels.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
-from cnnum.kernels.printer import OpenCLPrinter
+from cnnum.kernels.opencl import OpenCLPrinter
 from cnnum.kernels.uses import Uses, uses
 
 PIECE = 1024

@@ -14,7 +14,7 @@ from cnnum.templating.network import Tap
 from cnnum.templating.reads import delays_inputs
 from cnnum.templating.template import Template
 
-ROW, COL, RIM = ir.Name("r"), ir.Name("c"), ir.Name("q")
+ROW, COL, RIM = ir.ROW, ir.COL, ir.Name("q")
 """Variables of loops: rows, columns, and cells of rims."""
 
 SUM, NOW = ir.Name("sum"), ir.Name("now")
@@ -171,11 +171,8 @@ class TransientBuilder:
 
     def over_grid(self, body: Sequence[ir.Statement]) -> None:
         """Run the body for every cell `i` that stands at `p` in a padded array."""
-        rows, cols = self.shape
-        place = (ROW + self.radius) * self.pitch + COL + self.radius
-        places = ir.Declare("int", ((ir.CELL, ROW * cols + COL), (ir.PLACE, place)), fixed=True)
         hint = "" if self.arena.private else VECTORISE
-        self.body.append(ir.Sweep(ROW, rows, (ir.Loop(COL, cols, (places, *body), hint=hint),)))
+        self.body.append(ir.grid(*self.shape, self.radius, body, hint))
 
     def fill_rims(
         self, array: ir.Name, layers: int, boundary: Boundary, constant: float | None

@@ -11,7 +11,7 @@ from cnnum.engines.opencl.transients.stencil_sums import (
 )
 from cnnum.kernels.expressions import Number
 from cnnum.kernels.number_types import FLOAT64
-from cnnum.kernels.printer import OpenCLPrinter
+from cnnum.kernels.opencl import OpenCLPrinter
 from cnnum.templating.network import Tap, taps
 from cnnum.templating.template import Template
 

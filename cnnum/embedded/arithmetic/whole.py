@@ -1,0 +1,117 @@
+"""Expressions on whole numbers, each with the interval that it cannot leave; on reals without one.
+
+The interval of an expression follows from those of its parts. So it says which C type is wide
+enough, and a value that could leave 64 bits is refused where the expression is made.
+"""
+
+from collections.abc import Sequence
+from functools import reduce
+
+from cnnum.embedded.arithmetic.primitives import LOGIC, PRIMITIVES
+from cnnum.errors import NotSupportedError
+from cnnum.kernels import (
+    Binary,
+    Bounds,
+    Call,
+    Cast,
+    Choice,
+    Element,
+    Expression,
+    Integer,
+    Name,
+    Negative,
+)
+
+WIDEST = (1 << 63) - 1
+
+
+def call(primitive: str, *arguments: Expression) -> Expression:
+    """Return a primitive on arguments.
+
+    Raises
+    ------
+    NotSupportedError
+        If a value on the way could leave 64 bits.
+    """
+    known = PRIMITIVES[primitive]
+    given = [one.bounds for one in arguments if one.bounds is not None]
+    if known.always is not None:
+        return _record(primitive, arguments, known.always)
+    if len(given) < len(arguments) or primitive == "to_real":
+        return _record(primitive, arguments, None)
+    within = known.within(given) if known.within else None
+    bounds = known.bounds(given)
+    if primitive == "multiply" and arguments[0] == arguments[1]:
+        bounds = bounds if bounds[0] == bounds[1] else (0, bounds[1])
+    if any(max(-low, high) > WIDEST for low, high in (bounds, within or bounds)):
+        raise NotSupportedError(
+            f"An intermediate value of '{primitive}' would need more than 64 bits: take a "
+            "precision with fewer bits, or narrower ranges."
+        )
+    if bounds[0] == bounds[1]:  # expressions do nothing else than have a value
+        return Integer(bounds[0])
+    return _record(primitive, arguments, bounds, within)
+
+
+def _record(
+    primitive: str,
+    arguments: tuple[Expression, ...],
+    bounds: Bounds | None,
+    within: Bounds | None = None,
+) -> Expression:
+    a, *others = arguments
+    if sign := PRIMITIVES[primitive].sign:
+        return Binary(sign, a, others[0], bounds)
+    if primitive == "negate":
+        return Negative(a, bounds)
+    if primitive == "pick":
+        return Choice(a, others[0], others[1], bounds)
+    if primitive == "to_real":
+        return Cast("real", a)
+    return Call(primitive, arguments, bounds, within)
+
+
+def opposite(flag: Expression) -> Expression:
+    """Return 1 − a flag."""
+    return Binary("-", Integer(1), flag, LOGIC)
+
+
+def item(array: str, at: Expression, bounds: Bounds | None) -> Element:
+    """Return a number of an array."""
+    return Element(Name(array), at, bounds)
+
+
+CHAIN = 32
+"""Terms of a sum that are added one after the other; longer ones are sums of such sums."""
+
+
+def total(terms: Sequence[Expression]) -> Expression:
+    """Return the sum of terms, of which there is at least one."""
+    while len(terms) > CHAIN:
+        terms = [total(terms[at : at + CHAIN]) for at in range(0, len(terms), CHAIN)]
+    return reduce(lambda a, b: call("add", a, b), terms)
+
+
+def limited(value: Expression, low: int, high: int) -> Expression:
+    """Return a value kept within limits; the value itself where it cannot leave them."""
+    assert value.bounds is not None
+    if low <= value.bounds[0] and value.bounds[1] <= high:
+        return value
+    return call("limit", value, Integer(low), Integer(high))
+
+
+def shifted(value: Expression, places: int) -> Expression:
+    """Return a value times 2^places; halves are rounded up."""
+    if not places:
+        return value
+    if places > 0:
+        return call("multiply", value, Integer(1 << places))
+    if places < -62:
+        return Integer(0)
+    return call("shift", call("add", value, Integer(1 << (-places - 1))), Integer(-places))
+
+
+def magnitude(value: Expression) -> int:
+    """Return the largest magnitude that a whole value can have."""
+    assert value.bounds is not None
+    return max(-value.bounds[0], value.bounds[1], 1)
