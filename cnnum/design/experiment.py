@@ -35,11 +35,20 @@ Value = float | str
 OUTER = ("boundary", "size", "precision", "method", "tau")
 """Axes along which runs are launches of their own."""
 
-INNER = ("noise", "mismatch", "offset", "drift", "bits", "state_bits", "z", "A", "B")
+COARSE = ("weight_bits", "chip_mismatch")
+"""Axes of a chip's weights, which are those of linear couplings."""
+
+CHIP = (*COARSE, "state_bits", "chip_noise", "chip_seed")
+"""Axes of `cnnum.Chip`."""
+
+INNER = ("noise", "mismatch", "offset", "drift", "bits", *CHIP, "z", "A", "B")
 """Axes whose runs lie in lanes of one launch; also single weights, as in "A[0, 1]"."""
 
-BITS = ("bits", "state_bits")
+BITS = ("bits", "weight_bits", "state_bits")
 """Axes of whole numbers."""
+
+WIDTHS = ("noise", "mismatch", "offset", "drift", "chip_noise", "chip_mismatch")
+"""Axes of standard deviations."""
 
 WEIGHT = re.compile(r"[AB]\[\d+, ?\d+\]")
 DRAW = "draw"
@@ -58,9 +67,11 @@ class Experiment:
         Values by the axis: "boundary", "size", "precision", "method", "tau", "noise" (standard
         deviation of the inputs), "mismatch" (of all weights, as a share, alike in all cells),
         "offset" (standard deviation of a bias of each cell), "drift" (of a bias that grows along
-        a line: of its slope times the array's half diagonal), "bits" (of weights), "state_bits"
-        (of inputs and outputs, which saturate at 1), "z", single weights as in "A[0, 1]", and "A"
-        and "B" (factors of all their weights).
+        a line: of its slope times the array's half diagonal), "bits" (of weights, matrix by
+        matrix), "z", single weights as in "A[0, 1]", and "A" and "B" (factors of all their
+        weights). Those of a `Chip`: "weight_bits", "state_bits" (of maps, which saturate at 1),
+        "chip_noise" (of the output), "chip_mismatch" (each cell's own) and "chip_seed" (drawn
+        anew for each run unless given).
     draws : int
         Of the random numbers, at each place.
     pictures : int
@@ -99,6 +110,11 @@ class Experiment:
                 f"picture, got {self.runs:,} runs."
             )
         form_of(self.base)  # refuses a template without a check
+        if not self.base.plain and (wrong := self.axes.keys() & set(COARSE)):
+            raise TemplateError(
+                f"The axis '{min(wrong)}' is of chips, which have linear couplings, at once and "
+                f"constant in time: '{self.base.name}' has others."
+            )
 
     @property
     def base(self) -> Template:
@@ -210,14 +226,16 @@ def _check_values(name: str, values: Sequence[Value]) -> None:
     for value in values:
         if isinstance(value, str) and name not in words:
             raise TemplateError(f"The axis '{name}' takes numbers, got '{value:.40}'.")
-        widths = dict.fromkeys(("noise", "mismatch", "offset", "drift"), 0.0)
-        least = (widths | {"tau": 1e-9, "size": 1.0, "bits": 2.0, "state_bits": 2.0}).get(name)
+        least = (dict.fromkeys(WIDTHS, 0.0) | dict.fromkeys(BITS, 2.0)
+                 | {"tau": 1e-9, "size": 1.0, "chip_seed": 0.0}).get(name)  # fmt: skip
         if least is not None and not (isinstance(value, int | float) and value >= least):
             raise TemplateError(f"The axis '{name}' takes numbers from {least:g}, got {value}.")
         if name in BITS and not (float(value).is_integer() and float(value) <= MOST_BITS):
             raise TemplateError(
                 f"The axis '{name}' takes whole numbers from 2 to {MOST_BITS}, got {value}."
             )
+        if name == "chip_seed" and not float(value).is_integer():
+            raise TemplateError(f"The axis '{name}' takes whole numbers, got {value}.")
 
 
 def grid(experiment: Experiment) -> Iterator[tuple[Value, ...]]:

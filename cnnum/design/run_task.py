@@ -1,6 +1,5 @@
 """One task of a sweep: runs of one launch, each judged by the template's check."""
 
-from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -8,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.design import on_chip
 from cnnum.design.changed_weights import biases_of, weights_of
 from cnnum.design.experiment import DRAW, OUTER, Experiment, Value
 from cnnum.engine import Engine
@@ -70,19 +70,22 @@ def _block(experiment: Experiment, first: int, last: int) -> Figures:
     drawn = [weights_of(template, p, rng) for p, rng in zip(places, rngs, strict=True)]
     noise = [float(place.get("noise", 0.0)) for place in places]
     inputs = case.pictures if template.inputs or case.state is None else case.states
-    noisy = _stored(
-        [inputs + s * r.normal(size=inputs.shape) for s, r in zip(noise, rngs, strict=True)], places
-    )
+    noisy = [inputs + s * r.normal(size=inputs.shape) for s, r in zip(noise, rngs, strict=True)]
     expected = form_of(template).expected(template, case)
+    shape = (inputs.shape[-2], inputs.shape[-1])
     if any("offset" in place or "drift" in place for place in places):
-        shape = (inputs.shape[-2], inputs.shape[-1])
         maps = [biases_of(shape, p, rng) for p, rng in zip(places, rngs, strict=True)]
-        case = replace(case, bias=_biased(template, case, np.stack(maps)))
+        case = replace(case, bias=_biased(template, case, np.stack(maps)[:, np.newaxis]))
+    chips = [on_chip.chip_of(place, rng) for place, rng in zip(places, rngs, strict=True)]
+    held, drawn = on_chip.stored(chips, noisy), on_chip.programmed(chips, template, drawn)
+    seen = held if template.inputs else None
+    if (off := on_chip.offsets(chips, template, drawn, seen, shape)) is not None:
+        case = replace(case, bias=_biased(template, case, off))
     engine = _engine(experiment.engine, str(shared.get("precision", "")))
     try:
-        result = _run(engine, template, case, drawn, noisy, experiment, shared)
-        coarse = replace(result, output=_stored(result.output, places))
-        return _judged(template, coarse, expected)
+        result = _run(engine, template, case, drawn, held, chips, shared)
+        shown = replace(result, output=on_chip.read(chips, list(result.output)))
+        return _judged(template, shown, expected)
     except CnnumError:
         if last - first == 1:
             return _lost()  # it diverges, or does not reach its end
@@ -90,22 +93,20 @@ def _block(experiment: Experiment, first: int, last: int) -> Figures:
         return {name: np.concatenate([part[name] for part in parts]) for name in NAMES}
 
 
-def _stored(maps: Iterable[Floats], places: Sequence[Mapping[str, Value]]) -> Floats:
-    """Return the maps of each run as memories of its bits hold them."""
-    bits = [place.get("state_bits") for place in places]
-    return np.stack(
-        [
-            own if of is None else Chip(state_bits=int(of)).stored(own)
-            for own, of in zip(maps, bits, strict=True)
-        ]
-    )
-
-
 def _biased(template: Template, case: Case, maps: Floats) -> Floats:
-    """Return the bias maps of runs: (runs, pictures, rows, cols), or with layers before rows."""
-    layers = 1 if template.layers == 1 else 2
-    found = np.expand_dims(maps, tuple(range(1, 1 + layers)))
-    return found if case.bias is None else found + case.bias
+    """Return the bias maps of runs, those of the case with biases of their own.
+
+    Parameters
+    ----------
+    template : Template
+    case : Case
+    maps : (runs, pictures or 1, rows, cols) or (runs, pictures or 1, layers, rows, cols) float
+    """
+    if template.layers > 1 and maps.ndim == 4:
+        maps = maps[:, :, np.newaxis]
+    if template.layers == 1 and maps.ndim == 5:
+        maps = maps[:, :, 0]
+    return maps if case.bias is None else maps + case.bias
 
 
 def _form(base: Template, shared: dict[str, Value]) -> Template:
@@ -137,8 +138,8 @@ def _run(
     template: Template,
     case: Case,
     drawn: list[dict[str, Floats]],
-    noisy: Floats,
-    experiment: Experiment,
+    held: Floats,
+    chips: list[Chip | None],
     shared: dict[str, Value],
 ) -> Result:
     """Run all templates on all pictures: (runs, pictures)."""
@@ -147,9 +148,10 @@ def _run(
         "method": str(shared.get("method", "auto")),
     }
     given: dict[str, Any] = {"bias": case.bias, "mask": case.mask}
-    given |= {"input": noisy} if case.input is not None else {"state": noisy}
-    if case.input is not None:
-        given["state"] = case.state
+    given |= {"input": held} if case.input is not None else {"state": held}
+    for role in ("previous", "state") if case.input is not None else ("previous",):
+        maps = getattr(case, role)
+        given[role] = None if maps is None else on_chip.stored(chips, [maps] * len(chips))
     parts = {key: np.stack([one[key] for one in drawn]) for key in ("A", "B", "z")}
     # an axis for the pictures of the case
     batch = TemplateBatch(template, parts["A"], parts["B"], parts["z"]).spread()

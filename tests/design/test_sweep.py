@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from scipy.special import erfc
 
-from cnnum import Engine, get_template
+from cnnum import Chip, Engine, get_template
 from cnnum.design import sweep
 from cnnum.design.changed_weights import biases_of
 from cnnum.design.experiment import Experiment, load_experiment
-from cnnum.design.run_task import run_task
+from cnnum.design.run_task import _case, run_task
 from cnnum.errors import TemplateError, TemplateFileError
 from cnnum.report.sweep_page import page
+from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.robustness import flips
 
 pytest.importorskip("xarray", reason="the extra 'tables' is not installed")
@@ -71,6 +72,39 @@ def test_coarse_maps_cost_a_level_at_most():
     # diffusion enlarges no error: half a level of the input, and half of the output
     assert (found < levels + plain).all()
     assert (found[:2] > 0.25 * levels[:2]).all()
+
+
+@pytest.mark.parametrize("name", ["EDGE", "HOLE"])
+def test_chips_of_a_sweep_are_those_of_a_run(name, fast):
+    chips = {"weight_bits": 6.0, "state_bits": 5.0, "chip_noise": 0.3, "chip_mismatch": 0.1}
+    axes = {key: (value,) for key, value in chips.items()} | {"chip_seed": (3.0, 4.0)}
+    experiment = small(template=name, axes=axes, draws=1, engine=fast.name, pictures=3)
+    found = run_task(experiment, 0, 2)
+    template = get_template(name)
+    case = _case(experiment, template, {})
+    for number, seed in enumerate((3, 4)):
+        chip = Chip(weight_bits=6, state_bits=5, noise=0.3, mismatch=0.1, seed=seed)
+        run = Engine("numba").run(
+            template, input=case.input, state=case.state, duration=case.duration, chip=chip
+        )
+        apart = np.abs(run.output - form_of(template).expected(template, case))
+        assert found["wrong"][number] == (apart > 0.5).mean()
+        # a level of the output: it may be rounded up in one run and down in the other
+        assert found["error"][number] == pytest.approx(apart.max(), abs=1.01 / 15)
+
+
+def test_draws_are_chips_of_their_own():
+    axes = {"chip_mismatch": (0.0, 0.2)}
+    found = sweep(small(template="LAPLACE", axes=axes, engine="numba")).results["error"]
+    assert len(np.unique(found.sel(chip_mismatch=0.2))) == 6
+    assert len(np.unique(found.sel(chip_mismatch=0.0))) == 1
+
+
+def test_chips_have_linear_couplings():
+    with pytest.raises(TemplateError, match="'weight_bits' is of chips"):
+        small(template="MEDIAN", axes={"weight_bits": (8.0,)})
+    with pytest.raises(TemplateError, match="takes whole numbers"):
+        small(axes={"chip_seed": (0.5,)})
 
 
 @pytest.mark.parametrize(("axis", "value"), [("bits", 7.5), ("state_bits", 40.0)])
