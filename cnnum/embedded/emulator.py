@@ -59,12 +59,14 @@ class Emulator:
         Whether reals are rounded to single precision after every operation.
     sizes : dict of str to float or None
         Where the largest magnitude of every variable and array is noted.
+    values : dict of str to (batch or 1, 1 or cells) int or float
+        Variables and arrays after a frame.
     """
 
     program: IntegerProgram
     single: bool = False
     sizes: dict[str, float] | None = None
-    _values: dict[str, Numbers] = field(default_factory=dict[str, Numbers])
+    values: dict[str, Numbers] = field(default_factory=dict[str, Numbers])
     _running: Numbers | None = None
     _cells: int = 1
 
@@ -98,7 +100,7 @@ class Emulator:
                 values[one.name] = zeros
         values |= {name: self._rounded(np.asarray(given)) for name, given in inputs.items()}
         values |= state
-        self._values = values
+        self.values = values
         with np.errstate(all="ignore"):
             self._block(self.program.body)
         for name in state:
@@ -125,12 +127,12 @@ class Emulator:
 
     def name(self, one: Name) -> Numbers:
         """Return a variable."""
-        return self._values[one.text]
+        return self.values[one.text]
 
     def element(self, one: Element) -> Numbers:
         """Return numbers of an array."""
         at = np.atleast_1d(self.value(one.at))
-        return np.take(self._values[one.array.text], at, axis=-1)
+        return np.take(self.values[one.array.text], at, axis=-1)
 
     def call(self, one: Call) -> Numbers:
         """Return the result of a function."""
@@ -164,9 +166,9 @@ class Emulator:
         """Make variables."""
         for name, value in statement.variables:
             assert value is not None
-            self._values[name.text] = self.value(value)
+            self.values[name.text] = self.value(value)
             if statement.type == "real":
-                self._note(name.text, self._values[name.text])
+                self._note(name.text, self.values[name.text])
 
     def assign(self, statement: Assign) -> None:
         """Set, or change, a variable or numbers of an array."""
@@ -174,24 +176,24 @@ class Emulator:
         if isinstance(target, Element):
             self._store(target, new)
             return
-        old = self._values.get(target.text, new)
+        old = self.values.get(target.text, new)
         if statement.sign == "+=":
             new = self._rounded(np.asarray(old + new))
         if self._running is not None:
             new = np.where(self._running, new, old)
         # numbers of the state are (batch, 1)
-        self._values[target.text] = np.broadcast_to(new, np.broadcast_shapes(new.shape, old.shape))
+        self.values[target.text] = np.broadcast_to(new, np.broadcast_shapes(new.shape, old.shape))
         self._note(target.text, new)
 
     def _store(self, target: Element, new: Numbers) -> None:
         """Store numbers of an array."""
         name = target.array.text
-        array, at = self._values[name], np.atleast_1d(self.value(target.at))
+        array, at = self.values[name], np.atleast_1d(self.value(target.at))
         if self._running is not None:
             new = np.where(self._running, new, array[:, at])
         array = array.copy() if not array.flags.writeable else array
         array[:, at] = new
-        self._values[name] = array
+        self.values[name] = array
         self._note(name, new)
 
     def accumulate(self, statement: Accumulate) -> None:
@@ -199,19 +201,19 @@ class Emulator:
         name, value = statement.target.text, self.value(statement.value)
         whole = np.broadcast_to(value, np.broadcast_shapes(value.shape, (1, self._cells)))
         folded = _FOLDS[statement.how](whole, axis=-1, keepdims=True)
-        self._values[name] = _PAIRS[statement.how](self._values[name], folded)
-        self._note(name, self._values[name])
+        self.values[name] = _PAIRS[statement.how](self.values[name], folded)
+        self._note(name, self.values[name])
 
     def loop(self, statement: Loop) -> None:
         """Run rounds that add terms up; only the sums are noted."""
         sizes, self.sizes = self.sizes, None
         assert isinstance(statement.end, int)
         for number in range(statement.start, statement.end, statement.step):
-            self._values[statement.variable.text] = np.asarray(number)
+            self.values[statement.variable.text] = np.asarray(number)
             self._block(statement.body)
         self.sizes = sizes
         for name in added_in(statement):
-            self._note(name, self._values[name])
+            self._note(name, self.values[name])
 
     def sweep(self, statement: Sweep) -> None:
         """Run a loop over cells, or over rows of cells, all at once."""
@@ -219,10 +221,10 @@ class Emulator:
         inner = body[0]
         if isinstance(inner, Sweep):
             rows, cols = np.divmod(np.arange(count * inner.count), inner.count)
-            self._values |= {name: rows, inner.variable.text: cols}
+            self.values |= {name: rows, inner.variable.text: cols}
             count, body = count * inner.count, inner.body
         else:
-            self._values[name] = np.arange(count)
+            self.values[name] = np.arange(count)
         self._cells = count
         self._block(body)
 
@@ -232,7 +234,7 @@ class Emulator:
         outer, flag = self._running, statement.running
         for _ in range(statement.start, statement.end):
             if flag is not None:
-                running = self._values[flag.text] != 0
+                running = self.values[flag.text] != 0
                 now: Numbers = running if outer is None else running & outer
                 if not now.any():
                     break

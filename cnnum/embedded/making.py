@@ -12,7 +12,7 @@ from cnnum.embedded.emulator import Emulator, Numbers, cleared
 from cnnum.embedded.formats import Precision
 from cnnum.embedded.lowering.schedules import lower
 from cnnum.embedded.lowering.solvers import solvers_for
-from cnnum.embedded.measuring import inputs_of, measured
+from cnnum.embedded.measuring import Seen, inputs_of, measured
 from cnnum.embedded.program import Array, IntegerProgram
 from cnnum.embedded.sizes import NoFormats
 from cnnum.graph.schedule import Schedule
@@ -112,7 +112,7 @@ def real(array: Array, numbers: Numbers) -> Floats:
 def make(
     name: str, schedule: Schedule, precision: Precision, frames: Floats, method: str = "auto"
 ) -> Made:
-    """Return a schedule in a precision.
+    """Return a schedule in a precision, its ranges measured.
 
     Parameters
     ----------
@@ -128,7 +128,9 @@ def make(
     NotSupportedError
         If something in the schedule has no form in this precision.
     """
-    return make_with(name, schedule, solvers_for(schedule, method), precision, frames, method)
+    solvers = solvers_for(schedule, method)
+    seen = measured(schedule, solvers, frames) if precision.integer else Seen()
+    return make_with(name, schedule, solvers, precision, seen, method)
 
 
 def make_with(
@@ -136,16 +138,12 @@ def make_with(
     schedule: Schedule,
     solvers: Mapping[int, Solver],
     precision: Precision,
-    frames: Floats,
+    seen: Seen,
     method: str = "auto",
 ) -> Made:
-    """Return a schedule in a precision, each transient by its solver.
+    """Return a schedule in a precision, each transient by its solver, each value by its range.
 
-    Parameters and errors are those of `make`.
+    Parameters and errors are otherwise those of `make`.
     """
-    formats = (
-        measured(schedule, solvers, precision, frames)
-        if precision.integer
-        else NoFormats(precision)
-    )
+    formats = seen.sizes(precision) if precision.integer else NoFormats(precision)
     return Made(schedule, precision, method, lower(name, schedule, solvers, formats))

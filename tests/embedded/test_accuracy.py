@@ -40,3 +40,32 @@ def test_float32_is_the_same_program(reference):
     found = made("slip", "float32").run(streams((8, 8)))["slip_strength"]
     # single precision, and one product through the modes of the array
     np.testing.assert_allclose(found, reference["slip"]["slip_strength"], atol=1e-4)
+
+
+@cnnum.program
+def _shares(frame):
+    """Shares of a load, where there is any: elsewhere, quotients are as large as any number."""
+    loaded = frame.normal > 1.0
+    ratio = cnnum.where(loaded, frame.shear_x / frame.normal, 0.0)
+    held = cnnum.where(loaded, frame.normal, 0.0)
+    whole = cnnum.maximum(held.sum(), 1e-30)
+    lever = frame.shear_x.sum() / whole
+    return {"ratio": ratio, "share": held / whole, "pull": held * lever}
+
+
+def test_values_that_change_no_answer_take_no_places_of_a_format():
+    random = np.random.default_rng(0)
+    loads = np.zeros((40, 1, 4, 4, 3))
+    loads[..., 0] = random.uniform(-2.0, 2.0, (40, 1, 4, 4))
+    # a bare cell reads some 1e-9, and every second frame is bare
+    loads[..., 2] = random.uniform(1e-9, 2e-9, (40, 1, 4, 4))
+    loads[::2, :, 1:3, 1:3, 2] = random.uniform(1.5, 4.0, (20, 1, 2, 2))
+    found = cnnum.Engine("reference", precision="q15").compile(_shares, (4, 4), like=loads)(loads)
+    normal = np.where(loads[..., 2] > 1.0, loads[..., 2], 0.0)
+    whole = np.maximum(normal.sum((-1, -2), keepdims=True), 1e-30)
+    pull = normal * loads[..., 0].sum((-1, -2), keepdims=True) / whole
+    ratio = np.where(normal > 0.0, loads[..., 0] / np.maximum(normal, 1.0), 0.0)
+    for name, wanted in (("ratio", ratio), ("share", normal / whole), ("pull", pull)):
+        # a step of an input is 2^-12 of 4, its share of the smallest load 2^-14; sums have 16
+        off = np.abs(found[name] - wanted).max()
+        assert off < 1e-3 * np.abs(wanted).max(), name

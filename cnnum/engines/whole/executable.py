@@ -11,6 +11,7 @@ from cnnum.arrays import Floats
 from cnnum.embedded.emulator import Numbers, cleared
 from cnnum.embedded.formats import Precision
 from cnnum.embedded.making import Made, make_with
+from cnnum.embedded.measuring import measured
 from cnnum.embedded.program import IntegerProgram
 from cnnum.engines.backend import Solvers
 from cnnum.engines.host import OnHost
@@ -136,7 +137,8 @@ class WholeExecutable(OnHost):
         outputs = {n: node for n, node in self.schedule.outputs.items() if n not in errors}
         nodes = tuple(n for n in self.schedule.nodes if not _is_error(n.operation))
         schedule = replace(self.schedule, channels=read, outputs=outputs, nodes=nodes)
-        return make_with("plan", schedule, self.solvers, self.kind, streams)
+        seen = measured(schedule, self.solvers, streams)
+        return make_with("plan", schedule, self.solvers, self.kind, seen)
 
     def _runner(self, program: IntegerProgram) -> Runner:
         """Return the runner of a program; the last one again if that is it."""

@@ -10,7 +10,7 @@ import numpy as np
 from cnnum.arrays import Floats, Shape
 from cnnum.embedded.making import Made
 from cnnum.engine import Engine
-from cnnum.lab.embedded.streams import bound, side_by_side, trials
+from cnnum.lab.embedded.streams import APART, bound, side_by_side, trials
 from cnnum.lab.scoring.judge import judge, sense_right
 from cnnum.lab.scoring.measures import per_ten_minutes, share
 from cnnum.lab.scoring.trial import Trial, runs
@@ -20,9 +20,6 @@ OTHERS = 1000
 
 EXCERPT = 300
 """Frames of each stream that the reference engine runs, too: at rest, pressed, and pulled."""
-
-APART = 20
-"""Step between the frames of a program without memories."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,13 +2,15 @@
 
 import inspect
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
 from cnnum.embedded.formats import precision_named
-from cnnum.embedded.making import Made, make
+from cnnum.embedded.lowering.solvers import solvers_for
+from cnnum.embedded.making import Made, make_with
+from cnnum.embedded.measuring import Seen, measured
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.passes import schedule
 from cnnum.graph.schedule import Schedule
@@ -26,6 +28,9 @@ RATE = 200.0
 
 RADIUS = {4: 15e-3}
 """m, of the sphere on small arrays, whose taxels lie as close as others'."""
+
+APART = 20
+"""Step between the frames of a program without memories."""
 
 MEASURED = 3
 """Seeds of each kind of stream on which ranges are measured."""
@@ -101,8 +106,18 @@ def made(
     UnknownNameError
         If there is no such program, output or precision.
     """
+    kind, found = precision_named(precision), schedule_of(name, shape, needs)
+    wanted = None if needs is None else tuple(needs)
+    seen = _seen(name, shape, method, wanted) if kind.integer else Seen()
+    return make_with(name, found, solvers_for(found, method), kind, seen, method)
+
+
+@lru_cache(maxsize=4)
+def _seen(name: str, shape: Shape, method: str, needs: tuple[str, ...] | None) -> Seen:
+    """Return the ranges of a program's values: whole numbers of any length share them."""
     found = schedule_of(name, shape, needs)
-    return make(name, found, precision_named(precision), measuring_frames(shape), method)
+    step = 1 if found.memories else APART
+    return measured(found, solvers_for(found, method), measuring_frames(shape)[::step])
 
 
 def vector_frames(shape: Shape, count: int) -> Floats:
