@@ -207,6 +207,7 @@ class Emulator:
     def loop(self, statement: Loop) -> None:
         """Run rounds that add terms up; only the sums are noted."""
         sizes, self.sizes = self.sizes, None
+        assert isinstance(statement.start, int)
         assert isinstance(statement.end, int)
         for number in range(statement.start, statement.end, statement.step):
             self.values[statement.variable.text] = np.asarray(number)

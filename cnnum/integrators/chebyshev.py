@@ -120,3 +120,13 @@ def stages_for(reach: float) -> int:
     The answer may be above `MAX_STAGES`: then the step has to be shorter.
     """
     return max(2, math.ceil(math.sqrt(1.0 + max(reach, 0.0) / STABILITY)))
+
+
+def coefficients() -> Floats:
+    """Return (most + 1, most, 4) numbers: method s, stage j; the first stage's weight at j = 0."""
+    table = np.zeros((MAX_STAGES + 1, MAX_STAGES, 4))
+    for stages in range(2, MAX_STAGES + 1):
+        method = chebyshev_method(stages)
+        table[stages, 0, 2] = method.first
+        table[stages, 1:stages] = method.rows
+    return table

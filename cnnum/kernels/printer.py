@@ -198,7 +198,8 @@ class Printer:
         v = loop.variable.text
         next = f"++{v}" if loop.step == 1 else f"{v} += {loop.step}"
         condition = f"{v} < {self.within(operand(loop.end), RANKS['<'] + 1)}"
-        head = f"for ({self.count_type} {v} = {loop.start}; {condition}; {next})"
+        start = self.expression(operand(loop.start))
+        head = f"for ({self.count_type} {v} = {start}; {condition}; {next})"
         return self._body(head, loop.body, loop.hint)
 
     def counted(self, loop: Counted) -> list[str]:

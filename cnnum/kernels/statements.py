@@ -130,9 +130,9 @@ class Loop:
     Attributes
     ----------
     variable : Name
-    end : int or Expression
+    start, end : int or Expression
     body : tuple of Statement
-    start, step : int
+    step : int
     hint : str
         A request to compilers: a line before it.
     """
@@ -140,7 +140,7 @@ class Loop:
     variable: Name
     end: Operand
     body: "tuple[Statement, ...]"
-    start: int = 0
+    start: Operand = 0
     step: int = 1
     hint: str = ""
 

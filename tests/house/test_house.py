@@ -13,7 +13,12 @@ ROOT = Path(__file__).parents[2]
 ORACLES = {"tactile", "templating.checks"}
 MACHINE = {"engines", "engine", "plan", "programs"}
 HEAVY = {
-    "pyopencl": {"cnnum/engines/opencl", "cnnum/engines/devices", "cnnum/lab/bench/device"},
+    "pyopencl": {
+        "cnnum/engines/opencl",
+        "cnnum/engines/devices",
+        "cnnum/engines/whole/device_frames.py",
+        "cnnum/lab/bench/device",
+    },
     "serial": {"drivers/serial_port.py"},
     "mcap": {"cnnum/recordings"},
     "zstandard": {"cnnum/recordings"},

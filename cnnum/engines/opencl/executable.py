@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.devices.building import build_program
+from cnnum.engines.devices.device_trouble import build_failure, run_failure
+from cnnum.engines.devices.shared_arrays import SharedArray, shared_array, shares_memory
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
 from cnnum.engines.opencl.lowering.storage import Tables
-from cnnum.engines.opencl.runtime.device_trouble import build_failure, run_failure
 from cnnum.engines.opencl.runtime.host_exchange import Exchange, exchanges
 from cnnum.engines.opencl.runtime.launch_runner import LaunchArrays, LaunchRunner
-from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.runtime.single_frame import OneFrame
 from cnnum.graph.schedule import Schedule
 from cnnum.safety.memory import refuse_beyond

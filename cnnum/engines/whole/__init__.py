@@ -82,7 +82,7 @@ def whole_backend(name: str, device: str | None, precision: str) -> WholeBackend
             raise DeviceError(f"The reference engine runs on the host, got device={device!r:.60}.")
         return WholeBackend(name, "NumPy on the host", kind, Emulator, 0)
     if name == "opencl":
-        from cnnum.engines.opencl.whole_frames import DeviceFrames, opened
+        from cnnum.engines.whole.device_frames import DeviceFrames, opened
 
         label, queue = opened(device)
         return WholeBackend(name, label, kind, lambda program: DeviceFrames(program, queue), 1)

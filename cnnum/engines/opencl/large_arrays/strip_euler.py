@@ -15,10 +15,9 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import (
     strip_kernel,
 )
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, TO, At, Rows
-from cnnum.engines.opencl.large_arrays.strip_stages import Stages
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.integrators.schemes import FixedSteps
+from cnnum.integrators.schemes import FixedSteps, Stages
 
 BARE = ("standard", "linear", "full-range")
 """Outputs that cost less to make than to keep."""

@@ -1,11 +1,11 @@
-"""The stages of fixed steps, as `strip_stages` has them."""
+"""The stages of fixed steps, as `cnnum.integrators.schemes` has them."""
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.strip_couplings import PART, coupled
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows, vector
 from cnnum.engines.opencl.large_arrays.strip_settling import Watch
-from cnnum.engines.opencl.large_arrays.strip_stages import Stage, Stages, Sum
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
+from cnnum.integrators.schemes import Stage, Stages, Sum
 
 
 def array_of(place: int) -> str:

@@ -16,13 +16,12 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import (
 from cnnum.engines.opencl.large_arrays.strip_rows import Rows
 from cnnum.engines.opencl.large_arrays.strip_settling import BEFORE, watch
 from cnnum.engines.opencl.large_arrays.strip_stage_sums import array_of, sum_cases
-from cnnum.engines.opencl.large_arrays.strip_stages import Stages, stages_of
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import LATER, W
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
 from cnnum.engines.opencl.transients.step_control import STEPS, Figures
-from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
+from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps, Stages, stages_of
 
 Steps = FixedSteps | AdaptiveSteps | ChebyshevSteps
 

@@ -7,20 +7,31 @@ different ways, a register of their own says whether a part is theirs.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.program import FIRST
-from cnnum.engines.opencl.lowering.split_scopes import Fixed, GlobalArray, Meaning, Register, Scope
+from cnnum.engines.opencl.lowering.split_scopes import (
+    BATCH,
+    FRAME,
+    Fixed,
+    GlobalArray,
+    Meaning,
+    Register,
+    Scope,
+)
 from cnnum.engines.opencl.lowering.storage import UNFINISHED
 from cnnum.engines.opencl.text import fill, indented
-from cnnum.engines.opencl.transients.builder import ROW
 from cnnum.kernels.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
 from cnnum.kernels.opencl import OpenCLPrinter
+from cnnum.kernels.substitution import Record, substituted
 from cnnum.kernels.uses import Uses, uses
 
 PIECE = 1024
 """Values that a work item takes of a sweep that does not go by rows."""
+
+AT, BEGIN, END, K, PARTIALS = (ir.Name(name) for name in ("piece", "begin", "end", "k", "partials"))
+"""The piece that a work item takes of a sweep, its ends, and where its part of a sum is kept."""
 
 
 def split_kernels(body: Sequence[ir.Statement], rows: int, printer: OpenCLPrinter) -> LaunchPlan:
@@ -34,13 +45,17 @@ def split_kernels(body: Sequence[ir.Statement], rows: int, printer: OpenCLPrinte
     printer : OpenCLPrinter
         The printer of the kernels.
     """
-    split = _Split(rows, printer)
+    split = _Split(rows)
     scope = Scope()
-    scope.meanings[FIRST.text] = Fixed("R(is_first)")
+    scope.meanings[FIRST.text] = Fixed(ir.real(ir.Name("is_first")))
     split.walk((ir.declare(UNFINISHED, ir.ZERO),), scope, None)
     split.walk(body, scope, None)
     split.flush()
-    return LaunchPlan(tuple(split.parts), "\n".join(split.kernels), split.registers, split.partials)
+    text = [
+        fill("part", note=note, kernel=name, body=indented(printer.lines(lines), 1))
+        for name, note, lines in split.kernels
+    ]
+    return LaunchPlan(tuple(split.parts), "\n".join(text), len(split.known), split.partials)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +63,7 @@ class _Waiting:
     """Statements for one work item of a frame, for the frames whose guard is not 0."""
 
     guard: Register | None
-    lines: list[str]
+    body: tuple[ir.Statement, ...]
     used: tuple[Meaning, ...]
 
 
@@ -57,19 +72,15 @@ class _Split:
     """Walks the statements once; those that are no sweeps wait for a kernel of theirs."""
 
     rows: int
-    printer: OpenCLPrinter
     parts: list[LaunchStep] = field(default_factory=list[LaunchStep])
-    kernels: list[str] = field(default_factory=list[str])
+    kernels: list[tuple[str, str, list[ir.Statement]]] = field(
+        default_factory=list[tuple[str, str, list[ir.Statement]]]
+    )
     waiting: list[_Waiting] = field(default_factory=list[_Waiting])
     known: list[Register] = field(default_factory=list[Register])
     arrays: list[GlobalArray] = field(default_factory=list[GlobalArray])
     partials: int = 0
     note: str = ""
-
-    @property
-    def registers(self) -> int:
-        """Registers so far."""
-        return len(self.known)
 
     def walk(
         self, statements: Sequence[ir.Statement], scope: Scope, guard: Register | None
@@ -100,60 +111,55 @@ class _Split:
         """Make a kernel of the statements that wait."""
         if not self.waiting:
             return
-        lines: list[str] = []
+        body: list[ir.Statement] = []
         used: set[Meaning] = set()
         for one in self.waiting:
             used |= {*one.used, *([] if one.guard is None else [one.guard])}
             if one.guard is None:
-                lines += one.lines
+                body += one.body
             else:
-                inner = (f"    {line}" for line in one.lines)
-                lines += [f"if ({one.guard.name} != 0) {{", *inner, "}"]
+                body.append(ir.Branch(one.guard.name.differs(0), one.body))
         arrays = [array.load for array in self.arrays if array in used]
         registers = [register for register in self.known if register in used]
-        lines = [*arrays, *(r.load for r in registers), *lines, *(r.store for r in registers)]
         self.waiting = []
-        self._launch(lines, 1)
+        loads, stores = [r.load for r in registers], [r.store for r in registers]
+        self._launch([*arrays, *loads, *body, *stores], 1)
 
     # numbers
 
-    def _wait(self, statement: ir.Statement, scope: Scope, guard: Register | None) -> None:
+    def _wait(
+        self,
+        statement: ir.Statement,
+        scope: Scope,
+        guard: Register | None,
+        *own: Register,
+    ) -> None:
+        """Let a statement wait; `own` are registers that it names by their names."""
         found = scope.found(uses((statement,)).names)
-        lines = self._printer(found).lines([statement])
-        self.waiting.append(_Waiting(guard, lines, tuple(found.values())))
-
-    def _printer(self, found: dict[str, Meaning]) -> OpenCLPrinter:
-        names = {name: meaning.name for name, meaning in found.items()}
-        return replace(self.printer, names=names)
+        body = (_meant(statement, found),)
+        self.waiting.append(_Waiting(guard, body, (*own, *found.values())))
 
     def _declare(self, new: ir.Declare, scope: Scope, guard: Register | None) -> None:
         for name, value in new.variables:
             if new.fixed and value is not None and _is_constant(value):
-                scope.meanings[name.text] = Fixed(f"({self.printer.expression(value)})")
+                scope.meanings[name.text] = Fixed(_bracketed(value))
                 continue
             # the value is that of the names before the new one is among them
             register = self._register(new.type, name)
             if value is not None:
-                self._assign(register, value, scope, guard)
+                self._wait(ir.Assign(register.name, value), scope, guard, register)
             scope.meanings[name.text] = register
 
     def _register(self, kind: str, name: ir.Name) -> Register:
-        register = Register(f"{name.text}_{self.registers}", kind, self.registers)
+        place = len(self.known)
+        register = Register(ir.Name(f"{name.text}_{place}"), kind, place)
         self.known.append(register)
         return register
 
-    def _assign(
-        self, register: Register, value: ir.Expression, scope: Scope, guard: Register | None
-    ) -> None:
-        found = scope.found(_names(value))
-        line = f"{register.name} = {self._printer(found).expression(value)};"
-        self.waiting.append(_Waiting(guard, [line], (register, *found.values())))
-
     def _array(self, array: ir.Array, scope: Scope) -> None:
         assert array.start is not None
-        start = self.printer.expression(array.start)
-        meaning = GlobalArray(f"{array.name.text}_{len(self.arrays)}", start)
-        scope.meanings[array.name.text] = meaning
+        name = ir.Name(f"{array.name.text}_{len(self.arrays)}")
+        meaning = scope.meanings[array.name.text] = GlobalArray(name, array.start)
         self.arrays.append(meaning)
 
     def _strips(self, steps: ir.StripSteps, scope: Scope, guard: Register | None) -> None:
@@ -167,26 +173,33 @@ class _Split:
     def _sweep(self, sweep: ir.Sweep, scope: Scope, guard: Register | None) -> None:
         self.flush()
         pieces = sweep.count
-        if sweep.variable != ROW:
+        if sweep.variable != ir.ROW:
             pieces = min(self.rows, max(1, sweep.count // PIECE))
         found, done = self._used_by(sweep, scope)
-        sums = [(found[name], how) for name, how in done.taken_in.items() if name in found]
-        sums.sort(key=lambda each: list(found.values()).index(each[0]))
-        v = sweep.variable.text
-        lines = [] if guard is None else [f"if ({guard.where} == 0) {{ return; }}"]
-        lines += [meaning.load for meaning in found.values() if not isinstance(meaning, Fixed)]
-        # a sum goes on from its value in the first piece, and starts from 0 in the others
-        lines += [f"{r.name} = piece == 0 ? {r.name} : ZERO;" for r, how in sums if how == "+"]
-        lines += [
-            f"const int begin = (int)((long){sweep.count} * piece / {pieces});",
-            f"const int end = (int)((long){sweep.count} * (piece + 1) / {pieces});",
-            f"for (int {v} = begin; {v} < end; ++{v}) {{",
-            *self._printer(found).lines(sweep.body, 1),
-            "}",
+        sums = [
+            (meaning, done.taken_in[name])
+            for name, meaning in found.items()
+            if isinstance(meaning, Register) and name in done.taken_in
         ]
-        for slot, (register, _) in enumerate(sums):
-            lines.append(f"{_partial(slot, pieces, 'piece')} = {register.name};")
-        self._launch(lines, pieces)
+        body: list[ir.Statement] = []
+        if guard is not None:
+            body.append(ir.Branch(guard.where.equals(0), (ir.Verbatim(("return;",)),)))
+        body += [meaning.load for meaning in found.values() if not isinstance(meaning, Fixed)]
+        # a sum goes on from its value in the first piece, and starts from 0 in the others
+        body += [
+            ir.Assign(r.name, ir.Choice(AT.equals(0), r.name, ir.ZERO))
+            for r, how in sums
+            if how == "+"
+        ]
+        for end, piece in ((BEGIN, AT), (END, AT + 1)):
+            place = ir.Cast("long", ir.Integer(sweep.count)) * piece / pieces
+            body.append(ir.fixed(end, ir.Cast("int", place), of="int"))
+        body.append(ir.Loop(sweep.variable, END, _meant(sweep.body, found), start=BEGIN))
+        body += [
+            ir.Assign(_partial(slot, pieces, AT), register.name)
+            for slot, (register, _) in enumerate(sums)
+        ]
+        self._launch(body, pieces)
         for slot, (register, how) in enumerate(sums):
             self.partials = max(self.partials, (slot + 1) * pieces)
             gathered = _gathered(register.name, how, slot, pieces)
@@ -218,25 +231,25 @@ class _Split:
     def _renew(
         self, register: Register, outer: Register | None, condition: ir.Expression, scope: Scope
     ) -> None:
-        found = scope.found(_names(condition))
-        holds = f"({self._printer(found).expression(condition)})"
-        both = holds if outer is None else f"{outer.name} != 0 && {holds}"
-        used = (register, *([] if outer is None else [outer]), *found.values())
-        self.waiting.append(_Waiting(None, [f"{register.name} = {both};"], used))
+        both: ir.Expression = _bracketed(condition)
+        if outer is not None:
+            both = outer.name.differs(0) & both
+        used = (register,) if outer is None else (register, outer)
+        self._wait(ir.Assign(register.name, both), scope, None, *used)
 
     def _counted(self, loop: ir.Counted, scope: Scope, guard: Register | None) -> None:
         often = loop.end if isinstance(loop.end, int) and loop.running is None else None
         count: Register | None = None
         if often is None or loop.variable.text in uses(loop.body).names:
             count = self._register("int", loop.variable)
-            self._assign(count, ir.Integer(loop.start), scope, guard)
+            self._wait(ir.Assign(count.name, ir.Integer(loop.start)), scope, guard, count)
             scope.meanings[loop.variable.text] = count
         within = guard if often is not None else self._guard(guard, loop.condition, scope)
         self.flush()
         outside, self.parts = self.parts, []
         self.walk(loop.body, scope, within)
         if count is not None:
-            self.waiting.append(_Waiting(within, [f"++{count.name};"], (count,)))
+            self._wait(ir.Assign(count.name, ir.Integer(1), "+="), scope, within, count)
         if within is not None and often is None:
             self._renew(within, within, loop.condition, scope)
         self.flush()
@@ -250,15 +263,20 @@ class _Split:
                 rounds = Rounds(tuple(self.parts), bound=(bound.place, loop.start))
         self.parts = [*outside, rounds]
 
-    def _launch(self, lines: list[str], pieces: int) -> None:
+    def _launch(self, body: list[ir.Statement], pieces: int) -> None:
         name = f"part_{len(self.kernels)}"
-        self.kernels.append(fill("part", note=self.note, kernel=name, body=indented(lines, 1)))
+        self.kernels.append((name, self.note, body))
         self.note = ""
         self.parts.append(Launch(name, pieces))
 
 
-def _names(value: ir.Expression) -> tuple[str, ...]:
-    return uses((ir.Assign(ir.Name(""), value),)).names
+def _meant(record: Record, found: dict[str, Meaning]) -> Record:
+    """Return a record with the meanings of its names."""
+    return substituted(record, {name: meaning.name for name, meaning in found.items()})
+
+
+def _bracketed(value: ir.Expression) -> ir.Call:
+    return ir.call("", value)
 
 
 def _is_constant(value: ir.Expression) -> bool:
@@ -267,14 +285,13 @@ def _is_constant(value: ir.Expression) -> bool:
     return isinstance(inner, ir.Number | ir.Constant)
 
 
-def _partial(slot: int, pieces: int, piece: str) -> str:
-    return f"partials[({slot} * batch + frame) * {pieces} + {piece}]"
+def _partial(slot: int, pieces: int, piece: ir.Name) -> ir.Element:
+    return PARTIALS[(ir.Integer(slot) * BATCH + FRAME) * pieces + piece]
 
 
-def _gathered(name: str, how: str, slot: int, pieces: int) -> list[str]:
+def _gathered(name: ir.Name, how: str, slot: int, pieces: int) -> tuple[ir.Statement, ...]:
     """Return the statements that put a number together from its pieces, always in their order."""
-    part = _partial(slot, pieces, "k")
-    loop = f"for (int k = 0; k < {pieces}; ++k)"
+    part = _partial(slot, pieces, K)
     if how == "+":
-        return [f"{name} = ZERO;", f"{loop} {{ {name} += {part}; }}"]
-    return [f"{loop} {{ {name} = {how}({name}, {part}); }}"]
+        return ir.Assign(name, ir.ZERO), ir.Loop(K, pieces, (ir.add(name, part),))
+    return (ir.Loop(K, pieces, (ir.Accumulate(name, how, part),)),)

@@ -3,6 +3,10 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
+from cnnum import kernels as ir
+
+BATCH, FRAME, REGISTERS = ir.Name("batch"), ir.Name("frame"), ir.Name("registers")
+
 
 @dataclass(frozen=True, slots=True)
 class Register:
@@ -10,7 +14,7 @@ class Register:
 
     Attributes
     ----------
-    name : str
+    name : Name
         Its own among all registers.
     type : str
         In the kernels; it is kept as a `scalar`.
@@ -18,44 +22,44 @@ class Register:
         Among the registers.
     """
 
-    name: str
+    name: ir.Name
     type: str
     place: int
 
     @property
-    def where(self) -> str:
+    def where(self) -> ir.Element:
         """Where it is kept: the frames of a batch lie side by side."""
-        return f"registers[{self.place} * batch + frame]"
+        return REGISTERS[ir.Integer(self.place) * BATCH + FRAME]
 
     @property
-    def load(self) -> str:
+    def load(self) -> ir.Statement:
         """The statement that brings it into a kernel."""
-        return f"{self.type} {self.name} = ({self.type}){self.where};"
+        return ir.declare(self.name, ir.Cast(self.type, self.where), of=self.type)
 
     @property
-    def store(self) -> str:
+    def store(self) -> ir.Statement:
         """The statement that keeps it."""
-        return f"{self.where} = (scalar){self.name};"
+        return ir.Assign(self.where, ir.Cast("scalar", self.name))
 
 
 @dataclass(frozen=True, slots=True)
 class GlobalArray:
     """Values of a frame in global memory, from `start` on, be it in scratch or in its outputs."""
 
-    name: str
-    start: str
+    name: ir.Name
+    start: ir.Expression
 
     @property
-    def load(self) -> str:
+    def load(self) -> ir.Statement:
         """The statement that brings it into a kernel."""
-        return f"__global real *const {self.name} = {self.start};"
+        return ir.Array(self.name, 0, self.start)
 
 
 @dataclass(frozen=True, slots=True)
 class Fixed:
     """A number that is the same wherever it is named."""
 
-    name: str
+    name: ir.Expression
 
 
 Meaning = Register | GlobalArray | Fixed

@@ -14,8 +14,8 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.engines.devices.shared_arrays import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.runtime.result_blocks import KeptBlock
-from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array, shares_memory
 from cnnum.engines.opencl.text import fill
 from cnnum.kernels.number_types import NumberType
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pyopencl as cl
 
-from cnnum.engines.opencl.runtime.shared_arrays import SharedArray, shared_array, shares_memory
+from cnnum.engines.devices.shared_arrays import SharedArray, shared_array, shares_memory
 from cnnum.kernels.launch_plan import Launch, LaunchPlan, LaunchStep, Rounds, Steps
 
 

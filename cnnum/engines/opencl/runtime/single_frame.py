@@ -7,10 +7,10 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
+from cnnum.engines.devices.device_trouble import run_failure
+from cnnum.engines.devices.shared_arrays import SharedArray
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.forks import LOST, refuse_after_fork
-from cnnum.engines.opencl.runtime.device_trouble import run_failure
-from cnnum.engines.opencl.runtime.shared_arrays import SharedArray
 
 ONE_ITEM = (1,)
 

@@ -1,17 +1,14 @@
 """Runge–Kutta–Chebyshev steps: as many stages as a step's length needs."""
 
 from collections.abc import Callable
-
-import numpy as np
+from dataclasses import replace
 
 from cnnum import kernels as ir
-from cnnum.arrays import Floats
 from cnnum.engines.opencl.large_arrays.strip_adaptive import STAGES, chebyshev_attempts
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.runge_kutta_steps import rates_of
 from cnnum.engines.opencl.transients.state_equation import (
-    CHANGE,
     RATE,
     Instant,
     Then,
@@ -20,22 +17,18 @@ from cnnum.engines.opencl.transients.state_equation import (
     rates_once,
 )
 from cnnum.engines.opencl.transients.step_control import (
-    ADDED,
     K0,
     RUNNING,
-    SPEED,
-    TIME,
-    WORST,
     XS,
     Attempt,
-    Control,
+    E,
     Figures,
     H,
     advance,
     controlled,
-    rounding,
+    judged,
 )
-from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
+from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, coefficients
 from cnnum.integrators.schemes import ChebyshevSteps
 
 OLD, K1 = ir.Name("old"), rates_of(1)
@@ -66,29 +59,23 @@ def _controlled(
 ) -> Figures:
     """Append steps of such attempts; `first` finds the rates at the start."""
     text.array(K0, text.states)
-    attempt = attempts(text, text.tables.data(_coefficients()))
+    attempt = attempts(text, text.tables.data(coefficients()))
     with text.aside() as first_rates:
         first(text, X, lambda at, _: [ir.Assign(K0[at], RATE)], Instant())
-    longest = ir.Number(scheme.control.longest)
-    left = ir.Number(text.solver.duration) - TIME
-    control = Control(
-        about="runge-kutta-chebyshev: steps follow the error estimate, stages follow the steps",
-        scheme=scheme,
-        length=ir.call("fmin", H, ir.call("fmin", longest, left)),
-        carries=False,
-    )
-    stages = [*_count_stages(scheme), *attempt.stages]
-    return controlled(text, control, first_rates, attempt, stages)
+    attempt = replace(attempt, stages=[*_count_stages(scheme), *attempt.stages])
+    return controlled(text, scheme, attempt, first_rates)
 
 
 def _count_stages(scheme: ChebyshevSteps) -> list[ir.Statement]:
     """Return statements that find a step's stages: the lane with the longest step decides."""
-    reach = RUNNING * H * ir.Number(scheme.fastest) * ir.Number(1.0 / _reach())
+    # the interval of stability over s² − 1
+    reach = chebyshev_method(MAX_STAGES).real_stability / (MAX_STAGES**2 - 1)
+    stable = RUNNING * H * ir.Number(scheme.fastest) * ir.Number(1.0 / reach)
     short = ir.Cast("scalar", STAGES * STAGES) < REACH
     return [
         ir.Note("// the lane with the longest step says how many stages all of them take"),
         ir.fixed(
-            REACH, ir.call("LARGEST_LANE", reach) + ir.Cast("scalar", ir.Integer(1)), of="scalar"
+            REACH, ir.call("LARGEST_LANE", stable) + ir.Cast("scalar", ir.Integer(1)), of="scalar"
         ),
         ir.declare(STAGES, 2, of="int"),
         ir.While((STAGES < MAX_STAGES) & short, (ir.Assign(STAGES, ir.Integer(1), "+="),)),
@@ -138,7 +125,7 @@ def _sweeps(text: TransientBuilder, table: int) -> Attempt:
         ir.Counted(STAGE, 1, STAGES, None, each),
         ir.Block(tuple(last_rates)),
     ]
-    return Attempt([], stages, _judge(text), advance(text, K1), [])
+    return Attempt(stages, _judge(text), advance(text, K1))
 
 
 def _rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) -> None:
@@ -146,33 +133,9 @@ def _rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant)
     rates(text, state, then, instant)
 
 
-def _reach() -> float:
-    """Return the interval of stability over s² − 1."""
-    return chebyshev_method(MAX_STAGES).real_stability / (MAX_STAGES**2 - 1)
-
-
-def _coefficients() -> Floats:
-    """Return (most + 1, most, 4) numbers: method s, stage j; the first stage's weight at j = 0."""
-    table = np.zeros((MAX_STAGES + 1, MAX_STAGES, 4))
-    for stages in range(2, MAX_STAGES + 1):
-        method = chebyshev_method(stages)
-        table[stages, 0, 2] = method.first
-        table[stages, 1:stages] = method.rows
-    return table
-
-
 def _judge(text: TransientBuilder) -> list[ir.Statement]:
     """Return statements that find the worst error of a step, and the change at its end."""
-    tau, e = ir.Number(float(text.template.tau.max())), ir.Name("e")
     # Sommeijer, Shampine & Verwer 1998, section 2.2
     states = ir.call("R", ir.Constant("0.8")) * (X[ir.CELL] - XS[ir.CELL])
     error = states + ir.call("R", ir.Constant("0.4")) * H * (K0[ir.CELL] + K1[ir.CELL])
-    larger = ir.call("fmax", ir.size(X[ir.CELL]), ir.size(XS[ir.CELL]))
-    body: list[ir.Statement] = [
-        ir.fixed(e, ir.size(error)),
-        ir.Accumulate(WORST, "greater", e / text.scale(larger)),
-        ir.Accumulate(ADDED, "greater", e + rounding(text) * ir.size(XS[ir.CELL])),
-        ir.Accumulate(SPEED, "greater", ir.size(K1[ir.CELL])),
-        ir.Accumulate(CHANGE, "greater", ir.size(tau * K1[ir.CELL]) / text.scale(XS[ir.CELL])),
-    ]
-    return [ir.sweep(ir.CELL, text.states, body)]
+    return [ir.sweep(ir.CELL, text.states, judged(text, ir.CELL, error, E, K1))]

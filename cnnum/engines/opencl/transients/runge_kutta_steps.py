@@ -10,7 +10,6 @@ from cnnum.engines.opencl.transients.feedforward import arrive
 from cnnum.engines.opencl.transients.fixed_steps import last_number, repeated
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.state_equation import (
-    CHANGE,
     PART,
     RATE,
     Instant,
@@ -21,19 +20,15 @@ from cnnum.engines.opencl.transients.state_equation import (
     watch_change,
 )
 from cnnum.engines.opencl.transients.step_control import (
-    ADDED,
     K0,
-    SPEED,
     TIME,
-    WORST,
     XS,
     Attempt,
-    Control,
     Figures,
     H,
     advance,
     controlled,
-    rounding,
+    judged,
 )
 from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
 from cnnum.integrators.tableau import Explicit, Pair, Row
@@ -250,7 +245,7 @@ def sweeps(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
             _stage(text, tableaux, stage, Instant(TIME + c * H))
         stages.append(ir.Block(tuple(lines)))
     taken = advance(text, rates_of(tableau.stages - 1))
-    return Attempt([], stages, judge(text, tableaux), taken, [])
+    return Attempt(stages, judge(text, tableaux), taken)
 
 
 def adaptive(
@@ -263,33 +258,15 @@ def adaptive(
     attempt = attempts(text, scheme)
     with text.aside() as first_rates:
         rates_once(text, X, lambda at, _: [ir.Assign(K0[at], RATE)], Instant(TIME))
-    left = ir.Number(text.solver.duration) - TIME
-    control = Control(
-        about=f"{scheme.name}: steps follow the error estimate",
-        scheme=scheme,
-        length=ir.call("fmin", ir.call("fmin", H, ir.Number(scheme.longest)), left),
-        carries=True,
-    )
-    return controlled(text, control, first_rates, attempt, attempt.stages)
+    return controlled(text, scheme, attempt, first_rates)
 
 
 def judge(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> list[ir.Statement]:
     """Return statements that find the worst error of a step, and the change at its end."""
     last, body = rates_of(tableaux[0].stages - 1), list[ir.Statement]()
-    tau, e = text.slowest(), ir.Name("e")
     for layer, tableau in enumerate(tableaux):
         at = text.at(layer)
-        parts = [ir.size(H * _combination(d, at)) for d in tableau.truncation]
-        larger = ir.call("fmax", ir.size(X[at]), ir.size(XS[at]))
-        body.append(
-            ir.block(
-                ir.fixed(e, ir.size(H * _combination(tableau.error, at))),
-                ir.Accumulate(WORST, "greater", e / text.scale(larger)),
-                ir.Accumulate(ADDED, "greater", ir.total(parts) + rounding(text) * ir.size(XS[at])),
-                ir.Accumulate(SPEED, "greater", ir.size(last[at])),
-                ir.Accumulate(CHANGE, "greater", ir.size(tau * last[at]) / text.scale(XS[at])),
-            )
-        )
-    with text.aside() as lines:
-        text.over_cells(body)
-    return lines
+        left_out = ir.total([ir.size(H * _combination(d, at)) for d in tableau.truncation])
+        error = H * _combination(tableau.error, at)
+        body.append(ir.block(*judged(text, at, error, left_out, last)))
+    return [ir.sweep(ir.CELL, text.cells, body)]

@@ -44,7 +44,7 @@ def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
         ),
     ]
     taken = advance(text, rates_of(stages - 1))
-    return Attempt([], body, judge(text, tableaux), taken, [])
+    return Attempt(body, judge(text, tableaux), taken)
 
 
 def _stage(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> None:

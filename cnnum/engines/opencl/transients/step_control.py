@@ -27,7 +27,7 @@ WORST, ADDED, SPEED = ir.Name("worst"), ir.Name("added"), ir.Name("speed")
 SPEED_BEFORE, BEHIND, AHEAD, REACHED = (
     ir.Name("speed_before"), ir.Name("behind"), ir.Name("ahead"), ir.Name("reached"),
 )  # fmt: skip
-FASTER, GROWN = ir.Name("faster"), ir.Name("grown")
+FASTER, GROWN, E = ir.Name("faster"), ir.Name("grown"), ir.Name("e")
 
 Figures = dict[str, ir.Expression]
 """Of a run: time, steps, settled, error."""
@@ -39,71 +39,45 @@ class Attempt:
 
     Attributes
     ----------
-    begin : sequence of Statement
-        Before all steps, once `k0` holds the rates at the start `x`.
     stages : sequence of Statement
         The stages, h long.
     judge : sequence of Statement
         Statements that find `worst`, `added`, `speed` and `change`.
     advance : sequence of Statement
         Statements that take the step over where `accept` is not 0.
-    end : sequence of Statement
-        Statements after all steps that bring the state back to `x`.
+    begin, end : sequence of Statement
+        Before all steps, once `k0` holds the rates at the start `x`; and after them, to bring the
+        state back to `x`.
     """
 
-    begin: Sequence[ir.Statement]
     stages: Sequence[ir.Statement]
     judge: Sequence[ir.Statement]
     advance: Sequence[ir.Statement]
-    end: Sequence[ir.Statement]
-
-
-@dataclass(frozen=True, slots=True)
-class Control:
-    """How the length of steps follows their error.
-
-    Attributes
-    ----------
-    about : str
-        A comment.
-    scheme : AdaptiveSteps or ChebyshevSteps
-    length : Expression
-        Of the step at hand.
-    carries : bool
-        Whether the rounded-off part of the time is kept for the next step.
-    """
-
-    about: str
-    scheme: AdaptiveSteps | ChebyshevSteps
-    length: ir.Expression
-    carries: bool
+    begin: Sequence[ir.Statement] = ()
+    end: Sequence[ir.Statement] = ()
 
 
 def controlled(
     text: TransientBuilder,
-    control: Control,
-    first_rates: Sequence[ir.Statement],
+    scheme: AdaptiveSteps | ChebyshevSteps,
     attempt: Attempt,
-    stages: Sequence[ir.Statement],
+    first_rates: Sequence[ir.Statement],
 ) -> Figures:
     """Append the steps of attempts, and return the figures of the run.
 
-    Parameters
-    ----------
-    text : TransientBuilder
-    control : Control
-    first_rates : sequence of Statement
-        Statements that set `k0`.
-    attempt : Attempt
-    stages : sequence of Statement
-        Those of the attempt, and the statements before them.
+    A pair's steps carry what rounding leaves out of the time. `first_rates` set `k0`.
     """
+    pair, longest = isinstance(scheme, AdaptiveSteps), ir.Number(scheme.control.longest)
     duration = ir.Number(text.solver.duration)
     zeros = [TIME, STEPS, SETTLED, ERROR]
-    carried = [(BEHIND, ir.ZERO)] if control.carries else []
-    begun = (*((name, ir.ZERO) for name in zeros), (H, ir.Number(control.scheme.first_step)))
+    carried = [(BEHIND, ir.ZERO)] if pair else []
+    begun = (*((name, ir.ZERO) for name in zeros), (H, ir.Number(scheme.first_step)))
+    left, many = duration - TIME, "" if pair else ", stages follow the steps"
+    length = ir.call("fmin", H, ir.call("fmin", longest, left))
+    if pair:
+        length = ir.call("fmin", ir.call("fmin", H, longest), left)
     text.body += [
-        ir.Note(f"// {control.about}"),
+        ir.Note(f"// {scheme.name}: steps follow the error estimate{many}"),
         ir.Declare("real", begun),
         ir.Declare("real", ((SPEED_BEFORE, ir.ZERO), *carried)),
         ir.Declare("real", ((RUNNING, ir.pick(TIME < duration, ir.ONE, ir.ZERO)),)),
@@ -121,26 +95,24 @@ def controlled(
                 ir.Declare(
                     "real", tuple((name, ir.ZERO) for name in (WORST, ADDED, SPEED, CHANGE))
                 ),
-                ir.Assign(H, control.length),
-                *stages,
+                ir.Assign(H, length),
+                *attempt.stages,
                 *attempt.judge,
                 ir.fixed(ACCEPT, ir.pick(WORST <= ir.ONE, RUNNING, ir.ZERO)),
                 *attempt.advance,
-                *_moved_on(control),
+                *(_carried_on() if pair else [ir.add(TIME, ACCEPT * H), ir.add(STEPS, RUNNING)]),
                 *_followed(text),
-                *_next(control, duration),
+                *_next(scheme, duration),
             ),
         ),
         ir.Assign(UNFINISHED, ir.call("fmax", UNFINISHED, RUNNING)),
         *attempt.end,
     ]
     figures: Figures = {"time": TIME, "steps": STEPS, "error": ir.Number(SAFETY) * ERROR}
-    return figures | ({"settled": SETTLED} if control.scheme.settle else {})
+    return figures | ({"settled": SETTLED} if scheme.settle else {})
 
 
-def _moved_on(control: Control) -> list[ir.Statement]:
-    if not control.carries:
-        return [ir.add(TIME, ACCEPT * H), ir.add(STEPS, RUNNING)]
+def _carried_on() -> list[ir.Statement]:
     ahead = ((AHEAD, ACCEPT * H - BEHIND), (REACHED, TIME + AHEAD))
     return [
         ir.Note("// what rounding leaves out of the time comes with the next step"),
@@ -167,11 +139,11 @@ def _followed(text: TransientBuilder) -> list[ir.Statement]:
     ]
 
 
-def _next(control: Control, duration: ir.Expression) -> list[ir.Statement]:
+def _next(scheme: AdaptiveSteps | ChebyshevSteps, duration: ir.Expression) -> list[ir.Statement]:
     """Return statements that set the length of the next step, and whether there is one."""
-    rests = (ACCEPT * ir.Number(float(control.scheme.settle))).differs(ir.ZERO) & (CHANGE <= ir.ONE)
+    rests = (ACCEPT * ir.Number(float(scheme.settle))).differs(ir.ZERO) & (CHANGE <= ir.ONE)
     ends = (TIME >= duration * ir.Number(1.0 - 1e-6)) | SETTLED.differs(ir.ZERO)
-    follows = control.scheme.control
+    follows = scheme.control
     least_error = ir.call("R", ir.Constant("1e-10"))
     power = ir.call("pow", ir.call("fmax", WORST, least_error), ir.Number(-1.0 / follows.order))
     factor = ir.call(
@@ -200,3 +172,33 @@ def advance(text: TransientBuilder, last: ir.Name) -> list[ir.Statement]:
 def rounding(text: TransientBuilder) -> ir.Number:
     """Return the size of a step's roundings, for a state of 1."""
     return ir.Number(ROUNDINGS * float(np.finfo(text.tables.dtype).eps))
+
+
+def judged(
+    text: TransientBuilder,
+    at: ir.Expression,
+    error: ir.Expression,
+    left_out: ir.Expression,
+    rate: ir.Name,
+) -> list[ir.Statement]:
+    """Return statements that take a cell into the figures of a step.
+
+    Parameters
+    ----------
+    text : TransientBuilder
+    at : Expression
+        The cell's place.
+    error, left_out : Expression
+        The step's estimate, and its share `e` in the error that is followed.
+    rate : Name
+        The rates at the step's end.
+    """
+    before, after, last = X[at], XS[at], rate[at]
+    larger = ir.call("fmax", ir.size(before), ir.size(after))
+    return [
+        ir.fixed(E, ir.size(error)),
+        ir.Accumulate(WORST, "greater", E / text.scale(larger)),
+        ir.Accumulate(ADDED, "greater", left_out + rounding(text) * ir.size(after)),
+        ir.Accumulate(SPEED, "greater", ir.size(last)),
+        ir.Accumulate(CHANGE, "greater", ir.size(text.slowest() * last) / text.scale(after)),
+    ]

@@ -85,7 +85,7 @@ OTHER_ORDER = (
     "adaptive, until it settles",
 )  # fmt: skip
 """Cases in which one kernel adds the weights in another order (`fused_euler`), equal ones in other
-groups (`euler_in_registers`), or stages of a step in another order (`strip_stages`)."""
+groups (`euler_in_registers`), or stages of a step in another order (`integrators.schemes`)."""
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -5,11 +5,10 @@ import pytest
 
 from cnnum import program, transient
 from cnnum.engine import Engine
-from cnnum.engines.opencl.large_arrays.strip_stages import stages_of
 from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
-from cnnum.integrators.schemes import FixedSteps
+from cnnum.integrators.schemes import FixedSteps, stages_of
 from cnnum.integrators.tableau import TABLEAUX
 from cnnum.templating.template import Template
 

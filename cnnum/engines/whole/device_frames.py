@@ -11,9 +11,9 @@ from cnnum.embedded.c.program import c_text
 from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.program import IntegerProgram
 from cnnum.engines.devices.building import build_program
+from cnnum.engines.devices.device_trouble import build_failure, run_failure
 from cnnum.engines.devices.selection import choose_device
 from cnnum.engines.forks import refuse_after_fork
-from cnnum.engines.opencl.runtime.device_trouble import build_failure, run_failure
 
 
 def opened(device: str | None) -> tuple[str, cl.CommandQueue]:

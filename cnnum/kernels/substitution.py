@@ -1,0 +1,31 @@
+"""The pass that puts other expressions in the places of names."""
+
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from functools import cache
+from typing import Any, TypeVar
+
+from cnnum.kernels.expressions import Expression, Name
+
+Record = TypeVar("Record")
+
+
+def substituted(record: Record, by: Mapping[str, Expression]) -> Record:
+    """Return a record, or a tuple of them, with other expressions in the places of names."""
+    changed: Record = _changed(record, by)
+    return changed
+
+
+def _changed(value: Any, by: Mapping[str, Expression]) -> Any:
+    if isinstance(value, Name):
+        return by.get(value.text, value)
+    if isinstance(value, tuple):
+        return tuple([_changed(each, by) for each in value])  # pyright: ignore[reportUnknownVariableType]
+    kind: object = type(value)
+    names = _fields_of(kind)
+    return type(value)(*[_changed(getattr(value, name), by) for name in names]) if names else value
+
+
+@cache
+def _fields_of(kind: object) -> tuple[str, ...]:
+    return tuple(field.name for field in fields(kind)) if is_dataclass(kind) else ()
