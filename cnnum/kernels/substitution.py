@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from functools import cache
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from cnnum.kernels.expressions import Expression, Name
 
@@ -21,9 +21,9 @@ def _changed(value: Any, by: Mapping[str, Expression]) -> Any:
         return by.get(value.text, value)
     if isinstance(value, tuple):
         return tuple([_changed(each, by) for each in value])  # pyright: ignore[reportUnknownVariableType]
-    kind: object = type(value)
+    kind = cast(type[object], type(value))
     names = _fields_of(kind)
-    return type(value)(*[_changed(getattr(value, name), by) for name in names]) if names else value
+    return kind(*[_changed(getattr(value, name), by) for name in names]) if names else value
 
 
 @cache
