@@ -13,7 +13,7 @@ QUICK := $(addprefix tests/,cli/commands/test_devices.py cli/commands/test_run.p
     graph/test_tracing.py scenes/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test situations faults arrays embedded fuzz mutate platforms docs lint style mypy pyright bench lock clean
+.PHONY: demo test test-full situations faults arrays embedded fuzz mutate platforms docs lint style mypy pyright bench lock clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html
@@ -22,6 +22,10 @@ demo: $(VENV)/run.stamp
 # small matrices hundreds of times as long as they work
 test: $(VENV)/dev.stamp
 	$(PYTEST) --durations 20
+
+# the same with every case of the tests that it thins: some eight minutes more
+test-full: $(VENV)/dev.stamp
+	CNNUM_TESTS=full $(PYTEST) --durations 20
 
 # the demo and a quick part of the suite as on two other machines: one whose processor is newer than
 # the compiler of PoCL's wheel, and one without OpenCL (its loader is sent to a folder that is not there)

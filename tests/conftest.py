@@ -3,11 +3,16 @@
 `CNNUM_TEST_DEVICE=Intel pytest` runs it on another device. Where no OpenCL device works, tests that
 ask for the engine "opencl" by name are skipped with that reason, and the others run on Numba.
 
+Cases that each build kernels of their own are thinned by `@pytest.mark.one_in(n)`: `make test` runs
+every n-th of a test's, `make test-full` all. Where parameters are crossed, n and the number of
+values of the inner ones have no common factor: then no value is always left out.
+
 Tests of faults on purpose keep an account of trials and losses. `make faults` runs them in full and
 prints it; `make test` runs a short version.
 """
 
 import os
+from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from typing import TypeVar
 
@@ -25,10 +30,24 @@ settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCh
 settings.load_profile("busy")
 
 
-def pytest_configure():
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "one_in(n): a short run takes every n-th case of the test")
     wanted = os.environ.get("CNNUM_TEST_DEVICE")
     if wanted:
         only(wanted)
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out of a short run the cases between every n-th of a test that is marked so."""
+    if os.environ.get("CNNUM_TESTS") == "full":
+        return
+    seen, kept, left = Counter[str](), list[pytest.Item](), list[pytest.Item]()
+    for item in items:
+        mark, test = item.get_closest_marker("one_in"), item.nodeid.partition("[")[0]
+        (left if mark is not None and seen[test] % mark.args[0] else kept).append(item)
+        seen[test] += 1
+    config.hook.pytest_deselected(items=left)
+    items[:] = kept
 
 
 def pytest_sessionstart():

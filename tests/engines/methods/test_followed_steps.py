@@ -62,6 +62,7 @@ def test_error_covers_the_truth(engines, known, precision):
     assert max(medians[name] for name in (low if precision == "float32" else medians)) < 200.0
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("label", LABELS)
 @pytest.mark.parametrize("method", [*METHODS, *EXPONENTIAL])
 def test_the_steps_are_those_that_are_not_followed(engines, label, method):
@@ -209,6 +210,7 @@ def test_stages_that_show_nothing_are_refused(engines, monkeypatch):
         engines["numba-float64"].run(template, state=start, method="apart", estimate=True)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", EVERY_METHOD)
 @pytest.mark.parametrize("dt", [None, 0.05])
 def test_every_method_is_followed_or_says_why_not(engines, method, dt):

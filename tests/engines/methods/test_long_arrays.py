@@ -40,6 +40,7 @@ def test_method_is_chosen_in_the_room_of_a_few_maps(name, shape):
     assert peak_bytes(lambda: choose(transient, shape)) < FEW_MAPS
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("engine", ["opencl", "numba", "reference"])
 def test_long_arrays_run_as_parts_of_them_do(engine, name):

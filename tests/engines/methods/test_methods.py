@@ -50,6 +50,7 @@ def exponential_steps(template, method, given, step, count):
     return x
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("label", ["opencl-float64", "numba-float64", "reference"])
 @pytest.mark.parametrize("name", EXPONENTIAL_METHODS)
 @pytest.mark.parametrize("output", ["standard", "linear", "tanh", "full-range"])
@@ -86,6 +87,7 @@ def test_exponential_steps_that_settle_stop_alike(engines, reference, name):
         assert np.abs(other.state - plain.state).max() <= 1e-12
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 @pytest.mark.parametrize("name", EXPONENTIAL_METHODS)
 def test_exponential_steps_without_a_length_are_alike(engines, reference, name, boundary):

@@ -70,6 +70,7 @@ def test_loops_end_by_equality(engine):
     assert (got["iterations"], got["finished"]) == (3, 1)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("power", [0, 1, 2, 3, 5, 8, 2.0, np.float64(3), np.int64(4), True])
 def test_whole_powers_are_products(engine, power):
     nearly(engine, lambda a, b: a**power, A ** float(power))
@@ -179,6 +180,7 @@ def test_arrays_join_fields_by_operators(engine):
     nearly(engine, lambda a, b: (A <= b) & (b > 0.0), (A <= B) & (B > 0.0))  # noqa: SIM300
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize(
     ("ufunc", "expected"),
     [
@@ -194,6 +196,7 @@ def test_numpy_takes_fields_cell_by_cell(engine, ufunc, expected):
     nearly(engine, lambda a, b: ufunc(a), expected)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     "ufunc", [np.logical_and, np.logical_or, np.logical_xor, np.bitwise_and, np.bitwise_or]
 )

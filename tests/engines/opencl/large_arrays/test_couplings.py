@@ -109,6 +109,7 @@ def run_both(rng, template, shape, spec, masked=False, batch=1):
     return got, wanted, *both
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", CASES)
 def test_couplings_of_strips_are_those_of_one_array(name, monkeypatch):
     """In strips that work items share, and a third of them in one work item a frame."""
@@ -143,6 +144,7 @@ LAYERS = {
 }
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", LAYERS)
 def test_layers_are_coupled_in_strips(method, monkeypatch):
     """Steps of a pair follow from its error: they are the reference's, and so is the time."""

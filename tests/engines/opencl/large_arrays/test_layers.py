@@ -35,6 +35,7 @@ CASES = {
 """By method: the template, whether a mask holds some cells, and how it runs."""
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", CASES)
 def test_layers_and_held_cells_step_as_one_array(method, monkeypatch):
     """Weights equal or not, the drive an input's or z of each layer alone."""

@@ -88,6 +88,7 @@ OTHER_ORDER = (
 groups (`euler_in_registers`), or stages of a step in another order (`integrators.schemes`)."""
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", CASES)
 def test_parts_give_the_bits_of_one_kernel(name, parted, monkeypatch):
     """Three frames of different size, so that adaptive steps and settling differ between them."""

@@ -33,6 +33,7 @@ def resting(rng, boundary, output, layers, radius):
     )  # fmt: skip
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", CASES)
 def test_strips_end_with_the_step_that_sees_no_change(method, monkeypatch):
     """Frames of a batch end after steps of their own number, amid launches; one with its first."""

@@ -92,6 +92,7 @@ def test_stages_of_arrays_beyond_one_work_item():
     assert {m: off.max() for m, off in found.items() if off.max() > 1e-5} == {}
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("method", PAIRS)
 @pytest.mark.parametrize("seed", range(3))
 def test_pairs_step_strips_as_one_array(seed, method, monkeypatch):
@@ -118,6 +119,7 @@ def test_pairs_step_strips_as_one_array(seed, method, monkeypatch):
         assert np.abs(got.state - wanted.state).max() <= 1e-11 * np.abs(wanted.state).max()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", METHODS)
 def test_stages_of_a_linear_cell_are_the_methods_growth(method):
     """Of x' = −x/τ + w a step makes the method's own R(−h/τ) of the distance to w τ.

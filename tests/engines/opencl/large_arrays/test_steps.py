@@ -48,6 +48,7 @@ def random_template(rng, boundary, output, radius, symmetric=False, tau=1.5):
     )
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("boundary", BOUNDARIES)
 @pytest.mark.parametrize(("output", "radius"), OUTPUTS)
 def test_strips_step_as_one_array(boundary, output, radius):
@@ -66,6 +67,7 @@ def test_strips_step_as_one_array(boundary, output, radius):
         assert np.abs(got.output - wanted.output).max() <= scale
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("seed", range(8))
 def test_strips_of_any_size_step_as_one_array(seed, monkeypatch):
     """Any rows, columns, steps and batch: strips are high or low, launches full or not.

@@ -43,6 +43,7 @@ def program_of(template, spec):
     return states, (*(f"u{n}" for n in inputs), "b")
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", CASES)
 def test_drives_of_large_arrays_are_sums(name, monkeypatch):
     """Inputs, nonlinear ones, those before a delay, and a bias, all of them into every layer.
