@@ -159,8 +159,8 @@ def _facts(card: Card) -> list[str]:
     if measured is not None and measured.settle:
         times = ", ".join(f"{n}×{n}: {time:g} τ" for n, time in measured.settle)
         lines.append(f"Settles within {times}.")
-    elif measured is not None and check is not None:
-        lines.append(f"No settle time: {unsettled(template)}")
+    if measured is not None and check is not None and (why := unsettled(template, measured)):
+        lines.append(f"No settle time: {why}")
     if measured is not None and measured.margin is not None:
         lines.append(f"Margin: {measured.margin:g} of bias.")
     return [*lines, f"Tags: {', '.join(about.tags)}. Source: {' '.join(template.source.split())}."]

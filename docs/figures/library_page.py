@@ -6,6 +6,7 @@ It writes `docs/template-library.md` from the template files. A test holds the p
 from collections import defaultdict
 from pathlib import Path
 
+from cnnum.templating.checks.measuring import SIDES
 from cnnum.templating.files import Entry
 from cnnum.templating.library import get_entry, template_names, template_path
 
@@ -26,7 +27,7 @@ the check that it must pass, and its measured figures.
 * `cnnum templates measure` writes the figures of the tables below into the files.
 
 *Settles*: time constants until the outputs rest, on squares of 8, 12 and 16 cells. A fixed duration
-is run twice as long, to see the rest. Without a time, `cnnum templates show NAME` says why.
+is run twice as long, to see the rest. Where a time is missing, `cnnum templates show NAME` says why.
 *Margin*: how much may be added to the bias, and taken from it, with no wrong cell. A gray answer
 has none. Both are of the pictures of the check: a wave with a longer way to go takes longer.
 
@@ -96,7 +97,8 @@ def _group(folder: str, entries: list[Entry]) -> str:
 def _row(entry: Entry) -> str:
     template, measured, check = entry.template, entry.measured, entry.template.check
     first, stop, _ = _line(template.description).partition(". ")
-    times = ", ".join(f"{time:g}" for _, time in measured.settle) if measured else ""
+    known = dict(measured.settle) if measured else {}
+    times = ", ".join(f"{known[side]:g}" if side in known else "–" for side in SIDES if known)
     margin = "" if measured is None or measured.margin is None else f"{measured.margin:g}"
     cells = (template.name, first + stop.strip(), check.name if check else "", times, margin)
     return f"| {' | '.join(cells)} |"

@@ -115,7 +115,7 @@ def _known(entry: "Entry") -> list[tuple[str, str]]:
     about, measured = entry.about, entry.measured
     times = measured.settle if measured else ()
     margin = measured.margin if measured else None
-    known = measured is not None and entry.template.check is not None
+    why = unsettled(entry.template, measured) if measured and entry.template.check else ""
     lines = [
         ("input", about.input),
         ("state", about.state),
@@ -123,7 +123,7 @@ def _known(entry: "Entry") -> list[tuple[str, str]]:
         ("experimental", " ".join(about.experimental.split())),
         ("published boundary", about.published_boundary),
         ("settles within", ", ".join(f"{n}×{n}: {number(t)} τ" for n, t in times)),
-        ("no settle time", unsettled(entry.template) if known and not times else ""),
+        ("no settle time", why),
         ("margin of the bias", "" if margin is None else number(margin)),
     ]
     return [(label, text) for label, text in lines if text]

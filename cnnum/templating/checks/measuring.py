@@ -158,8 +158,17 @@ def _longest(template: Template) -> float | None:
     return None if template.duration == "settle" else 2.0 * template.duration
 
 
-def unsettled(template: Template) -> str:
-    """Return why a template that was measured has no settle time, in a sentence."""
+def unsettled(template: Template, measured: Measured) -> str:
+    """Return why a template has no settle time on some arrays, in a sentence; empty if it has."""
+    known = dict(measured.settle)
+    without = [f"{side}×{side}" for side in SIDES if side not in known]
+    if not without:
+        return ""
+    where = f" ({', '.join(without)})" if known else ""
+    return _why(template).removesuffix(".") + where + "."
+
+
+def _why(template: Template) -> str:
     if template.output.discrete:
         return f"It runs in steps, for {template.duration} time constants."
     if template.duration == "settle":
