@@ -27,7 +27,7 @@ the check that it must pass, and its measured figures.
 * `cnnum templates measure` writes the figures of the tables below into the files.
 
 *Settles*: time constants until the outputs rest, on squares of 8, 12 and 16 cells. A fixed duration
-is run twice as long, to see the rest. Where a time is missing, `cnnum templates show NAME` says why.
+is run twice as long, to see the rest. For a missing time, `cnnum templates show NAME` says why.
 *Margin*: how much may be added to the bias, and taken from it, with no wrong cell. A gray answer
 has none. Both are of the pictures of the check: a wave with a longer way to go takes longer.
 
