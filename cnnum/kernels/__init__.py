@@ -41,6 +41,7 @@ from cnnum.kernels.statements import (
     Assign,
     Block,
     Branch,
+    Case,
     Counted,
     Declare,
     Loop,
@@ -61,8 +62,9 @@ from cnnum.kernels.statements import (
 
 __all__ = [
     "CELL", "COL", "ONE", "PLACE", "ROUND", "ROW", "ZERO", "Accumulate", "Array", "Assign",
-    "Binary", "Block", "Bounds", "Branch", "Call", "Cast", "Choice", "Component", "Constant",
-    "Counted", "Declare", "Element", "Expression", "Integer", "Load", "Loop", "Name", "Negative",
+    "Binary", "Block", "Bounds", "Branch", "Call", "Case", "Cast", "Choice", "Component",
+    "Constant", "Counted", "Declare", "Element", "Expression", "Integer", "Load", "Loop", "Name",
+    "Negative",
     "Note", "Number", "Operand", "Statement", "Store", "StripSteps", "Sweep", "Verbatim", "While",
     "add", "after", "block", "call", "clip", "declare", "fixed", "grid", "pick", "real", "shifted",
     "size", "sweep", "total",

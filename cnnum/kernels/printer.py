@@ -27,6 +27,7 @@ from cnnum.kernels.statements import (
     Assign,
     Block,
     Branch,
+    Case,
     Counted,
     Declare,
     Loop,
@@ -54,8 +55,8 @@ _WRITERS: dict[type, str] = {
     Component: "component", Load: "load", Call: "call", Binary: "binary", Negative: "negative",
     Cast: "cast", Choice: "choice", Assign: "assign", Declare: "declare", Array: "array",
     Store: "store", Accumulate: "accumulate", Note: "note", StripSteps: "strip_steps",
-    Verbatim: "verbatim", Block: "block", Branch: "branch", While: "during", Sweep: "sweep",
-    Loop: "loop", Counted: "counted",
+    Verbatim: "verbatim", Block: "block", Branch: "branch", Case: "case", While: "during",
+    Sweep: "sweep", Loop: "loop", Counted: "counted",
 }  # fmt: skip
 """The method of each record; a target need not have all of them."""
 
@@ -182,6 +183,10 @@ class Printer:
     def branch(self, branch: Branch) -> list[str]:
         """Write a branch."""
         return self._body(f"if ({self.expression(branch.condition)})", branch.body)
+
+    def case(self, case: Case) -> list[str]:
+        """Write one of the cases of a choice."""
+        return [f"case {case.number}: {{", *self.lines(case.body, 1), "    break;", "}"]
 
     def during(self, rounds: While) -> list[str]:
         """Write rounds as long as a condition holds."""

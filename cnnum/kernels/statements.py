@@ -177,6 +177,14 @@ class Counted:
 
 
 @dataclass(frozen=True, slots=True)
+class Case:
+    """Statements that run where the choice around them is this number."""
+
+    number: int
+    body: "tuple[Statement, ...]"
+
+
+@dataclass(frozen=True, slots=True)
 class While:
     """Statements of one work item that run as long as a condition holds."""
 
@@ -213,8 +221,8 @@ class Verbatim:
 
 
 Statement = (
-    Note | Declare | Array | Assign | Store | Accumulate | Block | Branch | Sweep | Loop | Counted
-    | While | StripSteps | Verbatim
+    Note | Declare | Array | Assign | Store | Accumulate | Block | Branch | Case | Sweep | Loop
+    | Counted | While | StripSteps | Verbatim
 )  # fmt: skip
 
 

@@ -66,7 +66,7 @@ def comment(words: str) -> ir.Note:
     return ir.Note(f"// {re.sub('[^A-Za-z0-9 _.,:+*=-]', '_', words)}")
 
 
-def indented(lines: list[str], depth: int) -> str:
+def indented(lines: Iterable[str], depth: int) -> str:
     """Return the lines joined, each indented by `depth` levels of four spaces."""
     pad = "    " * depth
     return "\n".join(pad + line if line else line for line in lines)

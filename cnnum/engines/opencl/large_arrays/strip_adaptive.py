@@ -1,12 +1,9 @@
 """Steps of large arrays that may be refused, by strips of rows: a run of levels each."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
-from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
-from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS, by_turns
 from cnnum.engines.opencl.large_arrays.strip_chebyshev import (
     ARRAYS,
     CONTROL,
@@ -19,12 +16,11 @@ from cnnum.engines.opencl.large_arrays.strip_chebyshev import (
     STEP,
     chebyshev_cases,
 )
-from cnnum.engines.opencl.large_arrays.strip_error import FIGURES, mark_cells
+from cnnum.engines.opencl.large_arrays.strip_error import CELLS, FIGURES, mark_cells
 from cnnum.engines.opencl.large_arrays.strip_kernel import (
     StripText,
-    declare_arrays,
-    levels_of,
     strip_kernel,
+    strip_rows,
 )
 from cnnum.engines.opencl.large_arrays.strip_pair import BEGINS, LENGTH, MOVED, pair_cases
 from cnnum.engines.opencl.large_arrays.strip_rows import Rows
@@ -33,74 +29,30 @@ from cnnum.engines.opencl.transients.step_control import ACCEPT, TIME, Attempt, 
 from cnnum.integrators.chebyshev import MAX_STAGES
 from cnnum.integrators.schemes import AdaptiveSteps
 
-CONTROLS, MAXIMA = ir.Name("strip_control"), ir.Name("strip_maxima")
+CONTROL_ARRAY, MAXIMA_ARRAY = "strip_control", "strip_maxima"
+CONTROLS, MAXIMA = ir.Name(CONTROL_ARRAY), ir.Name(MAXIMA_ARRAY)
 """The registers between the plan's body and the strips."""
 
 STAGES, LEVELS, AT = ir.Name("stages"), ir.Name("levels"), ir.Name("at")
 """Of a step; a variable of loops."""
 
 
-@dataclass(frozen=True, slots=True)
-class Trial:
-    """The parts that depend on the method in steps that may be refused.
-
-    In expressions `{name}` is how far the array `name` is from the first.
-
-    Attributes
-    ----------
-    arrays : tuple of str
-        Of all rows. The first holds the states at the start.
-    rates : str
-        That of them which holds the rates at the start.
-    control : int
-        Numbers in `strip_control`, which the plan's body sets.
-    cases : callable
-        The text of all cases, from rows, strips and the rows of a block.
-    case : str
-        The expression of the case that is the level `number`.
-    end : str
-        Where the states are in the end, from the first array.
-    levels : int
-        Of a step, at most.
-    begin, tell, advance : list of Statement
-        Statements that set the control: before all steps, before each, and after each.
-    count : str
-        Levels that a frame takes of at most `most` after those that are `done`.
-    told : Name or None
-        The number of the plan's body that says how many levels a frame takes.
-    """
-
-    arrays: tuple[str, ...]
-    rates: str
-    control: int
-    cases: Callable[[Rows, int, int], list[str]]
-    case: str
-    end: str
-    levels: int
-    begin: list[ir.Statement]
-    tell: list[ir.Statement]
-    advance: list[ir.Statement]
-    count: str = "most"
-    told: ir.Name | None = None
-
-
 def pair_attempts(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     """Return the statements of a pair's steps, and keep their kernel with the tables."""
     stages = scheme.tableau.stages
-    return _attempt(
-        text,
-        Trial(
-            arrays=("strip_x", "strip_xs", *(f"strip_k{n}" for n in range(stages))),
-            rates="strip_k0",
-            control=3,
-            cases=lambda rows, most, block: pair_cases(rows, scheme, most, block),
-            case=f"number % {stages}",
-            end=f"(x[{{strip_control}} + {MOVED}] != 0 ? {{strip_xs}} : 0)",
-            levels=stages,
-            begin=[ir.Assign(CONTROLS[MOVED], ir.ZERO)],
-            tell=[ir.Assign(CONTROLS[LENGTH], H), ir.Assign(CONTROLS[BEGINS], TIME)],
-            advance=[ir.Assign(CONTROLS[MOVED], ACCEPT)],
-        ),
+    rows = _rows(text, ("strip_x", "strip_xs", *(f"strip_k{n}" for n in range(stages))), 3)
+    own = StripText(
+        f"number % {stages}",
+        lambda block: pair_cases(rows, scheme, block),
+        rest=_first_rates(rows, "strip_k0"),
+        end=f"(x[{rows.at(CONTROL_ARRAY)} + {MOVED}] != 0 ? {rows.at('strip_xs')} : 0)",
+    )
+    tell = [ir.Assign(CONTROLS[LENGTH], H), ir.Assign(CONTROLS[BEGINS], TIME)]
+    attempt = _attempt(rows, own, stages, tell, None)
+    return replace(
+        attempt,
+        begin=[ir.Assign(CONTROLS[MOVED], ir.ZERO), *attempt.begin],
+        advance=[ir.Assign(CONTROLS[MOVED], ACCEPT)],
     )
 
 
@@ -113,42 +65,31 @@ def chebyshev_attempts(text: TransientBuilder, table: int) -> Attempt:
     table : int
         Where in the data the methods' rows begin.
     """
-    stages = f"(int)x[{{strip_control}} + {STAGES_AT}]"
-    size = CONTROL - ROWS
-    row = text.tables.number_at(ir.Integer(table) + STAGES * size + AT)
-    return _attempt(
-        text,
-        Trial(
-            arrays=ARRAYS,
-            rates=ARRAYS[1],
-            control=CONTROL,
-            cases=chebyshev_cases,
-            case=f"number == 0 ? 0 : number < {stages} ? 1 : 2",
-            end=f"(int)x[{{strip_control}} + {STATE}] * {{{ARRAYS[1]}}}",
-            levels=MAX_STAGES + 1,
-            begin=[
-                ir.Assign(CONTROLS[place], ir.real(n))
-                for n, place in enumerate((STATE, RATES, EVEN, ODD))
-            ],
-            tell=[
-                ir.Assign(CONTROLS[STEP], H),
-                ir.Assign(CONTROLS[STAGES_AT], ir.Cast("real", STAGES)),
-                # a loop of this kind is no sweep, which would be a launch of its own
-                ir.declare(AT, 0, of="int"),
-                ir.While(
-                    AT < size,
-                    (
-                        ir.Assign(CONTROLS[ir.Integer(ROWS) + AT], row),
-                        ir.Assign(AT, ir.Integer(1), "+="),
-                    ),
-                ),
-                ir.fixed(LEVELS, STAGES + 1, of="int"),
-            ],
-            advance=_changed_places(),
-            count=f"min(most, {stages} + 1 - done)",
-            told=LEVELS,
-        ),
+    rows, size = _rows(text, ARRAYS, CONTROL), CONTROL - ROWS
+    control, distance = rows.at(CONTROL_ARRAY), rows.at(ARRAYS[1])
+    stages = f"(int)x[{control} + {STAGES_AT}]"
+    own = StripText(
+        f"number == 0 ? 0 : number < {stages} ? 1 : 2",
+        lambda block: chebyshev_cases(rows, block),
+        rest=_first_rates(rows, ARRAYS[1]),
+        end=f"(int)x[{control} + {STATE}] * {distance}",
+        count=f"min(most, {stages} + 1 - done)",
     )
+    row = text.tables.number_at(ir.Integer(table) + STAGES * size + AT)
+    next_row = ir.Assign(CONTROLS[ir.Integer(ROWS) + AT], row)
+    tell: list[ir.Statement] = [
+        ir.Assign(CONTROLS[STEP], H),
+        ir.Assign(CONTROLS[STAGES_AT], ir.Cast("real", STAGES)),
+        # a loop of this kind is no sweep, which would be a launch of its own
+        ir.declare(AT, 0, of="int"),
+        ir.While(AT < size, (next_row, ir.Assign(AT, ir.Integer(1), "+="))),
+        ir.fixed(LEVELS, STAGES + 1, of="int"),
+    ]
+    attempt = _attempt(rows, own, MAX_STAGES + 1, tell, LEVELS)
+    begin = [
+        ir.Assign(CONTROLS[place], ir.real(n)) for n, place in enumerate((STATE, RATES, EVEN, ODD))
+    ]
+    return replace(attempt, begin=[*begin, *attempt.begin], advance=_changed_places())
 
 
 def _changed_places() -> list[ir.Statement]:
@@ -166,59 +107,61 @@ def _changed_places() -> list[ir.Statement]:
     return [ir.Branch(ACCEPT.differs(ir.ZERO), taken)]
 
 
-def _attempt(text: TransientBuilder, trial: Trial) -> Attempt:
-    """Return the statements of steps, and keep their kernel with the tables."""
-    layout = row_layout(text)
-    offsets = declare_arrays(text, layout, trial.arrays)
-    scales = tuple(1.0 / float(tau) for tau in text.template.tau)
-    size = levels_of(text, layout, offsets)
-    each = size[1] * layout.width
-    span = layout.vectors * layout.width
-    lengths = {"control": trial.control, "maxima": len(FIGURES) * each, "cells": span}
-    for name, length in lengths.items():
-        text.array(ir.Name(f"strip_{name}"), length)
-        place = text.arena.places[f"strip_{name}"]
-        offsets[f"strip_{name}"] = place - text.arena.places[trial.arrays[0]]
-    places = dict(offsets)
+def _rows(text: TransientBuilder, arrays: tuple[str, ...], control: int) -> Rows:
+    """Return the rows of arrays, of which the first holds the states at the start."""
+    rows = strip_rows(text, arrays, tuple(1.0 / float(tau) for tau in text.template.tau))
+    rows.declare(CONTROL_ARRAY, control)
+    rows.declare(MAXIMA_ARRAY, len(FIGURES) * rows.size[1] * rows.layout.width)
+    rows.declare(CELLS, rows.span)
+    if rows.span == rows.layout.cols:
+        del rows.offsets[CELLS]
+    return rows
+
+
+def _first_rates(rows: Rows, array: str) -> list[str]:
+    """Return the text that sets a row's rates at the start, and the cells that a mask holds."""
+    k0 = rows.text.arena.places["k0"]
+    return [f"to_lanes(x + p + {rows.at(array)}, mine + {k0} + cell, 1);", *rows.set_held()]
+
+
+def _attempt(
+    rows: Rows, own: StripText, levels: int, tell: Sequence[ir.Statement], told: ir.Name | None
+) -> Attempt:
+    """Return the statements of steps, and keep their kernel with the tables.
+
+    Parameters
+    ----------
+    rows : Rows
+    own : StripText
+    levels : int
+        Of a step, at most.
+    tell : sequence of Statement
+        Statements that set the control before each step.
+    told : Name or None
+        The number of the plan's body that says how many levels a frame takes.
+    """
+    most, width, maxima = rows.size[1], rows.layout.width, rows.at(MAXIMA_ARRAY)
+    each = most * width
     clear = [f"for (int n = 0; piece == 0 && n < {len(FIGURES) * each}; ++n) {{"]
-    clear += [f"    x[{offsets['strip_maxima']} + n] = 0;", "}"]
-    if span == layout.cols:
-        del offsets["strip_cells"]
-    else:
-        clear += mark_cells(layout, offsets["strip_cells"])
-    rows = Rows(text, layout, scales, offsets)
-    k0 = f"to_lanes(x + p + {offsets[trial.rates]}, mine + {text.arena.places['k0']} + cell, 1);"
-    own = StripText(
-        offsets,
-        scales,
-        trial.case.format(**places),
-        lambda block: trial.cases(rows, size[1], block),
-        clear=clear,
-        rest=[k0, *rows.set_held()],
-        begin=_forget(places["strip_maxima"], size[1], layout),
-        outputs=by_turns(offsets, OUTPUTS),
-        end=trial.end.format(**places),
-        count=trial.count.format(**places),
-    )
-    strips = strip_kernel(text, own, layout, size, trial.levels)
-    text.tables.strips.append(strips.text)
-    return Attempt(
-        begin=[*trial.begin, ir.StripSteps(replace(strips, count=0, ends=False))],
-        stages=[*trial.tell, ir.StripSteps(replace(strips, begins=False, ends=False), trial.told)],
-        judge=_gathered(each),
-        advance=trial.advance,
-        end=[ir.StripSteps(replace(strips, count=0, begins=False))],
-    )
-
-
-def _forget(maxima: int, most: int, layout: RowLayout) -> list[str]:
-    """Return the text by which a strip forgets its findings in the step before."""
-    return [
+    clear += [f"    x[{maxima} + n] = 0;", "}"]
+    # a strip forgets its findings in the step before
+    begin = [
         f"for (int n = 0; done == 0 && n < {len(FIGURES)}; ++n) {{",
-        f"    const int own = {maxima} + (n * {most} + piece) * {layout.width};",
+        f"    const int own = {maxima} + (n * {most} + piece) * {width};",
         "    *(__global vec *)(x + own) = (vec)(0);",
         "}",
     ]
+    own = replace(
+        own, begin=begin, clear=clear + (mark_cells(rows) if CELLS in rows.offsets else [])
+    )
+    strips = strip_kernel(rows, own, levels)
+    return Attempt(
+        begin=[ir.StripSteps(replace(strips, count=0, ends=False))],
+        stages=[*tell, ir.StripSteps(replace(strips, begins=False, ends=False), told)],
+        judge=_gathered(each),
+        advance=[],
+        end=[ir.StripSteps(replace(strips, count=0, begins=False))],
+    )
 
 
 def _gathered(each: int) -> list[ir.Statement]:

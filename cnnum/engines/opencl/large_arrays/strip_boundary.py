@@ -30,7 +30,7 @@ def padded_arrays(text: TransientBuilder) -> tuple[str, ...]:
     return (*seen, *later)
 
 
-def by_turns(offsets: Mapping[str, int], names: tuple[str, str]) -> str:
+def by_turns(offsets: Mapping[str, int | str], names: tuple[str, str]) -> str:
     """Return the expression of one of two arrays after `level` levels."""
     even, odd = (offsets[name] for name in names)
     return f"x + (level & 1 ? {odd} : {even})"
@@ -53,7 +53,7 @@ def first_states(text: TransientBuilder) -> list[str]:
 
 
 def rim_texts(
-    text: TransientBuilder, layout: RowLayout, offsets: Mapping[str, int]
+    text: TransientBuilder, layout: RowLayout, offsets: Mapping[str, int | str]
 ) -> dict[str, str]:
     """Return the kernel text's names that set the treatment of virtual cells."""
     seen, fixed = reads_states(text.template), text.template.boundary.constant

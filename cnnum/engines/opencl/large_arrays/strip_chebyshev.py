@@ -34,8 +34,8 @@ CONTROL = ROWS + 4 * MAX_STAGES
 """Numbers of it."""
 
 
-def chebyshev_cases(rows: Rows, most: int, block: int) -> list[str]:
-    """Return the text of all levels of a number of rows; `most` strips keep their findings."""
+def chebyshev_cases(rows: Rows, block: int) -> list[ir.Case]:
+    """Return all levels of a number of rows."""
     offsets = rows.offsets[ARRAYS[1]]
     rows = replace(rows, offsets={**rows.offsets, **{name: name for name in PLACES}})
     every, own = rows.block(block), tuple(-scale for scale in rows.scales)
@@ -58,9 +58,9 @@ def chebyshev_cases(rows: Rows, most: int, block: int) -> list[str]:
     each = [_next(rows, at) for at in every]
     judges = [_judge(rows, at) for at in every]
     return [
-        *rows.case(0, begins, [*head, "const vec begin = (vec)(h * row[2]);"]),
-        *rows.case(1, [*sums, *each], [*head, *stage]),
-        *rows.case(2, judged(rows, most, [*sums, *judges]), head),
+        rows.case(0, begins, [*head, "const vec begin = (vec)(h * row[2]);"]),
+        rows.case(1, [*sums, *each], [*head, *stage]),
+        rows.case(2, judged(rows, [*sums, *judges]), head),
     ]
 
 

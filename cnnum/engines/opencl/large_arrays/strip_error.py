@@ -6,7 +6,6 @@ Every strip keeps its findings in each lane, and the plan's body makes one numbe
 from collections.abc import Sequence
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, START, P, Rows, X, constant, vector
 from cnnum.engines.opencl.transients.step_control import rounding
 
@@ -20,18 +19,9 @@ FIGURES = ("worst", "added", "speed", "change")
 A, B, FOUND, PIECE = (ir.Name(name) for name in ("a", "b", "found", "piece"))
 
 
-def judged(rows: Rows, most: int, each: Sequence[ir.Statement]) -> list[ir.Statement]:
-    """Return the statements on a vector of cells that takes part in the figures.
-
-    Parameters
-    ----------
-    rows : Rows
-    most : int
-        Strips that keep their findings.
-    each : sequence of Statement
-        Those in between.
-    """
-    size, first = rows.layout.width, int(rows.offsets["strip_maxima"])
+def judged(rows: Rows, each: Sequence[ir.Statement]) -> list[ir.Statement]:
+    """Return statements `each` on a vector of cells that takes part in the figures."""
+    size, first, most = rows.layout.width, rows.at("strip_maxima"), rows.size[1]
     places = {
         ir.Name(name): X + (first + n * most * size) + PIECE * size
         for n, name in enumerate(FIGURES)
@@ -95,10 +85,11 @@ def _most(rows: Rows, name: str) -> ir.Statement:
     return ir.Accumulate(ir.Name(name), "greatest", found)
 
 
-def mark_cells(layout: RowLayout, to: int) -> list[str]:
+def mark_cells(rows: Rows) -> list[str]:
     """Return the text that keeps which numbers of a row are cells."""
+    layout, to = rows.layout, rows.at(CELLS)
     return [
-        f"for (int n = 0; piece == 0 && n < {layout.vectors * layout.width}; ++n) {{",
+        f"for (int n = 0; piece == 0 && n < {rows.span}; ++n) {{",
         f"    const int col = n % {layout.width} * {layout.vectors} + n / {layout.width};",
         f"    x[{to} + n] = col < {layout.cols};",
         "}",

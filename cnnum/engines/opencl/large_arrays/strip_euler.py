@@ -5,14 +5,12 @@ registers from one vector to the next. So each state is read, and its output mad
 """
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
-from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS, by_turns
+from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS
 from cnnum.engines.opencl.large_arrays.strip_couplings import FROM, Kept, coupled
 from cnnum.engines.opencl.large_arrays.strip_kernel import (
     StripText,
-    declare_arrays,
-    levels_of,
     strip_kernel,
+    strip_rows,
 )
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, TO, At, Rows
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
@@ -36,29 +34,17 @@ def keeps_states(text: TransientBuilder, moments: Moments, layers: tuple[Stages,
 
 def state_steps(text: TransientBuilder, scheme: FixedSteps, scales: tuple[float, ...]) -> None:
     """Append the statement that stands for the steps, and keep their kernel with the tables."""
-    layout = row_layout(text)
-    offsets = declare_arrays(text, layout, ())
-    size = levels_of(text, layout, offsets)
-    rows = Rows(text, layout, scales, offsets)
-    moments = Moments(text, scheme, 1)
-    odd = offsets[OUTPUTS[1]]
+    rows, moments = strip_rows(text, (), scales), Moments(text, scheme, 1)
     own = StripText(
-        offsets,
-        scales,
         "0",
-        lambda block: _cases(rows, moments, block),
-        clear=[],
+        lambda block: [_case(rows, moments, block)],
         rest=rows.set_held(),
-        begin=[],
-        outputs=by_turns(offsets, OUTPUTS),
-        end=f"({scheme.count & 1} ? {odd} : 0)",
+        end=f"({scheme.count & 1} ? {rows.at(OUTPUTS[1])} : 0)",
     )
-    strips = strip_kernel(text, own, layout, size, scheme.count)
-    text.body.append(ir.StripSteps(strips))
-    text.tables.strips.append(strips.text)
+    text.body.append(ir.StripSteps(strip_kernel(rows, own, scheme.count)))
 
 
-def _cases(rows: Rows, moments: Moments, block: int) -> list[str]:
+def _case(rows: Rows, moments: Moments, block: int) -> ir.Case:
     every, kept = rows.block(block), Kept(rows, block)
     own = tuple(1.0 - scale for scale in rows.scales)
     each = [*kept.load, *coupled(rows, every, own, "from", kept=kept)]

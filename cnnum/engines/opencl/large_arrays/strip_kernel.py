@@ -1,20 +1,27 @@
 """The kernel that takes a large array's steps: strips of rows, several stages a launch."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
-from cnnum.engines.opencl.large_arrays.lane_rows import BLOCK_ROWS, OWN, lane_text, size_of
+from cnnum.engines.opencl.large_arrays.lane_rows import (
+    BLOCK_ROWS,
+    OWN,
+    lane_text,
+    row_layout,
+    size_of,
+)
 from cnnum.engines.opencl.large_arrays.strip_boundary import (
     OUTPUTS,
+    by_turns,
     first_states,
     padded_arrays,
     reads,
     rim_texts,
 )
 from cnnum.engines.opencl.large_arrays.strip_couplings import inputs_of
-from cnnum.engines.opencl.large_arrays.strip_rows import HELD
+from cnnum.engines.opencl.large_arrays.strip_rows import HELD, Rows
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented, owned
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import constant_drive
@@ -63,14 +70,10 @@ class StripText:
 
     Attributes
     ----------
-    offsets : mapping of str to int
-        How far every array is from the first, which holds the states.
-    scales : tuple of float
-        The factor of each layer's drive.
     case : str
         The expression of the case that is the level `number`.
     cases : callable
-        The text of all cases of a number of rows.
+        All cases of a number of rows.
     clear : list of str
         Settings of the first strip before all else.
     rest : list of str
@@ -91,26 +94,22 @@ class StripText:
         That of the cells' drive at the level `number`.
     """
 
-    offsets: Mapping[str, int]
-    scales: tuple[float, ...]
     case: str
-    cases: Callable[[int], list[str]]
-    clear: list[str]
-    rest: list[str]
-    begin: list[str]
-    outputs: str
-    again: tuple[str, ...] = ()
+    cases: Callable[[int], list[ir.Case]]
+    rest: Sequence[str]
+    clear: Sequence[str] = ()
+    begin: Sequence[str] = ()
+    outputs: str | None = None
+    again: Sequence[str] = ()
     end: str = "0"
     count: str = "most"
     ahead: str = "0"
     driven: str = "w"
 
 
-def declare_arrays(
-    text: TransientBuilder, layout: RowLayout, names: tuple[str, ...]
-) -> dict[str, int]:
-    """Append arrays that hold all rows, and return how far each is from the first."""
-    size = size_of(text, layout)
+def strip_rows(text: TransientBuilder, names: tuple[str, ...], scales: tuple[float, ...]) -> Rows:
+    """Append arrays that hold all rows, and return what writes their statements."""
+    layout = row_layout(text)
     names = names or OUTPUTS
     if text.operands.mask is not None:
         text.array(HELD_CELLS, text.cells)
@@ -119,20 +118,22 @@ def declare_arrays(
         names = (*names, HELD)
     names = tuple(dict.fromkeys((*names, *padded_arrays(text), DRIVE, *OUTPUTS)))
     for name in names:
-        text.array(ir.Name(name), size)
+        text.array(ir.Name(name), size_of(text, layout))
     first, given = text.arena.places[names[0]], [inputs_of(n) for n in moving_inputs(text.template)]
-    return {name: text.arena.places[name] - first for name in (*names, *given)}
+    offsets: dict[str, int | str] = {
+        name: text.arena.places[name] - first for name in (*names, *given)
+    }
+    return Rows(text, layout, scales, offsets, _levels_of(text, layout, len(offsets)))
 
 
-def levels_of(
-    text: TransientBuilder, layout: RowLayout, offsets: Mapping[str, int]
-) -> tuple[int, int]:
-    """Return the stages a launch, and the strips that are then high enough, of these arrays."""
+def _levels_of(text: TransientBuilder, layout: RowLayout, arrays: int) -> tuple[int, int]:
+    """Return the stages a launch, and the strips that are then high enough, of so many arrays."""
     rows, radius = text.shape[0], text.radius
     # strips must not vanish before the last of the levels
     high = rows // (2 * radius * SHARES) - 1
-    row = len(offsets) * layout.pitch * text.tables.dtype.itemsize
-    near = text.tables.near_bytes // (BLOCK_ROWS * row)
+    near = text.tables.near_bytes // (
+        BLOCK_ROWS * arrays * layout.pitch * text.tables.dtype.itemsize
+    )
     levels = max(1, min(LEVELS, max(LEAST_LEVELS, near), high))
     return levels, max(1, rows // (2 * (levels + 1) * radius))
 
@@ -144,29 +145,28 @@ def _shown(text: TransientBuilder, layout: RowLayout) -> str:
     return "(vec)(tanh(x.lo), tanh(x.hi))" if wide and name == "tanh" else SHOWN[name]
 
 
-def strip_kernel(
-    text: TransientBuilder, own: StripText, layout: RowLayout, size: tuple[int, int], count: int
-) -> Strips:
-    """Return the kernel that takes `count` levels."""
-    (rows, cols), radius, places = text.shape, text.radius, text.arena.places
-    first, *_ = own.offsets
+def strip_kernel(rows: Rows, own: StripText, count: int) -> Strips:
+    """Return the kernel that takes `count` levels, and keep it with the tables."""
+    text, layout = rows.text, rows.layout
+    (height, cols), radius, places = text.shape, text.radius, text.arena.places
+    first, *_ = rows.offsets
     periodic = text.template.boundary.pad_mode == "wrap"
     name = f"advance_{len(text.tables.strips)}"
     names: dict[str, object] = {
         "kernel": name,
         "lanes": lane_text(text, layout),
         "width": layout.width,
-        "rows": rows,
+        "rows": height,
         "cols": cols,
         "cells": text.cells,
         "layers": text.layers,
         "span": layout.span,
         "radius": radius,
-        "rim": min(radius, rows),
+        "rim": min(radius, height),
         "pitch": layout.pitch,
         "length": layout.vectors,
         "block": BLOCK_ROWS,
-        "levels": size[0],
+        "levels": rows.size[0],
         "case": own.case,
         "count": own.count,
         "ahead": own.ahead,
@@ -174,22 +174,23 @@ def strip_kernel(
         "periodic": int(periodic),
         "x": places[first],
         "w": places[DRIVE],
-        "outputs_of": own.outputs,
+        "outputs_of": own.outputs or by_turns(rows.offsets, OUTPUTS),
         "state": places["x"],
         "shown": _shown(text, layout),
-        "drive": _drive(text, own.scales),
+        "drive": _drive(text, rows.scales),
         "clear": indented(own.clear, 3),
         "rest": indented([*own.rest, *first_states(text)], 5).lstrip(),
-        "again": indented(list(own.again), 5).lstrip(),
+        "again": indented(own.again, 5).lstrip(),
         "begin": indented(own.begin, 2),
         "end": own.end,
         "reads": indented(reads(text, own.driven), 1),
-        "one_row": indented(own.cases(1), 1),
-        "more_rows": indented(own.cases(BLOCK_ROWS), 1),
-        **rim_texts(text, layout, own.offsets),
+        "one_row": indented(rows.printer.lines(own.cases(1)), 1),
+        "more_rows": indented(rows.printer.lines(own.cases(BLOCK_ROWS)), 1),
+        **rim_texts(text, layout, rows.offsets),
     }
     source = owned(fill("strips", **names), _OWN, name)
-    return Strips(name, source, count, size[0], size[1], not periodic)
+    text.tables.strips.append(source)
+    return Strips(name, source, count, *rows.size, not periodic)
 
 
 def _drive(text: TransientBuilder, scales: tuple[float, ...]) -> str:

@@ -20,9 +20,9 @@ LENGTH, MOVED, BEGINS = range(3)
 MOVED_NOW = ir.Name("moved")
 
 
-def pair_cases(rows: Rows, scheme: AdaptiveSteps, most: int, block: int) -> list[str]:
-    """Return the text of all stages of a number of rows; `most` strips keep their findings."""
-    last, lines = scheme.tableau.stages - 1, list[str]()
+def pair_cases(rows: Rows, scheme: AdaptiveSteps, block: int) -> list[ir.Case]:
+    """Return all stages of a number of rows."""
+    last = scheme.tableau.stages - 1
     every, own = rows.block(block), tuple(-scale for scale in rows.scales)
     control = rows.offsets["strip_control"]
     length = f"x[{control} + {LENGTH}]"
@@ -33,14 +33,14 @@ def pair_cases(rows: Rows, scheme: AdaptiveSteps, most: int, block: int) -> list
         return [*head, *gain_lines(rows.text, f"x[{control} + {BEGINS}] + {c} * {length}")]
 
     first = [_first(rows, scheme.of(at.layer), at) for at in every]
-    lines += rows.case(0, first, [*head, f"const int moved = x[{control} + {MOVED}] != 0;"])
+    cases = [rows.case(0, first, [*head, f"const int moved = x[{control} + {MOVED}] != 0;"])]
     for stage in range(1, last):
         each = coupled(rows, every, own, "strip_xs")
         each += [_next(rows, scheme.of(at.layer), stage, at) for at in every]
-        lines += rows.case(stage, each, at_stage(stage))
+        cases.append(rows.case(stage, each, at_stage(stage)))
     each = coupled(rows, every, own, "strip_xs")
     each += [_judge(rows, scheme.of(at.layer), at) for at in every]
-    return lines + rows.case(last, judged(rows, most, each), at_stage(last))
+    return [*cases, rows.case(last, judged(rows, each), at_stage(last))]
 
 
 def _first(rows: Rows, tableau: Pair, at: At) -> ir.Block:

@@ -1,6 +1,6 @@
 """Stores to the rows of a strip and reads of them, a vector at a time."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -46,15 +46,33 @@ class Rows:
     layout : RowLayout
     scales : tuple of float
         The factor of each layer's couplings and drive.
-    offsets : mapping of str to int or str
+    offsets : dict of str to int or str
         Numbers from the array of states to each of the arrays that are kept, or the name of the
         variable that holds them.
+    size : (int, int)
+        The levels a launch, and the strips that are then high enough.
     """
 
     text: TransientBuilder
     layout: RowLayout
     scales: tuple[float, ...]
-    offsets: Mapping[str, int | str]
+    offsets: dict[str, int | str]
+    size: tuple[int, int]
+
+    def declare(self, name: str, length: int) -> None:
+        """Append another array."""
+        places, first = self.text.arena.places, next(iter(self.offsets))
+        self.text.array(ir.Name(name), length)
+        self.offsets[name] = places[name] - places[first]
+
+    def at(self, name: str) -> int:
+        """Return how far an array is from the first."""
+        return int(self.offsets[name])
+
+    @property
+    def span(self) -> int:
+        """Numbers of a row of a layer."""
+        return self.layout.vectors * self.layout.width
 
     @property
     def printer(self) -> OpenCLPrinter:
@@ -67,24 +85,14 @@ class Rows:
         body: Sequence[ir.Statement],
         head: Iterable[str | ir.Statement] = (),
         tail: Iterable[str] = (),
-    ) -> list[str]:
-        """Return the text that takes a vector after the other of the rows from `start` on.
+    ) -> ir.Case:
+        """Return the case that takes a vector after the other of the rows from `start` on.
 
         The statements in `head` come before all of them, those in `tail` after.
         """
-        width, lines = self.layout.width, self.printer.lines
-        begin = [lines([one]) if isinstance(one, ir.Statement) else [one] for one in head]
-        end = f"start + {self.layout.vectors * width}"
-        return [
-            f"case {number}: {{",
-            *(f"    {line}" for one in begin for line in one),
-            f"    for (int p = start; p < {end}; p += {width}) {{",
-            *lines(body, 2),
-            "    }",
-            *(f"    {line}" for line in tail),
-            "    break;",
-            "}",
-        ]
+        each = ir.Loop(P, START + self.span, tuple(body), start=START, step=self.layout.width)
+        texts = (one if isinstance(one, ir.Statement) else ir.Verbatim((one,)) for one in head)
+        return ir.Case(number, (*texts, each, *(ir.Verbatim((line,)) for line in tail)))
 
     def block(self, rows: int) -> list[At]:
         """Return the rows of a block in all layers."""

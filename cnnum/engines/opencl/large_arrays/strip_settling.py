@@ -8,8 +8,6 @@ begin, up to that step's end.
 from dataclasses import dataclass, replace
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
-from cnnum.engines.opencl.large_arrays.lane_rows import row_layout
 from cnnum.engines.opencl.large_arrays.strip_boundary import first_states
 from cnnum.engines.opencl.large_arrays.strip_error import (
     CELLS,
@@ -18,7 +16,6 @@ from cnnum.engines.opencl.large_arrays.strip_error import (
     no_cells,
 )
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows
-from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS
 from cnnum.integrators.schemes import FixedSteps
@@ -50,22 +47,21 @@ class Watch:
         Of a step.
     steps : int
         A launch takes; an even number of levels, so that outputs are where the next begins.
-    strips : int
-        That keep their findings, at most.
-    factors : tuple of float
-        Of each layer: of d, so that it is the rate times the longest τ.
     """
 
     rows: Rows
     stages: int
     steps: int
-    strips: int
-    factors: tuple[float, ...]
+
+    def _factor(self, layer: int) -> float:
+        """Return the factor of a layer's d, so that it is the rate times the longest τ."""
+        tau = self.rows.text.template.tau
+        return float(tau.max() / tau[layer]) / self.rows.scales[layer]
 
     @property
     def each(self) -> int:
         """Numbers that are kept of a step."""
-        return self.strips * self.rows.layout.width
+        return self.rows.size[1] * self.rows.layout.width
 
     @property
     def own(self) -> str:
@@ -88,7 +84,7 @@ class Watch:
         solver = self.rows.text.solver
         none = ir.Number(solver.atol) + ir.Number(solver.rtol) * magnitude(state)
         # which is false of NaN
-        rests = ir.Number(self.factors[at.layer]) * magnitude(at.sum) <= none
+        rests = ir.Number(self._factor(at.layer)) * magnitude(at.sum) <= none
         beyond = no_cells(self.rows)
         rests = rests if beyond is None else ir.Binary("|", rests, beyond)
         return [
@@ -102,7 +98,7 @@ class Watch:
         lines = [f"for (int n = 0; piece == 0 && n < {size}; ++n) {{"]
         lines += [f"    x[{self.rows.offsets[CHANGES]} + n] = 0;", "}"]
         if CELLS in self.rows.offsets:
-            lines += mark_cells(row_layout(self.rows.text), int(self.rows.offsets[CELLS]))
+            lines += mark_cells(self.rows)
         return lines
 
     def begin(self) -> list[str]:
@@ -176,37 +172,14 @@ class Watch:
         ]
 
 
-def watch(
-    text: TransientBuilder,
-    layout: RowLayout,
-    offsets: dict[str, int],
-    size: tuple[int, int],
-    stages: int,
-    scales: tuple[float, ...],
-) -> Watch:
-    """Declare the watch over steps of a number of stages, and return it.
-
-    Parameters
-    ----------
-    text : TransientBuilder
-    layout : RowLayout
-    offsets : dict of str to int
-        Of the arrays that are kept; those declared here are added.
-    size : (int, int)
-        Levels a launch, and strips.
-    stages : int
-    scales : tuple of float
-        The factor of w + A ∗ y − s in each layer's d.
-    """
-    steps = max(1, size[0] // stages)
+def watch(rows: Rows, stages: int) -> Watch:
+    """Declare the watch over steps of a number of stages, and return it."""
+    levels, strips = rows.size
+    steps = max(1, levels // stages)
     if steps * stages % 2:
         steps += 1 if steps == 1 else -1
-    span, first = layout.vectors * layout.width, next(iter(offsets))
-    lengths = {CONTROL: 3, CHANGES: steps * size[1] * layout.width}
-    lengths |= {CELLS: span} if span > layout.cols else {}
-    for name, length in lengths.items():
-        text.array(ir.Name(name), length)
-        offsets[name] = text.arena.places[name] - text.arena.places[first]
-    tau = text.template.tau
-    factors = tuple(float(tau.max() / t) / scale for t, scale in zip(tau, scales, strict=True))
-    return Watch(Rows(text, layout, scales, offsets), stages, steps, size[1], factors)
+    rows.declare(CONTROL, 3)
+    rows.declare(CHANGES, steps * strips * rows.layout.width)
+    if rows.span > rows.layout.cols:
+        rows.declare(CELLS, rows.span)
+    return Watch(rows, stages, steps)

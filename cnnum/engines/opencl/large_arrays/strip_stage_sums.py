@@ -19,12 +19,12 @@ def sum_cases(
     block: int,
     moments: Moments,
     watch: Watch | None = None,
-) -> list[str]:
-    """Return the text of all stages of a number of rows; layers differ in their factors alone.
+) -> list[ir.Case]:
+    """Return all stages of a number of rows; layers differ in their factors alone.
 
     The first stage is the one that is watched.
     """
-    lines: list[str] = []
+    cases = list[ir.Case]()
     for number, stage in enumerate(layers[0].stages):
         seen = watch if number == 0 else None
         whole = stage.whole and seen is None and not moments.uneven
@@ -35,8 +35,8 @@ def sum_cases(
         for at in rows.block(block):
             each.append(_end(rows, layers[at.layer].stages[number], at, seen, whole, share))
         head = [*moments.head(number), *(seen.head if seen else [])]
-        lines += rows.case(number, each, head, seen.tail if seen else [])
-    return lines
+        cases.append(rows.case(number, each, head, seen.tail if seen else []))
+    return cases
 
 
 def _end(

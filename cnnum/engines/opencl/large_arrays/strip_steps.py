@@ -3,17 +3,15 @@
 from dataclasses import replace
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit, row_layout, size_of
+from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit
 from cnnum.engines.opencl.large_arrays.strip_euler import keeps_states, state_steps
 from cnnum.engines.opencl.large_arrays.strip_kernel import (
     SHOWN,
     StripText,
-    declare_arrays,
-    levels_of,
     of_layer,
     strip_kernel,
+    strip_rows,
 )
-from cnnum.engines.opencl.large_arrays.strip_rows import Rows
 from cnnum.engines.opencl.large_arrays.strip_settling import BEFORE, watch
 from cnnum.engines.opencl.large_arrays.strip_stage_sums import array_of, sum_cases
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
@@ -60,41 +58,31 @@ def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, keep their kernel with the tables, and return the figures of the run."""
     layers = _layers(text, scheme)
     stages, arrays = len(layers[0].stages), layers[0].arrays
-    layout = row_layout(text)
-    names = tuple(array_of(n) for n in range(arrays))
-    scales = tuple(one.scale for one in layers)
-    offsets = declare_arrays(text, layout, (*names, BEFORE) if scheme.settle else names)
-    size = levels_of(text, layout, offsets)
-    seen = watch(text, layout, offsets, size, stages, scales) if scheme.settle else None
+    names, scales = tuple(map(array_of, range(arrays))), tuple(one.scale for one in layers)
+    rows = strip_rows(text, (*names, BEFORE) if scheme.settle else names, scales)
+    seen = watch(rows, stages) if scheme.settle else None
     moments = Moments(text, scheme, stages, seen.before if seen else "0")
-    outputs = moments.keep_outputs(offsets, size_of(text, layout), seen.steps if seen else 0)
+    outputs = moments.keep_outputs(rows, seen.steps if seen else 0)
     if text.has_history:
         text.over_cells(
             [ir.add(later, w) for later, w in zip(text.each(LATER), text.each(W), strict=True)]
         )
-    rows = Rows(text, layout, scales, offsets)
     own = StripText(
-        offsets,
-        scales,
         f"number % {stages}",
         lambda block: sum_cases(rows, layers, block, moments, seen),
-        clear=[],
         rest=[
-            *moments.later(offsets, of_layer(text, scales)),
+            *moments.later(rows.offsets, of_layer(text, scales)),
             "show_row(outputs_of(x, 0) + p, x + p);",
             *rows.set_held(),
         ],
-        begin=[],
         outputs=outputs,
         ahead=moments.ahead,
-        driven=moments.driven(offsets),
+        driven=moments.driven(rows.offsets),
     )
     if seen:
-        own = replace(own, clear=seen.clear(), begin=seen.begin(), count=seen.count)
-        own = replace(own, again=seen.again())
-    levels = stages * (seen.steps if seen else scheme.count)
-    strips = strip_kernel(text, own, layout, size, levels)
-    text.tables.strips.append(strips.text)
+        again = seen.again()
+        own = replace(own, clear=seen.clear(), begin=seen.begin(), count=seen.count, again=again)
+    strips = strip_kernel(rows, own, stages * (seen.steps if seen else scheme.count))
     text.body += [ir.StripSteps(strips)] if seen is None else seen.body(scheme, strips)
     figures = fixed_figures(text, scheme.count, settle=scheme.settle)
     if scheme.settle:

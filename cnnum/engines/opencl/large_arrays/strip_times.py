@@ -9,8 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cnnum import kernels as ir
+from cnnum.engines.opencl.large_arrays.lane_rows import size_of
 from cnnum.engines.opencl.large_arrays.strip_boundary import LATER, OUTPUTS, by_turns
 from cnnum.engines.opencl.large_arrays.strip_couplings import NEXT, PART, PAST
+from cnnum.engines.opencl.large_arrays.strip_rows import Rows
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.nonlinear_couplings import gains
 from cnnum.integrators.schemes import FixedSteps
@@ -95,26 +97,18 @@ class Moments:
         level = f"max(steps + {late} - {self.lag}, 0) * {self.stages}"
         return f"__global const scalar *const {name} = outputs_of(x, {level});"
 
-    def keep_outputs(self, offsets: dict[str, int], size: int, again: int) -> str:
+    def keep_outputs(self, rows: Rows, again: int) -> str:
         """Declare the ring that keeps outputs of earlier steps, and return the place of a `level`.
 
-        Parameters
-        ----------
-        offsets : dict of str to int
-            How far arrays are from the first; those declared here are added.
-        size : int
-            Numbers of an array.
-        again : int
-            Steps that may be taken again.
+        Of these steps, `again` may be taken again.
         """
-        turns = by_turns(offsets, OUTPUTS)
+        turns = by_turns(rows.offsets, OUTPUTS)
         if not self.keeps:
             return turns
         # a level writes while one before it, a few rows ahead, reads outputs a delay old
-        slots, first = self.lag + 2 + again, next(iter(offsets))
-        self.text.array(ir.Name(RING), slots * size)
-        offsets[RING] = self.text.arena.places[RING] - self.text.arena.places[first]
-        ring = f"x + {offsets[RING]} + (size_t)(level / {self.stages} % {slots}) * {size}"
+        slots, size = self.lag + 2 + again, size_of(self.text, rows.layout)
+        rows.declare(RING, slots * size)
+        ring = f"x + {rows.at(RING)} + (size_t)(level / {self.stages} % {slots}) * {size}"
         return ring if self.stages == 1 else f"level % {self.stages} ? {turns} : {ring}"
 
     @property
@@ -122,13 +116,13 @@ class Moments:
         """The expression of the levels before those that a launch counts."""
         return f"{self.before} * {self.stages}"
 
-    def driven(self, offsets: Mapping[str, int]) -> str:
+    def driven(self, offsets: Mapping[str, int | str]) -> str:
         """Return the expression of the cells' drive at the level `number`."""
         if not self.text.has_history:
             return "w"
         return f"number + {self.ahead} < {self.lag * self.stages} ? w : x + {offsets[LATER]}"
 
-    def later(self, offsets: Mapping[str, int], scale: str) -> list[str]:
+    def later(self, offsets: Mapping[str, int | str], scale: str) -> list[str]:
         """Return the text that sets a row's drive of later, which comes with a scale."""
         if not self.text.has_history:
             return []
