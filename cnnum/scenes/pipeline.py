@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
 
-from cnnum.arrays import Floats, Shape
+from cnnum.arrays import Floats, Shape, number_type
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.registry import open_driver
 from cnnum.engine import Engine
@@ -24,6 +24,7 @@ from cnnum.scenes.dead_cells import DeadCells
 from cnnum.scenes.events import EVENT_RULES, Event, EventDetector, EventRule, rules_that_fit
 from cnnum.scenes.frame_range import ANY, FrameRange, range_for
 from cnnum.scenes.histogram import Histogram
+from cnnum.scenes.like_frames import like_frames
 from cnnum.scenes.push_watch import PushWatch
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene
 from cnnum.scenes.scene_record import SceneRecord
@@ -191,7 +192,10 @@ class Scene:
             fields = tuple(want for want in wants if want not in EVENT_RULES)
             needs = tuple(dict.fromkeys((*(n for rule in rules for n in rule.needs), *fields)))
             dead = DeadCells(spec.dead, driver.shape) if spec.dead else None
-            plan = used.compile(program, driver.shape, needs, channels=conversion.channels)
+            like = like_frames(spec, used.precision, driver, conversion, dead)
+            plan = used.compile(
+                program, driver.shape, needs, channels=conversion.channels, like=like
+            )
             plan.warm_up()
         except BaseException:
             driver.close()
@@ -313,7 +317,7 @@ def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: s
     known = conversion.calibration if isinstance(conversion, ByCalibration) else None
     return range_for(
         driver.unit,
-        precision,
+        number_type(precision),
         given=spec.frame_range,
         full_scale=cast(float | None, getattr(driver, "full_scale", None)),
         saturated=known.limit if known is not None else math.inf,

@@ -46,6 +46,8 @@ class SceneSpec:
     parameters : mapping
         Of the program.
     engine, device, precision : str or None
+    ranges : mapping or None
+        Driver and options of a recording on which whole numbers measure their ranges.
     base : Path
         Folder that relative paths start from: the file's own.
 
@@ -68,6 +70,7 @@ class SceneSpec:
     engine: str | None = None
     device: str | None = None
     precision: str | None = None
+    ranges: Mapping[str, object] | None = None
     base: Path = Path()
 
     def __post_init__(self) -> None:
@@ -162,7 +165,7 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
     _known(scene, "frames.", tables["frames"], ("range", "dead"))
     _known(scene, "calibration.", tables["calibration"], ("file", "use", *KEYS))
     _known(scene, "program.", tables["program"], ("name", "parameters"))
-    _known(scene, "engine.", tables["engine"], ("name", "device", "precision"))
+    _known(scene, "engine.", tables["engine"], ("name", "device", "precision", "ranges"))
     array = dict(tables["array"])
     calibration, engine = tables["calibration"], tables["engine"]
     return SceneSpec(
@@ -179,6 +182,7 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         engine=_text(scene, engine, "name", "") or None,
         device=_text(scene, engine, "device", "") or None,
         precision=_text(scene, engine, "precision", "") or None,
+        ranges=_ranges(scene, engine),
         base=base,
     )
 
@@ -213,6 +217,15 @@ def _text(scene: str, table: Mapping[str, Any], key: str, default: str | None) -
     if not isinstance(value, str):
         raise SceneError(f"Scene '{scene}': '{key}' must be a string, got {shown(value)}.")
     return value
+
+
+def _ranges(scene: str, engine: Mapping[str, Any]) -> dict[str, Any] | None:
+    """Return the recording that whole numbers measure their ranges on; None of none."""
+    if "ranges" not in engine:
+        return None
+    table = _table(scene, engine, "ranges")
+    _text(scene, table, "driver", None)
+    return table
 
 
 def _range(scene: str, value: object) -> float | None:

@@ -61,6 +61,7 @@ class WholeExecutable(OnHost):
     like: Floats | None
     _made: Made | None = None
     _runners: dict[str, Runner] = field(default_factory=dict[str, Runner])
+    _ran: IntegerProgram | None = None
 
     def __post_init__(self) -> None:
         if self.like is not None:
@@ -142,11 +143,15 @@ class WholeExecutable(OnHost):
 
     def _runner(self, program: IntegerProgram) -> Runner:
         """Return the runner of a program; the last one again if that is it."""
-        key = str((program.body, list(program.arrays)))
-        if key not in self._runners:
-            self._runners.clear()
-            self._runners[key] = self.runner(program)
-        return self._runners[key]
+        if self._ran is not program:
+            # the ranges of another batch may give the same text, which is long to compare
+            key = str((program.body, list(program.arrays)))
+            if key not in self._runners:
+                self._runners.clear()
+                self._runners[key] = self.runner(program)
+            self._ran = program
+        (runner,) = self._runners.values()
+        return runner
 
 
 def _is_error(operation: object) -> bool:
