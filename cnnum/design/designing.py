@@ -23,7 +23,7 @@ from cnnum.templating.template import Check, Template
 
 PLACES = ("nw", "n", "ne", "w", "c", "e", "sw", "s", "se")
 SOURCE = "found by CMA-ES: the fewest flips under mismatch"
-_CARRIED = "The state carries what the template before made."
+_CARRIED = "The state carries the result of the template before."
 
 
 @dataclass(frozen=True, slots=True)

@@ -114,7 +114,7 @@ def range_lines(program: IntegerProgram) -> list[str]:
     wide, limited = max(one.bits for one in found), sum(one.saturates for one in found)
     inputs = [one for one in program.of_kind("input") if one.format is not None]
     lines = [
-        f"Whatever the inputs are, no value needs more than {wide} bits of 64: none overflows.",
+        f"For all inputs, no value needs more than {wide} bits of 64: none overflows.",
         f"{len(found) - limited} of {len(found)} values cannot leave their formats; {limited} "
         "saturate.",
         "",

@@ -125,8 +125,8 @@ class RunSpec:
 class Transient:
     """A template's transient.
 
-    Arguments: its inputs, its inputs before the start, state and bias (one a layer), mask, and,
-    where frames have templates of their own, a map whose first cells hold a frame's numbers.
+    Arguments: its inputs, its inputs before the start, state and bias (one a layer), and mask.
+    Where frames have templates of their own, a map follows that holds a frame's numbers first.
     """
 
     template: Template = field(compare=False)

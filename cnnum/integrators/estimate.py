@@ -20,8 +20,8 @@ from cnnum.templating.reads import widened
 from cnnum.templating.template import Template
 
 SAFETY = 2.5
-"""Of the sum: corners of f that lie badly between the stages of a step hide up to four fifths of
-their error, and an error may grow in a direction in which the state does not move. With 2, up to 3
+"""Of the sum: corners of f that lie badly between a step's stages hide up to four fifths of their
+error. An error may grow in a direction in which the state does not move. With 2, up to 3
 of 60 random networks had a frame whose error was missed; with 2.5, at most 1 of 100."""
 
 LOST = 1e30

@@ -38,7 +38,7 @@ def fuse(schedule: Schedule, solvers: Mapping[int, Solver]) -> Schedule:
     found = _rewritten(schedule, _products(chains, chosen))
     item = LeftOut(
         _what(chains, found),
-        f"linear, and nothing reads what lies between: fused into {len(chosen)} dense products",
+        f"linear, and nothing reads the values between: fused into {len(chosen)} dense products",
         0,
         chains.flops(frozenset()) - chains.flops(chosen),
     )

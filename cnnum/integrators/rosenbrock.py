@@ -69,7 +69,7 @@ class RosenbrockMethod:
         if wrong:
             raise ValueError(f"'{self.name}' misses the conditions of order {wrong}.")
         if abs(self.growth(np.array([-1e12 + 0j]))[0]) > 1e-9:
-            raise ValueError(f"'{self.name}' does not damp what decays fast.")
+            raise ValueError(f"'{self.name}' does not damp fast decays.")
 
     @property
     def stages(self) -> int:

@@ -31,8 +31,8 @@ def power(base: object, exponent: object) -> Field:
     if power is None and number is not None and number > 0:
         return combine(op.POWER, number, exponent)
     raise ProgramError(
-        f"A power is a field raised to a number from -{LARGEST_POWER} to {LARGEST_POWER}, or a "
-        f"number above 0 raised to a field, got {_shown(base)} raised to {_shown(exponent)}."
+        f"Expected a field raised to a number from -{LARGEST_POWER} to {LARGEST_POWER}, or a "
+        f"number above 0 raised to a field; got {_shown(base)} raised to {_shown(exponent)}."
     )
 
 

@@ -39,7 +39,7 @@ def head(data: ReportData) -> str:
         "tactile array: a program of small templates turns them into contacts, slip, twist and "
         f"release. This page is the record of one run of the scene “{record.name}”: "
         f"{record.frames} frames in {plain(seconds)} s of an array of {rows} × {cols} taxels "
-        f"{source}, the reported events, and how far every template is from its closed form."
+        f"{source}. It shows the reported events, and the error of every template."
     )
     tiles = "".join(_tile(*tile) for tile in _tiles(data))
     return (
@@ -171,9 +171,10 @@ def events(number: int, data: ReportData) -> str:
         listed = tables.report_table(data.record.events)
         return section(number, "events", "Events", paragraph(words), listed)
     words = (
-        f"A report is right if it comes within {MAX_DELAY} frames of the truth (a gross slip up to "
-        "0.3 s after it, a twist from 0.5 s before to 0.3 s after half of it slips), points within "
-        f"{np.degrees(MAX_TURN):.0f}° of it, and turns the same way. Directions run from x (right) "
+        f"A report is right if it comes within {MAX_DELAY} frames of the truth, points within "
+        f"{np.degrees(MAX_TURN):.0f}° of it, and turns the same way. A gross slip may come up to "
+        "0.3 s after the truth. A twist may come from 0.5 s before to 0.3 s after the moment at "
+        "which half of the contact slips. Directions run from x (right) "
         "towards y (down). A report of something that did not happen is listed as false."
     )
     return section(number, "events", title, paragraph(words), tables.event_table(data.verdicts))
@@ -235,14 +236,14 @@ def plans(number: int, data: ReportData) -> str:
     )
     if not data.plans:
         note = paragraph("No plan was timed in this run.", "note")
-        return section(number, "plans", "What was left out", paragraph(words), note)
+        return section(number, "plans", "Left out", paragraph(words), note)
     parts = [paragraph(words), *(paragraph(s) for s in tables.ratio_sentence(data.plans))]
     parts.append(tables.plan_table(data.plans))
     for plan in data.plans:
         count = len(plan.explanation.left_out)
         parts.append(f"<h3>Left out of “{escape(plan.label)}”</h3>")
         parts.append(tables.left_out_table(plan) if count else paragraph("Nothing.", "note"))
-    return section(number, "plans", "What was left out", *parts)
+    return section(number, "plans", "Left out", *parts)
 
 
 def latency(number: int, data: ReportData) -> str:

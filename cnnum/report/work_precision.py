@@ -22,9 +22,9 @@ below the tightest rung."""
 
 
 EXACT = ("delayed-coupling", "fading", "dominoes", "interpolation", "oscillator")
-"""Checks whose answers are the truth themselves. The reference engine's steps of arrays with a
-delay, or with a coupling that changes in time, are no better than those they would judge, and the
-two others take it half a minute and more."""
+"""Checks whose answers are the truth themselves. With a delay, or a coupling that changes in time,
+the reference engine's steps are no better than those they would judge. The two others take it half
+a minute and more."""
 
 LEAST = 1e-17
 """Errors below it, 0 among them, are drawn at it: a logarithmic axis has no 0."""

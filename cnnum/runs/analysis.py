@@ -199,7 +199,7 @@ def _saturation(template: Template, found: Spectrum) -> str:
     reach = found.fastest if discs is None else discs.reach
     growth = max(error_growth(template), 0.0)
     most = f"they may grow at {growth:.3g} at most" if growth else "none grows"
-    return f"Whatever cells saturate, rates are {reach:.3g} at most, and {most} (Gershgorin)."
+    return f"With any cells saturated, rates are {reach:.3g} at most, and {most} (Gershgorin)."
 
 
 def _largest(template: Template) -> float:

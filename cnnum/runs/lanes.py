@@ -1,7 +1,7 @@
 """Runs of templates of one form as lanes of one launch, each lane with numbers of its own.
 
 A template stands for all: its numbers say where weights are, and how fast the fastest array is.
-The numbers themselves are a map of each frame. What inputs add once is summed here.
+The numbers themselves are a map of each frame. The sum over the inputs, taken once, is made here.
 """
 
 import math

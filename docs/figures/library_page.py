@@ -15,11 +15,11 @@ PAGE = Path(__file__).parents[1] / "template-library.md"
 
 HEAD = """# The template library
 
-{count} templates: the classic ones of the CNN Software Library, MatCNN, CNNSim and others, whose
-numbers were read in the named files, and those of this project. The numbers are the published
-ones, but for one sign each in HORSKELR and VERSKELB, whose notes say so. Each template is one TOML
-file with its numbers, source, boundary, initial state, duration, the meaning of input and state,
-the check that it must pass, and its measured figures.
+{count} templates: the classic ones of the CNN Software Library, MatCNN, CNNSim and others, and
+those of this project. The numbers of the classic ones were read in the named files. They are the
+published ones, but for one sign each in HORSKELR and VERSKELB, whose notes say so. Each template is
+one TOML file: its numbers, source, boundary, initial state and duration, the meaning of input and
+state. The file also holds the check that the template must pass, and its measured figures.
 
 * `cnnum templates gallery` writes one searchable page with pictures of each along its run.
 * `cnnum templates check` runs every check on every engine; `NAMES` may be files and folders.
@@ -46,9 +46,9 @@ pass `cnnum templates check`:
 
 Of the 788 without the digest, 317 are right to pass. In 206 of them no cell of any picture has
 another colour, and the margin stays within a quarter: their decision is robust. In 111 a small
-weight moves a gray answer by less than the tolerance of its check. The check of the other 471 is a
-solution of the template's own equation, wrong weight included, and their mean end state moves by
-less than 0.02, or 0.1 where tables jump: only the digest sees that.
+weight moves a gray answer by less than the tolerance of its check. The check of the other 471
+solves the template's own equation, wrong weight included. Their mean end state moves by less than
+0.02, or 0.1 where tables jump: only the digest sees that.
 
 With `--out FOLDER` it writes the changed templates, and
 `cnnum templates check FOLDER` fails all of them by their digest.

@@ -57,9 +57,8 @@ WIDE = 7.0
 edge."""
 
 PLACE = (-0.87, 0.14, 1.07, -0.44)
-"""Cells from the taxel outwards to the outline: a constant, and weights of the load next to it
-within, of its own, and of the one outside, as shares of the larger of the first two. By least
-absolute error on square and round flat punches under 0.3 and 0.5 pitches."""
+"""Cells from the taxel outwards to the outline: a constant, and three weights of loads: next to it
+within, its own, and outside, as shares of the larger of the first two."""
 
 AWAY = 0.5
 """Least share of all weights that must be known where a broken taxel is filled in."""

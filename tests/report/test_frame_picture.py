@@ -1,4 +1,4 @@
-"""A frame's picture: which way arrows go, what a colour means, where circles lie."""
+"""A frame's picture: which way arrows go, the meaning of a colour, where circles lie."""
 
 import re
 from dataclasses import replace

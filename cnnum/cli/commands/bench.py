@@ -62,7 +62,7 @@ def _report(
         out.mkdir(parents=True, exist_ok=True)
     stopped = not _collect(name, found, total, output, rows, left_out, out)
     if stopped:
-        left_out.append("It was stopped here: whatever comes later is missing.")
+        left_out.append("It was stopped here: all later rows are missing.")
     output.record({"kind": "omissions", "bench": name, "omissions": left_out})
     if rows:
         output.show(f"On {device}.", _table(rows), spare=SPARE)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 @click.option("--device", help="Part of the device's name: as for Engine(device=…).")
 @click.option("--measure/--no-measure", default=True, help="Time kernels (seconds a device).")
 @click.option("--self-test", "testing", is_flag=True, help="Hold devices to known answers.")
-@click.option("--arrays", is_flag=True, help="Show serial ports, and guess what is there.")
+@click.option("--arrays", is_flag=True, help="Show serial ports, and guess the arrays at them.")
 @click.option("--port", "ports", multiple=True, help="A port more to listen at, with --arrays.")
 @json_option
 def command(

@@ -20,7 +20,7 @@ DEFAULT = "demo"
 @click.argument("file", type=click.Path(path_type=Path))
 @click.option(
     "--scene",
-    help="A scene's file or name, which says what to look for. Counts need one; else 'demo'.",
+    help="A scene's file or name: the events to look for. Counts need one; else 'demo'.",
 )
 @scene_options
 @saving.save_option
@@ -83,7 +83,7 @@ def _usual_scene(file: Path, array: dict[str, object], given: dict[str, object])
         unit = driver.unit
     if raw:
         raise click.UsageError(
-            f"'{file}' holds values in '{unit}', of which no scene knows the scale: name what to "
-            "look for with --scene, as in '--scene uskin_grasp' or a scene file of your own."
+            f"'{file}' holds values in '{unit}', of which no scene knows the scale: name a scene, "
+            "as in '--scene uskin_grasp', or give a scene file of your own."
         )
     return DEFAULT

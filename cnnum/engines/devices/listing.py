@@ -14,8 +14,8 @@ NONE = "no OpenCL platform has a device"
 
 NEAR_BYTES = {"AuthenticAMD": 6 * 1024 * 1024 + 512 * 1024}
 """Cache of a core that keeps up with its arithmetic, by vendor. AMD's third level is that of a few
-cores: Euler's steps of 3000×5000 cells take nine tenths of the time that they take with 4.4 MiB,
-the fourth-order Runge–Kutta's of 1024×1024 six sevenths of that with 1 MiB (EPYC)."""
+cores. Euler's steps of 3000×5000 cells take nine tenths of the time that they take with 4.4 MiB.
+The fourth-order Runge–Kutta's of 1024×1024 take six sevenths of that with 1 MiB (EPYC)."""
 
 SECOND_LEVEL = 512 * 1024
 """That of others: half of the second level of a server's core. Euler's steps of 1024×1024 cells

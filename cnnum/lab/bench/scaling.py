@@ -20,8 +20,8 @@ WORK = 1.5e8
 
 TIME_S = 110.0
 """s for all places; the rest is shared out evenly, so that builds and slow places use up
-time of later ones. Three turns are taken at each place however little is left, and a run ends
-within three minutes on a machine that is not busy with others' work."""
+time of later ones. Each place takes three turns, however little is left. A run ends within three
+minutes on a machine that is not busy with others' work."""
 
 MOST_S = 3.0
 """s a place at most: more turns add nothing."""

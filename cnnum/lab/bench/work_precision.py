@@ -49,10 +49,9 @@ is finished: a round ends within 60 s with empty caches. Others have no limit.""
 OMISSIONS = (
     "The reference engine is the truth, so it has no row of its own.",
     f"The truth is that of closed forms for checks of {', '.join(EXACT)}.",
-    "A rung that an engine refuses is left out: a step beyond the stability bound, a propagator "
-    "of an array that is not linear, Chebyshev steps of an array whose rates are not real, "
-    "and of an array with a delay all steps but Euler's and Heun's, as it keeps no outputs between "
-    "steps.",
+    "A rung that an engine refuses is left out. It refuses steps beyond the stability bound, and "
+    "the propagator of an array that is not linear. It refuses Chebyshev steps where rates are not "
+    "real. With a delay it takes Euler's and Heun's steps alone: others look between steps.",
     "method='auto' has no row of its own where it is one of the methods shown.",
     f"Tolerances below {SINGLE:g} are not asked of float32, whose rounding is above them.",
     "A rung is timed no longer than 0.15 s (0.03 s with --quick; a program's 0.3 s), but twice at "
@@ -62,10 +61,10 @@ OMISSIONS = (
 """Cases that no run shows, and why."""
 
 PROGRAM_OMISSIONS = (
-    "A tactile program runs a stream with a contact, of as many frames as the reference engine "
-    f"gets through in {REFERENCE_S:g} s (1 s with --quick): time and error are of the same frames, "
-    "and its error is the largest of the outputs, flags among them, each over its largest value. "
-    "Its rungs run every transient by one method; programs without transients have one row, and so "
+    "A tactile program runs a stream with a contact. The reference engine gets through its frames "
+    f"in {REFERENCE_S:g} s (1 s with --quick), and time and error are of the same frames. The "
+    "error is the largest of the outputs, flags among them, each over its largest value. "
+    "Its rungs run every transient by one method. Programs without transients have one row, and so "
     f"has '{WHOLE}', which runs the operations of the others. Where all transients are exact "
     "by themselves, the method chosen for them is called the propagator.",
     f"{', '.join(SLOW_REFERENCE)}: a frame takes the reference engine more than ten seconds, and "

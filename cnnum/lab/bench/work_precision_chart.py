@@ -25,8 +25,8 @@ STYLES = {
     "propagator": ("#000000", "*"),
     "auto": ("#6b7280", "X"),
 }
-"""Colour and marker of a method: circles for fixed steps, squares for exponential ones, triangles
-and diamonds for steps that follow the error, a star for none, a cross for each transient's own."""
+"""Colour and marker of a method: circles for fixed steps, squares for exponential ones. Triangles
+and diamonds are steps that follow the error, a star none, a cross each transient's own method."""
 
 FEW_DECADES = 2.3
 """Decades of an axis up to which it also has room for ticks at 2 and 5."""

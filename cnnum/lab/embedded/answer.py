@@ -64,9 +64,9 @@ def answers(rows: Sequence[CostRow], bounds: Bounds) -> list[str]:
 def _words(row: CostRow) -> str:
     return (
         f"{row.precision} by {row.method} on {row.core}, with {row.instructions:,} instructions a "
-        f"frame (at most {row.frames_per_s:,.0f} frames a second at {row.clock_hz / 1e6:g} MHz, if "
-        f"each took a cycle), {row.ram_bytes:,} bytes of RAM, {row.flash_bytes:,} of flash, and an "
-        f"error of {row.error:.2g} of '{row.output}'"
+        f"frame, {row.ram_bytes:,} bytes of RAM, {row.flash_bytes:,} of flash, and an error of "
+        f"{row.error:.2g} of '{row.output}' (at most {row.frames_per_s:,.0f} frames a second at "
+        f"{row.clock_hz / 1e6:g} MHz, if each instruction took a cycle)"
     )
 
 

@@ -104,9 +104,9 @@ def _head(rows: Sequence[Row]) -> str:
     tiled = "".join(f'<div class="tile"><b>{a}</b><span>{b}</span></div>' for a, b in tiles)
     return (
         "<h1>The elastic cover and the taxel, reproduced</h1>"
-        '<p class="lead">Every number and figure of G. Vásárhelyi’s dissertation “The Design of '
-        "Tactile Sensors and their Elastic Cover” (Pázmány Péter Catholic University, "
-        "Budapest 2007) that a model can give, with ours next to it.</p>"
+        '<p class="lead">G. Vásárhelyi’s dissertation is “The Design of Tactile Sensors and their '
+        "Elastic Cover” (Pázmány Péter Catholic University, Budapest 2007). Here is every number "
+        "and figure of it that a model can give, with ours next to it.</p>"
         '<p class="soft">Each check states how far it may be off, and why. Where a figure has no '
         "digits, the row names the comparison: a zero, an extremum, a slope. Real covers and "
         "sensors deviate from any half-space; those rows are comparisons, and cannot pass.</p>"

@@ -31,8 +31,8 @@ SHIPPED, CHOSEN = "slip_strength", "constants chosen without the object"
 """Rows of the program; the others are baselines."""
 
 NOTE = (
-    "Area under the ROC curve of the frames in which an object is held and its marker moves "
-    "faster than 6 mm/s (slip) or slower than 1.5 mm/s (none). A number is an object."
+    "Area under the ROC curve of the frames in which an object is held. Its marker moves faster "
+    "than 6 mm/s (slip) or slower than 1.5 mm/s (none). A number is an object."
 )
 Advance = Callable[[str], object]
 Scores = dict[str, list[Floats]]

@@ -1,7 +1,7 @@
 """The elastic half-space as a stack of cellular layers, one a depth, that relaxes to harmonic.
 
-Layer j stands for the plane at depth z_j and holds F = exp(−kz)/k u, the harmonic function whose
-slope on the surface is −u. Between two planes a wave follows cosh and sinh, so that the planes of
+Layer j stands for the plane at depth z_j. It holds F = exp(−kz)/k u, the harmonic function of slope
+−u on the surface. Between two planes a wave follows cosh and sinh, so that the planes of
 equal slabs d obey, without any error of depth,
 
     2 cosh(kd) F_j = F_{j−1} + F_{j+1},       cosh(kd) F_0 − F_1 = (sinh(kd)/k) u,
@@ -124,8 +124,8 @@ def stack_of(
     """
     if not (layers >= 1 and int(layers) == layers and order in ORDERS and 1e-9 < tolerance < 0.1):
         raise ProgramError(
-            "A stack has a whole number of layers above the taxels, the order 2 or 4 and a "
-            f"tolerance between 1e-9 and 0.1, got {layers}, {order} and {tolerance}."
+            "Expected a whole number of layers, the order 2 or 4 and a tolerance between 1e-9 and "
+            f"0.1; got {layers}, {order} and {tolerance}."
         )
     slowest = 2 * math.sin(math.pi / (2 * max(2, *shape)))
     end = depth - math.log(tolerance) / (2 * slowest)

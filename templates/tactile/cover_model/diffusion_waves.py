@@ -6,9 +6,8 @@ mixture of the other (subordination), for instance
     exp(−kz) = ∫₀^∞ z/(2√π t^{3/2}) exp(−z²/4t) exp(−k²t) dt,
 
 so the signal of taxels under a cover is one diffusion, read out again and again as it runs. The
-integral is a sum over times that grow by a constant factor (the trapezoidal rule in ln t, whose
-error falls exponentially with their number); diffusion from each to the next is the exact linear
-template.
+integral is a sum over times that grow by a constant factor: the trapezoidal rule in ln t. Its error
+falls exponentially with their number. Diffusion from each to the next is the exact linear template.
 """
 
 import math

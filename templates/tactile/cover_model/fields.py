@@ -120,8 +120,8 @@ def depth_in_cells(thickness: float, pitch: float, cells: int) -> float:
     """
     if not (thickness > 0 and pitch > 0 and cells >= 1 and int(cells) == cells):
         raise ProgramError(
-            "A cover has a thickness above 0, taxels a pitch above 0 and a whole number of cells "
-            f"each, got thickness={thickness}, pitch={pitch} and cells={cells}."
+            "Expected a thickness and a pitch above 0 and a whole number of cells a taxel; got "
+            f"thickness={thickness}, pitch={pitch} and cells={cells}."
         )
     depth = thickness * cells / pitch
     if not THINNEST <= depth <= THICKEST:

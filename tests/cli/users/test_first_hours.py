@@ -84,6 +84,21 @@ def write_counts(path, separator=","):
     path.write_text("\n".join(separator.join(row) for row in (header, *rows)) + "\n")
 
 
+SCENE_MISTAKES = (
+    ("did you mean 'contact'", "wants=['contct']"),
+    ("load_normal", "wants=['wash']"),  # all that it has are listed
+    ("give 'pitch'", f"{SETTING}depth=1 mm"),
+    ("counts pitches", f"{SETTING}depth=1e-3"),
+    ("'m', 'cm', 'mm', 'um'", f"{SETTING}depth=1 stone"),
+    ("−1 where a push lowers", f"{SETTING}push=0"),
+    ("newtons", f"{SETTING}unit=-5"),
+    ("did you mean 'force'", f"{SETTING}reads=forc"),
+    ("Unknown parameter 'dept' (did you mean 'depth'?)", f"{SETTING}dept=1"),
+    ("the array gives counts", f"{SETTING}unit=1 N"),
+    ("Unknown key 'prgram'", "prgram.name=slip"),
+)
+
+
 def test_a_tactile_researcher(hour, tmp_path):
     """With a CSV file of counts: from nothing to newtons and a file of fields."""
     write_counts(tmp_path / "grip.csv")
@@ -105,19 +120,7 @@ def test_a_tactile_researcher(hour, tmp_path):
     (contact,) = of_kind(hour.does("run", "scene.toml", *FAST, "--json"), "contact")
     assert contact["unit"] == "count"
     assert contact["where"] == pytest.approx([1.5, 1.5], abs=0.1)
-    for said, setting in (
-        ("did you mean 'contact'", "wants=['contct']"),
-        ("load_normal", "wants=['wash']"),  # all that it has are listed
-        ("give 'pitch'", f"{SETTING}depth=1 mm"),
-        ("counts pitches", f"{SETTING}depth=1e-3"),
-        ("'m', 'cm', 'mm', 'um'", f"{SETTING}depth=1 stone"),
-        ("−1 where a push lowers", f"{SETTING}push=0"),
-        ("newtons", f"{SETTING}unit=-5"),
-        ("did you mean 'force'", f"{SETTING}reads=forc"),
-        ("Unknown parameter 'dept' (did you mean 'depth'?)", f"{SETTING}dept=1"),
-        ("the array gives counts", f"{SETTING}unit=1 N"),
-        ("Unknown key 'prgram'", "prgram.name=slip"),
-    ):
+    for said, setting in SCENE_MISTAKES:
         wrong(said, "plan", "scene.toml", *FAST, "--set", setting)
     wrong("frames a second", "plan", "demo", *FAST, "--set", f"{SETTING}rate=-1")
     (tmp_path / "trials" / "first").mkdir(parents=True)

@@ -54,8 +54,8 @@ def test_error_covers_the_truth(engines, known, precision):
         loose = [(estimate[error > 1e-8] / error[error > 1e-8]) for estimate, error in told]
         medians[method] = float(np.median(np.concatenate(loose)))
     assert np.concatenate(covered).mean() >= 0.99
-    # an estimate that says nothing would cover, too: 3 to 30 in the median of 100 networks. What
-    # steps of high order are off by in single precision are roundings, which cancel where the
+    # an estimate that says nothing would cover, too: 3 to 30 in the median of 100 networks. In
+    # single precision the error of steps of high order is roundings, which cancel where the
     # estimate adds them up
     low = ("euler", "heun", *EXPONENTIAL)
     assert max(medians[name] for name in low) < 20.0

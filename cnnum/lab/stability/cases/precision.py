@@ -78,7 +78,7 @@ def _cancelling() -> Case:
         truth,
         11.0 * SINGLE * 6e4,
         11.0 * DOUBLE * 6e4,
-        "(n + 2) u Σ|b u|, whatever the order of the sum and whether products are fused",
+        "(n + 2) u Σ|b u|, for any order of the sum, with products fused or not",
     )
 
 

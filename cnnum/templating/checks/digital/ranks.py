@@ -15,9 +15,8 @@ from cnnum.templating.template import Template
 
 CHATTER = 0.1
 CHATTER_REASON = (
-    "a cell slides along a jump of its rate: Euler steps of 0.01 that such templates run in leave "
-    "it within 0.08, as eight neighbours change it by in a step, and the table's jump lies up to "
-    "0.01 from 0"
+    "a cell slides along a jump of its rate: its Euler steps of 0.01 leave it within 0.08, the "
+    "change by eight neighbours in a step, and the table's jump lies up to 0.01 from 0"
 )
 _SPREAD = 0.02
 _SPREAD_REASON = (

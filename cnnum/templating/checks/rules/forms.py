@@ -47,8 +47,8 @@ def _draw(template: Template, rng: np.random.Generator, shape: Shape) -> Floats:
 def _states(template: Template, pictures: Floats, rng: np.random.Generator) -> Floats | None:
     """Return initial states: none where the template has its own, another picture, or a part.
 
-    "other" is unrelated to the input, "part" a part of its black cells, "outside" black cells
-    that the input leaves white, "changed" the input with a few black cells turned white.
+    "other" is unrelated to the input, and "part" is a part of its black cells. "outside" is black
+    cells that the input leaves white, "changed" the input with a few black cells turned white.
     """
     if not has(template, "state"):
         return None
