@@ -76,6 +76,7 @@ def inline_svg(figure: Any, title: str) -> str:
 def _for_page(svg: str, title: str) -> str:
     body = svg[svg.index("<svg") :]
     body = re.sub(r' xmlns(:\w+)?="[^"]*"', "", body)  # HTML knows them
+    body = body.replace("xlink:href", "href")
     body = re.sub(r"<metadata>.*?</metadata>", "", body, flags=re.DOTALL)
     body = re.sub(r' id="[A-Za-z0-9.]+_\d+"', "", body)
     body = re.sub(r'(<svg[^>]*?) height="[^"]*"', r"\1", body, count=1)
