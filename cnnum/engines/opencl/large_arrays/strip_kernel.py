@@ -127,7 +127,7 @@ def strip_rows(text: TransientBuilder, names: tuple[str, ...], scales: tuple[flo
 
 
 def _levels_of(text: TransientBuilder, layout: RowLayout, arrays: int) -> tuple[int, int]:
-    """Return the stages a launch, and the strips that are then high enough, for a number of arrays."""
+    """Return the stages a launch, and the strips high enough for that, by the number of arrays."""
     rows, radius = text.shape[0], text.radius
     # strips must not vanish before the last of the levels
     high = rows // (2 * radius * SHARES) - 1
