@@ -91,6 +91,8 @@ def _phases(results: Any, down: str, across: str) -> str:
 
     panels = list[str]()
     for name in ("flipped", "settled"):
+        if bool(results[name].isnull().all()):
+            continue
         figure: Any = Figure(figsize=(4.6, 3.6), layout="constrained")
         plot = figure.add_subplot()
         others = [other for other in results[name].dims if other not in (down, across)]

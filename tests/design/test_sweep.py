@@ -198,6 +198,18 @@ def test_what_is_no_experiment_is_said(tmp_path, text, words):
         load_experiment(path)
 
 
+def test_a_check_judges_no_run_that_is_longer_than_its_closed_form_holds():
+    """AVERAGE's is that of the linear course: e^(4 t) is beyond any output after some time."""
+    axes = {"A[1, 1]": (1.0, 2.0)}
+    long = sweep(Experiment("AVERAGE", axes=axes, duration=60.0, engine="numba")).results
+    assert np.isnan(long["error"]).all()
+    assert np.isnan(long["flipped"]).all()
+    assert (long["settled"] >= 0.0).all()
+    assert "none of the runs has one" in page(long)
+    own = sweep(Experiment("AVERAGE", axes=axes, engine="numba")).results
+    assert np.isfinite(own["error"]).all()
+
+
 def test_the_page_has_a_section_an_axis_and_one_a_pair():
     text = page(sweep(small()).results)
     sections = text.split("<section")[1:]

@@ -58,10 +58,12 @@ def command(
             done=lambda n, total: steps.advance(f"{n} of {total} tasks"),
         )
     flips = found.results["flipped"]
+    judged = int(flips.notnull().sum())
     rate = float(flips.mean())
-    low, high = wilson(round(float(flips.sum())), int(flips.size))
+    low, high = wilson(round(float(flips.sum())), judged) if judged else (rate, rate)
     record: dict[str, Any] = {
         "runs": wanted.runs,
+        "judged": judged,
         "file": str(found.path),
         "tasks": found.tasks,
         "run_now": found.run_now,
@@ -84,10 +86,13 @@ def _lines(record: dict[str, Any]) -> list[tuple[str, str]]:
     rate, low, high = (
         number(100 * record[key]) for key in ("flip_rate", "flip_rate_low", "flip_rate_high")
     )
+    flip = f"{rate} % ({low}-{high} with 95 % confidence)"
+    if not record["judged"]:
+        flip = "not known: the template's check ends before cells saturate"
     a_task = quantity(record["task_seconds"], "s")
     return [
         ("runs", f"{record['runs']:,} in {record['tasks']} tasks, {record['run_now']} of them now"),
         ("took", f"{quantity(record['seconds'], 's')}, {a_task} a task"),
-        ("templates that flip", f"{rate} % ({low}-{high} with 95 % confidence)"),
+        ("templates that flip", flip),
         ("file", str(record["file"])),
     ]
