@@ -14,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Shape
 from cnnum.embedded.formats import is_integer
 from cnnum.embedded.lowering.solvers import whole_solver
-from cnnum.engines.backend import Backend, open_backend
+from cnnum.engines.backend import Backend
+from cnnum.engines.fallback import opened
 from cnnum.engines.support import FUSING
 from cnnum.engines.whole.ranges import measuring
 from cnnum.errors import MethodError, ProgramError
@@ -34,7 +35,7 @@ from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
 from cnnum.runs.result import Result
 from cnnum.runs.settling import at_rest, saturated
-from cnnum.runs.single import finished, outputs_of
+from cnnum.runs.single import finished, outputs_of, told
 from cnnum.runs.stiff import implicit_spec, on_host, refuse_hopeless, stiffly
 from cnnum.runs.times import checked_times, run_at
 from cnnum.safety.memory import refuse_on_host
@@ -63,16 +64,18 @@ class Engine:
     precision : str, optional
         "float32" or "float64"; or whole numbers: "q15", "q7", or "qM.N" of up to 32 bits, on the
         engines "opencl" and "reference". The engine's own unless given.
+    fallback : str, optional
+        "numba" goes on where a device is lost or out of memory; `Result.reason` says so.
 
     Raises
     ------
     UnknownNameError
-        If there is no such engine or precision.
+        If there is no such engine, precision or fallback.
     DeviceError
         If there is no such device.
     """
 
-    __slots__ = ("_backend", "_plans", "_prepared", "_turn")
+    __slots__ = ("_backend", "_fallback", "_plans", "_prepared", "_turn")
 
     def __init__(
         self,
@@ -80,8 +83,10 @@ class Engine:
         *,
         device: str | None = None,
         precision: str | None = None,
+        fallback: str | None = None,
     ) -> None:
-        self._backend = open_backend(name, device, precision)
+        self._backend = opened(name, device, precision, fallback)
+        self._fallback = fallback
         self._plans: dict[tuple[object, ...], Plan] = {}
         self._prepared: dict[Form, PreparedRun] = {}
         self._turn = RLock()
@@ -113,7 +118,7 @@ class Engine:
             If the device does not have it.
         """
         device = self.device if self.name == "opencl" else None
-        return Engine(self.name, device=device, precision=precision)
+        return Engine(self.name, device=device, precision=precision, fallback=self._fallback)
 
     def compile(
         self,
@@ -202,9 +207,8 @@ class Engine:
         if (host := on_host(name, thinned, solvers)) is not None:
             return host
         built = fuse(thinned, solvers) if self.name in FUSING and not whole else thinned
-        executable = backend.build(built, solvers)
         about = (name, self.name, self.device, self.precision)
-        return Plan(*about, thinned, built, solvers, executable, backend)
+        return Plan(*about, thinned, built, solvers, backend.build(built, solvers), backend)
 
     def run(
         self,
@@ -297,8 +301,7 @@ class Engine:
         if at is not None:
             run = partial(self.run, template, method=method, rtol=rtol, atol=atol, dt=dt,
                           force=force, estimate=estimate)  # fmt: skip
-            maps: dict[str, ArrayLike | None]
-            maps = dict(zip(ROLES, arrays, strict=True))
+            maps: dict[str, ArrayLike | None] = dict(zip(ROLES, arrays, strict=True))
             return run_at(template, checked_times(at, duration), run, maps)
         asked = (duration, method, rtol, atol, dt, force, estimate)
         form = form_of(template, arrays, asked)
@@ -359,7 +362,7 @@ class Engine:
             return stiffly(self._run(template, given, shape, implicit, None))
         if form is not None:
             self._prepare(form, template, plan, given, exact=exact)
-        return finished(outputs, solver, template, linear=ran is not template)
+        return told(finished(outputs, solver, template, linear=ran is not template), plan)
 
     def _prepare(
         self,
@@ -371,8 +374,7 @@ class Engine:
         exact: bool,
     ) -> None:
         """Keep the parts that a run of the same form can share, if any."""
-        prepared = prepared_run(template, plan, given, exact=exact)
-        if prepared is not None:
+        if (prepared := prepared_run(template, plan, given, exact=exact)) is not None:
             with self._turn:
                 while len(self._prepared) >= MOST_PREPARED:
                     self._prepared.pop(next(iter(self._prepared)))

@@ -20,6 +20,7 @@ from cnnum.arrays import (
     numbers,
 )
 from cnnum.engines.backend import Backend, Executable, Solvers
+from cnnum.engines.fallback import FallbackExecutable
 from cnnum.errors import ArrayError, FrameError, MethodError
 from cnnum.graph.nodes import Transient
 from cnnum.graph.parts import Parts, parts_of
@@ -169,6 +170,12 @@ class Plan:
     def source(self) -> str:
         """The exact text of the kernels."""
         return self.executable.source
+
+    @property
+    def fallen(self) -> str:
+        """Why the plan runs on the host and not on its device, in words; empty where it does."""
+        executable = self.executable
+        return executable.why if isinstance(executable, FallbackExecutable) else ""
 
     def __call__(self, frame: ArrayLike) -> dict[str, Floats]:
         """Run the program on a frame, or on a batch of independent frames.
@@ -348,7 +355,7 @@ class Plan:
         return Explanation(
             program=self.program,
             engine=self.engine,
-            device=self.device,
+            device=f"{self.device}; {self.fallen}" if self.fallen else self.device,
             precision=self.precision,
             shape=schedule.shape,
             ops=done.ops,

@@ -50,11 +50,15 @@ class Verdict:
         Where the equilibrium is further away than the tolerance, that one.
     off : (batch,) float
         How far the equilibrium is from that state at most, where there is one.
+    room : (batch,) float
+        States that are no further from it than this come to the same equilibrium; 0 where that is
+        not known.
     """
 
     rests: Flags
     state: Floats
     off: Floats
+    room: Floats
 
 
 def has_certificate(template: Template) -> bool:
@@ -87,18 +91,21 @@ def verdict(
     tolerance = atol + rtol * np.abs(state)
     rests = _saturated(template, given, state, tolerance)
     off = tolerance.max(axis=(1, 2, 3), initial=0.0)
+    room = np.where(rests, np.abs(state).min(axis=(1, 2, 3), initial=np.inf) - 1.0 - off, 0.0)
     if rests.all():
-        return Verdict(rests, state, off)
+        return Verdict(rests, state, off, room)
     state = state.copy()
     rest = np.flatnonzero(~rests)
     some = {role: maps if len(maps) == 1 else maps[rest] for role, maps in given.items()}
     array = _Array(template, some, state[rest])
-    known = array.rounded(float(np.finfo(precision).eps)) | array.dominated(tolerance[rest])
+    nearer, bound = array.dominated(tolerance[rest])
+    off[rest[nearer]], room[rest[nearer]] = bound[nearer], array.room(bound[nearer])
+    known = array.rounded(float(np.finfo(precision).eps)) | nearer
     for number, frame in enumerate(rest):
         found = state[frame] if known[number] else array.equilibrium(number, tolerance[frame])
         if found is not None:
             state[frame], rests[frame] = found, True
-    return Verdict(rests, state, off)
+    return Verdict(rests, state, off, room)
 
 
 def _saturated(
@@ -145,8 +152,11 @@ class _Array:
         """Return the frames whose rates are no more than roundings, so that nothing moves."""
         return _all(np.abs(self.rates) <= ROUNDINGS * epsilon * self.sizes)
 
-    def dominated(self, tolerance: Floats) -> Flags:
-        """Return the frames that are sure to come nearer to an equilibrium within the tolerance."""
+    def dominated(self, tolerance: Floats) -> tuple[Flags, Floats]:
+        """Return the frames that are sure to come nearer to an equilibrium within the tolerance.
+
+        And a bound on how far they are from it.
+        """
         A, linear = self.template.A, self._within(1.0 + NEAR)
         middle = A.shape[-1] // 2
         own = np.einsum("llkk->lk", A)[:, middle].reshape(-1, 1, 1)
@@ -162,7 +172,11 @@ class _Array:
         follows = np.where(linear, 0.0, 1.0 + seen).max(axis=(1, 2, 3))
         off = np.where(np.isfinite(off), off * np.maximum(1.0, follows), np.inf)
         near = off[:, np.newaxis, np.newaxis, np.newaxis] <= np.minimum(tolerance, NEAR)
-        return np.asarray((least > 0.0) & _all(near | ~self.moving), dtype=np.bool_)
+        return np.asarray((least > 0.0) & _all(near | ~self.moving), dtype=np.bool_), off
+
+    def room(self, off: Floats) -> Floats:
+        """Return how far around a dominated state all others come nearer to its equilibrium."""
+        return np.full_like(off, np.inf) if self.template.output.linear else NEAR - off
 
     def equilibrium(self, frame: int, tolerance: Floats) -> Floats | None:
         """Return the equilibrium that a frame comes to from here, None where that is not known."""

@@ -17,6 +17,7 @@ from cnnum.plan import Plan
 from cnnum.runs.linear_range import may_stay_linear
 from cnnum.runs.raw_pictures import LEAST_SQUARES, ROLES, refuse_grey_levels
 from cnnum.runs.result import Result, result_of
+from cnnum.runs.single import told
 from cnnum.templating.template import Template
 
 Form = tuple[object, ...]
@@ -132,7 +133,7 @@ class PreparedRun:
             packed = self._one.packed
         if not all_finite(packed):
             self._plan.refuse_infinite(outputs)
-        return result_of(outputs, 1, self._solver.method, self._solver.reason)
+        return told(result_of(outputs, 1, self._solver.method, self._solver.reason), self._plan)
 
 
 def prepared_run(

@@ -61,7 +61,9 @@ def at_rest(
         error = {"rtol": spec.rtol, "atol": spec.atol}
         seen = verdict(template, some, state, **error, precision=precision)
         found.state[waiting], found.settled[waiting] = seen.state, seen.rests
-        found.error[waiting] += np.where(seen.rests, seen.off, 0.0)
+        way = found.error[waiting]
+        rest = _error(way, seen.off, seen.room)
+        found.error[waiting] = np.where(seen.rests, rest, way)
         waiting = waiting[~seen.rests & (found.time[waiting] < spec.settle_limit)]
         if len(waiting):
             found.run_on(waiting, again)
@@ -86,7 +88,16 @@ def saturated(result: Result | None, template: Template, rtol: float, atol: floa
     off = atol + rtol * float(sizes.max())
     if not template.plain or float(sizes.min()) < 1.0 + max(off, NEAR):
         return None
-    return replace(result, error=np.asarray(result.error + off))
+    room = np.asarray(float(sizes.min()) - 1.0 - off)
+    return replace(result, error=_error(result.error, np.asarray(off), room))
+
+
+def _error(way: Floats, off: Floats, room: Floats) -> Floats:
+    """Return how far states are from the equilibrium that the array truly comes to.
+
+    An error of the way that is less than the room leads to the same one.
+    """
+    return np.asarray(np.where(way < room, off, way + off), dtype=np.float64)
 
 
 class _Frames:

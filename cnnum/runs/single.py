@@ -1,5 +1,7 @@
 """One run of a plan: its outputs from checked maps, and the result in them."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,3 +53,8 @@ def finished(
         outputs |= {name: np.clip(outputs[name], -1.0, 1.0) for name in output_names(template)}
     reason = f"{NEVER_SATURATES}; {solver.reason}" if linear else solver.reason
     return result_of(outputs, template.layers, solver.method, reason)
+
+
+def told(result: Result, plan: Plan) -> Result:
+    """Return a result that also says on which engine it ran if not on the plan's own."""
+    return replace(result, reason=f"{result.reason}; {plan.fallen}") if plan.fallen else result

@@ -179,7 +179,8 @@ class Scene:
         CnnumError
             Whatever is wrong with the file, the array, the program or the device.
         """
-        used = engine or Engine(spec.engine, device=spec.device, precision=spec.precision)
+        how = {"device": spec.device, "precision": spec.precision, "fallback": spec.fallback}
+        used = engine or Engine(spec.engine, **how)
         driver = open_driver(spec.driver, spec.driver_options, base=spec.base)
         try:
             conversion = conversion_for(spec.calibration, driver, spec.base, spec.scale)

@@ -45,7 +45,7 @@ class SceneSpec:
         Name of a tactile program.
     parameters : mapping
         Of the program.
-    engine, device, precision : str or None
+    engine, device, precision, fallback : str or None
     ranges : mapping or None
         Driver and options of a recording on which whole numbers measure their ranges.
     base : Path
@@ -71,6 +71,7 @@ class SceneSpec:
     device: str | None = None
     precision: str | None = None
     ranges: Mapping[str, object] | None = None
+    fallback: str | None = None
     base: Path = Path()
 
     def __post_init__(self) -> None:
@@ -165,7 +166,8 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
     _known(scene, "frames.", tables["frames"], ("range", "dead"))
     _known(scene, "calibration.", tables["calibration"], ("file", "use", *KEYS))
     _known(scene, "program.", tables["program"], ("name", "parameters"))
-    _known(scene, "engine.", tables["engine"], ("name", "device", "precision", "ranges"))
+    keys = ("name", "device", "precision", "ranges", "fallback")
+    _known(scene, "engine.", tables["engine"], keys)
     array = dict(tables["array"])
     calibration, engine = tables["calibration"], tables["engine"]
     return SceneSpec(
@@ -183,6 +185,7 @@ def _spec(scene: str, table: dict[str, Any], base: Path) -> SceneSpec:
         device=_text(scene, engine, "device", "") or None,
         precision=_text(scene, engine, "precision", "") or None,
         ranges=_ranges(scene, engine),
+        fallback=_text(scene, engine, "fallback", "") or None,
         base=base,
     )
 

@@ -1,7 +1,8 @@
 """A built plan on an OpenCL device: kernels by number of lanes, buffers by batch."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import RLock
 
@@ -134,7 +135,7 @@ class OpenCLExecutable:
     def new_memory(self, batch: int) -> object:
         """Return cleared memories on the device; the same for all where a plan has none."""
         refuse_after_fork()  # before a lock that another thread held then
-        with self._turn:
+        with self._guarded():
             size = batch * self._text(self.lanes_for(batch)).memory_size
             queue = self.queue_for(batch)
             if size:
@@ -152,14 +153,14 @@ class OpenCLExecutable:
     def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
         """Return the values of memories, as the host sees it."""
         assert isinstance(memory, SharedArray)
-        with self._turn:
+        with self._guarded():
             memory.pull(self.queue_for(batch))
             return (memory.host,)
 
     def restore(self, memory: object, numbers: Sequence[NDArray[np.floating]], batch: int) -> None:
         """Let memories hold a copy of these numbers."""
         assert isinstance(memory, SharedArray)
-        with self._turn:
+        with self._guarded():
             (memory.host[:],) = numbers
             memory.push(self.queue_for(batch))
 
@@ -169,7 +170,7 @@ class OpenCLExecutable:
         refuse_after_fork()
         if self.schedule.cells > WIDE_CELLS:
             return None
-        with self._turn:
+        with self._guarded():
             queue, built = self.queue_for(1), self._kernel(1, alone=True)
             arrays, schedule = self._new_arrays(1, built, queue), self.schedule
         return OneFrame(
@@ -190,20 +191,23 @@ class OpenCLExecutable:
         """Hand frames over, launch once, read the wanted outputs."""
         assert isinstance(memory, SharedArray)
         refuse_after_fork()
-        with self._turn:
-            try:
-                return self._run(frames, memory, first=first)
-            except cl.Error as error:
-                raise run_failure(error, self.queue) from error
+        with self._guarded():
+            return self._run(frames, memory, first=first)
 
     def run_large(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
     ) -> tuple[dict[str, Floats], bool] | None:
         """Let kernels read and write the host's arrays where the device can, None elsewhere."""
         refuse_after_fork()
+        with self._guarded():
+            return self._run_large(maps, lead)
+
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Take a turn; trouble with the device is an error of this package."""
         with self._turn:
             try:
-                return self._run_large(maps, lead)
+                yield
             except cl.Error as error:
                 raise run_failure(error, self.queue) from error
 
