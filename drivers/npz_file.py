@@ -217,11 +217,7 @@ class NpzOptions:
 class NpzFile(Counting):
     """A recording as an array: its frames as they came, flags and lost scans included.
 
-    Attributes
-    ----------
-    calibration : Calibration or None
-        That of the array when it was recorded.
-    total_frames : int
+    Attributes are those of `McapFile`.
     """
 
     def __init__(self, recording: Archive) -> None:

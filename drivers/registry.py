@@ -91,10 +91,8 @@ def open_driver(
 
     Raises
     ------
-    UnknownNameError
-        If there is no driver of that name.
-    SceneError
-        If an option is unknown, missing, of the wrong type or out of range.
+    UnknownNameError, SceneError
+        As `driver_options`.
     CnnumError
         Errors of opening: PortError, RecordingError, CodecError.
     """

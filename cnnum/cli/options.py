@@ -25,6 +25,18 @@ def in_a_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path
     return out
 
 
+def file_option(default: str, text: str) -> Callable[[Function], Function]:
+    """Return the option `--out`: a file to write in a folder that is there."""
+    return click.option(
+        "--out",
+        type=click.Path(path_type=Path, dir_okay=False),
+        default=Path(default),
+        callback=in_a_folder,
+        show_default=True,
+        help=text,
+    )
+
+
 page_option = click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),

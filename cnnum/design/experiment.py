@@ -180,10 +180,8 @@ def load_experiment(path: str | PathLike[str]) -> Experiment:
 
     Raises
     ------
-    TemplateFileError
-        If the file cannot be read.
-    TemplateError
-        If a key is missing or unknown, or a value is wrong.
+    TemplateFileError, TemplateError
+        If the file cannot be read, or a key is missing, unknown or wrong.
     """
     source = Path(path)
     return _experiment(str(source), read_table("experiment", source))

@@ -113,15 +113,7 @@ def is_spec(path: str | PathLike[str]) -> bool:
 
 
 def load_spec(path: str | PathLike[str]) -> Spec:
-    """Return the specification that a file holds.
-
-    Raises
-    ------
-    TemplateFileError
-        If the file cannot be read.
-    TemplateError
-        If a key is missing or unknown, or a value is wrong.
-    """
+    """Return the specification that a file holds; it raises as `load_experiment`."""
     source = Path(path)
     return _spec(str(source), read_table("design", source))
 

@@ -171,10 +171,8 @@ class Waiting:
 
     Attributes
     ----------
-    opening : bytes
-        The records that every chunk begins with.
-    records : bytes
-        These, then the messages.
+    opening, records : bytes
+        The records that every chunk begins with; these, then the messages.
     index : tuple of (int, int)
         The host's time of each message in ns, and its place in `records`.
     channel : int

@@ -255,11 +255,7 @@ def _run(template: Template, case: Case, engine: Engine, rung: Rung) -> tuple[Fl
     rtol = 1e-4 if rung.rtol is None else rung.rtol
     result = engine.run(
         template,
-        input=case.input,
-        state=case.state,
-        bias=case.bias,
-        mask=case.mask,
-        duration=case.duration,
+        **case.given,
         method=rung.method,
         rtol=rtol,
         atol=rtol,

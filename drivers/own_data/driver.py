@@ -102,13 +102,12 @@ class DataFile(Counting):
 
     Attributes
     ----------
-    calibration : Calibration or None
-        That of the array when it was recorded.
-    total_frames : int
     pads : int or None
         Pads side by side, where the layout says so.
     pitch : float or None
         Distance of the taxels, m, where the layout says so.
+    calibration, total_frames
+        As in `cnnum.drivers.mcap_file.McapFile`.
     """
 
     def __init__(

@@ -25,10 +25,7 @@ def bumps_fem_influence(
         Of an incompressible cover.
     bump_radius : float, m
 
-    Returns
-    -------
-    float, 1/Pa
-        As `flat_influence`.
+    The shape is that of `flat_influence`.
 
     Raises
     ------

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.options import in_a_folder, json_option
+from cnnum.cli.options import file_option, json_option
 from cnnum.cli.output import Output, facts, quantity
 
 if TYPE_CHECKING:
@@ -31,13 +31,7 @@ COLUMNS = ("x", "y", "fx", "fy", "fz", "left", "right", "top", "bottom")
     help="Thickness of the cover; fitted if left out.",
 )
 @click.option("--limit", type=float, default=float("inf"), metavar="V", help="End of the range.")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, dir_okay=False),
-    default=Path("calibration.toml"),
-    callback=in_a_folder,
-    show_default=True,
-)
+@file_option("calibration.toml", "The calibration's file.")
 @json_option
 def command(
     scan: Path, youngs_modulus: float, depth: float | None, limit: float, out: Path, as_json: bool

@@ -5,19 +5,13 @@ from pathlib import Path
 import click
 
 from cnnum.cli.following import follow
-from cnnum.cli.options import Changes, json_option, scene_options
+from cnnum.cli.options import Changes, file_option, json_option, scene_options
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
 
 
 @click.command("demo")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, dir_okay=False),
-    default=Path("cnnum-demo.html"),
-    show_default=True,
-    help="Where the report goes.",
-)
+@file_option("cnnum-demo.html", "Where the report goes.")
 @scene_options
 @json_option
 def command(
@@ -31,8 +25,6 @@ def command(
     released. The report shows the frames, the events, the ground truth, and the operations that the
     plan leaves out. It also shows the error of the templates against their run time.
     """
-    if not out.parent.is_dir():
-        raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
     with busy(COMPILING, as_json=as_json):
         from cnnum.cli.demo_report import DemoReport
         from cnnum.scenes.pipeline import load_scene

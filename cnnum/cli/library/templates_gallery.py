@@ -6,21 +6,14 @@ from pathlib import Path
 import click
 
 from cnnum.cli.library.templates_choice import chosen
-from cnnum.cli.options import in_a_folder, json_option
+from cnnum.cli.options import file_option, json_option
 from cnnum.cli.output import Output
 from cnnum.cli.progress import progress
 
 
 @click.command("gallery")
 @click.argument("names", nargs=-1, metavar="[NAMES]...")
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, dir_okay=False),
-    default=Path("gallery.html"),
-    callback=in_a_folder,
-    show_default=True,
-    help="The page's file.",
-)
+@file_option("gallery.html", "The page's file.")
 @click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
 @json_option
 def gallery(names: tuple[str, ...], out: Path, engine: str, as_json: bool) -> None:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,12 +142,8 @@ def _measure(engine: Engine, point: Point, budget: float) -> Scaling:
     found = difference(lambda: run(few), lambda: run(3 * few), budget=budget, runs=9)
     rate = cells * 2 * few / found.more
     return Scaling(
-        case=point.case,
         device=engine.device,
-        shape=point.shape,
-        batch=point.batch,
-        radius=point.radius,
-        layers=point.layers,
+        **asdict(point),
         cell_updates_per_s=rate,
         ns_per_update=1e9 / rate,
         growth=None,

@@ -91,10 +91,7 @@ def uskin_trial(folder: Folder) -> Trial:
 def flat_trial(folder: Folder) -> Trial:
     """Return a trial with labels from the marker's speed; it counts while both pads are pressed.
 
-    Raises
-    ------
-    CnnumError
-        If a file is missing or not as it should be.
+    It raises as `uskin_trial`.
     """
     frames = _frames(folder.path)
     table = read_table(folder.path / "marker.csv")

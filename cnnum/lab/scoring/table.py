@@ -14,10 +14,8 @@ class Column:
 
     Attributes
     ----------
-    key : str
-        In the JSON record of a row.
-    title : str
-        For people.
+    key, title : str
+        In the JSON record of a row, and for people.
     digits : int
         After the point.
     least, most : float, optional

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Any, Literal, Protocol
 
 import numpy as np
 
@@ -11,6 +11,10 @@ from cnnum.templating.template import Duration, Template
 
 DIGITAL_TOLERANCE = 0.01
 """Of outputs that are to be black or white."""
+
+
+GIVEN = ("input", "previous", "state", "bias", "mask", "duration")
+"""Arguments of a run that a case holds."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -31,6 +35,11 @@ class Case:
     bias: Floats | None = None
     mask: Floats | None = None
     duration: Duration | None = None
+
+    @property
+    def given(self) -> dict[str, Any]:
+        """The maps and the duration, as an engine's `run` takes them."""
+        return {name: getattr(self, name) for name in GIVEN}
 
     @property
     def pictures(self) -> Floats:

@@ -80,12 +80,7 @@ def run_case(
     """Run templates on a case, with a tenth of the relative tolerance as the absolute one."""
     return engine.run(
         template,
-        input=case.input,
-        previous=case.previous,
-        state=case.state,
-        bias=case.bias,
-        mask=case.mask,
-        duration=case.duration,
+        **case.given,
         method=method,
         rtol=rtol,
         atol=0.1 * rtol,

@@ -71,13 +71,7 @@ class Proof:
 
 
 def read_proof(file: str, key: str, value: object) -> Proof:
-    """Return the proof that the table [proof] states.
-
-    Raises
-    ------
-    TemplateError
-        If a key is missing or unknown, or a value is wrong.
-    """
+    """Return the proof that the table [proof] states; it raises as `read_measured`."""
     found = table(file, key, value)
     if set(found) - set(KEYS) or set(REQUIRED) - set(found):
         raise TemplateError(

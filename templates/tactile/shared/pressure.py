@@ -70,15 +70,7 @@ class Pressed:
 def pressed_of(
     loads: Loads, share: float, depth: float, reads: Carries, normal_gain: float
 ) -> Pressed:
-    """Return the pressure on the skin, from its readings.
-
-    Raises
-    ------
-    PhysicsError
-        If the depth is out of range.
-    UnknownNameError
-        If `reads` is unknown.
-    """
+    """Return the pressure on the skin, from its readings; it raises as the program `contact`."""
     if reads not in get_args(Carries):
         raise name_error("reading", reads, get_args(Carries))
     normal = normal_gain * where(loads.sound, loads.normal, 0.0)
