@@ -109,11 +109,7 @@ def event_text(event: "Event") -> str:
         parts.append(f"direction {degrees(event.direction):6.1f}°")
     if event.sense:
         parts.append("x → y" if event.sense > 0 else "y → x")
-    if event.strength is not None:
-        parts.append(f"strength {event.strength:.3g} {event.unit or ''}".rstrip())
-    if event.after_gap is not None:
-        parts.append(f"after a gap of {event.after_gap:.3f} s")
-    return "  ".join(parts)
+    return "  ".join([*parts, *event.further()])
 
 
 def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,14 +158,8 @@ def look(path: Path) -> Contents:
         path=path,
         size=size,
         layout=decoder.layout,
-        frames=tally.frames,
-        gaps=tally.gaps,
-        missing=tally.missing,
-        holes=tally.holes,
-        unreadable=tally.unreadable,
-        tail=tally.tail,
-        indexed=tally.indexed,
         held=held,
+        **tally.counts,
     )
 
 
@@ -177,6 +171,11 @@ class _Tally:
         self.holes = self.unreadable = self.tail = 0
         self.indexed = False
         self._last: int | None = None
+
+    @property
+    def counts(self) -> dict[str, Any]:
+        """All counts, by their names in `Contents`."""
+        return {name: count for name, count in vars(self).items() if name != "_last"}
 
     def add(self, sequence: NDArray[np.int64]) -> None:
         """Count the frames of a chunk, and the jumps of their numbers."""

@@ -82,11 +82,16 @@ class Event:
             parts.append(f"towards {math.degrees(self.direction):.0f}°")
         if self.sense:
             parts.append("from x to y" if self.sense > 0 else "from y to x")
+        return ", ".join([*parts, *self.further()])
+
+    def further(self) -> list[str]:
+        """Return the strength and the gap before it in words, as far as they are known."""
+        parts: list[str] = []
         if self.strength is not None:
             parts.append(f"strength {self.strength:.3g} {self.unit or ''}".rstrip())
         if self.after_gap is not None:
             parts.append(f"after a gap of {self.after_gap:.3f} s")
-        return ", ".join(parts)
+        return parts
 
 
 @dataclass(frozen=True, slots=True)

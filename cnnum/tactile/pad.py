@@ -128,12 +128,12 @@ class Pad:
 
         Parameters
         ----------
-        shape : (rows, cols) int
+        shape, shear_gain, normal_gain
+            As in `regular`.
         centres : (bump_rows, bump_cols, 2) or (bumps, 2) float, m
             Places (x, y) of the bumps; taxel (0, 0) is the origin. A list makes one row.
         spacing : float, m
             Of the taxels.
-        shear_gain, normal_gain : float
 
         Raises
         ------

@@ -134,14 +134,7 @@ def locate_signals(
     noise : float, V
         RMS of one bridge: √2 of it in T_x and T_y, as much in S_n (4.14).
 
-    Returns
-    -------
-    PointLoad
-
-    Raises
-    ------
-    ArrayError, PhysicsError
-        As `locate`.
+    It raises as `locate`.
 
     References
     ----------
