@@ -37,7 +37,7 @@ def _live_variables(new: Declare, needed: set[str]) -> Declare | None:
 
 
 def _sets(statement: Statement, needed: set[str]) -> bool:
-    """Return whether a statement has an effect; what it reads becomes needed."""
+    """Return whether a statement has an effect; the names it reads become needed."""
     assert isinstance(statement, Assign | Accumulate)
     target = statement.target
     adds = isinstance(statement, Accumulate) or statement.sign != "="

@@ -99,7 +99,7 @@ def propagated(work: "TransientWork", scheme: Propagator) -> dict[int, Array]:
 def _sum(work: "TransientWork", parts: list[Quantity], constant: Floats, layer: int) -> Quantity:
     to = work.to
     if np.any(constant):
-        table, _ = to.table(f"k{work.index}_constant_{layer}", constant, "what the rim adds")
+        table, _ = to.table(f"k{work.index}_constant_{layer}", constant, "the rim's share")
         parts = [*parts, to.item(table)]
     if not parts:
         return work.fixed(0.0)

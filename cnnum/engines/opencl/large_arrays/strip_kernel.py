@@ -108,7 +108,7 @@ class StripText:
 
 
 def strip_rows(text: TransientBuilder, names: tuple[str, ...], scales: tuple[float, ...]) -> Rows:
-    """Append arrays that hold all rows, and return what writes their statements."""
+    """Append arrays that hold all rows, and return the writer of their statements."""
     layout = row_layout(text)
     names = names or OUTPUTS
     if text.operands.mask is not None:

@@ -65,7 +65,7 @@ def controlled(
 ) -> Figures:
     """Append the steps of attempts, and return the figures of the run.
 
-    A pair's steps carry what rounding leaves out of the time. `first_rates` set `k0`.
+    A pair's steps carry the part of the time that rounding leaves out. `first_rates` set `k0`.
     """
     pair, longest = isinstance(scheme, AdaptiveSteps), ir.Number(scheme.control.longest)
     duration = ir.Number(text.solver.duration)
@@ -115,7 +115,7 @@ def controlled(
 def _carried_on() -> list[ir.Statement]:
     ahead = ((AHEAD, ACCEPT * H - BEHIND), (REACHED, TIME + AHEAD))
     return [
-        ir.Note("// what rounding leaves out of the time comes with the next step"),
+        ir.Note("// the part of the time that rounding leaves out comes with the next step"),
         ir.Declare("real", ahead, fixed=True),
         ir.Assign(BEHIND, (REACHED - TIME) - AHEAD),
         ir.Assign(TIME, REACHED),
@@ -131,7 +131,7 @@ def _followed(text: TransientBuilder) -> list[ir.Statement]:
     growth = ir.call("fmin", fastest * H, ir.Number(LARGEST_EXPONENT))
     sum = ir.call("fmin", ERROR * GROWN + ADDED, ir.Number(LOST))
     return [
-        ir.Note("// an error grows as the rates do, within what the feedback allows"),
+        ir.Note("// an error grows as the rates do, within the bound of the feedback"),
         ir.fixed(FASTER, ir.call("fmax", SPEED / before, ir.ONE)),
         ir.fixed(GROWN, ir.call("fmin", FASTER, ir.call("exp", growth))),
         ir.Assign(ERROR, ir.pick(ACCEPT.differs(ir.ZERO), sum, ERROR)),
