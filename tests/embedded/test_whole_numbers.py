@@ -157,3 +157,20 @@ def test_precisions_by_name():
     for name in ("q2", "q40", "q20.20", "int8", ""):
         with pytest.raises(UnknownNameError, match=r"float32"):
             precision_named(name)
+
+
+@pytest.mark.parametrize(
+    ("which", "other", "wanted"),
+    [
+        ("greater", 7, 0),
+        ("greater", 1, 1),
+        ("at_least", 8, 0),
+        ("at_least", 2, 1),
+        ("equal", 8, 0),
+        ("equal", 5, None),
+    ],
+)
+def test_a_comparison_that_intervals_decide_is_a_constant(which, other, wanted):
+    """Strict compilers refuse `n > 7` where no n of its type is above 7."""
+    found = call(which, Name("n", (2, 7)), Integer(other))
+    assert (found.value if isinstance(found, Integer) else None) == wanted

@@ -36,7 +36,8 @@ def call(primitive: str, *arguments: Expression) -> Expression:
     known = PRIMITIVES[primitive]
     given = [one.bounds for one in arguments if one.bounds is not None]
     if known.always is not None:
-        return _record(primitive, arguments, known.always)
+        decided = _decided(primitive, given) if len(given) == len(arguments) else None
+        return _record(primitive, arguments, known.always) if decided is None else Integer(decided)
     if len(given) < len(arguments) or primitive == "to_real":
         return _record(primitive, arguments, None)
     within = known.within(given) if known.within else None
@@ -51,6 +52,18 @@ def call(primitive: str, *arguments: Expression) -> Expression:
     if bounds[0] == bounds[1]:  # expressions do nothing else than have a value
         return Integer(bounds[0])
     return _record(primitive, arguments, bounds, within)
+
+
+def _decided(primitive: str, given: Sequence[Bounds]) -> int | None:
+    """Return the result of a comparison that intervals decide, of which compilers would warn."""
+    (low, high), (least, most) = given
+    if primitive == "equal":
+        return 0 if high < least or most < low else None
+    if primitive == "greater":
+        return 1 if low > most else 0 if high <= least else None
+    if primitive == "at_least":
+        return 1 if low >= most else 0 if high < least else None
+    return None
 
 
 def _record(
