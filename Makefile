@@ -51,10 +51,14 @@ fuzz: $(VENV)/dev.stamp
 	$(BIN)/python tests/fuzz/guided.py 120
 
 # programs as C99: 10,000 random frames of each against the emulator under sanitizers, then what slip
-# and twist cost on Cortex-M; compiler and emulated cores of that come with pip, and need no root
+# and twist cost on Cortex-M; compiler and emulated cores of that come with pip, and need no root. With
+# GCC for Arm and QEMU, which are optional, a second count stands next to the first
 embedded: $(VENV)/dev.stamp
 	command -v cc >/dev/null || { [ "$$(id -u)" = 0 ] && apt-get install --yes gcc libc6-dev; } || \
 	    { echo "Install a C compiler that is called by 'cc', such as GCC with its sanitizers." >&2; exit 1; }
+	{ command -v arm-none-eabi-gcc && command -v qemu-system-arm; } >/dev/null || \
+	    { [ "$$(id -u)" = 0 ] && apt-get install --yes gcc-arm-none-eabi qemu-system-arm; } || \
+	    echo "Install gcc-arm-none-eabi and qemu-system-arm for their counts, too." >&2
 	CNNUM_FRAMES=10000 $(PYTEST) tests/embedded tests/cli/commands/test_bench_embedded.py
 	$(BIN)/cnnum bench embedded --out bench-results
 

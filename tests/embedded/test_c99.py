@@ -10,9 +10,8 @@ from cnnum.embedded.c.layout import packed, record_type
 from cnnum.embedded.emulator import cleared
 from cnnum.errors import NotSupportedError
 from cnnum.programs.library import program_names
-from tests.embedded.conftest import SANITIZERS, compiled, made, streams
+from tests.embedded.conftest import FULL, SANITIZERS, compiled, made, streams
 
-FULL = "CNNUM_FRAMES" in os.environ
 FRAMES = 50 if FULL else 20
 STREAMS = max(2, int(os.environ.get("CNNUM_FRAMES", "0")) // FRAMES)
 """Of so many frames each: `make embedded` runs 10,000 frames of every program."""

@@ -114,7 +114,7 @@ class Board:
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder)
             made.export(frames).write(place)
-            (place / "board.c").write_text(_board(name))
+            (place / "board.c").write_text(board_text(name))
             compiler = [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabi"]
             command = [
                 *compiler,
@@ -267,7 +267,8 @@ def board_sections(board: Board) -> list[tuple[int, bytes]]:
     return found
 
 
-def _board(name: str) -> str:
+def board_text(name: str) -> str:
+    """Return the C that calls a program: a frame, its answers and the memory at known names."""
     return "\n".join(
         [
             f'#include "{name}.h"',

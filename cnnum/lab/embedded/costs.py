@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from cnnum.arrays import Shape
 from cnnum.errors import CnnumError, NotSupportedError
 from cnnum.lab.embedded.cortex_m import Board
+from cnnum.lab.embedded.gnu_arm import gnu_counted, missing_gnu_tools
 from cnnum.lab.embedded.scores import NO_EVENTS, events, loss
 from cnnum.lab.embedded.streams import made, vector_frames
 
@@ -49,6 +50,8 @@ class CostRow:
         Of reports; false ones in ten minutes.
     wrong : int
         Numbers that differ from the emulator's: 0.
+    gnu_instructions, gnu_flash_bytes : int or None
+        The same by GCC for Arm and QEMU, where they are installed; flash of the program alone.
     """
 
     case: str
@@ -69,6 +72,8 @@ class CostRow:
     twist_recall: float
     false_reports: float
     wrong: int
+    gnu_instructions: int | None = None
+    gnu_flash_bytes: int | None = None
 
 
 def cases(
@@ -131,6 +136,9 @@ def _row(
     program, shape, precision, method = key
     frames = vector_frames(shape, COUNTED)
     counted = Board.built(found, frames[:1], core).run(frames)
+    gnu = None
+    if found.precision.integer and not missing_gnu_tools():
+        gnu = gnu_counted(found, frames, core)
     return CostRow(
         program,
         shape,
@@ -149,5 +157,7 @@ def _row(
         scored.slip_recall,
         scored.twist_recall,
         scored.false_reports,
-        counted.wrong,
+        counted.wrong + (0 if gnu is None else gnu.wrong),
+        None if gnu is None else max(gnu.instructions),
+        None if gnu is None else gnu.flash_bytes,
     )

@@ -1,0 +1,137 @@
+"""The same C built by GCC for Arm and run by QEMU: a second compiler and a second count.
+
+Both are optional tools of the machine. QEMU's clock moves on by 1 ns an instruction
+(`-icount shift=0`), and the core's own timer reads it: counts are known to `TICK` instructions.
+"""
+
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.embedded.c.files import identifier
+from cnnum.embedded.c.layout import packed
+from cnnum.embedded.emulator import cleared
+from cnnum.embedded.making import Made
+from cnnum.errors import DeviceError, NotSupportedError
+from cnnum.lab.embedded.cortex_m import CORES
+from cnnum.lab.embedded.firmware import firmware
+
+COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
+
+MACHINES = {"m0": ("microbit", 62.5), "m4": ("mps2-an386", 40.0), "m7": ("mps2-an500", 40.0)}
+"""QEMU's machine of a core, and the nanoseconds of a tick of its timer."""
+
+STACK_TOP = {"m0": 0x20004000, "m4": 0x20100000, "m7": 0x20100000}
+
+FLAGS = (
+    "-O2", "-std=c99", "-ffp-contract=off", "-ffunction-sections", "-fdata-sections",
+    "-mthumb", "-ffreestanding", "-nostdlib", "-nostartfiles",
+)  # fmt: skip
+PLACES = (
+    "-Wl,-e,start", "-Wl,-u,vectors", "-Wl,--gc-sections", "-Wl,--build-id=none",
+    "-Wl,--section-start=.vectors=0", "-Wl,-Ttext=0x100", "-Wl,-Tdata=0x20000000",
+)  # fmt: skip
+SECONDS = 120.0
+
+
+@dataclass(frozen=True, slots=True)
+class GnuCounted:
+    """The cost of frames by GCC and QEMU.
+
+    Attributes
+    ----------
+    core : str
+    instructions : tuple of int
+        Of each frame, to the tick.
+    flash_bytes : int
+        Code and tables of the program alone.
+    wrong : int
+        Frames whose answers differ from the emulator's in any bit.
+    """
+
+    core: str
+    instructions: tuple[int, ...]
+    flash_bytes: int
+    wrong: int
+
+
+def missing_gnu_tools() -> tuple[str, ...]:
+    """Return which of the tools the machine lacks."""
+    return tuple(name for name in (COMPILER, SIZE, EMULATOR) if shutil.which(name) is None)
+
+
+def gnu_counted(made: Made, frames: Floats, core: str) -> GnuCounted:
+    """Return the cost of frames of one stream.
+
+    Parameters
+    ----------
+    made : Made
+        In whole numbers.
+    frames : (frames, rows, cols, channels) float
+    core : str
+
+    Raises
+    ------
+    NotSupportedError
+        If the program is of reals, which would need a library of mathematics.
+    DeviceError
+        If the compiler refuses the program, or QEMU does not end.
+    """
+    if not made.precision.integer:
+        raise NotSupportedError(
+            "GCC for Arm builds programs in whole numbers here: take precision 'q15'."
+        )
+    name = identifier(made.program.name)
+    machine, tick = MACHINES[core]
+    with tempfile.TemporaryDirectory() as folder:
+        place = Path(folder)
+        made.export(frames[:1]).write(place)
+        (place / "firmware.c").write_text(firmware(name, *_vectors(made, frames), STACK_TOP[core]))
+        cpu = f"-mcpu={CORES[core].replace('_', '-')}"
+        _run([COMPILER, cpu, *FLAGS, "-c", f"{name}.c"], place)
+        _run([COMPILER, cpu, *FLAGS, *PLACES, "-o", "firmware.elf", "firmware.c", f"{name}.o",
+              "-lgcc"], place)  # fmt: skip
+        sizes = _run([SIZE, f"{name}.o"], place).split("\n")[1].split()
+        said = _run(
+            [EMULATOR, "-M", machine, "-nographic", "-monitor", "none", "-serial", "none",
+             "-icount", "shift=0", "-semihosting-config", "enable=on,target=native",
+             "-kernel", "firmware.elf"],
+            place,
+        )  # fmt: skip
+    rows = [[int(one, 16) for one in line.split()] for line in said.splitlines() if line.strip()]
+    if len(rows) != len(frames):
+        raise DeviceError(f"QEMU's {machine} gave {len(rows)} of {len(frames)} frames.")
+    counts = tuple(round(ticks * tick) for ticks, _ in rows)
+    return GnuCounted(core, counts, int(sizes[0]), sum(wrong for _, wrong in rows))
+
+
+def _vectors(made: Made, frames: Floats) -> tuple[list[bytes], list[bytes]]:
+    """Return the bytes of each frame and of its answer."""
+    program, state = made.program, cleared(made.program, 1)
+    inputs, outputs = program.of_kind("input"), program.of_kind("output")
+    given, wanted = list[bytes](), list[bytes]()
+    for number, frame in enumerate(frames):
+        numbers = made.inputs(frame[np.newaxis])
+        given.append(packed(inputs, numbers, 1).tobytes())
+        answer = made.emulator().run(numbers, state, first=number == 0)
+        wanted.append(packed(outputs, answer, 1).tobytes())
+    return given, wanted
+
+
+def _run(command: Sequence[str], place: Path) -> str:
+    try:
+        done = subprocess.run(
+            command, cwd=place, capture_output=True, text=True, check=False, timeout=SECONDS
+        )
+    except subprocess.TimeoutExpired:
+        raise DeviceError(f"'{command[0]}' has not ended after {SECONDS:g} s.") from None
+    if done.returncode:
+        raise DeviceError(f"'{command[0]}' failed: {done.stderr:.400}")
+    # the console of semihosting is standard error
+    return done.stdout + done.stderr
