@@ -30,6 +30,7 @@ from cnnum.programs import Program
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.batches import run_batch
 from cnnum.runs.chip import Chip, run_on_chip
+from cnnum.runs.chip_programs import chip_backend
 from cnnum.runs.graph import graph_of
 from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
@@ -44,9 +45,7 @@ from cnnum.templating.library import by_name
 from cnnum.templating.template import Duration, Template
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
-
 ROLES = ("input", "previous", "state", "bias", "mask")
-
 MOST_PREPARED = 64
 """Runs kept ready; each holds a template and a frame's arrays, so the oldest goes first."""
 
@@ -132,6 +131,7 @@ class Engine:
         atol: float | None = None,
         dt: float | None = None,
         like: ArrayLike | None = None,
+        chip: Chip | None = None,
     ) -> Plan:
         """Return a plan that runs the operations of the wanted outputs alone.
 
@@ -149,6 +149,8 @@ class Engine:
         like : (frames, ..., rows, cols, channels) float, optional
             Of whole numbers: streams like those to come, on which the range of every value is
             measured. Those of each batch itself unless given; a stream with memories needs it.
+        chip : Chip, optional
+            As on an analogue array of that accuracy; on the engine "reference".
 
         Raises
         ------
@@ -170,7 +172,8 @@ class Engine:
             )
         asked: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
         asked = {name: value for name, value in asked.items() if value is not None}
-        graph, backend = program.trace(shape, channels), self._backend
+        graph = program.trace(shape, channels)
+        backend = self._backend if chip is None else chip_backend(chip, self.name, self.precision)
         if like is not None:
             backend = measuring(backend, like, (*graph.shape, len(channels)))
         return self._build(program.name, graph, channels, needs, asked, backend)
@@ -190,9 +193,8 @@ class Engine:
         refuse_on_host("A frame and its results", graph.shape, 8 * maps)
 
         def chosen_for(transient: Transient) -> Solver:
-            spec = replace(transient.spec, **asked)
-            solve = whole_solver if whole else choose
-            return solve(replace(transient, spec=spec), graph.shape)
+            wanted = replace(transient, spec=replace(transient.spec, **asked))
+            return (whole_solver if whole else choose)(wanted, graph.shape)
 
         chosen = {
             operation: backend.told(operation.template, chosen_for(operation))
@@ -204,7 +206,7 @@ class Engine:
             for node in thinned.transients
             if isinstance(node.operation, Transient)
         }
-        if (host := on_host(name, thinned, solvers)) is not None:
+        if self.name != "reference" and (host := on_host(name, thinned, solvers)) is not None:
             return host
         built = fuse(thinned, solvers) if self.name in FUSING and not whole else thinned
         about = (name, self.name, self.device, self.precision)
@@ -288,16 +290,14 @@ class Engine:
         """
         arrays = (input, previous, state, bias, mask)
         if chip is not None or isinstance(template, TemplateBatch):
-            options: dict[str, Any]
-            options = {"duration": duration, "method": method, "rtol": rtol, "atol": atol, "dt": dt,
-                       "force": force, "estimate": estimate, "at": at}  # fmt: skip
+            options: dict[str, Any] = {
+                "duration": duration, "method": method, "rtol": rtol, "atol": atol, "dt": dt,
+                "force": force, "estimate": estimate, "at": at}  # fmt: skip
             if chip is not None or not isinstance(template, TemplateBatch):
-                run = partial(self.run, **options)
-                return run_on_chip(cast(Chip, chip), template, arrays, run)
+                return run_on_chip(cast(Chip, chip), template, arrays, partial(self.run, **options))
             how = (self.name, self.precision, self._plan_for, self.run)
             return run_batch(*how, template, arrays, options)
-        if not isinstance(template, Template):
-            template = by_name(template)
+        template = template if isinstance(template, Template) else by_name(template)
         if at is not None:
             run = partial(self.run, template, method=method, rtol=rtol, atol=atol, dt=dt,
                           force=force, estimate=estimate)  # fmt: skip

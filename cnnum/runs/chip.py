@@ -22,7 +22,7 @@ from cnnum.templating.numbers import on_grid
 from cnnum.templating.template import Template
 
 MOST_BITS = 32
-STREAMS = {"A": 0, "B": 1, "z": 2, "noise": 3}
+STREAMS = {"A": 0, "B": 1, "z": 2, "noise": 3, "A of cells": 4}
 """Random numbers of each part have a stream of their own, so that none shifts another's."""
 
 
@@ -36,14 +36,16 @@ class Chip:
     gets its noise first, and is rounded then.
 
     The weights of B and z are multiplied by 1 + ε, with an ε of its own in every cell. Those of A
-    are, too, but cells share their ε: engines have no feedback that differs from cell to cell.
+    are, too; in `Engine.run` cells share their ε, as most engines have no feedback that differs
+    from cell to cell. In a program, `Engine("reference").compile(..., chip=...)`, they have their
+    own. There, each map has its largest number as its full scale, and noise is a share of that.
 
     ACE16k has weights of 8 bits and an accuracy of 7 to 8 bits: Rodríguez-Vázquez et al. 2004,
     "ACE16k: the third generation of mixed-signal SIMD-CNN ACE chips toward VSoCs", IEEE
     Transactions on Circuits and Systems I 51(5). The defaults follow it, but for noise and
     mismatch: those are of an array at hand.
 
-    Not modelled: mismatch of A from cell to cell, mismatch of τ, multipliers that are not linear,
+    Not modelled: mismatch of τ, multipliers that are not linear,
     noise during the transient, memories that leak, and temperature. The state during the transient
     is not rounded, and its output function is the template's. Fixed boundaries are exact.
 
@@ -92,11 +94,17 @@ class Chip:
     def read(self, output: Floats) -> Floats:
         """Return an output as it is read: noisy, saturated and rounded."""
         if self.noise:
-            output = output + self.noise * self._drawn("noise", output.shape)
+            output = output + self.noise * self.drawn("noise", output.shape)
         return self.stored(output)
 
-    def programmed(self, template: Template) -> Template:
+    def programmed(self, template: Template, *, shared: bool = True) -> Template:
         """Return the template with the weights that all cells share.
+
+        Parameters
+        ----------
+        template : Template
+        shared : bool
+            Whether the mismatch of A is one that all cells share; else A has none here.
 
         Raises
         ------
@@ -111,8 +119,8 @@ class Chip:
         parts = {"A": template.A, "B": template.B, "z": template.z}
         top = max(largest(part) for part in parts.values())
         parts = {key: on_grid(part, top, self.weight_bits) for key, part in parts.items()}
-        if self.mismatch:
-            parts["A"] = parts["A"] * (1.0 + self.mismatch * self._drawn("A", parts["A"].shape))
+        if self.mismatch and shared:
+            parts["A"] = parts["A"] * (1.0 + self.mismatch * self.drawn("A", parts["A"].shape))
         changes: dict[str, Any] = {"A": parts["A"], "z": parts["z"].tolist()}
         changes |= {"B": parts["B"]} if template.inputs else {}
         if not isinstance(template.initial, str):
@@ -131,9 +139,9 @@ class Chip:
         """
         lead = () if inputs is None else inputs.shape[:-3]
         total = np.zeros((*lead, template.layers, *shape))
-        total += template.z[:, np.newaxis, np.newaxis] * self._drawn("z", total.shape[-3:])
+        total += template.z[:, np.newaxis, np.newaxis] * self.drawn("z", total.shape[-3:])
         if inputs is not None:
-            off, radius = self._drawn("B", (*template.B.shape, *shape)), template.B.shape[-1] // 2
+            off, radius = self.drawn("B", (*template.B.shape, *shape)), template.B.shape[-1] // 2
             halo = halo_sources(template.input_boundary, shape, radius)
             rim = np.full((*inputs.shape[:-2], 1), template.input_boundary.constant or 0.0)
             # virtual cells of a fixed boundary have the index −1: the last
@@ -145,7 +153,8 @@ class Chip:
                     total[..., layer, :, :] += tap.weight * off[layer, tap.source, row, col] * near
         return self.mismatch * total
 
-    def _drawn(self, part: str, size: tuple[int, ...]) -> Floats:
+    def drawn(self, part: str, size: tuple[int, ...]) -> Floats:
+        """Return the random numbers of a part: the same for a size at every call."""
         return np.random.default_rng([self.seed, STREAMS[part]]).standard_normal(size)
 
 

@@ -9,7 +9,7 @@ from cnnum.arrays import Floats
 from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.host import HostExecutable, Values, picked, picks
-from cnnum.engines.reference.equation import Given, StateEquation
+from cnnum.engines.reference.equation import Feedback, Given, StateEquation
 from cnnum.engines.reference.solve import change, instead, solve
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.nodes import (
@@ -108,23 +108,39 @@ class ReferenceExecutable(HostExecutable):
         self, node: Node, operation: Transient, arguments: list[Floats], batch: int
     ) -> dict[str, Floats]:
         """Solve frame by frame; answers by name, maps as (batch, layers, rows, cols)."""
-        template, shape, solver = operation.template, self.schedule.shape, self.solvers[node.index]
+        shape, solver = self.schedule.shape, self.solvers[node.index]
         stacked = {
             role: np.stack([np.broadcast_to(m, (batch, *shape)) for m in maps], axis=1)
             for role, maps in operation.by_role(arguments).items()
             if maps
         }
 
-        def answer(frame: int) -> dict[str, Floats]:
-            own = {role: maps[frame] for role, maps in stacked.items()}
-            held = own["mask"][0] != 0.0 if "mask" in own else None
-            given = Given(
-                own.get("input"), own.get("previous"), own.get("state"), own.get("bias"), held
-            )
-            return _figures(StateEquation(template, shape, given), solver)
-
-        answers = [answer(frame) for frame in range(batch)]
+        answers = [
+            self.answer(operation, solver, {role: maps[frame] for role, maps in stacked.items()})
+            for frame in range(batch)
+        ]
         return {name: np.array([one[name] for one in answers]) for name in answers[0]}
+
+    def answer(
+        self, operation: Transient, solver: Solver, maps: dict[str, Floats]
+    ) -> dict[str, Floats]:
+        """Return the answers of a template's run on one frame; maps by role."""
+        return self.solved(operation, solver, maps, None)
+
+    def solved(
+        self,
+        operation: Transient,
+        solver: Solver,
+        maps: dict[str, Floats],
+        feedback: Feedback | None,
+    ) -> dict[str, Floats]:
+        """Return the answers of a template whose feedback may differ from cell to cell."""
+        held = maps["mask"][0] != 0.0 if "mask" in maps else None
+        given = Given(
+            maps.get("input"), maps.get("previous"), maps.get("state"), maps.get("bias"), held,
+            feedback,
+        )  # fmt: skip
+        return _figures(StateEquation(operation.template, self.schedule.shape, given), solver)
 
 
 def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:

@@ -21,7 +21,7 @@ from cnnum.templating.template import Template
 _Places = NDArray[np.int64]
 """Of every neighbour that a coupling sees and every cell: (neighbours, rows, cols)."""
 
-_Through = Callable[[Floats], Floats]
+Feedback = Callable[[Floats], Floats]
 """Outputs, (layers, rows, cols), to their sum in the rates."""
 
 MOST_STATES = 256
@@ -45,6 +45,8 @@ class Given:
     inputs, previous, state, bias : (maps, rows, cols) float or None
     held : (rows, cols) bool or None
         Fixed-state mask.
+    feedback : callable or None
+        Sum of A over outputs where its weights differ from cell to cell; the template's else.
     """
 
     inputs: Floats | None
@@ -52,6 +54,7 @@ class Given:
     state: Floats | None
     bias: Floats | None
     held: NDArray[np.bool_] | None
+    feedback: Feedback | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,9 +65,9 @@ class StateEquation:
     shape: tuple[int, int]
     given: Given
     _neighbours: tuple[_Places, ...] = field(init=False)
-    _feedback: _Through = field(init=False)
-    _gained: tuple[_Through, ...] = field(init=False)
-    _delayed: _Through | None = field(init=False)
+    _feedback: Feedback = field(init=False)
+    _gained: tuple[Feedback, ...] = field(init=False)
+    _delayed: Feedback | None = field(init=False)
 
     def __post_init__(self) -> None:
         template = self.template
@@ -72,7 +75,8 @@ class StateEquation:
         gained = (self._through(_alone(template.A, g.to, g.source)) for g in template.gains)
         delayed = None if template.delayed is None else self._through(template.delayed.A)
         object.__setattr__(self, "_neighbours", tuple(places))
-        object.__setattr__(self, "_feedback", self._through(template.A))
+        uneven = self.given.feedback
+        object.__setattr__(self, "_feedback", uneven or self._through(template.A))
         object.__setattr__(self, "_gained", tuple(gained))
         object.__setattr__(self, "_delayed", delayed)
 
@@ -132,7 +136,7 @@ class StateEquation:
         boundary = self.template.input_boundary
         return _correlated(kernels, inputs, boundary, boundary.constant)
 
-    def _through(self, kernels: Floats) -> _Through:
+    def _through(self, kernels: Floats) -> Feedback:
         """Return the sum of kernels over outputs: as a matrix, if it is small.
 
         The sum of the virtual cells of a fixed boundary does not depend on the outputs.
