@@ -50,15 +50,11 @@ class Verdict:
         Where the equilibrium is further away than the tolerance, that one.
     off : (batch,) float
         How far the equilibrium is from that state at most, where there is one.
-    room : (batch,) float
-        States that are no further from it than this come to the same equilibrium; 0 where that is
-        not known.
     """
 
     rests: Flags
     state: Floats
     off: Floats
-    room: Floats
 
 
 def has_certificate(template: Template) -> bool:
@@ -91,21 +87,18 @@ def verdict(
     tolerance = atol + rtol * np.abs(state)
     rests = _saturated(template, given, state, tolerance)
     off = tolerance.max(axis=(1, 2, 3), initial=0.0)
-    room = np.where(rests, np.abs(state).min(axis=(1, 2, 3), initial=np.inf) - 1.0 - off, 0.0)
     if rests.all():
-        return Verdict(rests, state, off, room)
+        return Verdict(rests, state, off)
     state = state.copy()
     rest = np.flatnonzero(~rests)
     some = {role: maps if len(maps) == 1 else maps[rest] for role, maps in given.items()}
-    array = _Array(template, some, state[rest])
-    nearer, bound = array.dominated(tolerance[rest])
-    off[rest[nearer]], room[rest[nearer]] = bound[nearer], array.room(bound[nearer])
-    known = array.rounded(float(np.finfo(precision).eps)) | nearer
+    array = RatedArray(template, some, state[rest])
+    known = array.rounded(float(np.finfo(precision).eps)) | array.dominated(tolerance[rest])
     for number, frame in enumerate(rest):
         found = state[frame] if known[number] else array.equilibrium(number, tolerance[frame])
         if found is not None:
             state[frame], rests[frame] = found, True
-    return Verdict(rests, state, off, room)
+    return Verdict(rests, state, off)
 
 
 def _saturated(
@@ -118,12 +111,12 @@ def _saturated(
     return _all(beyond | (given["mask"] != 0.0) if "mask" in given else beyond)
 
 
-class _Array:
+class RatedArray:
     """States of an array with their rates."""
 
     def __init__(self, template: Template, given: Mapping[str, Floats], state: Floats) -> None:
         self.template, self.x = template, state
-        self.y = self._output(state)
+        self.y = np.asarray(template.output.numpy(state), dtype=np.float64)
         moving = np.ones(state.shape, dtype=bool)
         if "mask" in given:
             moving &= given["mask"] == 0.0
@@ -152,11 +145,8 @@ class _Array:
         """Return the frames whose rates are no more than roundings, so that nothing moves."""
         return _all(np.abs(self.rates) <= ROUNDINGS * epsilon * self.sizes)
 
-    def dominated(self, tolerance: Floats) -> tuple[Flags, Floats]:
-        """Return the frames that are sure to come nearer to an equilibrium within the tolerance.
-
-        And a bound on how far they are from it.
-        """
+    def dominated(self, tolerance: Floats) -> Flags:
+        """Return the frames that are sure to come nearer to an equilibrium within the tolerance."""
         A, linear = self.template.A, self._within(1.0 + NEAR)
         middle = A.shape[-1] // 2
         own = np.einsum("llkk->lk", A)[:, middle].reshape(-1, 1, 1)
@@ -172,11 +162,7 @@ class _Array:
         follows = np.where(linear, 0.0, 1.0 + seen).max(axis=(1, 2, 3))
         off = np.where(np.isfinite(off), off * np.maximum(1.0, follows), np.inf)
         near = off[:, np.newaxis, np.newaxis, np.newaxis] <= np.minimum(tolerance, NEAR)
-        return np.asarray((least > 0.0) & _all(near | ~self.moving), dtype=np.bool_), off
-
-    def room(self, off: Floats) -> Floats:
-        """Return how far around a dominated state all others come nearer to its equilibrium."""
-        return np.full_like(off, np.inf) if self.template.output.linear else NEAR - off
+        return np.asarray((least > 0.0) & _all(near | ~self.moving), dtype=np.bool_)
 
     def equilibrium(self, frame: int, tolerance: Floats) -> Floats | None:
         """Return the equilibrium that a frame comes to from here, None where that is not known."""
@@ -186,7 +172,7 @@ class _Array:
             return self._state(frame)  # too large to look at: small rates must do
         step = np.zeros(linear.size)
         if len(at):
-            matrix = _sparse().identity(len(at), format="csc") - self._weights()[at][:, at].tocsc()
+            matrix = _sparse().identity(len(at), format="csc") - self.weights()[at][:, at].tocsc()
             even = bool(abs(matrix - matrix.T).max() <= 1e-12 * abs(matrix).max())
             if not even and len(at) > MOST_DENSE:
                 return self._state(frame)
@@ -217,7 +203,7 @@ class _Array:
         outside = (np.abs(x) - spare >= 1.0) & (np.sign(x) == np.sign(before))
         return bool((np.where(linear, inside, outside) | fixed).all())
 
-    def _weights(self) -> Any:
+    def weights(self) -> Any:
         """Return A cell by cell, as a sparse matrix."""
         sparse = _sparse()
         layers, rows, cols = self.x.shape[1:]

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.graph.nodes import RunSpec
+from cnnum.runs.contraction import distances, may_contract
 from cnnum.runs.equilibrium import NEAR, has_certificate, verdict
 from cnnum.runs.result import Result
 from cnnum.templating.template import Template
@@ -51,9 +52,22 @@ def at_rest(
         Errors are those to the equilibrium. Frames that ran on have a later time, more steps and an
         unknown error.
     """
-    if not has_certificate(template) or not result.settled.any():
+    if not may_contract(template) or not result.settled.any():
         return result
     found = _Frames(result, template, given)
+    if has_certificate(template):
+        _until_they_rest(found, template, again, spec, precision)
+    else:
+        size = np.abs(found.state).max(axis=(1, 2, 3), initial=0.0)
+        found.error += np.where(found.settled, spec.atol + spec.rtol * size, 0.0)
+    found.bring_errors_down()
+    return found.result()
+
+
+def _until_they_rest(
+    found: "_Frames", template: Template, again: Rerun, spec: RunSpec, precision: str
+) -> None:
+    """Let frames run on until it is shown that they rest, or their time is up."""
     waiting = np.flatnonzero(found.settled)
     while len(waiting):
         some = found.given_of(waiting)
@@ -61,13 +75,10 @@ def at_rest(
         error = {"rtol": spec.rtol, "atol": spec.atol}
         seen = verdict(template, some, state, **error, precision=precision)
         found.state[waiting], found.settled[waiting] = seen.state, seen.rests
-        way = found.error[waiting]
-        rest = _error(way, seen.off, seen.room)
-        found.error[waiting] = np.where(seen.rests, rest, way)
+        found.error[waiting] += np.where(seen.rests, seen.off, 0.0)
         waiting = waiting[~seen.rests & (found.time[waiting] < spec.settle_limit)]
         if len(waiting):
             found.run_on(waiting, again)
-    return found.result()
 
 
 def saturated(result: Result | None, template: Template, rtol: float, atol: float) -> Result | None:
@@ -88,16 +99,9 @@ def saturated(result: Result | None, template: Template, rtol: float, atol: floa
     off = atol + rtol * float(sizes.max())
     if not template.plain or float(sizes.min()) < 1.0 + max(off, NEAR):
         return None
-    room = np.asarray(float(sizes.min()) - 1.0 - off)
-    return replace(result, error=_error(result.error, np.asarray(off), room))
-
-
-def _error(way: Floats, off: Floats, room: Floats) -> Floats:
-    """Return how far states are from the equilibrium that the array truly comes to.
-
-    An error of the way that is less than the room leads to the same one.
-    """
-    return np.asarray(np.where(way < room, off, way + off), dtype=np.float64)
+    # a way whose error leaves all cells saturated leads to the same equilibrium
+    same = result.error < float(sizes.min()) - 1.0 - off
+    return replace(result, error=np.where(same, 0.0, result.error) + off)
 
 
 class _Frames:
@@ -138,14 +142,24 @@ class _Frames:
         self.steps[frames] += more.steps.reshape(count)
         self.error[frames] = np.inf
 
+    def bring_errors_down(self) -> None:
+        """Let errors be distances to the equilibrium where the array is shown to contract."""
+        at = np.flatnonzero(self.settled)
+        if len(at):
+            off = distances(self._template, self.given_of(at), self.state[at], self.error[at])
+            self.error[at] = np.minimum(self.error[at], off)
+
     def result(self) -> Result:
         """Return the result of all frames."""
         old, lead = self._result, self._lead
         state = self.state.reshape(old.state.shape)
+        output = old.output
+        if has_certificate(self._template):
+            output = state.copy() if self._template.output.linear else np.clip(state, -1.0, 1.0)
         return replace(
             old,
             state=state,
-            output=state.copy() if self._template.output.linear else np.clip(state, -1.0, 1.0),
+            output=output,
             time=self.time.reshape(lead),
             steps=self.steps.reshape(lead),
             settled=self.settled.reshape(lead),

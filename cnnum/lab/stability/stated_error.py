@@ -44,7 +44,7 @@ def judged(engine: Engine, known: Known) -> Iterator[Judged]:
         rest = engine.run(known.template, input=input, state=state, duration="settle")
     except MethodError:  # one frame of the batch did not reach its end, as it says
         return
-    yield "settle", rest.error, _true(_from_rest(rest.state, rest.settled, known), 0.0)
+    yield "settle", rest.error, _from_rest(rest.state, rest.settled, known)
 
 
 def _true(off: Floats, unknown: Floats | float) -> Floats:
@@ -64,8 +64,7 @@ def _from_rest(state: Floats, settled: NDArray[np.bool_], known: Known) -> Float
         atol=1e-10,
         duration=40.0 * slowest,
     )
-    still = settled.reshape(-1, *(1,) * (state.ndim - 1))
-    return np.asarray(np.where(still, np.abs(later.state - state), 0.0))
+    return np.where(settled, _true(np.abs(later.state - state), later.error), 0.0)
 
 
 def report(name: str, runs: Sequence[Judged]) -> Iterator[str]:
