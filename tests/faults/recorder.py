@@ -2,11 +2,15 @@
 
 A job is a line of JSON on standard input; the answers are the child's process id at once, and its
 exit code (negative: the signal) when it has ended. Keys of a job: "arguments" of `cnnum`, and
-"said" (the file for both its outputs). Where wanted there are "log" (a file that the moment of each
-frame is written to), "pause" (s before each frame), "stall" (frames after which the array says
-nothing more), "limit" (bytes of a file, at most), "appears" (a file that another program makes
-meanwhile); "disk" (a folder that a file system of "size" bytes is mounted on), "copy" (where its
-files go).
+"said" (the file for both its outputs). Others are not needed:
+
+"log"      file that the moment of each frame is written to
+"pause"    s before each frame
+"stall"    frames after which the array says nothing more
+"limit"    bytes of a file, at most
+"appears"  file that another program makes meanwhile
+"disk"     folder that a file system of "size" bytes is mounted on
+"copy"     folder that its files go to
 """
 
 import json

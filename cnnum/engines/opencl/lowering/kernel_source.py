@@ -33,8 +33,8 @@ _MINE = ir.Verbatim(("__global real *const mine = scratch + get_global_id(0) * F
 
 WHOLE_CELLS = 256 * 256
 """Largest array that one work item runs the whole plan for. While other work had one of two cores,
-adaptive steps of 256×256 cells took so a third to half of the time that they take in parts, fixed
-steps two thirds; of 512×512 fixed steps took as long."""
+adaptive steps of 256×256 cells took a third to half of their time in parts so. Fixed steps took two
+thirds; of 512×512 cells they took as long."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,8 +30,8 @@ BLOCK_STATEMENTS = 400
 
 REGISTERS_FROM = 64
 """Bytes of a vector from which a processor has 32 registers (AVX-512), enough for two rows' sums.
-A sum waits four cycles for each of its products: of two rows side by side there are as many sums as
-the processor can work on, of one it must look ahead, and takes a third longer."""
+A sum waits four cycles for each of its products. Two rows side by side have as many sums as the
+processor can work on. In one row it must look ahead, and takes a third longer."""
 
 Z, SCALED, FROM, TO = ir.Name("z"), ir.Name("wh"), ir.Name("from"), ir.Name("to")
 """The second array of outputs, the scaled drive, and the outputs before and after a step."""
