@@ -29,8 +29,7 @@ from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.batches import run_batch
-from cnnum.runs.chip import Chip, run_on_chip
-from cnnum.runs.chip_programs import chip_backend
+from cnnum.runs.chip import Chip, chip_backend, run_on_chip
 from cnnum.runs.graph import graph_of
 from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
