@@ -13,6 +13,7 @@ from cnnum.templating.checks import run_check
 pytest.importorskip("cma", reason="the extra 'search' is not installed")
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", ["CCD_HOR", "PATCHMAK"])
 def test_a_search_finds_weights_that_flip_no_more_often(opencl, name):
     form = get_template(name)

@@ -55,6 +55,7 @@ def test_long_arrays_run_as_parts_of_them_do(engine, name):
     np.testing.assert_allclose(found[0].state[600:800], short.state[400:600], atol=2e-3)
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("shape", [(CELLS, 1), (1, CELLS)])
 @pytest.mark.parametrize("engine", ["opencl", "numba", "reference"])
 def test_long_wave_decays_at_its_own_rate(engine, shape):

@@ -159,6 +159,7 @@ def test_layers_are_coupled_in_strips(method, monkeypatch):
     assert np.abs(state - expected).max() <= 1e-11 * np.abs(expected).max()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("feedback", "batch"), [(True, 1), (True, 3), (False, 2)])
 def test_delays_end_with_the_step_that_sees_no_change(feedback, batch, monkeypatch):
     """Launches end amid the steps, and are taken again: the outputs a delay ago are still there."""

@@ -79,6 +79,7 @@ def test_drives_of_large_arrays_are_sums(name, monkeypatch):
         assert np.abs(got[f"x{layer}"] - expected).max() <= 1e-13 * np.abs(expected).max()
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("split", [True, False])
 @pytest.mark.parametrize("method", ["euler", "auto"])
 def test_rest_of_large_arrays_is_seen(method, split, monkeypatch):
