@@ -4,6 +4,7 @@ x(t) = e^{Mt} x₀ + t φ₁(Mt) S (w + g),     φ₁(z) = (e^z − 1)/z
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -82,6 +83,26 @@ class Propagator:
     def still(self) -> "Propagator":
         """Return the same without the part of a fixed boundary."""
         return replace(self, constant=0.0 * self.constant)
+
+
+def rounded_gain(matrices: Sequence[Floats], passes: Sequence[Floats]) -> float:
+    """Return by how many roundings of its largest number a sum of products is off at most.
+
+    Of a sum over columns each term is rounded by every addition from its own on (Higham, Accuracy
+    and Stability of Numerical Algorithms, 2002, section 3.1). The bound is the largest over rows of
+    Σ |b_ij| · passes_j, in units of half the distance from 1 to the next number.
+
+    Parameters
+    ----------
+    matrices : sequence of (rows, n) float
+    passes : sequence of (n,) float
+        Of each matrix how often its terms are rounded.
+    """
+    rows = sum(
+        (np.abs(matrix) @ times for matrix, times in zip(matrices, passes, strict=True)),
+        np.zeros(1),
+    )
+    return float(np.max(rows))
 
 
 def decay(template: Template, duration: float) -> Decay:

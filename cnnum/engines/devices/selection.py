@@ -1,5 +1,7 @@
 """Which device is used: the fastest that has shown that it works, or the one asked for."""
 
+from typing import cast
+
 from cnnum.engines.devices.inline import partner_of
 from cnnum.engines.devices.listing import Device, list_devices
 from cnnum.engines.devices.pocl_wheel import remedy_for, rename_target
@@ -61,6 +63,8 @@ def devices_named(name: str | None) -> list[Device]:
     DeviceError
         If there is none.
     """
+    if not isinstance(cast(object, name), str | None):
+        raise DeviceError(f"A device is named by a part of its label, got {name!r:.60}.")
     devices = list_devices()
     matching = [d for d in devices if name is None or name.lower() in d.label.lower()]
     if not matching:

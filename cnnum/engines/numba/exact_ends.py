@@ -13,7 +13,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.engines.numba.cells import add
 from cnnum.engines.numba.compiling import ROOM, kept
 from cnnum.engines.numba.records import Real, Reals
-from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.propagator import Decay, Propagator, rounded_gain
 from cnnum.integrators.separate import Separate, evaluate, roundings
 from cnnum.integrators.solver import Exact
 from cnnum.integrators.spectral import Spectral
@@ -62,6 +62,8 @@ class ExactEnd:
         largest = np.maximum(_largest(state), _largest(drive))
         end, rounded = _ENDS[type(scheme)](scheme, state, drive)
         largest = largest if rounded is None else _largest(rounded)
+        if isinstance(scheme, Propagator) and scheme.constant.any():
+            largest = np.maximum(largest, 1.0)  # the sum of a rim counts in units of 1
         state[...] = np.where(held, state, end)
         return np.asarray(self.rounding * largest)
 
@@ -150,7 +152,24 @@ def _roundings(template: Template, shape: Shape, scheme: Exact) -> float:
         return roundings(template)
     if isinstance(scheme, Decay):
         return float(np.count_nonzero(template.B)) + 4.0
+    if isinstance(scheme, Propagator):
+        return _of_products(template, scheme)
     gains = (float(np.abs(part).sum(axis=1).max()) for part in (scheme.state, scheme.drive))
     # modes keep lengths, so that they spread roundings over the cells and do not add them up
-    products = sum(shape) if isinstance(scheme, Spectral) else template.layers * shape[0] * shape[1]
-    return (2.0 * products + 2.0) * max(sum(gains), 1.0)
+    return (2.0 * sum(shape) + 2.0) * max(sum(gains), 1.0)
+
+
+def _of_products(template: Template, scheme: Propagator) -> float:
+    """Return the same of products that are added up as `add_products` does it."""
+    n = len(scheme.constant)
+    alone = n % 4
+    # from a column on: the sums of four columns at a time, then columns alone
+    sums = np.concatenate([np.repeat(np.arange(n // 4, 0, -1) + alone, 4), np.arange(alone, 0, -1)])
+    own = 1.0 + 2.0 + 2.0  # the product, its sum of four, and matrix and state as they are held
+    control = np.count_nonzero(template.B) / template.layers + 2.0
+    later = own + sums.astype(np.float64)
+    parts, times = [scheme.drive], [later + control]
+    if scheme.state.any():
+        parts, times = [scheme.state, *parts], [later + n // 4 + alone, *times]
+    rim = np.abs(scheme.constant).max(initial=0.0) * (2.0 * (n // 4 + alone) + 2.0)
+    return 0.5 * (max(rounded_gain(parts, times), 1.0) + float(rim))

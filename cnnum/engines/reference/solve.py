@@ -163,7 +163,10 @@ def _stretch(
     times = [time]
     pieces: list[DenseOutput[np.float64]] = []
     while solver.status == "running":
-        message = solver.step()
+        try:
+            message = solver.step()
+        except ValueError as error:  # Radau's matrices overflow where rates are beyond 1e77
+            message = str(error)
         if message is not None:
             raise MethodError(f"The reference solver stopped: {message}")
         times.append(solver.t)

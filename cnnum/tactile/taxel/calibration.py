@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +20,15 @@ from cnnum.tactile.taxel.signals import COMBINE, SIDES, rows_of, trailing
 
 
 def identity_of(text: str) -> str:
-    """Return the id of a calibration: 12 hexadecimal digits of the SHA-256 of its TOML text."""
+    """Return the id of a calibration: 12 hexadecimal digits of the SHA-256 of its TOML text.
+
+    Raises
+    ------
+    CalibrationError
+        If it is no text.
+    """
+    if not isinstance(cast(object, text), str):
+        raise CalibrationError(f"A calibration is a text of TOML, got {type(text).__name__}.")
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 

@@ -12,7 +12,7 @@ from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientBuil
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive, drive_of
 from cnnum.engines.opencl.transients.initial_state import X, start, start_of
 from cnnum.engines.opencl.transients.step_control import Figures
-from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.propagator import Decay, Propagator, rounded_gain
 from cnnum.integrators.solver import Linear
 from cnnum.integrators.spectral import Spectral
 
@@ -28,10 +28,9 @@ J, K, V = ir.Name("j"), ir.Name("k"), ir.Name("v")
 def exact(text: TransientBuilder, scheme: Linear) -> Figures:
     """Append statements that set the states `x` to their end; return the figures of the run."""
     begin_exact(text, "")
-    terms, gain = _ENDS[type(scheme)](text, scheme)
+    roundings = _ENDS[type(scheme)](text, scheme)
     own = scheme.rounding / float(np.finfo(text.tables.dtype).eps)
-    # a sum of n rounded products is off by at most n roundings of its largest value
-    return exact_figures(text, (terms + 2) * gain + own)
+    return exact_figures(text, roundings + own)
 
 
 def begin_exact(text: TransientBuilder, why: str) -> None:
@@ -55,7 +54,7 @@ def _largest(value: ir.Expression) -> ir.Accumulate:
     return ir.Accumulate(LARGEST, "greater", ir.size(value))
 
 
-def _decay(text: TransientBuilder, scheme: Decay) -> tuple[int, float]:
+def _decay(text: TransientBuilder, scheme: Decay) -> float:
     text.array(X, text.states)
     body: list[ir.Statement] = []
     for layer in range(text.layers):
@@ -65,7 +64,7 @@ def _decay(text: TransientBuilder, scheme: Decay) -> tuple[int, float]:
             value = ir.pick(text.operands.mask.differs(ir.ZERO), origin, value)
         body += [ir.Assign(X[text.at(layer)], value), _largest(to), _largest(origin)]
     text.over_cells(body)
-    return int(np.count_nonzero(text.template.B)) + 2, 1.0
+    return float(np.count_nonzero(text.template.B)) + 4.0
 
 
 def _drives(text: TransientBuilder) -> bool:
@@ -82,25 +81,25 @@ def _drives(text: TransientBuilder) -> bool:
     return True
 
 
-def _propagate(text: TransientBuilder, scheme: Propagator) -> tuple[int, float]:
-    n, gain = text.states, 0.0
+def _propagate(text: TransientBuilder, scheme: Propagator) -> float:
+    n, matrices = text.states, list[Floats]()
     offset, products, seen = (
         text.tables.data(scheme.constant),
         list[ir.Statement](),
         list[ir.Statement](),
     )
 
-    def multiply(matrix: Floats, array: ir.Name) -> float:
+    def multiply(matrix: Floats, array: ir.Name) -> None:
         at = ir.Integer(text.tables.data(matrix)) + ir.CELL * n + J
         products.append(ir.add(SUM, text.tables.number_at(at) * array[J]))
         seen.append(_largest(array[ir.CELL]))
-        return float(np.abs(matrix).sum(axis=1).max())
+        matrices.append(matrix)
 
     if scheme.state.any():
         start(text, X0)
-        gain += multiply(scheme.state, X0)
+        multiply(scheme.state, X0)
     if _drives(text):
-        gain += multiply(scheme.drive, W)
+        multiply(scheme.drive, W)
     text.array(X, n)
     body = [
         ir.declare(SUM, text.tables.number_at(ir.Integer(offset) + ir.CELL)),
@@ -109,10 +108,23 @@ def _propagate(text: TransientBuilder, scheme: Propagator) -> tuple[int, float]:
         *seen,
     ]
     text.body.append(ir.sweep(ir.CELL, n, body))
-    return 2 * n, max(gain, 1.0)
+    return _of_products(text, scheme, matrices)
 
 
-def _spectral(text: TransientBuilder, scheme: Spectral) -> tuple[int, float]:
+def _of_products(text: TransientBuilder, scheme: Propagator, matrices: list[Floats]) -> float:
+    """Return how many roundings sums of products hold that are added up column by column."""
+    later = float(len(matrices)) * np.arange(len(scheme.constant), 0, -1)
+    # the product, matrix and state as they are held, and the sum of what drives a cell
+    own = 3.0 + np.count_nonzero(text.template.B) / text.layers + 2.0
+    rim = 0.0
+    if scheme.constant.any():
+        text.body.append(ir.Assign(LARGEST, ir.call("fmax", LARGEST, ir.ONE)))
+        rim = float(np.abs(scheme.constant).max()) * (later[0] + 2.0)
+    # one counts half of the distance from 1 to the next number
+    return 0.5 * (max(rounded_gain(matrices, [later + own] * len(matrices)), 1.0) + rim)
+
+
+def _spectral(text: TransientBuilder, scheme: Spectral) -> float:
     """Append the way into the modes, their factors, and the way back."""
     (rows, cols), n = text.shape, text.states
     parts: list[tuple[ir.Name, Floats]] = []
@@ -150,7 +162,7 @@ def _spectral(text: TransientBuilder, scheme: Spectral) -> tuple[int, float]:
         text.over_cells([ir.add(X[at], text.tables.constant(scheme.constant, at)) for at in places])
     strongest = sum(float(np.abs(factors).sum(axis=1).max()) for _, factors in parts)
     # the transforms keep lengths, so they spread roundings over the cells and do not add them up
-    return 2 * (rows + cols), max(1.0, strongest)
+    return (2.0 * (rows + cols) + 2.0) * max(1.0, strongest)
 
 
 def _modes(array: ir.Name) -> ir.Name:
@@ -203,9 +215,9 @@ def _product(
     text.body.append(ir.Sweep(ROW, outer, body))
 
 
-_ENDS: dict[type, Callable[[TransientBuilder, Any], tuple[int, float]]] = {
+_ENDS: dict[type, Callable[[TransientBuilder, Any], float]] = {
     Decay: _decay,
     Propagator: _propagate,
     Spectral: _spectral,
 }
-"""Each appends an end, and returns the terms of its longest sum and its gain."""
+"""Each appends an end, and returns how many roundings of the largest number it is off at most."""
