@@ -70,8 +70,8 @@ class Experiment:
         a line: of its slope times the array's half diagonal), "bits" (of weights, matrix by
         matrix), "z", single weights as in "A[0, 1]", and "A" and "B" (factors of all their
         weights). Those of a `Chip`: "weight_bits", "state_bits" (of maps, which saturate at 1),
-        "chip_noise" (of the output), "chip_mismatch" (each cell's own) and "chip_seed" (drawn
-        anew for each run unless given).
+        "chip_noise" (of the output), "chip_mismatch" (of B and z each cell's own) and "chip_seed"
+        (drawn anew for each run unless given).
     draws : int
         Of the random numbers, at each place.
     pictures : int

@@ -18,15 +18,18 @@ from cnnum.templating.checks.intervals import wilson
 from cnnum.templating.library import get_template
 
 PAGE = Path(__file__).parents[1] / "design-search.md"
-NAMES = ("CCD_HOR", "CCD_VERT", "HOLE", "SHADOW", "PATCHMAK", "SHADMASK", "ERASMASK", "CONCHOLL")
+NAMES = (
+    "CCD_HOR", "CCD_VERT", "HOLE", "SHADOW", "PATCHMAK", "SHADMASK", "ERASMASK", "CONCHOLL",
+    "MAXLOC",
+)  # fmt: skip
 MISMATCH, DRAWS = 0.05, 400
 
 HEAD = """# Coupled templates that a search found
 
 `python docs/figures/search_table.py` writes this page. Each search by CMA-ES (`cma`, extra
 `search`) takes the pattern of the published template: its zeros stay zeros, and equal weights stay
-equal. It starts from an own feedback of 2 and zeros, and ends at the first template that flips
-nowhere, or after its restarts.
+equal. Three restarts run side by side, from an own feedback of 2 and zeros. They end at the first
+template that flips nowhere, not on 100 more draws either, or after 25 generations.
 
 * *flips*: share of {draws} draws with a wrong cell, each weight off by {mismatch:g} % (standard
   deviation), with its 95 % interval. The draws are the same for both, and no search has seen them.

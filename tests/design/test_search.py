@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cnnum import get_template
+from cnnum import Template, get_template
 from cnnum.design.designing import designed
 from cnnum.design.search import Search, compared, groups_of, search, with_weights
 from cnnum.design.spec import load_spec
@@ -17,7 +17,7 @@ pytest.importorskip("cma", reason="the extra 'search' is not installed")
 @pytest.mark.parametrize("name", ["CCD_HOR", "PATCHMAK"])
 def test_a_search_finds_weights_that_flip_no_more_often(opencl, name):
     form = get_template(name)
-    found = search(Search(form, restarts=2), opencl)
+    found = search(Search(form, restarts=1), opencl)
     assert run_check(found.template, opencl, repeats=1).passed
     published, ours = compared(form, found.template, opencl, mismatch=0.05, draws=200)
     assert ours <= published
@@ -55,6 +55,15 @@ def test_a_specification_can_ask_for_a_search(tmp_path, opencl):
         load_spec(path)
 
 
-def test_forms_that_no_batch_has_are_refused(opencl):
-    with pytest.raises(TemplateError, match="linear couplings"):
-        search(Search(get_template("MAXLOC")), opencl)
+def test_a_form_may_have_layers_and_nonlinear_couplings(opencl):
+    form = get_template("MAXLOC")
+    parts = {part for part, _ in groups_of(form)}
+    assert {"A", "coupling 1"} <= parts
+    found = search(Search(form, generations=1, restarts=2, population=4, draws=2), opencl)
+    assert found.evaluations == 2 * 4 * 3
+    assert found.template.digest != form.digest
+
+
+def test_a_form_without_weights_is_refused(opencl):
+    with pytest.raises(TemplateError, match="form with weights"):
+        search(Search(Template("none", [[0.0]], check=get_template("HOLE").check)), opencl)
