@@ -3,9 +3,9 @@
 `python docs/figures/incipient_slip.py [--count 6] [--seed 2000000] [--contact 3.2e-3]` plays
 families of scenes of `cnnum score`. In some a sphere is pulled over a half-space, and the truth is
 Mindlin's c/a. In the others the law does not hold for the bodies. The program knows friction, cover
-and rate of each scene, as its user has to. A report is in time while less than half the radius
-sticks, early before that. With `--contact` all spheres have that contact radius, m. It prints the
-rows of the table in `docs/scoring.md`.
+and rate of each scene, as its user has to; in two families it is given a wrong depth. A report is
+in time while less than half the radius sticks, early before that. With `--contact` all spheres have
+that contact radius, m. It prints the rows of the table in `docs/scoring.md`.
 """
 
 import argparse
@@ -31,12 +31,16 @@ PULLS = {
     "tremor": pulls.tremor,
     "stick-slip": pulls.weakening,
 }
+TOLD = {"depth told ×0.67": 1 / 1.5, "depth told ×1.5": 1.5}
+"""Families pulled at a constant speed whose program is given another depth of cover."""
+
 OTHERS = {"flat punch": faces.punch, "bar": faces.bar, "ridges": faces.ridges}
 
 
 def made(contact: float | None) -> dict[str, Make]:
     """Return the functions that make the scenes of each family."""
     spheres = {name: pulled(pull, Array(contact=contact)) for name, pull in PULLS.items()}
+    spheres |= {name: pulled(pulls.power(1.0), Array(contact=contact)) for name in TOLD}
     layer = pulled(pulls.power(1.0), Array(cover="layer", contact=contact))
     return {**spheres, "layer": layer, **{name: dragged(face) for name, face in OTHERS.items()}}
 
@@ -45,8 +49,9 @@ def play(engine: Engine, trial: Trial) -> dict[str, np.ndarray]:
     """Return the program's outputs for a scene, an array of frames each."""
     array = Array(cover="layer" if trial.family == "layer" else "flat")
     draw = Draw.of(trial.family, int(trial.name.rpartition(" ")[2]), array)
+    depth = draw.thickness / PITCH * TOLD.get(trial.family, 1.0)
     program = get_program("mindlin_slip").bind(
-        friction=draw.bounds.friction, depth=draw.thickness / PITCH, rate=trial.rate
+        friction=draw.bounds.friction, depth=depth, rate=trial.rate
     )
     plan = engine.compile(program, trial.shape, OUTPUTS, channels=FORCE_AXES)
     stream = plan.stream(())

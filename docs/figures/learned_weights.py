@@ -10,19 +10,20 @@ seeds and are judged on `--scenes` of scoring seeds. The read-outs come from the
 
     moves^a · loosens^b · ratio^c / (still + trend · |trend| + swing · jolt + pull · grows)
 
+The region that sticks, and the weights of where a motion and a shear lie, stay as they are.
+
 For families the level is the one with four false reports in ten minutes on the others, for the
 physical weights too. Rolling counts as a false report only with `--rolling`.
 """
 
 import argparse
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
+from scipy.optimize import fmin
 
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
@@ -36,10 +37,10 @@ from cnnum.lab.scoring.trial import Trial, first
 from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.shared.recent_loads import RecentLoads, mean
-from cnnum.templates.tactile.slip import ALONG, read_outs, trend
+from cnnum.templates.tactile.shared.recent_loads import RecentLoads
+from cnnum.templates.tactile.slip import ALONG, LIES, STICKS, read_outs, trend
 
-READS = ("moves", "loosens", "grows", "along", "trend", "jolt", "ratio")
+READS = ("moves", "loosens", "grows", "along", "lies", "sticks", "trend", "jolt", "ratio")
 WEIGHTS = {
     "a": 2 / 3,
     "b": 1 / 3,
@@ -47,7 +48,7 @@ WEIGHTS = {
     "still": 0.2,
     "trend": 1.0,
     "swing": 0.3,
-    "pull": 0.5,
+    "pull": 0.6,
 }
 """As the program has them."""
 
@@ -73,10 +74,8 @@ def shows(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=0.4, look=0.08,
         floor=240.0,
     )  # fmt: skip
-    each = [read_outs(recent, pad) for pad in recent.pads]
-    found = [mean(list(one)) for one in zip(*each, strict=True)]
-    values = [*found, abs(trend(recent, 0.35)), recent.jolt, recent.ratio]
-    return recent.shown(**dict(zip(READS, values, strict=True)))
+    more = {"trend": abs(trend(recent, 0.35)), "jolt": recent.jolt, "ratio": recent.ratio}
+    return recent.shown(**read_outs(frame, recent=recent), **more)
 
 
 def strength(reads: Answers, logs: Floats, axes: bool) -> Floats:
@@ -87,15 +86,22 @@ def strength(reads: Answers, logs: Floats, axes: bool) -> Floats:
     explained = (
         w["trend"] * reads["trend"] + w["swing"] * reads["jolt"] + w["pull"] * reads["grows"]
     )
-    along = (ALONG * np.maximum(1.0 + reads["along"], 0.0)) ** 2 if axes else 1.0
-    return np.nan_to_num(top * along / (w["still"] + explained))
+    values = top * (reads["sticks"] < STICKS) / (w["still"] + explained)
+    if axes:
+        values = values * (ALONG * np.maximum(1.0 + reads["along"], 0.0)) ** 2
+        values = values * np.clip(reads["lies"] / LIES, 0.0, 1.0)
+    return np.asarray(np.nan_to_num(values))
 
 
-def learned(merit: Any) -> Floats:
+def learned(merit: Callable[[Floats], float]) -> Floats:
     """Return the weights that an optimiser finds, from the physical ones on."""
     start = np.vstack([PHYSICAL, PHYSICAL + 0.5 * np.eye(len(PHYSICAL))])
-    known = {"initial_simplex": start, "maxfev": EVALUATIONS}
-    return minimize(lambda x: -merit(x), PHYSICAL, method="Nelder-Mead", options=known).x
+
+    def cost(logs: Floats) -> float:
+        return -merit(logs)
+
+    found = fmin(cost, PHYSICAL, maxfun=EVALUATIONS, initial_simplex=start, disp=False)
+    return np.asarray(found, dtype=np.float64)
 
 
 class Scenes:
@@ -201,10 +207,13 @@ def recordings(engine: Engine, root: Path, objects: str | None) -> None:
     def scores(logs: Floats, numbers: Sequence[int]) -> list[Floats]:
         return [strength(reads[n], logs, axes=False) for n in numbers]
 
+    def area(trials: Sequence[Trial], numbers: Sequence[int], logs: Floats) -> float:
+        return pooled(trials, scores(logs, numbers))
+
     physical, chosen = scores(PHYSICAL, range(len(flat))), dict[int, Floats]()
     for name, mine, rest in folds(flat):
         known = [flat[n] for n in rest]
-        logs = learned(lambda x, k=known, r=rest: pooled(k, scores(x, r)))
+        logs = learned(partial(area, known, rest))
         # weights scale a score: in units of the others' median
         unit = float(np.median(np.concatenate(scores(logs, rest))))
         chosen |= {n: one / unit for n, one in zip(mine, scores(logs, mine), strict=True)}
@@ -213,7 +222,7 @@ def recordings(engine: Engine, root: Path, objects: str | None) -> None:
         print(f"| {name} | {areas[0]:.3f} | {areas[1]:.3f} |", flush=True)
     both = (physical, [chosen[n] for n in range(len(flat))])
     print(f"| pooled | {' | '.join(f'{pooled(flat, each):.3f}' for each in both)} |")
-    logs = learned(lambda x: pooled(flat, scores(x, range(len(flat)))))
+    logs = learned(partial(area, flat, range(len(flat))))
     areas = [
         pooled(uskin, [strength(one, w, axes=False) for one in other]) for w in (PHYSICAL, logs)
     ]

@@ -126,19 +126,24 @@ def slip_flow() -> tuple[Traced, list[Drawn]]:
     """Return the boxes of `slip`."""
     traced = Traced.of(slip_file.slip)
     recent, (pad,) = traced.recent, traced.recent.pads
-    moves, loosens, grows, along = nodes_of(slip_file.read_outs(recent, pad))
+    made = recent.frame.once(slip_file.read_outs, recent=recent)
+    shows = {name: [field.node] for name, field in made.items()}
     changes = [*nodes_of([recent.jolt]), *traced.memory("trend")]
     return traced, [
         *start_of(traced),
         ("shear a moment ago", traced.held(recent.old_shear), (4, 2), "templates"),
         ("slip_x, slip_y", nodes_of([pad.x, pad.y]), (3, 3), "read-outs"),
+        ("grows", shows["grows"], (4, 3), "read-outs"),
+        ("largest load", nodes_of([recent.z.max()]), (5, 3), "read-outs"),
         ("slopes of the load", traced.run_by("gradient_x", "gradient_y"), (1, 4), "templates"),
         ("local mean of its change", traced.run_by("tactile_diffusion"), (4, 4), "templates"),
+        ("cells come loose", traced.memory("loose"), (5, 4), "templates"),
         ("jolt, trend", changes, (0, 5), "read-outs"),
-        ("moves", [moves], (1, 5), "read-outs"),
-        ("along the shear", [along], (3, 5), "read-outs"),
-        ("loosens", [loosens], (4, 5), "read-outs"),
-        ("grows", [grows], (5, 5), "read-outs"),
+        ("moves", shows["moves"], (1, 5), "read-outs"),
+        ("along the shear", shows["along"], (2, 5), "read-outs"),
+        ("lies under the load", shows["lies"], (3, 5), "read-outs"),
+        ("loosens", shows["loosens"], (4, 5), "read-outs"),
+        ("sticks", shows["sticks"], (5, 5), "read-outs"),
         ("slip_strength", traced.unmasked("slip_strength"), (2, 6), "decision"),
         ("gross_slip", nodes_of([traced.outputs["gross_slip"]]), (3, 6), "decision"),
     ]
@@ -150,13 +155,17 @@ def twist_flow() -> tuple[Traced, list[Drawn]]:
     place = [*traced.unmasked("twist_row"), *traced.unmasked("twist_column")]
     (strength,) = traced.unmasked("twist_strength")
     (turned,) = strength.arguments
+    before = traced.memory("divergence at last change")
     return traced, [
         *start_of(traced),
         ("curl of the shear", traced.run_by("shear_curl"), (4, 2), "templates"),
         ("twist_row, twist_column", place, (0, 4), "read-outs"),
         ("jolt", nodes_of([traced.recent.jolt]), (1, 4), "read-outs"),
+        ("divergence of the shear", traced.run_by("shear_divergence"), (5, 2), "templates"),
         ("curl over load", [turned.arguments[0]], (4, 3), "read-outs"),
+        ("divergence over load", [before[1].arguments[1]], (5, 3), "read-outs"),
         ("curl at the last jolt", traced.memory("curl at last change"), (4, 4), "read-outs"),
+        ("divergence at that jolt", before, (5, 4), "read-outs"),
         ("twist_strength", [strength, turned], (3, 5), "decision"),
         ("twist", nodes_of([traced.outputs["twist"]]), (4, 5), "decision"),
         ("twist_sense", nodes_of([traced.outputs["twist_sense"]]), (5, 5), "decision"),

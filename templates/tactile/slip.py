@@ -1,18 +1,21 @@
 """Slip of an object on the skin or in the hand, by signs that every skin shows.
 
 Slip is a contact whose pattern moves and whose shear rearranges, under a shear load. It counts as
-far as it exceeds the effect of a load that changes, or of a shear that still grows:
+far as it exceeds the effect of a load that changes, or of a ratio of shear to normal load that
+still grows, and once less than half of the contact sticks:
 
     slip_strength = (moves² · loosens)^⅓ · ratio / (still + |trend| + swing · jolt + pull · grows)
 
-All of these are rates in 1/s, but for `ratio`, which is shear over normal load.
+All of these are rates in 1/s, but for `ratio`, which is shear over normal load. Where the axes are
+known, the strength is weighed by how far the pattern moves along the shear, and by whether that
+lies where the contact presses.
 """
 
 from collections.abc import Mapping
 from math import exp
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import apply
@@ -21,7 +24,11 @@ from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads, length
 from cnnum.templating.library import get_template
 
 SPREAD = 4.0  # cells², diffusion time of the local mean of the shear
+LOOSE, STIRS = 0.25, 0.05  # a cell is loose from that change of its shear off the local mean on:
+# over the local mean, and in its load a second; half of it keeps it so
+TOUCHED, STICKS = 0.1, 0.5  # load of a cell in contact, over the largest; share that sticks at most
 ALONG = 0.75  # weight of a motion over 1 plus its cosine to the shear: 1 at a third
+LIES = 0.3  # cosine of the shear's map to the load's, from which a shear can be that of a slip
 
 
 @program
@@ -38,7 +45,7 @@ def slip(
     load: float = 0.35,
     floor: float = 240.0,
     still: float = 0.2,
-    pull: float = 0.5,
+    pull: float = 0.6,
     swing: float = 0.3,
     false_reports: float = 2.0,
     hold_time: float = 0.1,
@@ -53,7 +60,8 @@ def slip(
         −1 for strain and stress, which count tension as positive; +1 if readings rise under a push.
         Reading of the normal channel over that of a shear channel, under the same force.
     axes : bool
-        Whether signs and directions of the axes are known: a slip then moves along its shear.
+        Whether signs and directions of the axes are known: a slip then moves along its shear, and
+        the shear lies where the load does.
     rate, rest : float, Hz, s
         Frames a second; time at the start without motion, which gives rest and noise.
     look, load : float, s
@@ -61,7 +69,7 @@ def slip(
     floor : float
         Least load of a pad, in noise of its sum.
     still, pull, swing : float, 1/s, none, none
-        Slowest movement that counts, in contact sizes a second; weights of a shear that still
+        Slowest movement that counts, in contact sizes a second; weights of a ratio that still
         grows, and of a load that swings.
     false_reports, hold_time : float, 1/10 min, s
         Accepted rate, which sets the level of a report; it ends once below half of that for a time.
@@ -76,12 +84,12 @@ def slip(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=rest, look=look,
         floor=floor,
     )  # fmt: skip
-    shows = [read_outs(recent, pad) for pad in recent.pads]
-    moves, loosens, grows, along = (mean(list(each)) for each in zip(*shows, strict=True))
+    shows = frame.once(read_outs, recent=recent)
     # decision
-    explained = abs(trend(recent, load)) + swing * recent.jolt + pull * grows
-    strength = (moves * moves * loosens) ** (1 / 3) * recent.ratio / (still + explained)
-    strength = strength * weight(along) if axes else strength
+    explained = abs(trend(recent, load)) + swing * recent.jolt + pull * shows["grows"]
+    strength = (shows["moves"] * shows["moves"] * shows["loosens"]) ** (1 / 3) * recent.ratio
+    strength = where(shows["sticks"] < STICKS, strength / (still + explained), 0.0)
+    strength = strength * weight(shows["along"], shows["lies"]) if axes else strength
     _, x, y = most([(pad.ratio * pad.load, pad.x, pad.y) for pad in recent.pads])
     return {
         "gross_slip": recent.latch(strength, level_of(false_reports, SLIP), hold_time),
@@ -89,27 +97,62 @@ def slip(
     }
 
 
-def read_outs(recent: RecentLoads, pad: Pad) -> list[Field]:
-    """Return how the pattern moves, its shear loosens and grows, and the cosine to the shear."""
-    # templates: slopes of the load's pattern, and the change of its shear without the local mean
-    now, old = recent.z / pad.load, recent.old_z / pad.before
-    right, down = (apply(get_template(f"gradient_{axis}"), input=mean([now, old])) for axis in "xy")
+def read_outs(_: FrameFields, *, recent: RecentLoads) -> dict[str, Field]:
+    """Return the signs of slip, means over the pads."""
+    # templates: the change of the shear, its local mean, and the region that sticks
     changes = [recent.per_s * (s - o) for s, o in zip(recent.shear, recent.old_shear, strict=True)]
     spreads = get_template("tactile_diffusion")
-    loose = [each - apply(spreads, input=each, duration=SPREAD) for each in changes]
+    around = [apply(spreads, input=each, duration=SPREAD) for each in changes]
+    rests = [each - local for each, local in zip(changes, around, strict=True)]
+    stick = stick_region(recent, rests, around)
+    shows = [_of_pad(recent, pad, rests, stick) for pad in recent.pads]
+    return {name: mean([each[name] for each in shows]) for name in shows[0]}
+
+
+def stick_region(recent: RecentLoads, rests: list[Field], around: list[Field]) -> Field:
+    """Return the cells of the contact that stick: a wave of bistable cells eats into them.
+
+    It starts from cells whose shear clearly changes otherwise than its local mean, and from those
+    that were loose before. It spreads over all that do so half as clearly.
+    """
+    memory, contact = recent.frame.memory("loose", logic=True), recent.z > TOUCHED * recent.z.max()
+    rest, local = (abs(x) + abs(y) for x, y in (rests, around))
+    least = LOOSE * local + STIRS * recent.z
+    may = contact & (rest > 0.5 * least)
+    begins = may & (memory.value | (rest > least))
+    wave = apply(get_template("RECALL"), input=may.picture(), state=begins.picture())
+    loose = wave.black()
+    memory.store(loose)
+    return contact & ~loose
+
+
+def _of_pad(recent: RecentLoads, pad: Pad, rests: list[Field], stick: Field) -> dict[str, Field]:
+    # templates: slopes of the load's pattern
+    now, old = recent.z / pad.load, recent.old_z / pad.before
+    right, down = (apply(get_template(f"gradient_{axis}"), input=mean([now, old])) for axis in "xy")
     # read-outs
     moves, size = length(pad.total, [now - old]), sqrt(pad.power + pad.even)
     along = pad.inner((old - now) * (pad.x * right + pad.y * down))
-    along = along / (moves * length(pad.inner, [right, down]))
-    x, y = (pad.total(each) for each in changes)
-    grows, loosens = sqrt(x * x + y * y) / pad.load, length(pad.total, loose) / size
-    return [recent.per_s * moves * pad.load / size, loosens, grows, along]
+    shear = pad.x * recent.shear[0] + pad.y * recent.shear[1]
+    was = [pad.total(each) / pad.before for each in recent.old_shear]
+    x, y = pad.ratio * pad.x - was[0], pad.ratio * pad.y - was[1]
+    return {
+        "moves": recent.per_s * moves * pad.load / size,
+        "loosens": length(pad.total, rests) / size,
+        "sticks": pad.total(where(stick, recent.z, 0.0)) / pad.load,
+        "grows": recent.per_s * sqrt(x * x + y * y),
+        "along": along / (moves * length(pad.inner, [right, down])),
+        "lies": pad.total(recent.z * shear) / (sqrt(pad.power) * length(pad.total, [shear])),
+    }
 
 
-def weight(along: Field) -> Field:
-    """Return the weight of a motion by its cosine to the shear: an object slides along it."""
+def weight(along: Field, lies: Field) -> Field:
+    """Return the weight of a motion: an object slides along its shear, which is μ times the load.
+
+    Parameters are the cosines of the motion to the shear, and of the shear's map to the load's.
+    """
     counts = ALONG * maximum(1.0 + along, 0.0)
-    return counts * counts
+    return counts * counts * minimum(maximum(lies, 0.0) / LIES, 1.0)
 
 
 def trend(recent: RecentLoads, time: float) -> Field:

@@ -1,7 +1,8 @@
 """Twist of an object on the skin or in the hand, from the curl of its shear.
 
 The curl over the normal load must exceed the ratio of shear to normal load, else the contact is
-pulled. The curl at the load's last change is taken off: a press alone can show some.
+pulled, and a share of the divergence: a shear that settles pulls apart as well as it turns. Curl
+and divergence at the load's last change are taken off: a press alone can show both.
 """
 
 from collections.abc import Mapping
@@ -11,8 +12,10 @@ from cnnum.programs.fields import Field, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.shared.false_reports import TWIST, level_of
-from cnnum.templates.tactile.shared.recent_loads import RecentLoads, most
+from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads, most
 from cnnum.templating.library import get_template
+
+APART = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
 
 
 @program
@@ -52,15 +55,24 @@ def twist(
         floor=floor,
     )  # fmt: skip
     # templates
-    curl, weight = apply(get_template("shear_curl"), input=recent.shear), recent.z * recent.z
+    weight = recent.z * recent.z
+    curl, divergence = (
+        apply(get_template(f"shear_{name}"), input=recent.shear) for name in ("curl", "divergence")
+    )
     # read-outs
-    curls = [pad.inner(recent.z * curl) / (pad.power + pad.even / 16.0) for pad in recent.pads]
-    turns = [_since(recent, each, recent.jolt > still) for each in curls]
+    curls, parts = (
+        [_over_load(recent, pad, each) for pad in recent.pads] for each in (curl, divergence)
+    )
+    changes = recent.jolt > still
+    turns = [_since(recent, "curl", each, changes) for each in curls]
+    opens = [abs(_since(recent, "divergence", each, changes)) for each in parts]
     row, column = ((weight * place).sum() / weight.sum() for place in (frame.row, frame.column))
     # decision
-    strength, turned = most([(abs(each), each) for each in turns])
-    level = level_of(false_reports, TWIST)
-    flag = recent.latch(where(strength > recent.ratio, strength, 0.0), level, hold_time)
+    strength, turned, apart = most(
+        [(abs(turn), turn, each) for turn, each in zip(turns, opens, strict=True)]
+    )
+    counts = where(strength > recent.ratio + APART * apart, strength, 0.0)
+    flag = recent.latch(counts, level_of(false_reports, TWIST), hold_time)
     return {
         "twist": flag,
         "twist_sense": where(flag, where(turned > 0.0, 1.0, -1.0), 0.0),
@@ -68,9 +80,14 @@ def twist(
     }
 
 
-def _since(recent: RecentLoads, value: Field, changes: Field) -> Field:
+def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:
+    """Return a slope of the shear over the load, each cell by the square of its load."""
+    return pad.inner(recent.z * slope) / (pad.power + pad.even / 16.0)
+
+
+def _since(recent: RecentLoads, name: str, value: Field, changes: Field) -> Field:
     """Return a number less its value at the load's last change."""
-    memory = recent.frame.memory("curl at last change", scalar=True)
+    memory = recent.frame.memory(f"{name} at last change", scalar=True)
     then = where(recent.resting | changes, value, memory.value)
     memory.store(then)
     return value - then

@@ -16,7 +16,7 @@ from cnnum.lab.scoring.measures import median
 from cnnum.lab.scoring.table import Column, Row, Table
 from cnnum.lab.scoring.trial import Trial
 
-STILL, PULL = (0.15, 0.2, 0.3), (0.25, 0.5, 0.75, 1.5)
+STILL, PULL = (0.15, 0.2, 0.3), (0.3, 0.6, 1.0, 1.5)
 GRID = tuple({"still": still, "pull": pull} for still, pull in product(STILL, PULL))
 """Values of two free constants; the third is the level."""
 

@@ -14,8 +14,7 @@ Levels = tuple[tuple[float, float], ...]
 """Reports in ten minutes, from few to many, and the level that leads to them."""
 
 SLIP: Levels = (
-    (0.4, 0.60), (1.2, 0.50), (1.6, 0.45), (2.0, 0.40), (3.3, 0.36), (5.4, 0.28), (7.6, 0.25),
-    (15.0, 0.20),
+    (0.5, 0.60), (1.0, 0.50), (2.0, 0.40), (3.0, 0.36), (5.6, 0.28), (6.1, 0.25), (11.0, 0.20),
 )  # fmt: skip
 TWIST: Levels = ((0.3, 0.1), (0.6, 0.03), (4.0, 0.02), (50.0, 0.01))
 

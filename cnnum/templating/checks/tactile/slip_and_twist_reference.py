@@ -6,11 +6,16 @@ The oracle of the programs `slip` and `twist`: it knows no templates, no graph a
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_propagation
 
 from cnnum.arrays import Floats
 
 FAST, SPREAD, HOLD = 0.02, 4.0, 0.5
 """Smoothing, s; diffusion time, cells²; share of a level below which a report ends."""
+
+LOOSE, STIRS, TOUCHED, STICKS, LIES, APART = 0.25, 0.05, 0.1, 0.5, 0.3, 0.2
+"""As in the programs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +35,7 @@ class Constants:
     load: float = 0.35
     floor: float = 240.0
     still: float = 0.2
-    pull: float = 0.5
+    pull: float = 0.6
     swing: float = 0.3
     level: float = 0.40
     turn: float = 0.1
@@ -97,6 +102,8 @@ class MovingContact:
     trend: float = 0.0
     mass: float = 0.0
     offsets: Floats = field(default_factory=lambda: np.zeros(1))
+    opened: Floats = field(default_factory=lambda: np.zeros(1))
+    loose: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
 
     def step(self, frame: Floats) -> dict[str, float]:
         """Return the outputs of a frame (rows, cols, 3): shear x, shear y, normal."""
@@ -117,6 +124,7 @@ class MovingContact:
         if resting:
             self.mass = float(np.mean([pad["mass"] for pad in pads]))
             self.offsets = np.array([pad["curl"] for pad in pads])
+            self.opened = np.array([pad["divergence"] for pad in pads])
             return dict.fromkeys(OUTPUTS, 0.0)
         return self._decided(now, pads)
 
@@ -132,8 +140,11 @@ class MovingContact:
         c = self.c
         per_s = c.rate * c.step(c.look)
         change = {axis: per_s * (now[axis] - old[axis]) for axis in "xy"}
-        loose = {axis: change[axis] - diffused(change[axis], SPREAD) for axis in "xy"}
+        around = {axis: diffused(change[axis], SPREAD) for axis in "xy"}
+        loose = {axis: change[axis] - around[axis] for axis in "xy"}
+        stick = self._stick_region(now["z"], loose, around)
         curl = central(now["y"], 1) - central(now["x"], 0)
+        divergence = central(now["x"], 1) + central(now["y"], 0)
         wide = now["z"].shape[1] // c.pads
         found: list[dict[str, float]] = []
         for pad in range(c.pads):
@@ -141,6 +152,7 @@ class MovingContact:
             # gradients next to another pad would mix both
             inner = slice(pad * wide + (pad > 0), (pad + 1) * wide - (pad < c.pads - 1))
             z, before, x, y = (m[:, cols] for m in (now["z"], old["z"], now["x"], now["y"]))
+            was_x, was_y = (old[axis][:, cols].sum() for axis in "xy")
             least = max(c.floor * self.noise * np.sqrt(z.size), 1e-12)
             mass, size = z.sum() + least, np.sqrt((z**2).sum() + least**2 / z.size)
             share, was = now["z"] / mass, old["z"] / (before.sum() + least)
@@ -149,21 +161,41 @@ class MovingContact:
             right, down = (central((share + was) / 2.0, axis)[:, inner] for axis in (1, 0))
             slope = (x.sum() * right + y.sum() * down) / max(force, 1e-300)
             steep = np.sqrt((right**2 + down**2).sum())
+            pulled = (x.sum() * x + y.sum() * y) / max(force, 1e-300)
+            lengths = np.linalg.norm(z) * np.linalg.norm(pulled)
+            heavy = (z**2).sum() + least**2 / (16.0 * z.size)
             along = -((share - was)[:, inner] * slope).sum() / max(moved * steep, 1e-300)
             found.append({
                 "moves": per_s * moved * mass / size,
                 "loosens": np.sqrt(sum((loose[a][:, cols] ** 2).sum() for a in "xy")) / size,
                 "ratio": force / mass,
-                "grows": np.hypot(*(change[a][:, cols].sum() for a in "xy")) / mass,
+                "grows": per_s * np.hypot(
+                    x.sum() / mass - was_x / (before.sum() + least),
+                    y.sum() / mass - was_y / (before.sum() + least),
+                ),
+                "sticks": z[stick[:, cols]].sum() / mass,
+                "lies": (z * pulled).sum() / max(lengths, 1e-300),
                 "mass": mass,
                 "jolt": per_s * (z.sum() - before.sum()),
                 "along": along,
                 "x": x.sum(),
                 "y": y.sum(),
-                "curl": (now["z"] * curl)[:, inner].sum()
-                / ((z**2).sum() + least**2 / (16.0 * z.size)),
+                "curl": (now["z"] * curl)[:, inner].sum() / heavy,
+                "divergence": (now["z"] * divergence)[:, inner].sum() / heavy,
             })  # fmt: skip
         return found
+
+    def _stick_region(
+        self, z: Floats, rests: dict[str, Floats], around: dict[str, Floats]
+    ) -> NDArray[np.bool_]:
+        """Return the cells that stick: loose ones grow over all that change half as clearly."""
+        contact = z > TOUCHED * z.max()
+        change, held = (np.abs(each["x"]) + np.abs(each["y"]) for each in (rests, around))
+        least = LOOSE * held + STIRS * z
+        may = contact & (change > least / 2.0)
+        begins = may & ((change > least) | self.loose)
+        self.loose = binary_propagation(begins, np.ones((3, 3), dtype=bool), may)
+        return np.asarray(contact & ~self.loose)
 
     def _decided(self, now: dict[str, Floats], pads: list[dict[str, float]]) -> dict[str, float]:
         c = self.c
@@ -173,14 +205,18 @@ class MovingContact:
         self.trend, self.mass = self.trend + c.step(c.load) * (growth - self.trend), mass
         strength = np.cbrt(mean["moves"] ** 2 * mean["loosens"]) * mean["ratio"]
         strength /= c.still + abs(self.trend) + c.swing * jolt + c.pull * mean["grows"]
+        strength *= mean["sticks"] < STICKS
         if c.axes:
             strength *= (0.75 * max(0.0, 1.0 + mean["along"])) ** 2
-        curls = np.array([pad["curl"] for pad in pads])
+            strength *= min(max(mean["lies"], 0.0) / LIES, 1.0)
+        curls, parts = (np.array([pad[n] for pad in pads]) for n in ("curl", "divergence"))
         if jolt > c.jolts:
-            self.offsets = curls
-        turned = float(max(curls - self.offsets, key=abs))
+            self.offsets, self.opened = curls, parts
+        where = int(np.argmax(np.abs(curls - self.offsets)))
+        turned, apart = float((curls - self.offsets)[where]), float((parts - self.opened)[where])
         slips = self.slips.step(strength)
-        turns = self.turns.step(abs(turned) if abs(turned) > mean["ratio"] else 0.0)
+        pulled = mean["ratio"] + APART * abs(apart)
+        turns = self.turns.step(abs(turned) if abs(turned) > pulled else 0.0)
         most = max(pads, key=lambda pad: float(np.hypot(pad["x"], pad["y"])))
         force = max(float(np.hypot(most["x"], most["y"])), 1e-300)
         weight = now["z"] ** 2 / max((now["z"] ** 2).sum(), 1e-300)
