@@ -31,7 +31,7 @@ PULLS = {
     "tremor": pulls.tremor,
     "stick-slip": pulls.weakening,
 }
-TOLD = {"depth told ×0.67": 1 / 1.5, "depth told ×1.5": 1.5}
+SET = {"depth set ×0.67": 1 / 1.5, "depth set ×1.5": 1.5}
 """Families pulled at a constant speed whose program is given another depth of cover."""
 
 OTHERS = {"flat punch": faces.punch, "bar": faces.bar, "ridges": faces.ridges}
@@ -40,7 +40,7 @@ OTHERS = {"flat punch": faces.punch, "bar": faces.bar, "ridges": faces.ridges}
 def made(contact: float | None) -> dict[str, Make]:
     """Return the functions that make the scenes of each family."""
     spheres = {name: pulled(pull, Array(contact=contact)) for name, pull in PULLS.items()}
-    spheres |= {name: pulled(pulls.power(1.0), Array(contact=contact)) for name in TOLD}
+    spheres |= {name: pulled(pulls.power(1.0), Array(contact=contact)) for name in SET}
     layer = pulled(pulls.power(1.0), Array(cover="layer", contact=contact))
     return {**spheres, "layer": layer, **{name: dragged(face) for name, face in OTHERS.items()}}
 
@@ -49,7 +49,7 @@ def play(engine: Engine, trial: Trial) -> dict[str, np.ndarray]:
     """Return the program's outputs for a scene, an array of frames each."""
     array = Array(cover="layer" if trial.family == "layer" else "flat")
     draw = Draw.of(trial.family, int(trial.name.rpartition(" ")[2]), array)
-    depth = draw.thickness / PITCH * TOLD.get(trial.family, 1.0)
+    depth = draw.thickness / PITCH * SET.get(trial.family, 1.0)
     program = get_program("mindlin_slip").bind(
         friction=draw.bounds.friction, depth=depth, rate=trial.rate
     )
