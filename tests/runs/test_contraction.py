@@ -60,6 +60,7 @@ def test_nothing_is_known_where_an_array_does_not_contract():
     # saturated all over the box it rests, and else may leave it
     assert np.isfinite(distances(grows, {}, near + 1.1, np.array([0.5])))
     assert np.isinf(distances(grows, {}, near, np.array([0.5])))
+    assert np.isinf(distances(grows, {}, near + 1.0, np.array([1.3])))  # 0.9 is in the box
     assert not may_contract(cell(0.5, "sign"))
 
 
