@@ -105,6 +105,7 @@ class Driver(Protocol):
         kind: type[BaseException] | None,
         error: BaseException | None,
         trace: TracebackType | None,
+        /,
     ) -> None:
         """Close the driver."""
         ...

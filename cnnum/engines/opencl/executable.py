@@ -1,7 +1,7 @@
 """A built plan on an OpenCL device: kernels by number of lanes, buffers by batch."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import RLock
@@ -203,7 +203,7 @@ class OpenCLExecutable:
             return self._run_large(maps, lead)
 
     @contextmanager
-    def _guarded(self) -> Iterator[None]:
+    def _guarded(self) -> Generator[None]:
         """Take a turn; trouble with the device is an error of this package."""
         with self._turn:
             try:

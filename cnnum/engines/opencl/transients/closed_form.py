@@ -113,7 +113,7 @@ def _propagate(text: TransientBuilder, scheme: Propagator) -> float:
 
 def _of_products(text: TransientBuilder, scheme: Propagator, matrices: list[Floats]) -> float:
     """Return how many roundings sums of products hold that are added up column by column."""
-    later = float(len(matrices)) * np.arange(len(scheme.constant), 0, -1)
+    later = float(len(matrices)) * np.arange(len(scheme.constant), 0, -1, dtype=np.float64)
     # the product, matrix and state as they are held, and the sum of what drives a cell
     own = 3.0 + np.count_nonzero(text.template.B) / text.layers + 2.0
     rim = 0.0

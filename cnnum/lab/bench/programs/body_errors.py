@@ -108,16 +108,17 @@ def _cut(outputs: dict[str, Floats], own: slice) -> dict[str, Floats]:
 
 def _cells(bodies: list[Indenter], outputs: list[dict[str, Floats]]) -> list[str]:
     shares = [f"{one['sphere_fits'].mean():.0%} / {one['flat_fits'].mean():.0%}" for one in outputs]
-    if not isinstance(bodies[0], Disc):
+    discs = [body for body in bodies if isinstance(body, Disc)]
+    if not discs:
         return [*shares, "–", "–"]
-    true = np.array([body.radius for body in bodies if isinstance(body, Disc)])
+    true = np.array([disc.radius for disc in discs])
     off, curved = list[float](), list[float]()
     for one in outputs:
         found = (one["sphere_fits"] + one["flat_fits"]) > 0
         off += (np.abs(one["contact_radius"] / true - 1.0))[found].tolist()
         round_one = 2.0 * true * MODULUS / (np.pi * 1.5 * PRESSURE)
         curved += (np.abs(one["sphere_radius"] / round_one - 1.0))[one["sphere_fits"] > 0].tolist()
-    right = isinstance(bodies[0], Disc) and bodies[0].pressure != "uniform"
+    right = discs[0].pressure != "uniform"
     return [
         *shares,
         *(f"{np.median(each):.0%}" if each and right else "–" for each in (off, curved)),
