@@ -60,7 +60,7 @@ def at_rest(
     else:
         size = np.abs(found.state).max(axis=(1, 2, 3), initial=0.0)
         found.error += np.where(found.settled, spec.atol + spec.rtol * size, 0.0)
-    found.bring_errors_down()
+    found.bring_errors_down(spec.rtol, spec.atol)
     return found.result()
 
 
@@ -142,12 +142,22 @@ class _Frames:
         self.steps[frames] += more.steps.reshape(count)
         self.error[frames] = np.inf
 
-    def bring_errors_down(self) -> None:
-        """Let errors be distances to the equilibrium where the array is shown to contract."""
-        at = np.flatnonzero(self.settled)
+    def bring_errors_down(self, rtol: float, atol: float) -> None:
+        """Let errors be distances to the equilibrium where the array is shown to contract.
+
+        Frames whose cells are all saturated get the bound that `saturated` has for single ones.
+        """
+        sizes = np.abs(self.state).reshape(self._batch, -1)
+        off = atol + rtol * sizes.max(axis=1)
+        spare = sizes.min(axis=1) - 1.0
+        held = self.settled & (spare >= np.maximum(off, NEAR))
+        held &= self._template.output.name == "standard"
+        same = held & (self.error - off < spare - off)
+        self.error[same] = off[same]
+        at = np.flatnonzero(self.settled & ~held)
         if len(at):
-            off = distances(self._template, self.given_of(at), self.state[at], self.error[at])
-            self.error[at] = np.minimum(self.error[at], off)
+            near = distances(self._template, self.given_of(at), self.state[at], self.error[at])
+            self.error[at] = np.minimum(self.error[at], near)
 
     def result(self) -> Result:
         """Return the result of all frames."""

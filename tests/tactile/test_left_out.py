@@ -19,8 +19,9 @@ WHOLE = schedule(GRAPH, FORCE_AXES, None)
 PULLED = 2 * ["pulled x 0.5", "pulled y 0.5", "unblur strain 0.5"]
 PRESSED = sorted(["contact_threshold", *PULLED])
 # smoothed and delayed loads: three maps of each, and for the twist one that is delayed
-SLIP = sorted([*6 * ["leaky_cell"], "gradient_x", "gradient_y", *2 * ["tactile_diffusion"]])
-TWIST = [*4 * ["leaky_cell"], "shear_curl"]
+GRADIENTS = ["gradient_x", "gradient_y"]
+SLIP = ["RECALL", *GRADIENTS, *6 * ["leaky_cell"], *2 * ["tactile_diffusion"]]
+TWIST = [*4 * ["leaky_cell"], "shear_curl", "shear_divergence"]
 
 
 def thinned(*needs):
@@ -70,13 +71,15 @@ def test_only_what_a_need_reaches_is_left(needs, channels, wanted):
 
 
 def test_counts_of_memories():
-    """Contact keeps numbers and four maps; slip three of rest, six of leaky cells and a frame."""
+    """Contact keeps numbers and four maps; slip three of rest, six of leaky cells, a frame, and the
+    region that sticks.
+    """
     maps = {
         flag: sum(not memory.read.scalar for memory in thinned(flag).memories.values())
         for flag in ("contact", "gross_slip", "twist")
     }
     assert maps["contact"] == 4  # rest, the frame before, its noise, and which taxels broke
-    assert maps["gross_slip"] == 3 + 6 + 1
+    assert maps["gross_slip"] == 3 + 6 + 1 + 1
     assert maps["twist"] == 3 + 4 + 1
     both = thinned("gross_slip", "twist").memories.values()
     assert sum(not memory.read.scalar for memory in both) == maps["gross_slip"]
