@@ -64,7 +64,7 @@ embedded: $(VENV)/dev.stamp
 
 # faults put into a copy of the code, one at a time: the tests must catch each (tests/mutations)
 mutate: $(VENV)/dev.stamp
-	OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/mutations/run.py
+	CNNUM_TESTS=full OPENBLAS_NUM_THREADS=1 $(BIN)/python tests/mutations/run.py
 
 # whether the dependencies resolve on Linux, macOS and Windows: it asks the package index
 platforms: $(VENV)/dev.stamp

@@ -20,6 +20,7 @@ def engine(name, precision):
         pytest.skip("needs an OpenCL device")
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("precision", STEP)
 @pytest.mark.parametrize("template", ["EDGE", "HOLE", "tactile_diffusion"])
 def test_a_run_gives_the_same_bits_on_both_engines(template, precision):

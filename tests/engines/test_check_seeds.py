@@ -21,6 +21,7 @@ def test_every_seed_passes(engines, label, name):
     assert all(one.passed for one in found)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     "label", ["opencl-float32", "opencl-float64", "numba-float32", "numba-float64"]
 )

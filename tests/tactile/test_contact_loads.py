@@ -32,6 +32,7 @@ def cover(cells, depth, reads):
     )
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize(
     ("cells", "depth", "reads"),
     [(8, 0.5, "strain"), (8, 1.3, "strain"), (8, 1.0, "stress"), (16, 1.0, "strain")],

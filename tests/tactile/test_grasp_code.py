@@ -58,6 +58,7 @@ SCENES = [
 ]
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("shape", [(2, 4), (4, 4), (8, 8), (16, 16)])
 def test_motions_are_told_apart(engine, run, shape):
     if engine.name == "reference" and shape == (16, 16):

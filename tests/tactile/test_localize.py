@@ -80,6 +80,7 @@ def test_own_loads_come_back(run, name, cells, taxels):
     assert not got["bump_contact"][:18].any()
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("taxels", COVERS)
 def test_every_pattern_of_contacts_is_told(fast, run, taxels):
     """All 65,535 patterns of 4×4 bumps: each touched bump found, each free one left free.

@@ -212,6 +212,7 @@ def test_every_program_has_a_scene():
     assert set(SCENES) == set(program_names("tactile"))
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", SCENES)
 def test_sizes_and_mirror_images_agree(fast, name):
     scene = SCENES[name]

@@ -55,6 +55,7 @@ CASES = [
 """OpenCL builds a kernel for each: a weight takes one time in each precision, both times in all."""
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize(("engine", "precision", "a", "time"), CASES)
 def test_state_is_that_of_small_steps(engine, precision, a, time, start_and_input):
     start, given = start_and_input

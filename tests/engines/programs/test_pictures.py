@@ -92,6 +92,7 @@ def peeled(picture: np.ndarray) -> np.ndarray:
     return picture
 
 
+@pytest.mark.one_in(2)
 def test_skeleton_is_what_digital_peeling_leaves(engine: Engine) -> None:
     # the reference solves eight transients a round, frame by frame
     cells = pictures(3 if engine.name == "reference" else 12, 4)

@@ -67,6 +67,7 @@ def test_a_block_shrinks_to_one_cell(fast):
     assert run(fast, center, cells).sum() == 1
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("family", ["SKL", "SKLHV"])
 def test_thinning_is_that_of_its_elements(fast, family):
     north = turned(NORTH[family], 0)
@@ -78,6 +79,7 @@ def test_thinning_is_that_of_its_elements(fast, family):
     np.testing.assert_array_equal(run(fast, thinning.bind(family=family), cells), wanted)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("family", "turns"), [("HORSKEL", (3, 1)), ("VERSKEL", (0, 2))])
 def test_two_sides_are_peeled_until_nothing_changes(fast, family, turns):
     elements = [turned("ooo/.#./.#.", turn) for turn in turns]

@@ -47,6 +47,7 @@ ANALOG_FORMS = {
 ANALOG = [name for name in FIRST if form_of(library.get_template(name)).name in ANALOG_FORMS]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(("name", "shape"), PAIRS, ids=str)
 def test_template_passes_its_check(name: str, shape: tuple[int, int], simulator: Any) -> None:
     result = run_check(library.get_template(name), simulator, shape=shape, repeats=0)

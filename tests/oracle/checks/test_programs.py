@@ -74,6 +74,7 @@ def test_engines_that_are_left_out_have_a_reason():
     assert all(form.left_out for form in some)
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("name", ["slip-report", "slip-pads", "twist-report"])
 @pytest.mark.parametrize("engine", ["numba", "reference"])
 def test_streams_pass_on_other_engines(name, engine):

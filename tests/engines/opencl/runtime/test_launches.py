@@ -38,6 +38,7 @@ def test_slip_program_is_one_launch_a_frame(launches, opencl, batch):
     assert kinds == {cl.command_type.NDRANGE_KERNEL}
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("shape", "method"), [((40, 40), "euler"), ((260, 260), "euler"), ((260, 260), "rk4")]
 )

@@ -66,6 +66,7 @@ def test_terms_are_the_weighted_sum(kind, radius):
     assert sum(eval(term) for term in written) == pytest.approx(wanted, abs=1e-13)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize(
     ("kind", "radius", "boundary"),
     [("rows", 2, "zero-flux"), ("isotropic", 1, 0.3), ("opposite", 1, "periodic")],
