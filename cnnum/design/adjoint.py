@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, Shape, finite
-from cnnum.design.adjoint_steps import LINEAR, STANDARD, TANH, apply, back, march, products
+from cnnum.design.adjoint_steps import LINEAR, STANDARD, TANH, apply, back, march, products, spread
 from cnnum.errors import SizeError, TemplateError
 from cnnum.integrators.tableau import EULER, HEUN, RK4, ButcherTableau
 from cnnum.templating.boundary import Boundary, halo_sources
@@ -136,8 +136,7 @@ class Pictures:
             self.a[i, : len(row)] = [float(a) for a in row]
         rim, fed = form.boundary, form.input_boundary
         self.edge = float(form.output.numpy(np.array(rim.constant or 0.0)))
-        self.near = _seen(rim, self.shape, form.A.shape[-1])
-        self.fed = _seen(fed, self.shape, form.B.shape[-1])
+        self.rim = _rim(rim, self.shape, form.A.shape[-1] // 2)
         self.start = self.flat(form.initial if begin is None else begin, form.layers)
         self.bias = None if bias is None else self.flat(bias, form.layers)
         kept = 2 * self.steps * stages * self.start.size
@@ -147,26 +146,33 @@ class Pictures:
                 f"{8 * MOST / 2**30:.0f}: take fewer pictures, or longer steps."
             )
         self.input: Floats | None = None
+        self.count = self.start.shape[-1] // self.shape[1]
         if input is not None and form.inputs:
-            found = self.flat(input, form.inputs)
-            rimmed = np.full((form.inputs, found.shape[1] + 1, found.shape[2]), fed.constant or 0.0)
-            rimmed[:, :-1] = found
-            self.input = rimmed
+            self.input = self._rimmed(self.flat(input, form.inputs), fed, form.B.shape[-1] // 2)
 
     def flat(self, maps: ArrayLike, sources: int) -> Floats:
-        """Return maps as (sources, cells, pictures)."""
+        """Return maps as (sources, rows, cols·pictures)."""
         found = finite("maps of a gradient", maps)
         if sources == 1 and found.ndim:
             found = found[..., np.newaxis, :, :]
         full = np.broadcast_to(found, (*self.lead, sources, *self.shape))
-        cells = self.shape[0] * self.shape[1]
-        return np.array(full.reshape(-1, sources, cells).transpose(1, 2, 0), order="C")
+        side = full.reshape(-1, sources, *self.shape).transpose(1, 2, 3, 0)
+        return np.array(side.reshape(sources, self.shape[0], -1), order="C")
 
     def shaped(self, flat: Floats) -> Floats:
         """Return maps of layers as they were given."""
         layers = self.form.layers
         own = () if layers == 1 else (layers,)
-        return flat.transpose(2, 0, 1).reshape(*self.lead, *own, *self.shape)
+        side = flat.reshape(layers, *self.shape, -1).transpose(3, 0, 1, 2)
+        return side.reshape(*self.lead, *own, *self.shape)
+
+    def _rimmed(self, flat: Floats, boundary: Boundary, radius: int) -> Floats:
+        side = flat.reshape(len(flat), *self.shape, -1)
+        wide = ((0, 0), (radius, radius), (radius, radius), (0, 0))
+        full = np.pad(side, wide, constant_values=boundary.constant or 0.0)
+        full = full.reshape(len(flat), full.shape[1], -1)
+        spread(_rim(boundary, self.shape, radius), self.count, full)
+        return full
 
     def run(self, numbers: Numbers) -> "Adjoint":
         """Return the run of these numbers.
@@ -190,13 +196,13 @@ class Adjoint:
         if pictures.bias is not None:
             drive += pictures.bias
         if pictures.input is not None:
-            apply(_taps(numbers.B), pictures.fed, pictures.input, drive)
+            apply(_own(numbers.B), pictures.input, pictures.count, drive)
         kept = (pictures.steps, len(pictures.b), *start.shape)
         self._states, self._rates = np.empty(kept), np.empty(kept)
         self._end = start.copy()
         march(
-            self._kind, pictures.h, pictures.a, pictures.b, _taps(numbers.A), pictures.near,
-            pictures.edge, drive, numbers.tau, self._states, self._rates, self._end,
+            self._kind, pictures.h, pictures.a, pictures.b, _own(numbers.A), pictures.rim,
+            pictures.count, pictures.edge, drive, numbers.tau, self._states, self._rates, self._end,
         )  # fmt: skip
         if not np.isfinite(self._end).all():
             raise TemplateError(
@@ -232,17 +238,18 @@ class Adjoint:
             lam *= 1.0 - np.tanh(end) ** 2
         elif self._kind == STANDARD:
             lam *= np.abs(end) < 1.0
-        by_a, by_b = np.zeros_like(_taps(numbers.A)), np.zeros_like(_taps(numbers.B))
+        by_a, by_b = np.zeros(numbers.A.shape), np.zeros(numbers.B.shape)
         tau, drive = np.zeros(numbers.tau.shape), np.zeros_like(pictures.start)
         back(
-            self._kind, pictures.h, pictures.a, pictures.b, _taps(numbers.A), pictures.near,
-            pictures.edge, numbers.tau, self._states, self._rates, lam, by_a, tau, drive,
+            self._kind, pictures.h, pictures.a, pictures.b, _own(numbers.A), pictures.rim,
+            pictures.count, pictures.edge, numbers.tau, self._states, self._rates, lam, by_a, tau,
+            drive,
         )  # fmt: skip
         if pictures.input is not None:
-            products(drive, pictures.fed, pictures.input, by_b)
+            products(drive, pictures.input, pictures.count, by_b)
         return Gradients(
-            by_a.reshape(numbers.A.shape),
-            by_b.reshape(numbers.B.shape),
+            by_a,
+            by_b,
             drive.sum(axis=(1, 2)),
             tau,
             pictures.shaped(lam),
@@ -268,21 +275,20 @@ def adjoint(
     return pictures.run(Numbers.of(template))
 
 
-def _taps(kernels: Floats) -> Floats:
+def _own(kernels: Floats) -> Floats:
     # a copy that may be written: compiled loops know no other arrays
-    layers, sources, size, _ = kernels.shape
-    return np.array(kernels, dtype=np.float64).reshape(layers, sources, size * size)
+    return np.array(kernels, dtype=np.float64)
 
 
-def _seen(boundary: Boundary, shape: Shape, size: int) -> NDArray[np.int64]:
-    """Return the cell that each sees through each weight; that after the last is virtual."""
-    rows, cols = shape
-    halo = halo_sources(boundary, shape, size // 2)
-    seen = np.stack(
-        [halo[r : r + rows, c : c + cols].ravel() for r in range(size) for c in range(size)]
-    )
-    seen[seen < 0] = rows * cols
-    return seen
+def _rim(boundary: Boundary, shape: Shape, radius: int) -> NDArray[np.int64]:
+    """Return virtual cells and the cells that they copy, (count, 2), counted with the rim."""
+    halo = halo_sources(boundary, shape, radius)
+    inner = np.arange(halo.size).reshape(halo.shape)
+    cells = inner[radius : radius + shape[0], radius : radius + shape[1]].ravel()
+    copies = np.ones(halo.size, dtype=bool)
+    copies[cells] = False
+    at = np.flatnonzero(copies & (halo.ravel() >= 0))
+    return np.stack([at, cells[halo.ravel()[at]]], axis=1)
 
 
 def _refused(form: Template, duration: object, step: float, method: str) -> float:

@@ -14,12 +14,12 @@ from cnnum.errors import TemplateError
 SHAPE = (5, 6)
 
 
-def drawn(seed, *, layers=1, inputs=1, output="tanh", boundary="periodic", tau=1.3):
+def drawn(seed, *, layers=1, inputs=1, output="tanh", boundary="periodic", tau=1.3, size=3):
     rng = np.random.default_rng(seed)
     template = Template(
         "drawn",
         rng.normal(size=(layers, layers, 3, 3)) * 0.4,
-        rng.normal(size=(layers, inputs, 3, 3)) if inputs else None,
+        rng.normal(size=(layers, inputs, size, size)) if inputs else None,
         rng.normal(size=layers).tolist(),
         tau=(tau + 0.3 * np.arange(layers)).tolist(),
         boundary=boundary,
@@ -40,6 +40,7 @@ CASES = {
     "zero-flux": {"boundary": "zero-flux"},
     "standard": {"output": "standard"},
     "no input": {"inputs": 0},
+    "a control wider than the feedback": {"size": 5, "boundary": "zero-flux"},
     "two layers, two inputs": {"layers": 2, "inputs": 2},
 }
 
