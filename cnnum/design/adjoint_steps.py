@@ -50,32 +50,26 @@ def outputs(kind: int, x: Any, count: int, y: Any) -> None:
 
 
 @_compiled
+def add(total: Any, factor: float, other: Any) -> None:
+    """Add factor · other to a row."""
+    for n in range(len(total)):
+        total[n] += factor * other[n]
+
+
+@_compiled
 def spread(rim: Any, count: int, y: Any) -> None:
     """Copy cells to the virtual ones."""
-    flat = y.reshape((y.shape[0], -1))
-    for source in range(len(flat)):
-        for pair in range(len(rim)):
-            to, of = rim[pair, 0] * count, rim[pair, 1] * count
-            for n in range(count):
-                flat[source, to + n] = flat[source, of + n]
+    for cells in y.reshape((len(y), -1, count)):
+        for virtual, cell in rim:
+            cells[virtual] = cells[cell]
 
 
 @_compiled
 def folded(rim: Any, count: int, y: Any) -> None:
     """Add virtual cells to those that they copy: the adjoint of `spread`."""
-    flat = y.reshape((y.shape[0], -1))
-    for source in range(len(flat)):
-        for pair in range(len(rim)):
-            to, of = rim[pair, 0] * count, rim[pair, 1] * count
-            for n in range(count):
-                flat[source, of + n] += flat[source, to + n]
-
-
-@_compiled
-def add(total: Any, factor: float, other: Any) -> None:
-    """Add factor · other to a row."""
-    for n in range(len(total)):
-        total[n] += factor * other[n]
+    for cells in y.reshape((len(y), -1, count)):
+        for virtual, cell in rim:
+            add(cells[cell], 1.0, cells[virtual])
 
 
 @_compiled

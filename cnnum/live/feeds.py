@@ -1,6 +1,7 @@
 """Where pictures come from: a scene that runs, an array alone, or a recording that is played."""
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from threading import Condition, Thread
 from typing import Any, Protocol
@@ -42,7 +43,7 @@ class Feed(Protocol):
         ...
 
 
-class _Threaded:
+class _Threaded(ABC):
     """A feed whose work ends by itself, or by an error that the page shows."""
 
     hub: Hub
@@ -55,9 +56,6 @@ class _Threaded:
         """Begin."""
         self._thread.start()
 
-    def command(self, wanted: dict[str, Any]) -> None:
-        """Do nothing: a live array cannot be moved in time."""
-
     def _run(self) -> None:
         try:
             self._work()
@@ -66,11 +64,19 @@ class _Threaded:
         else:
             self.hub.end("The source has ended.")
 
+    @abstractmethod
     def _work(self) -> None:
-        raise NotImplementedError
+        """Bring moments until the source ends or the feed is stopped."""
 
 
-class SceneFeed(_Threaded):
+class _Live(_Threaded):
+    """A feed whose time is that of the world."""
+
+    def command(self, wanted: dict[str, Any]) -> None:
+        """Do nothing: a live array cannot be moved in time."""
+
+
+class SceneFeed(_Live):
     """A scene as it runs: its program sees every frame, pages the newest."""
 
     def __init__(self, scene: Scene) -> None:
@@ -94,7 +100,7 @@ class SceneFeed(_Threaded):
         self._thread.join(5.0)
 
 
-class ArrayFeed(_Threaded):
+class ArrayFeed(_Live):
     """An array alone, without a program: its numbers less those of the first frames."""
 
     def __init__(self, name: str, driver: Driver) -> None:
