@@ -43,14 +43,14 @@ def bars(rows: Sequence[Row], label: Sequence[str], value: str, title: str) -> P
     axes: Axes = figure.add_subplot()
     common = [key for key in label[1:] if len({str(row[key]) for row in rows}) == 1]
     own = [key for key in label if key not in common]
-    names = ["  ".join(str(row[key]) for key in own) for row in rows]
+    names = ["\n".join(str(row[key]) for key in own) for row in rows]
     numbers = [_value(row, value) for row in rows]
     if common:
         figure.suptitle("\n".join(str(rows[0][key]) for key in common), fontsize=8)
     axes.barh(range(len(rows)), numbers, color="C0")
     axes.set_yticks(range(len(rows)), names, fontsize=8)
     axes.invert_yaxis()
-    axes.set_xlabel(title)
+    axes.set_xlabel(title, loc="right")  # on a phone it is wider than the bars
     for place, number in enumerate(numbers):
         text = f" {number:,.0f}" if number >= 1000.0 else f" {number:.3g}"
         axes.text(number, place, text, va="center", fontsize=8)
@@ -93,7 +93,10 @@ def fusing(rows: Sequence[Row]) -> Picture:
 def peers(rows: Sequence[Row]) -> Picture:
     """Return how many times longer each peer takes."""
     figure = bars(rows, ["case", "peer"], "ratio", "times as long as this engine")
-    figure.axes[0].set_xscale("log")
+    axes = figure.axes[0]
+    axes.set_xscale("log")
+    axes.set_xlim(left=min([1.0, *(_value(row, "ratio") for row in rows)]))  # 1: as quick
+    axes.xaxis.set_minor_formatter(NullFormatter())
     return figure
 
 

@@ -27,6 +27,8 @@ HEADINGS = {
     "ns_per_update": "ns an update",
     "seconds": "time, s",
     "peer_seconds": "peer's time, s",
+    "near_seconds": "time to a loss of 1e-4, s",
+    "near_error": "loss then",
     "ordinary_seconds": "ordinary time, s",
     "spread": "spread, s",
     "tail": "p99 over median",
