@@ -162,6 +162,13 @@ def test_targets_have_no_instruction_that_the_processor_lacks():
     assert read_cpuinfo("").flags == frozenset()
 
 
+def test_a_processor_whose_random_seeds_are_off_keeps_its_vectors():
+    """Linux turns Zen 5's faulty RDSEED off; PoCL asks for vectors of 16 by AVX-512 alone."""
+    wide = read_cpuinfo(ZEN_5.format(flags=" ".join(pocl_wheel.AVX512 - {"rdseed"})))
+    assert "rdseed" not in wide.flags
+    assert pocl_wheel.target_for("generic", wide) == "skylake-avx512"
+
+
 def test_a_name_that_is_right_is_kept():
     """LLVM 14 takes Zen 4 for "znver3", which has no AVX-512; on any other it stands."""
     wide = read_cpuinfo(ZEN_5.format(flags=" ".join(pocl_wheel.AVX512)))
