@@ -1,5 +1,6 @@
 """Programs in whole numbers on short streams: a rest, a press, a pull across, and noise."""
 
+import inspect
 import os
 import shutil
 import subprocess
@@ -47,8 +48,8 @@ def streams(shape, frames=60, batch=3, seed=0):
 
 def scheduled(name, shape=(8, 8), needs=None):
     program = cnnum.get_program(name)
-    if name in ("slip", "twist"):
-        program = program.bind(**SHORT)
+    takes = inspect.signature(program.function).parameters
+    program = program.bind(**{key: value for key, value in SHORT.items() if key in takes})
     return schedule(program.trace(shape, FORCE_AXES), FORCE_AXES, needs)
 
 

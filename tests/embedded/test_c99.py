@@ -20,7 +20,7 @@ QUICK = ("localize", "slip", "twist")
 LEFT_OUT = ("halfspace_equilibrium",)
 PROGRAMS = [
     pytest.param(name, marks=() if FULL or name in QUICK else pytest.mark.skip("make embedded"))
-    for name in program_names("tactile")
+    for name in (*program_names("tactile"), *program_names("tactile.contact_mechanics"))
     if name not in LEFT_OUT
 ]
 
