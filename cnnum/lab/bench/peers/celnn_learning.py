@@ -7,13 +7,19 @@ from typing import Any
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import MissingExtraError
+from cnnum.errors import CnnumError, MissingExtraError
 
 STEPS, STEP = 20, 0.1
 """Euler's steps of a run, and their length in time constants."""
 
 RATE, UPDATES = 0.05, 200
 """Of Adam, as PyTorch has it: its rate, and how many updates."""
+
+EXTRAS = {"deap": "celnn[ga]", "torch": "celnn[torch]"}
+"""Of celnn, that install a package."""
+
+PARTS = ("deap.base", "deap.creator", "deap.tools")
+"""Of DEAP, that celnn imports amid a run."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,7 +74,8 @@ def tasks(*, signals: bool) -> list[Task]:
 
 def genetic(task: Task) -> tuple[float, int]:
     """Return the loss that the genetic algorithm ends at, as it is by default, and its runs."""
-    _module("deap")
+    for part in PARTS:
+        _module(part)
     training, form = _module("celnn.training"), _form(task)
     data = training.TrainingDataset.from_pairs([task.input], [task.target])
     trainer = training.GATrainer(form, data, _config(), boundary="mirror", seed=0)
@@ -125,14 +132,22 @@ def _config() -> Any:
 
 
 def _module(name: str) -> Any:
-    package = {"deap": "celnn[ga]", "torch": "celnn[torch]"}.get(name, "celnn")
+    """Return a module; a package that is not there is another fault than one in pieces."""
+    package = name.partition(".")[0]
+    extra = EXTRAS.get(package, "celnn")
     try:
+        import_module(package)
         return import_module(name)
-    except ImportError:
-        raise MissingExtraError(
-            f"Learning as celnn does needs '{package}': install it with "
-            f"\"pip install '{package}'\"."
-        ) from None
+    except (ImportError, OSError) as error:  # OSError is PyTorch's, of a library that is gone
+        if isinstance(error, ModuleNotFoundError) and error.name == package:
+            raise MissingExtraError(
+                f"Learning as celnn does needs '{extra}': install it with "
+                f"\"pip install '{extra}'\"."
+            ) from None
+        raise CnnumError(
+            f"'{package}' is installed, but cannot be imported ({error}): install it again with "
+            f"\"pip install --force-reinstall '{extra}'\"."
+        ) from error
 
 
 __all__ = ["STEP", "STEPS", "Task", "genetic", "gradients", "judged", "tasks"]
