@@ -14,11 +14,12 @@ lies where the contact presses.
 from collections.abc import Mapping
 from math import exp
 
+from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.programs.transients import apply
+from cnnum.programs.transients import apply, transient
 from cnnum.templates.tactile.shared.false_reports import SLIP, level_of
 from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads, length, mean, most
 from cnnum.templating.library import get_template
@@ -28,6 +29,7 @@ LOOSE, STIRS = 0.25, 0.05  # a cell is loose from that change of its shear off t
 # over the local mean, and in its load a second; half of it keeps it so
 TOUCHED, STICKS = 0.1, 0.5  # load of a cell in contact, over the largest; share that sticks at most
 ALONG = 0.75  # weight of a motion over 1 plus its cosine to the shear: 1 at a third
+WAVE = RunSpec(method="euler")  # of a time constant: no cell turns back, so the picture is the same
 LIES = 0.3  # cosine of the shear's map to the load's, from which a shear can be that of a slip
 
 
@@ -120,8 +122,9 @@ def stick_region(recent: RecentLoads, rests: list[Field], around: list[Field]) -
     least = LOOSE * local + STIRS * recent.z
     may = contact & (rest > 0.5 * least)
     begins = may & (memory.value | (rest > least))
-    wave = apply(get_template("RECALL"), input=may.picture(), state=begins.picture())
-    loose = wave.black()
+    spread = get_template("RECALL")
+    wave = transient(spread, input=may.picture(), state=begins.picture(), spec=WAVE)
+    loose = wave.outputs[0].black()
     memory.store(loose)
     return contact & ~loose
 

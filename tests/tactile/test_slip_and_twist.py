@@ -7,15 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import binary_propagation
 
 from cnnum.drivers.uskin_csv import UskinCsvOptions
 from cnnum.errors import ProgramError
 from cnnum.programs import program
 from cnnum.templates.tactile.shared.recent_loads import RecentLoads
-from cnnum.templates.tactile.slip import slip
+from cnnum.templates.tactile.slip import WAVE, slip
 from cnnum.templates.tactile.twist import twist
 from cnnum.templating.checks.tactile.slip_and_twist import GO, PULL, SETTINGS, patch, streams
 from cnnum.templating.checks.tactile.slip_and_twist_reference import Constants, diffused, played
+from cnnum.templating.library import get_template
 
 RECORDINGS = Path(os.environ.get("CNNUM_RECORDINGS", "")) / "uskin_grasp"
 TRIALS = {
@@ -133,6 +135,21 @@ def test_diffusion_ends_in_the_mean():
     assert diffused(values, 3.0).sum() == pytest.approx(values.sum())
     np.testing.assert_allclose(diffused(values, 1e3), values.mean(), atol=1e-12)
     np.testing.assert_allclose(diffused(values, 0.0), values, atol=1e-12)
+
+
+@pytest.mark.parametrize("cells", [(4, 4), (8, 8), (16, 16)])
+def test_the_wave_of_loose_cells_ends_alike_by_steps_and_by_the_usual_method(fast, cells):
+    """Both end where SciPy's propagation does, cell by cell, and at rest."""
+    rng, maps = np.random.default_rng(3), 2000
+    may = rng.random((maps, *cells)) < rng.uniform(0.2, 0.9, (maps, 1, 1))
+    begins = may & (rng.random((maps, *cells)) < rng.uniform(0.0, 0.2, (maps, 1, 1)))
+    eight = np.ones((3, 3), dtype=bool)
+    expected = [binary_propagation(*each) for each in zip(begins, [eight] * maps, may, strict=True)]
+    pictures = {"input": np.where(may, 1.0, -1.0), "state": np.where(begins, 1.0, -1.0)}
+    for method in ("auto", WAVE.method):
+        result = fast.run(get_template("RECALL"), **pictures, method=method)
+        assert np.all(result.settled)
+        np.testing.assert_array_equal(result.output, np.where(expected, 1.0, -1.0), method)
 
 
 def test_columns_that_pads_cannot_share(fast, run):
