@@ -46,13 +46,19 @@ def page(results: Any) -> str:
         shown += [(" and ".join(pair), _phases(results, *pair)) for pair in pairs]
     parts = [section(n, f"s{n}", name, inside) for n, (name, inside) in enumerate(shown, 1)]
     here = Environment.here("")
-    sizes = " × ".join(f"{count} {name}" for name, count in results.sizes.items())
+    sizes = " × ".join(_size(str(name), count) for name, count in results.sizes.items())
     lead = paragraph(f"{sizes}. Each point is the mean over all other axes.", "lead")
     foot = paragraph(f"Written by “cnnum sweep --page” on {here.date}; {here.machine}.", "note")
     attributes = json.dumps({key: str(value) for key, value in results.attrs.items()})
     return document(
         f"Sweep of {results.attrs.get('template', '')}", lead, "".join(parts), foot, attributes
     )
+
+
+def _size(axis: str, count: int) -> str:
+    if axis == "draw":
+        return "1 draw" if count == 1 else f"{count} draws"
+    return f"1 value of {axis}" if count == 1 else f"{count} values of {axis}"
 
 
 def _lines(results: Any, axis: str) -> str:
@@ -62,12 +68,15 @@ def _lines(results: Any, axis: str) -> str:
 
     values = results[axis].values
     places = values if values.dtype.kind == "f" else np.arange(len(values))
-    panels, constant = list[str](), list[str]()
+    panels, constant, unknown = list[str](), list[str](), list[str]()
     for name, label in FIGURES:
         along = results[name].where(np.isfinite(results[name]))
         means = along.mean([other for other in along.dims if other != axis]).values
+        if bool(results[name].isnull().all()):
+            unknown.append(label)
+            continue
         if not np.isfinite(means).any():
-            constant.append(f"{label}: none of the runs has one")
+            constant.append(f"{label}: infinite everywhere")
             continue
         if np.nanmax(means) == np.nanmin(means):
             constant.append(f"{label}: {np.nanmin(means):.3g} everywhere")
@@ -81,6 +90,10 @@ def _lines(results: Any, axis: str) -> str:
         if values.dtype.kind != "f":
             plot.set_xticks(places, [str(value) for value in values])
         panels.append(f'<div class="plot">{inline_svg(figure, f"{label} along {axis}")}</div>')
+    if unknown:
+        constant.append(
+            f"{', '.join(unknown)}: not known, for the template's check ends before cells saturate"
+        )
     note = paragraph("; ".join(constant).capitalize() + ".", "note") if constant else ""
     return f'<div class="panels">{"".join(panels)}</div>{note}'
 
@@ -104,6 +117,7 @@ def _phases(results: Any, down: str, across: str) -> str:
             vmin=0.0,
             vmax=1.0,
             shading="nearest",
+            edgecolors="face",  # else viewers draw hairlines between the places
         )
         plot.set(xlabel=across, ylabel=down, title=dict(FIGURES)[name])
         figure.colorbar(drawn, ax=plot)
