@@ -24,15 +24,17 @@ from cnnum.graph.nodes import Graph, RunSpec, Transient
 from cnnum.graph.passes import schedule
 from cnnum.integrators.choice import check_spec, choose
 from cnnum.integrators.fusing import fuse
+from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
-from cnnum.runs.batches import run_batch
 from cnnum.runs.chip import Chip, chip_backend, run_on_chip
+from cnnum.runs.delays import by_halving, delay_of, frames_of, halved
 from cnnum.runs.graph import graph_of
 from cnnum.runs.linear_range import as_linear, stays_linear
-from cnnum.runs.prepared import Form, PreparedRun, form_of, prepared_run
+from cnnum.runs.many.batches import run_batch
+from cnnum.runs.prepared import Form, PreparedRuns, form_of, prepared_run
 from cnnum.runs.result import Result
 from cnnum.runs.settling import at_rest, saturated
 from cnnum.runs.single import finished, outputs_of, told
@@ -45,8 +47,6 @@ from cnnum.templating.template import Duration, Template
 
 NOTHING: Mapping[str, Any] = MappingProxyType({})
 ROLES = ("input", "previous", "state", "bias", "mask")
-MOST_PREPARED = 64
-"""Runs kept ready; each holds a template and a frame's arrays, so the oldest goes first."""
 
 
 class Engine:
@@ -86,7 +86,7 @@ class Engine:
         self._backend = opened(name, device, precision, fallback)
         self._fallback = fallback
         self._plans: dict[tuple[object, ...], Plan] = {}
-        self._prepared: dict[Form, PreparedRun] = {}
+        self._prepared = PreparedRuns()
         self._turn = RLock()
 
     @property
@@ -359,25 +359,22 @@ class Engine:
             if implicit is None or is_integer(self.precision):
                 raise
             return stiffly(self._run(template, given, shape, implicit, None))
-        if form is not None:
-            self._prepare(form, template, plan, given, exact=exact)
-        return told(finished(outputs, solver, template, linear=ran is not template), plan)
+        result = told(finished(outputs, solver, template, linear=ran is not template), plan)
+        halves = by_halving(ran, dt=spec.dt, settle=solver.settle) and self.name != "reference"
+        if isinstance(solver.scheme, FixedSteps) and halves and not is_integer(self.precision):
 
-    def _prepare(
-        self,
-        form: Form,
-        template: Template,
-        plan: Plan,
-        given: Mapping[str, np.ndarray],
-        *,
-        exact: bool,
-    ) -> None:
-        """Keep the parts that a run of the same form can share, if any."""
-        if (prepared := prepared_run(template, plan, given, exact=exact)) is not None:
-            with self._turn:
-                while len(self._prepared) >= MOST_PREPARED:
-                    self._prepared.pop(next(iter(self._prepared)))
-                self._prepared[form] = prepared
+            def finer(step: float, frames: NDArray[np.intp]) -> Result:
+                some = frames_of(given, lead, frames)
+                return self._run(template, some, shape, replace(spec, dt=step), None)
+
+            about = (delay_of(ran), (spec.rtol, spec.atol), self.precision, solver.scheme.step)
+            return halved(result, finer, *about)
+        if form is not None:
+            prepared = prepared_run(template, plan, given, exact=exact)
+            if prepared is not None:
+                with self._turn:
+                    self._prepared.keep(form, prepared)
+        return result
 
     def _plan_for(
         self,

@@ -68,8 +68,8 @@ def transient(
         Fixed-state mask: where it holds, the state keeps its value.
     weights : Field, optional
         A map whose first cells hold the numbers of each frame's own template, as
-        `cnnum.runs.lanes` packs them; those of the template say only where they are, and how fast
-        it may be.
+        `cnnum.runs.many.lanes` packs them; those of the template say only where they are, and how
+        fast it may be.
     spec : RunSpec, optional
         Duration, method and tolerances.
 

@@ -77,6 +77,10 @@ def form_of(
     return form
 
 
+MOST_PREPARED = 64
+"""Runs kept ready; each holds a template and a frame's arrays, so the oldest goes first."""
+
+
 class PreparedRun:
     """A plan with its arrays on the device, for one frame after the other.
 
@@ -134,6 +138,16 @@ class PreparedRun:
         if not all_finite(packed):
             self._plan.refuse_infinite(outputs)
         return told(result_of(outputs, 1, self._solver.method, self._solver.reason), self._plan)
+
+
+class PreparedRuns(dict[Form, PreparedRun]):
+    """Runs that are kept ready, by their form."""
+
+    def keep(self, form: Form, run: PreparedRun) -> None:
+        """Keep a run; the oldest goes where they are too many. One thread at a time."""
+        while len(self) >= MOST_PREPARED:
+            self.pop(next(iter(self)))
+        self[form] = run
 
 
 def prepared_run(

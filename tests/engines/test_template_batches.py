@@ -79,8 +79,9 @@ def test_every_number_of_a_template_can_be_its_own(engine):
 
 def alone(batch, **given):
     """Return the states of the templates one by one, at a tolerance far below those of lanes."""
-    exact = {} if batch.template.delayed else {"rtol": 1e-7, "atol": 1e-8}
-    return np.array([Engine("numba").run(one, **given, **exact).state for one in batch.templates()])
+    exact = Engine("numba", precision="float64")
+    fine = {"rtol": 1e-7, "atol": 1e-8}
+    return np.array([exact.run(one, **given, **fine).state for one in batch.templates()])
 
 
 def test_delays_and_their_weights_can_be_a_template_s_own(engine):
@@ -95,8 +96,9 @@ def test_delays_and_their_weights_can_be_a_template_s_own(engine):
     )
     found = engine.run(batch, input=pictures, previous=before)
     expected = alone(batch, input=pictures, previous=before)
-    # Heun's steps of 0.05 and less: (0.05)²/6 of third derivatives of about 1, in both runs
-    assert np.abs(found.state - expected).max() < 1e-3
+    # the tolerance of steps that are halved until they keep it, of states up to 2
+    assert np.abs(found.state - expected).max() < 2e-4
+    assert np.all(found.error >= np.abs(found.state - expected).max(axis=(1, 2)))
     assert found.state.std(axis=0).max() > 0.1
 
 

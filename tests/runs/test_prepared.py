@@ -124,7 +124,7 @@ def test_threads_take_turns(engine):
 
 
 def test_prepared_runs_do_not_pile_up(engine, monkeypatch):
-    from cnnum import engine as room
+    from cnnum.runs import prepared as room
 
     monkeypatch.setattr(room, "MOST_PREPARED", 2)
     template, picture = get_template("EDGE"), pictures(1)[0]

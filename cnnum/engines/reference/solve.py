@@ -86,8 +86,9 @@ def solve(template: Template, shape: tuple[int, int], solver: Solver, given: Giv
         )
         return Answer(*march(equation, solver, finer), math.inf)
     if template.delayed is not None:
-        return _by_stretches(equation, solver, template.delayed.delay)
-    return _integrate(equation, solver)
+        delay = template.delayed.delay
+        return _agreed(lambda precision: _by_stretches(equation, solver, delay, precision))
+    return _agreed(lambda precision: _to_the_end(equation, solver, precision))
 
 
 def instead(template: Template, solver: Solver) -> str:
@@ -149,7 +150,7 @@ def _stretch(
     time: float,
     length: float,
     past: Past | None,
-    precision: float = PRECISION,
+    precision: float,
 ) -> tuple[Floats, int, OdeSolution | None]:
     """Return the state after a stretch of time, the steps, and the dense output for delays."""
 
@@ -176,11 +177,11 @@ def _stretch(
     return solver.y.reshape(x.shape), len(times) - 1, dense
 
 
-def _integrate(equation: StateEquation, solver: Solver) -> Answer:
-    """Run to the end, to finer tolerances until two solutions agree."""
-    before, precision = _to_the_end(equation, solver, COARSER), PRECISION
+def _agreed(run: Callable[[float], Answer]) -> Answer:
+    """Return the answer of runs to finer tolerances, when two of them agree."""
+    before, precision = run(COARSER), PRECISION
     while True:
-        answer = _to_the_end(equation, solver, precision)
+        answer = run(precision)
         size = max(1.0, float(np.abs(answer.state).max()))
         off = float(np.abs(answer.state - before.state).max())
         if off <= AGREED * size or precision <= FINEST:
@@ -206,7 +207,10 @@ def _to_the_end(equation: StateEquation, solver: Solver, precision: float) -> An
     return answer
 
 
-def _by_stretches(equation: StateEquation, solver: Solver, delay: float) -> Answer:
+def _by_stretches(
+    equation: StateEquation, solver: Solver, delay: float, precision: float
+) -> Answer:
+    """Run to the end by the method of steps; to equilibrium until nothing moved for a delay."""
     answer = Answer(equation.start(), 0.0, 0, math.inf)
     first = equation.outputs(answer.state)
     dense: OdeSolution | None = None
@@ -221,7 +225,9 @@ def _by_stretches(equation: StateEquation, solver: Solver, delay: float) -> Answ
             return equation.outputs(np.asarray(before(t - delay)).reshape(first.shape))
 
         drive = fixed + equation.delayed_drive(before=answer.time < delay / 2)
-        x, steps, dense = _stretch(equation, drive, answer.state, answer.time, length, past)
+        x, steps, dense = _stretch(
+            equation, drive, answer.state, answer.time, length, past, precision
+        )
         answer = Answer(x, answer.time + length, answer.steps + steps, math.inf)
         if solver.settle and dense is not None and _still(dense, equation, solver, answer):
             break

@@ -42,8 +42,8 @@ def test_delayed_cell_follows_the_method_of_steps(engine):
     end = a + (1 - a) * np.exp(-1)
     s = 0.6
     expected = end * np.exp(-s) + a * (a * (1 - np.exp(-s)) + (1 - a) * s * np.exp(-s))
-    # Heun at h = 0.05: global error below h²/6 · |x'''| ≈ 4e-4 · 1.8
-    assert np.abs(got - expected).max() <= 8e-4
+    # the tolerance of a state of 0.2
+    assert np.abs(got - expected).max() <= 3e-5
 
 
 def test_delayed_wave_moves_one_cell_a_delay(engine):
@@ -54,8 +54,8 @@ def test_delayed_wave_moves_one_cell_a_delay(engine):
     # a chain of k + 1 decays, each a delay later: the incomplete gamma function
     cell = np.arange(6)
     expected = gammainc(cell + 1, np.maximum(12.5 - 4.0 * cell, 0.0))
-    # Heun at h = 0.05: h²/6 of each third derivative, which is below 1
-    assert np.abs(state - expected).max() <= 5e-4
+    # the tolerance of states up to 1
+    assert np.abs(state - expected).max() <= 1.1e-4
 
 
 def test_delayed_input_sees_what_was_before_the_start(engine):
@@ -65,10 +65,10 @@ def test_delayed_input_sees_what_was_before_the_start(engine):
     got = engine.run(template, input=now, previous=before).state
     at_two = -1.0 * (1 - np.exp(-2))
     expected = 0.5 + (at_two - 0.5) * np.exp(-1)
-    # Heun at h = 0.05, exact in the forcing: h²/6
-    assert np.abs(got - expected).max() <= 5e-4
+    # the tolerance of states up to 1
+    assert np.abs(got - expected).max() <= 1.1e-4
     alone = engine.run(template, input=now).state
-    assert np.abs(alone - 0.5 * (1 - np.exp(-3))).max() <= 5e-4
+    assert np.abs(alone - 0.5 * (1 - np.exp(-3))).max() <= 1.1e-4
 
 
 def test_delays_need_methods_that_keep_to_the_steps():

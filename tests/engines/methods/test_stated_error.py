@@ -91,7 +91,8 @@ def cases():
 def test_nothing_is_stated_of_what_no_estimate_follows(engines, label, case):
     template, engine = cases()[case], engines[label]
     u = np.random.default_rng(34).uniform(-1, 1, SHAPE)
-    for how in ({}, {} if case == "discrete" else {"dt": 0.1}):
+    asked = {"discrete": [{}], "late": [{"dt": 0.1}, {"dt": 0.05, "method": "euler"}]}
+    for how in asked.get(case, [{}, {"dt": 0.1}]):
         assert np.isinf(engine.run(template, input=u, **how).error)
     with pytest.raises(MethodError, match=r"^The error of .* is not followed: run template"):
         engine.run(template, input=u, estimate=True)

@@ -8,6 +8,8 @@ from cnnum.arrays import Floats
 from cnnum.engine import Engine
 from cnnum.lab.stability.cases.solving import integrated
 from cnnum.lab.stability.record import Case, Solved, states
+from cnnum.templating.checks.analytic.delays import by_steps
+from cnnum.templating.couplings import DelayedCoupling
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Template
 
@@ -24,6 +26,8 @@ def cases() -> Iterator[Case]:
     yield _subnormal()
     for batch in (1, 5, 40):
         yield _batch(batch)
+    for delay, strength in ((0.5, 3.0), (2.0, 1.5)):
+        yield _late(delay, strength)
     for seed in range(4):
         yield _network(seed)
 
@@ -133,6 +137,27 @@ def _batch(count: int) -> Case:
         2e-4,
         2e-4,
         "twice the tolerance: a batch may take other steps",
+    )
+
+
+def _late(delay: float, strength: float) -> Case:
+    """Cells that see the opposite of their past, exact by the method of steps."""
+    coupling = DelayedCoupling(delay, np.full((1, 1, 1, 1), -strength), np.zeros((1, 0, 1, 1)))
+    template = Template("echo", [[0.0]], output="linear", delayed=coupling, duration=6.0)
+    start = np.random.default_rng(8).uniform(-1.0, 1.0, (6, 7))
+
+    def truth() -> Floats:
+        return start * float(by_steps(np.array(-1.0), np.array(-strength), delay, 6.0))
+
+    return Case(
+        f"late-{delay:g}",
+        "precision",
+        f"cells that each see {-strength:g} times their state of {delay:g} time constants ago",
+        lambda engine: states(engine.run(template, state=start, rtol=1e-5, atol=1e-6)),
+        truth,
+        1.1e-5 * max(1.0, float(np.abs(truth()).max())),
+        1.1e-5 * max(1.0, float(np.abs(truth()).max())),
+        "the tolerance, of steps that are halved until they keep it",
     )
 
 

@@ -1,19 +1,25 @@
 """Runs of many templates at once: as lanes of one launch, or one after the other."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cnnum.arrays import Shape
 from cnnum.errors import ArrayError, NotSupportedError
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
-from cnnum.runs.lanes import Maps, Plans, fits_lanes, run_lanes
+from cnnum.runs.delays import by_halving, delay_of, halved
+from cnnum.runs.many.lanes import Maps, Plans, fits_lanes, run_lanes
 from cnnum.runs.result import Result
 from cnnum.templating.batch import TemplateBatch
 
 OWN_NUMBERS = "opencl"
 """The engine whose lanes can have numbers of their own."""
+
+PARTS = ("output", "state", "time", "steps", "settled", "error")
+"""Of a result, with an axis of frames."""
 
 ALL = ("input", "previous", "state", "bias", "mask")
 
@@ -67,10 +73,35 @@ def run_batch(
     }
     options = {key: value for key, value in asked.items() if key not in ("force", "estimate", "at")}
     if engine == OWN_NUMBERS and fits_lanes(batch, shape, options):
-        found = run_lanes(batch, lead, flat, shape, options, plans, precision)
+        result = _in_lanes(batch, lead, flat, shape, options, plans, precision)
     else:
-        found = _one_by_one(batch, lead, flat, options, one)
-    return _shaped(_joined(found), lead)
+        result = _joined(_one_by_one(batch, lead, flat, options, one))
+    return _shaped(result, lead)
+
+
+def _in_lanes(
+    batch: TemplateBatch,
+    lead: tuple[int, ...],
+    maps: Maps,
+    shape: Shape,
+    asked: Mapping[str, Any],
+    plans: Plans,
+    precision: str,
+) -> Result:
+    """Run all frames side by side; with a delay in shorter steps until the tolerance is kept."""
+
+    def run(dt: float | None) -> Result:
+        return _joined(run_lanes(batch, lead, maps, shape, {**asked, "dt": dt}, plans, precision))
+
+    def finer(step: float, frames: NDArray[np.intp]) -> Result:
+        found = run(step)
+        return replace(found, **{name: getattr(found, name)[frames] for name in PARTS})
+
+    first, template = run(asked["dt"]), batch.template
+    duration = template.duration if asked["duration"] is None else asked["duration"]
+    if not by_halving(template, dt=asked["dt"], settle=duration == "settle"):
+        return first
+    return halved(first, finer, delay_of(template), (asked["rtol"], asked["atol"]), precision)
 
 
 def _one_by_one(
@@ -104,8 +135,7 @@ def _joined(parts: list[tuple[NDArray[np.intp], Result]]) -> Result:
         values = [np.asarray(getattr(result, name)) for _, result in parts]
         return np.concatenate(values)[order]
 
-    names = ("output", "state", "time", "steps", "settled", "error")
-    return Result(**{name: put(name) for name in names}, method=first.method, reason=first.reason)
+    return Result(**{name: put(name) for name in PARTS}, method=first.method, reason=first.reason)
 
 
 def _shaped(result: Result, lead: tuple[int, ...]) -> Result:
@@ -115,5 +145,4 @@ def _shaped(result: Result, lead: tuple[int, ...]) -> Result:
         value = np.asarray(getattr(result, name))
         return value.reshape(*lead, *value.shape[1:])
 
-    names = ("output", "state", "time", "steps", "settled", "error")
-    return Result(**{name: of(name) for name in names}, method=result.method, reason=result.reason)
+    return Result(**{name: of(name) for name in PARTS}, method=result.method, reason=result.reason)

@@ -16,7 +16,7 @@ from cnnum.graph.nodes import RunSpec
 from cnnum.integrators.tableau import BOGACKI_SHAMPINE, TABLEAUX
 from cnnum.plan import Plan
 from cnnum.runs.arguments import as_frame, channels_and_lead
-from cnnum.runs.lane_rates import fastest, growth
+from cnnum.runs.many.lane_rates import fastest, growth
 from cnnum.runs.result import Result, result_of
 from cnnum.runs.single import told
 from cnnum.templating.batch import TemplateBatch

@@ -1,0 +1,190 @@
+"""Runs with a delay to a tolerance: steps are halved until two runs agree.
+
+A delay is a whole number of steps, so that no step has a length of its own, and none has an error
+estimate. Heun's method is of order 2, also where an output has a corner: a step that jumps over it
+is off by O(h²). The second of two runs, in steps of half the length, is off by d / (r − 1): d is
+their difference, and r by how much that fell since the two runs before (Richardson; Hairer, Nørsett
+& Wanner, Solving ODEs I, section II.4). Four times that is stated, and half the tolerance asked of
+it.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cnnum.arrays import Floats
+from cnnum.errors import SizeError
+from cnnum.integrators.estimate import LOST
+from cnnum.integrators.schemes import MAX_STEPS
+from cnnum.integrators.tableau import TABLEAUX
+from cnnum.runs.result import Result
+from cnnum.templating.reads import jumps
+from cnnum.templating.template import Template
+
+MAPS = ("output", "state")
+PARTS = (*MAPS, "time", "steps", "settled")
+
+MOST_HALVINGS = 10
+"""Steps are no shorter than this power of a half of the first."""
+
+SAFETY = 4.0
+"""Of an error that is known from differences: corners of an output make these irregular."""
+
+GOAL = 0.5
+"""Part of the tolerance at which such an error is taken for small enough."""
+
+LEAST_FALL = 2.0
+"""Taken for r where a difference falls by less, as roundings and chaos do, or is the first."""
+
+PATIENCE = 2
+"""Halvings in a row which lessen the error of no frame that goes on: it has its best run."""
+
+MOST_KEPT = 2**26
+"""Numbers of a frame that the steps of a delay keep, half a gigabyte in double precision."""
+
+REASON = "halved until two runs agree within the tolerance"
+
+Maps = Mapping[str, NDArray[np.floating]]
+Run = Callable[[float, NDArray[np.intp]], Result]
+"""Runs some of a batch's frames in steps of that length; results have one axis of frames."""
+
+
+def by_halving(template: Template, *, dt: float | None, settle: bool) -> bool:
+    """Return whether a run's steps follow its tolerance by halving: a delay, and no step given.
+
+    Parameters
+    ----------
+    template : Template
+    dt : float or None
+        That was asked for.
+    settle : bool
+        It ends where rates are small, which steps of any length find.
+    """
+    return template.delayed is not None and dt is None and not settle and not jumps(template)
+
+
+def delay_of(template: Template) -> float:
+    """Return the delay of a template that has one, in time constants."""
+    assert template.delayed is not None
+    return template.delayed.delay
+
+
+def frames_of(
+    given: Maps, lead: tuple[int, ...], frames: NDArray[np.intp]
+) -> dict[str, NDArray[np.floating]]:
+    """Return the maps of some frames of a batch, (frames, maps, rows, cols) by role."""
+    return {
+        role: np.broadcast_to(maps, (*lead, *maps.shape[-3:])).reshape(-1, *maps.shape[-3:])[frames]
+        for role, maps in given.items()
+    }
+
+
+def halved(
+    first: Result,
+    run: Run,
+    delay: float,
+    tolerances: tuple[float, float],
+    precision: str,
+    step: float | None = None,
+) -> Result:
+    """Return a run whose frames are within the tolerance, each in steps as long as it may have.
+
+    Parameters
+    ----------
+    first : Result
+        In the longest steps.
+    run : callable
+        Runs frames in shorter ones.
+    delay : float
+    tolerances : (rtol, atol)
+    precision : str
+        Of the engine.
+    step : float, optional
+        Of the first run; it is its time over its steps unless given.
+
+    Returns
+    -------
+    Result
+        Errors are those of the best run of each frame. They may be above the tolerance where
+        roundings grow, and where steps would be more than `MAX_STEPS` or keep too many outputs.
+    """
+    count = int(first.steps.max(initial=0))
+    if not count:
+        return replace(first, error=np.zeros_like(first.error))
+    if step is None:
+        step = float(np.max(first.time)) / count
+    order = TABLEAUX[first.method].order
+    found = _Frames(first, tolerances, 2.0**order, float(np.finfo(precision).eps))
+    waiting = np.arange(found.count)
+    room = min(MAX_STEPS / count, MOST_KEPT / (delay / step * found.states))
+    for _ in range(min(MOST_HALVINGS, int(np.log2(max(room, 1.0))))):
+        step *= 0.5
+        try:
+            waiting = found.take(waiting, run(step, waiting))
+        except SizeError:  # the outputs that steps keep fill the memory: the error says the rest
+            break
+        if not len(waiting):
+            break
+    return found.result(f"{first.reason}; {REASON}")
+
+
+class _Frames:
+    """The frames of a batch in one row, each by its best run."""
+
+    def __init__(
+        self, first: Result, tolerances: tuple[float, float], most: float, eps: float
+    ) -> None:
+        self._first, self._most, self._eps = first, most, eps
+        self._rtol, self._atol = tolerances
+        self._inner = first.state.ndim - first.settled.ndim
+        self.count = max(first.settled.size, 1)
+        self._found = {name: self._flat(first, name) for name in PARTS}
+        self._last = np.array(self._found["state"], dtype=np.float64)
+        self._differed = np.full(self.count, np.inf)
+        self._error = np.full(self.count, np.inf)
+        self._failed = np.zeros(self.count, dtype=int)
+        self.states = self._last[0].size
+
+    def _flat(self, result: Result, name: str) -> NDArray[np.generic]:
+        value = np.array(getattr(result, name))
+        inner = value.shape[value.ndim - self._inner :] if name in MAPS else ()
+        return value.reshape(self.count, *inner)
+
+    def take(self, frames: NDArray[np.intp], finer: Result) -> NDArray[np.intp]:
+        """Take frames' states from a run in steps of half the length; return those that go on."""
+        state = np.asarray(finer.state, dtype=np.float64)
+        axes, size = tuple(range(1, state.ndim)), np.abs(state)
+        off = np.abs(state - self._last[frames])
+        far = np.max(off / (self._atol + self._rtol * size), axis=axes, initial=0.0)
+        largest = off.max(axis=axes, initial=0.0)
+        share = self._share(largest, frames)
+        # the roundings of steps add up like those of a walk at random
+        rounding = self._eps * np.sqrt(finer.steps) * size.max(axis=axes, initial=0.0)
+        error = SAFETY * share * largest + rounding
+        better = error < self._error[frames]
+        for name in PARTS:
+            self._found[name][frames[better]] = getattr(finer, name)[better]
+        self._error[frames[better]] = error[better]
+        self._failed[frames] = np.where(better, 0, self._failed[frames] + 1)
+        self._last[frames], self._differed[frames] = state, largest
+        on: NDArray[np.bool_] = (share * far > GOAL) & (self._failed[frames] < PATIENCE)
+        return np.asarray(frames[on], dtype=np.intp)
+
+    def _share(self, largest: Floats, frames: NDArray[np.intp]) -> Floats:
+        """Return the errors as shares of the differences."""
+        before = self._differed[frames]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            fell = np.where(np.isfinite(before), before / largest, LEAST_FALL)
+        return np.asarray(1.0 / (np.clip(fell, LEAST_FALL, self._most) - 1.0), dtype=np.float64)
+
+    def result(self, reason: str) -> Result:
+        """Return the result of all frames."""
+        first, error = self._first, np.where(self._error < LOST, self._error, np.inf)
+        shaped: dict[str, Any] = {
+            name: value.reshape(np.shape(getattr(first, name)))
+            for name, value in {**self._found, "error": error}.items()
+        }
+        return replace(first, **shaped, reason=reason)
