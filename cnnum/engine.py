@@ -1,11 +1,10 @@
 """The engine as users see it: it runs single templates and compiles programs."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from threading import RLock
-from types import MappingProxyType
 from typing import Any, cast
 
 import numpy as np
@@ -13,39 +12,31 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Shape
 from cnnum.embedded.formats import is_integer
-from cnnum.embedded.lowering.solvers import whole_solver
-from cnnum.engines.backend import Backend
 from cnnum.engines.fallback import opened
-from cnnum.engines.support import FUSING
 from cnnum.engines.whole.ranges import measuring
 from cnnum.errors import MethodError, ProgramError
 from cnnum.frame import FORCE_AXES
-from cnnum.graph.nodes import Graph, RunSpec, Transient
-from cnnum.graph.passes import schedule
-from cnnum.integrators.choice import check_spec, choose
-from cnnum.integrators.fusing import fuse
+from cnnum.graph.nodes import RunSpec
+from cnnum.integrators.choice import check_spec
 from cnnum.integrators.schemes import FixedSteps
-from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.chip import Chip, chip_backend, run_on_chip
 from cnnum.runs.delays import by_halving, delay_of, frames_of, halved
-from cnnum.runs.graph import graph_of
 from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.many.batches import run_batch
+from cnnum.runs.planning import graph_of, plan_of
 from cnnum.runs.prepared import Form, PreparedRuns, form_of, prepared_run
 from cnnum.runs.result import Result
 from cnnum.runs.settling import at_rest, saturated
-from cnnum.runs.single import finished, outputs_of, told
-from cnnum.runs.stiff import implicit_spec, on_host, refuse_hopeless, stiffly
+from cnnum.runs.single import finished, outputs_of, with_fallback
+from cnnum.runs.stiff import implicit_spec, refuse_hopeless, stiffly
 from cnnum.runs.times import checked_times, run_at
-from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.library import by_name
 from cnnum.templating.template import Duration, Template
 
-NOTHING: Mapping[str, Any] = MappingProxyType({})
 ROLES = ("input", "previous", "state", "bias", "mask")
 
 
@@ -175,41 +166,8 @@ class Engine:
         backend = self._backend if chip is None else chip_backend(chip, self.name, self.precision)
         if like is not None:
             backend = measuring(backend, like, (*graph.shape, len(channels)))
-        return self._build(program.name, graph, channels, needs, asked, backend)
-
-    def _build(
-        self,
-        name: str,
-        graph: Graph,
-        channels: Sequence[str],
-        needs: Sequence[str] | None,
-        asked: Mapping[str, Any] = NOTHING,
-        backend: Backend | None = None,
-    ) -> Plan:
-        backend, whole = backend or self._backend, is_integer(self.precision)
-        thinned = schedule(graph, channels, needs)
-        maps = len(thinned.channels_read) + sum(not n.scalar for n in thinned.outputs.values())
-        refuse_on_host("A frame and its results", graph.shape, 8 * maps)
-
-        def chosen_for(transient: Transient) -> Solver:
-            wanted = replace(transient, spec=replace(transient.spec, **asked))
-            return (whole_solver if whole else choose)(wanted, graph.shape)
-
-        chosen = {
-            operation: backend.told(operation.template, chosen_for(operation))
-            for operation in {node.operation for node in thinned.transients}
-            if isinstance(operation, Transient)
-        }
-        solvers = {
-            node.index: chosen[node.operation]
-            for node in thinned.transients
-            if isinstance(node.operation, Transient)
-        }
-        if self.name != "reference" and (host := on_host(name, thinned, solvers)) is not None:
-            return host
-        built = fuse(thinned, solvers) if self.name in FUSING and not whole else thinned
-        about = (name, self.name, self.device, self.precision)
-        return Plan(*about, thinned, built, solvers, backend.build(built, solvers), backend)
+        about = (program.name, graph, channels, needs)
+        return plan_of(*about, self._backend, backend=backend, asked=asked)
 
     def run(
         self,
@@ -359,7 +317,8 @@ class Engine:
             if implicit is None or is_integer(self.precision):
                 raise
             return stiffly(self._run(template, given, shape, implicit, None))
-        result = told(finished(outputs, solver, template, linear=ran is not template), plan)
+        result = finished(outputs, solver, template, linear=ran is not template)
+        result = with_fallback(result, plan)
         halves = by_halving(ran, dt=spec.dt, settle=solver.settle) and self.name != "reference"
         if isinstance(solver.scheme, FixedSteps) and halves and not is_integer(self.precision):
 
@@ -390,7 +349,7 @@ class Engine:
             with self._turn:
                 plan = self._plans.get(key)
                 if plan is None:
-                    plan = self._plans[key] = self._build(
-                        template.name, graph_of(template, shape, names, spec), names, None
-                    )
+                    graph = graph_of(template, shape, names, spec)
+                    plan = plan_of(template.name, graph, names, None, self._backend)
+                    self._plans[key] = plan
         return plan

@@ -167,7 +167,7 @@ class Backend(Protocol):
         """One of "float32", "float64", "q15", "q7" and so on."""
         ...
 
-    def told(self, template: Template, solver: Solver) -> Solver:
+    def explained(self, template: Template, solver: Solver) -> Solver:
         """Return the solver with a reason that also names this engine's own method."""
         ...
 

@@ -67,9 +67,9 @@ class FallbackBackend:
                 self._host = open_backend(self.behind, None, self.first.precision)
             return self._host
 
-    def told(self, template: Template, solver: Solver) -> Solver:
+    def explained(self, template: Template, solver: Solver) -> Solver:
         """Return the solver with a reason that also names the engine's own method."""
-        return self.first.told(template, solver)
+        return self.first.explained(template, solver)
 
     def build(self, schedule: Schedule, solvers: Solvers) -> Executable:
         """Return the schedule ready to run."""

@@ -4,7 +4,8 @@ from collections.abc import Iterable, Sequence
 
 from cnnum.errors import ProgramError, name_error
 from cnnum.graph.cost import node_flops
-from cnnum.graph.nodes import Apply, Constant, Graph, Input, Loop, Node, Read, Reduce, Transient
+from cnnum.graph.graph import Graph
+from cnnum.graph.nodes import Apply, Constant, Input, Loop, Node, Read, Reduce, Transient
 from cnnum.graph.schedule import LeftOut, Schedule, everything
 
 

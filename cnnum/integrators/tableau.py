@@ -199,8 +199,8 @@ class ButcherTableau:
             Fraction(1, factorial(q + 1)) - sum(b * growth[i][q] for i, b in enumerate(self.b))
             for q in range(self.stages)
         ]
-        told = [growth[q][q] != 0 for q in range(self.stages)]
-        return tuple(self._row_of(q, gap, growth) for q, gap in enumerate(gaps) if gap and told[q])
+        shows = [growth[q][q] != 0 for q in range(self.stages)]
+        return tuple(self._row_of(q, gap, growth) for q, gap in enumerate(gaps) if gap and shows[q])
 
     def _stage_polynomials(self) -> list[list[Fraction]]:
         """Return the coefficients of K_i(z) = 1 + z Σ_j a_ij K_j(z), lowest power first."""

@@ -180,21 +180,21 @@ class Pages:
 
     async def show(self) -> None:
         """Send the newest picture 60 times a second, events at once, and a status twice."""
-        hub, shown, told = self._feed.hub, None, self._feed.hub.count
+        hub, shown, sent = self._feed.hub, None, self._feed.hub.count
         loop = asyncio.get_running_loop()
         due, count = loop.time(), 0
         while True:
             due = max(due + 1.0 / PICTURES, loop.time())
             await asyncio.sleep(due - loop.time())
-            shown, told = self._once(hub, shown, told, with_status=count % 30 == 0)
+            shown, sent = self._once(hub, shown, sent, with_status=count % 30 == 0)
             count += 1
 
     def _once(
-        self, hub: Hub, shown: FrameResult | None, told: int, *, with_status: bool
+        self, hub: Hub, shown: FrameResult | None, sent: int, *, with_status: bool
     ) -> tuple[FrameResult | None, int]:
-        told, events = hub.events_since(told)
+        sent, events = hub.events_since(sent)
         if not self._open:
-            return shown, told
+            return shown, sent
         if events:
             self._send(json.dumps({"kind": "events", "events": events}), always=True)
         shown, picture = hub.picture(shown)
@@ -203,7 +203,7 @@ class Pages:
             self._send(picture)
         if with_status:
             self._send(json.dumps({**hub.status(), "late": self.late}))
-        return shown, told
+        return shown, sent
 
     def _send(self, message: str | bytes, *, always: bool = False) -> None:
         """Send to every page that keeps up."""

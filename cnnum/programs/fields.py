@@ -8,7 +8,8 @@ import numpy as np
 from cnnum.arrays import finite
 from cnnum.errors import ArrayError, ProgramError
 from cnnum.graph import elementwise as op
-from cnnum.graph.nodes import ConstantMap, Graph, Node
+from cnnum.graph.graph import Graph
+from cnnum.graph.nodes import ConstantMap, Node
 
 
 class Field:

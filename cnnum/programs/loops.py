@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from numbers import Integral
 
 from cnnum.errors import ProgramError
-from cnnum.graph.nodes import Graph, Loop, Node, Parameter, Pick
+from cnnum.graph.graph import Graph
+from cnnum.graph.nodes import Loop, Node, Parameter, Pick
 from cnnum.graph.passes import reached
 from cnnum.programs.fields import Field, as_field, graph_of
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum.errors import ProgramError
-from cnnum.graph.nodes import Graph, Node, Pick, RunSpec, Transient
+from cnnum.graph.graph import Graph
+from cnnum.graph.nodes import Node, Pick, RunSpec, Transient
 from cnnum.programs.fields import Field, as_field, graph_of, maximum, minimum
 from cnnum.templating.template import Duration, Template
 

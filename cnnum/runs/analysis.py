@@ -18,8 +18,8 @@ from cnnum.integrators.rosenbrock import IMPLICIT_METHODS
 from cnnum.integrators.spectrum import EIGENVALUE_LIMIT, Spectrum, spectrum
 from cnnum.integrators.stability import METHODS, StabilityBound, stability_bound
 from cnnum.programs import Program
-from cnnum.runs.graph import graph_of
 from cnnum.runs.linear_range import as_linear
+from cnnum.runs.planning import graph_of
 from cnnum.safety.values import expect
 from cnnum.templating.library import by_name
 from cnnum.templating.network import Network

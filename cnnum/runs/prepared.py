@@ -17,7 +17,7 @@ from cnnum.plan import Plan
 from cnnum.runs.linear_range import may_stay_linear
 from cnnum.runs.raw_pictures import LEAST_SQUARES, ROLES, refuse_grey_levels
 from cnnum.runs.result import Result, result_of
-from cnnum.runs.single import told
+from cnnum.runs.single import with_fallback
 from cnnum.templating.template import Template
 
 Form = tuple[object, ...]
@@ -137,7 +137,9 @@ class PreparedRun:
             packed = self._one.packed
         if not all_finite(packed):
             self._plan.refuse_infinite(outputs)
-        return told(result_of(outputs, 1, self._solver.method, self._solver.reason), self._plan)
+        return with_fallback(
+            result_of(outputs, 1, self._solver.method, self._solver.reason), self._plan
+        )
 
 
 class PreparedRuns(dict[Form, PreparedRun]):

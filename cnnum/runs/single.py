@@ -10,7 +10,7 @@ from cnnum.integrators.estimate import LOST
 from cnnum.integrators.solver import Solver
 from cnnum.plan import Plan
 from cnnum.runs.arguments import as_frame, has_many_cells
-from cnnum.runs.graph import output_names
+from cnnum.runs.planning import output_names
 from cnnum.runs.result import Result, result_of
 from cnnum.templating.template import Template
 
@@ -55,6 +55,6 @@ def finished(
     return result_of(outputs, template.layers, solver.method, reason)
 
 
-def told(result: Result, plan: Plan) -> Result:
+def with_fallback(result: Result, plan: Plan) -> Result:
     """Return a result that also says on which engine it ran if not on the plan's own."""
     return replace(result, reason=f"{result.reason}; {plan.fallen}") if plan.fallen else result

@@ -22,7 +22,8 @@ def several(maps):
 def networks(draw):
     """A random linear template with all that it can be given, contracting: errors do not grow."""
     layers, inputs = draw(st.integers(1, 3)), draw(st.integers(0, 2))
-    radius = draw(st.integers(0, 2))
+    # three layers of 5×5 weights are 225 couplings: seconds of every compiler, and nothing new
+    radius = draw(st.integers(0, 2 if layers < 3 else 1))
     shape = (draw(st.integers(1, 9)), draw(st.integers(1, 9)))
     rng = np.random.default_rng(draw(st.integers(0, 2**32)))
     k = 2 * radius + 1

@@ -108,7 +108,7 @@ def test_places_that_cannot_be_used(faults, tmp_path):
         left = list(folder.glob("temporary/*"))
         return lost(done, SUM, wanted) or (f"left behind {left}" if left else "")
 
-    on_two_cores(faults, list(itertools.product(PLACES, ENGINES)), trial, short=6)
+    on_two_cores(faults, list(itertools.product(PLACES, ENGINES)), trial, short=4)
 
 
 def test_files_that_cannot_grow(faults, tmp_path):

@@ -12,7 +12,6 @@ ROOMS = ("cnnum", "drivers", "templates", "docs")
 BANNED = re.compile(r"\b(besides?|so many|so much|tells?|told|nobody|can not)\b", re.IGNORECASE)
 
 ALLOWED = {
-    "cnnum/engines/opencl/large_arrays/strip_adaptive.py": {"tell", "told"},  # fields, described
     "cnnum/live/hub.py": {"told"},  # a parameter, and a key that pages read
     "cnnum/lab/stability/cases/extreme.py": {"beside"},  # in a case's name, which users select by
 }

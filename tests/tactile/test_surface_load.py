@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from cnnum.engine import Engine
 from cnnum.errors import ProgramError
 from cnnum.lab.bench.programs import load_errors
 from cnnum.lab.bench.programs.halfspace_runs import inverse
@@ -98,9 +99,9 @@ def test_several_contacts_come_back_at_once(fast, rounds):
 
 def test_no_drag_exceeds_friction(fast):
     load, strain = two_contacts()
-    free, _ = answer(fast, strain, friction=10.0)
+    free, _ = answer(fast, strain)  # as in other tests, whose kernel is there
     held, _ = answer(fast, strain, friction=0.2)
-    for found, friction in ((free, 10.0), (held, 0.2)):
+    for found, friction in ((free, 1.0), (held, 0.2)):
         drag = np.hypot(found[..., 0], found[..., 1])
         # float32: the bound is divided by the drag, which it then scales
         assert (drag <= friction * found[..., 2] * (1 + 1e-6)).all()
@@ -111,8 +112,10 @@ def test_no_drag_exceeds_friction(fast):
 def test_rounding_decides_about_no_load(fast):
     """Strains of order 1, ten thousand times the noise: the worst frames for cells that switch."""
     frames = np.random.default_rng(0).normal(size=(1024, 8, 8, 3))
-    plan = fast.compile(surface_load.bind(), (8, 8), list(NAMES))
-    fused, stepped = plan(frames), plan.unfused()(frames)
+    fused = fast.compile(surface_load.bind(), (8, 8))(frames)
+    # on the host: the kernel of all steps takes OpenCL's compiler longer than all else here
+    host = Engine("numba", precision=fast.precision)
+    stepped = host.compile(surface_load.bind(), (8, 8)).unfused()(frames)
     for name in NAMES:
         # the bench finds 1.1e-4 in a thousand frames: float32 times the gain of the inverse
         assert np.abs(fused[name] - stepped[name]).max() <= 5e-4 * np.abs(stepped[name]).max()
@@ -190,7 +193,9 @@ def dense(network, shape):
 
 def test_one_round_halves_the_error(fast):
     """Contacts anywhere on 16×16 taxels; see `python -m cnnum.lab.bench.programs.load_errors`."""
-    none, one = (load_errors.measure(fast, 1e-4, rounds, count=40) for rounds in (0, 1))
+    none, one = (
+        load_errors.measure(fast, 1e-4, rounds, count=40, timed=False) for rounds in (0, 1)
+    )
     assert one.rms < 0.5 * none.rms
     assert abs(one.height - 1.0) < abs(none.height - 1.0)
     # 0.9 of all pressure is found, and edges lose a tenth of it

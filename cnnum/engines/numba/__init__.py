@@ -40,7 +40,7 @@ class NumbaBackend:
         """The device in words."""
         return f"{cores()} core(s) of the host"
 
-    def told(self, template: Template, solver: Solver) -> Solver:
+    def explained(self, template: Template, solver: Solver) -> Solver:
         """Return the solver as it is: its scheme runs."""
         return solver
 

@@ -43,7 +43,7 @@ class OpenCLBackend:
         """The device in words."""
         return self._device.label
 
-    def told(self, template: Template, solver: Solver) -> Solver:
+    def explained(self, template: Template, solver: Solver) -> Solver:
         """Return the solver as it is: its scheme runs."""
         return solver
 

@@ -180,7 +180,7 @@ class ReferenceBackend:
         if not (precision is None or str(precision) == "float64"):
             raise name_error("precision", str(precision), ("float64",))
 
-    def told(self, template: Template, solver: Solver) -> Solver:
+    def explained(self, template: Template, solver: Solver) -> Solver:
         """Return the solver, whose reason says where it is solved finely instead."""
         words = instead(template, solver)
         return replace(solver, reason=f"{solver.reason}; here {words}") if words else solver

@@ -47,7 +47,7 @@ class WholeBackend:
         """As the user says it."""
         return self.kind.name
 
-    def told(self, template: Template, solver: Solver) -> Solver:
+    def explained(self, template: Template, solver: Solver) -> Solver:
         """Return the solver as it is: its scheme runs."""
         return solver
 

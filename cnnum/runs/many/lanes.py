@@ -18,7 +18,7 @@ from cnnum.plan import Plan
 from cnnum.runs.arguments import as_frame, channels_and_lead
 from cnnum.runs.many.lane_rates import fastest, growth
 from cnnum.runs.result import Result, result_of
-from cnnum.runs.single import told
+from cnnum.runs.single import with_fallback
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.batch_parts import LADDER, Parts, inner, own_parts, stand_ins
 from cnnum.templating.couplings import DelayedCoupling
@@ -106,7 +106,7 @@ def _launch(
     outputs = plan.run_finite(as_frame(given, lead, np.dtype(precision)))
     (solver,) = plan.solvers.values()
     reason = f"templates side by side in lanes; {solver.reason}"
-    return told(result_of(outputs, template.layers, solver.method, reason), plan)
+    return with_fallback(result_of(outputs, template.layers, solver.method, reason), plan)
 
 
 def _given(template: Template, numbers: Parts, maps: Maps, shape: Shape) -> Maps:

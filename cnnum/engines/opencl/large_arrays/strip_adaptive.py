@@ -47,8 +47,8 @@ def pair_attempts(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
         rest=_first_rates(rows, "strip_k0"),
         end=f"(x[{rows.at(CONTROL_ARRAY)} + {MOVED}] != 0 ? {rows.at('strip_xs')} : 0)",
     )
-    tell = [ir.Assign(CONTROLS[LENGTH], H), ir.Assign(CONTROLS[BEGINS], TIME)]
-    attempt = _attempt(rows, own, stages, tell, None)
+    settings = [ir.Assign(CONTROLS[LENGTH], H), ir.Assign(CONTROLS[BEGINS], TIME)]
+    attempt = _attempt(rows, own, stages, settings, None)
     return replace(
         attempt,
         begin=[ir.Assign(CONTROLS[MOVED], ir.ZERO), *attempt.begin],
@@ -77,7 +77,7 @@ def chebyshev_attempts(text: TransientBuilder, table: int) -> Attempt:
     )
     row = text.tables.number_at(ir.Integer(table) + STAGES * size + AT)
     next_row = ir.Assign(CONTROLS[ir.Integer(ROWS) + AT], row)
-    tell: list[ir.Statement] = [
+    settings: list[ir.Statement] = [
         ir.Assign(CONTROLS[STEP], H),
         ir.Assign(CONTROLS[STAGES_AT], ir.Cast("real", STAGES)),
         # a loop of this kind is no sweep, which would be a launch of its own
@@ -85,7 +85,7 @@ def chebyshev_attempts(text: TransientBuilder, table: int) -> Attempt:
         ir.While(AT < size, (next_row, ir.Assign(AT, ir.Integer(1), "+="))),
         ir.fixed(LEVELS, STAGES + 1, of="int"),
     ]
-    attempt = _attempt(rows, own, MAX_STAGES + 1, tell, LEVELS)
+    attempt = _attempt(rows, own, MAX_STAGES + 1, settings, LEVELS)
     begin = [
         ir.Assign(CONTROLS[place], ir.real(n)) for n, place in enumerate((STATE, RATES, EVEN, ODD))
     ]
@@ -125,7 +125,11 @@ def _first_rates(rows: Rows, array: str) -> list[str]:
 
 
 def _attempt(
-    rows: Rows, own: StripText, levels: int, tell: Sequence[ir.Statement], told: ir.Name | None
+    rows: Rows,
+    own: StripText,
+    levels: int,
+    settings: Sequence[ir.Statement],
+    counted: ir.Name | None,
 ) -> Attempt:
     """Return the statements of steps, and keep their kernel with the tables.
 
@@ -135,9 +139,9 @@ def _attempt(
     own : StripText
     levels : int
         Of a step, at most.
-    tell : sequence of Statement
+    settings : sequence of Statement
         Statements that set the control before each step.
-    told : Name or None
+    counted : Name or None
         The number of the plan's body that says how many levels a frame takes.
     """
     most, width, maxima = rows.size[1], rows.layout.width, rows.at(MAXIMA_ARRAY)
@@ -157,7 +161,7 @@ def _attempt(
     strips = strip_kernel(rows, own, levels)
     return Attempt(
         begin=[ir.StripSteps(replace(strips, count=0, ends=False))],
-        stages=[*tell, ir.StripSteps(replace(strips, begins=False, ends=False), told)],
+        stages=[*settings, ir.StripSteps(replace(strips, begins=False, ends=False), counted)],
         judge=_gathered(each),
         advance=[],
         end=[ir.StripSteps(replace(strips, count=0, begins=False))],

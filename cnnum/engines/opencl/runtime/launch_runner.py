@@ -144,10 +144,10 @@ class _Run:
         """Return the levels of the frame that takes most."""
         if steps.levels is None:
             return steps.strips.count
-        told = self._register(steps.levels)
+        taken = self._register(steps.levels)
         if steps.guard is not None:
-            told = told[self._register(steps.guard) != 0]
-        return int(told.max(initial=0))
+            taken = taken[self._register(steps.guard) != 0]
+        return int(taken.max(initial=0))
 
     def _phase(self, steps: Steps, pieces: int, phase: int, done: int, count: int) -> None:
         kernel = self.plan.kernel(steps.strips.kernel)
