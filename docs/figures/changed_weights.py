@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,9 @@ def stage(template: Template, entry: Entry, engine: Engine) -> int:
     """Return how many of the stages a changed template passes, in their order."""
     assert entry.measured is not None
     known = replace(entry.measured, digest=template.digest)
-    ways = ({}, {"measured": known}, {"measured": known, "thorough": True})
+    ways: tuple[dict[str, Any], ...] = (
+        {}, {"measured": known}, {"measured": known, "thorough": True},
+    )  # fmt: skip
     for number, way in enumerate(ways):
         try:
             if not run_check(template, engine, repeats=0, **way).passed:
@@ -82,7 +85,8 @@ def main() -> None:
                 given.out.mkdir(parents=True, exist_ok=True)
                 path = given.out / f"{name}_{label}.toml"
                 save_entry(replace(entry, template=template), path)
-                write_measured(path, entry.measured)
+                if entry.measured is not None:
+                    write_measured(path, entry.measured)
     total = passed.total()
     print(f"{total} templates with one number times {given.by:g}; of them pass")
     for number, text in enumerate(STAGES, 1):

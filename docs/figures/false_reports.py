@@ -41,8 +41,8 @@ def main() -> None:
     for rate, level in TWIST:
         known = {"false_reports": rate}
         run = partial(side_by_side, engine, get_program("twist"), ("twist",), constants=known)
-        pairs = zip(trials, in_batches(trials, run), strict=True)
-        false = sum(len(runs((one["twist"] > 0) & t.scored)) for t, one in pairs)
+        turns = zip(trials, in_batches(trials, run), strict=True)
+        false = sum(len(runs((one["twist"] > 0) & t.scored)) for t, one in turns)
         print(f"twist {level:.2f}: {per_ten_minutes(false, seconds):.2f} in ten minutes")
 
 

@@ -6,7 +6,7 @@ array, and their change over 80 ms; the mean over the cells is the strength. Eac
 """
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -19,15 +19,20 @@ from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.judged_programs import Answers, in_batches, side_by_side
 from cnnum.lab.scoring.trial import Trial
-from cnnum.templates.tactile.twist import twist
+from cnnum.programs import program
+from cnnum.programs.fields import Field
+from cnnum.programs.machine import FrameFields
+from cnnum.templates.tactile.shared.recent_loads import RecentLoads
+from cnnum.templates.tactile.twist import APART, read_outs
 from cnnum.templating.template import Template
-from docs.figures.learned_weights import PHYSICAL, READS, shows, strength
+from docs.figures.learned_weights import PHYSICAL, READS, strength
+from docs.figures.learned_weights import shows as slip_shows
 
 SEEDS, FRAMES = (1, 2), 60
 """Scenes of a family, and frames of each that are learned from."""
 
-TURNS, LOOK = "twist_strength", 0.08
-"""Of the program `twist`; how long ago maps are compared with, s."""
+TURNS, LOOK = ("turned", "apart"), 0.08
+"""Signs of the program `twist`; how long ago maps are compared with, s."""
 
 MAPS = (1, 60)
 """Restarts and iterations of maps, whose runs take a hundred times as long."""
@@ -66,11 +71,35 @@ JOBS = {
     "maps": replace(SLIP, reads=()),
     "twist": Job(
         ("twist", "twist, layer", "twist, bumps", "twist, real taxels", "constant speed", "grip"),
-        (*READS, TURNS),
+        (*READS, *TURNS),
         lambda trial: np.abs(trial.sense).astype(np.float64),
-        lambda reads: np.where(reads[TURNS] > reads["ratio"], reads[TURNS], 0.0),
+        lambda reads: turn_strength(reads),
     ),
 }
+
+
+@program
+def twist_shows(
+    frame: FrameFields,
+    *,
+    push: float = -1.0,
+    shear_gain: float = 1.0,
+    pads: int = 1,
+    rate: float = 200.0,
+) -> Mapping[str, Field]:
+    """The fields that `twist` decides by, either sense alike."""
+    recent = frame.once(
+        RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=0.4, look=0.08,
+        floor=240.0,
+    )  # fmt: skip
+    signs = read_outs(frame, recent=recent, still=0.25)
+    return recent.shown(turned=abs(signs["turned"]), apart=signs["apart"])
+
+
+def turn_strength(reads: Answers) -> Floats:
+    """Return the strength that `twist` holds against its level."""
+    counts = reads["turned"] > reads["ratio"] + APART * reads["apart"]
+    return np.asarray(np.where(counts, reads["turned"], 0.0))
 
 
 def area(scores: Floats, hits: Floats) -> float:
@@ -81,10 +110,10 @@ def area(scores: Floats, hits: Floats) -> float:
 
 
 def read(engine: Engine, trials: Sequence[Trial]) -> list[Answers]:
-    """Return the read-outs of slip and the strength of twist of each trial."""
+    """Return the read-outs of slip and of twist of each trial."""
     both = (
-        in_batches(trials, partial(side_by_side, engine, shows, READS)),
-        in_batches(trials, partial(side_by_side, engine, twist, (TURNS,))),
+        in_batches(trials, partial(side_by_side, engine, slip_shows, READS)),
+        in_batches(trials, partial(side_by_side, engine, twist_shows, TURNS)),
     )
     return [{**slips, **turns} for slips, turns in zip(*both, strict=True)]
 
@@ -93,12 +122,14 @@ def seen(job: Job, trial: Trial, reads: Answers) -> Floats:
     """Return the inputs of every frame, (frames, inputs, rows, cols)."""
     if job.reads:
         values = np.stack([reads[name] for name in job.reads], axis=1)
-        return np.log(np.maximum(values, 0.0) + 1e-3)[:, :, np.newaxis, np.newaxis]
+        logs: Floats = np.log(np.maximum(values, 0.0) + 1e-3)
+        return logs[:, :, np.newaxis, np.newaxis]
     maps = np.moveaxis(trial.frames.astype(np.float64), -1, 1)
     late = max(1, round(LOOK * trial.rate))
     past = np.concatenate([np.repeat(maps[:1], late, axis=0), maps[:-late]])
     load = np.abs(maps[:, 2]).mean(axis=(1, 2))[:, np.newaxis, np.newaxis, np.newaxis] + 1e-9
-    return np.concatenate([maps, maps - past], axis=1) / load
+    both: Floats = np.concatenate([maps, maps - past], axis=1)
+    return np.asarray(both / load)
 
 
 def taught(inputs: Floats, hits: Floats) -> tuple[Template, Callable[[Floats], Floats]]:
@@ -108,7 +139,7 @@ def taught(inputs: Floats, hits: Floats) -> tuple[Template, Callable[[Floats], F
     width = inputs.std(axes, keepdims=True) + 1e-9
 
     def scaled(values: Floats) -> Floats:
-        return (values - middle) / width
+        return np.asarray((values - middle) / width)
 
     shape, size = (len(inputs), *inputs.shape[2:]), min(3, inputs.shape[-1])
     form = untied("event", inputs=inputs.shape[1], size=size, output="tanh", duration=2.0)

@@ -75,7 +75,8 @@ class Traced:
 
     def memory(self, name: str) -> list[Node]:
         """Return a memory's value by name, and its next value."""
-        found = [m for m in self.graph.memories.values() if m.read.operation.name == name]
+        reads = [(memory.read.operation, memory) for memory in self.graph.memories.values()]
+        found = [m for read, m in reads if isinstance(read, Read) and read.name == name]
         return [node for memory in found for node in (memory.read, memory.store)]
 
     def held(self, fields: Iterable[Field]) -> list[Node]:

@@ -45,7 +45,8 @@ def played() -> tuple[Any, Any, dict[str, Any], dict[str, Any]]:
     stream = Engine("numba").compile(both, strain.shape[1:3]).stream()
     outputs = [stream.push(frame) for frame in strain[..., :3].astype(np.float32)]
     names = ("slip", "twist_slip", "incipient")
-    truth = {name: np.array([frame.truth[name] for frame in frames]) for name in names}
+    truths = [frame.truth for frame in frames if frame.truth is not None]
+    truth = {name: np.array([each[name] for each in truths]) for name in names}
     got = {name: np.array([float(each[name]) for each in outputs]) for name in outputs[0]}
     return np.array([frame.time for frame in frames]), strain, truth, got
 

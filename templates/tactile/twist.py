@@ -54,8 +54,23 @@ def twist(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=rest, look=look,
         floor=floor,
     )  # fmt: skip
-    # templates
+    shows = frame.once(read_outs, recent=recent, still=still)
     weight = recent.z * recent.z
+    row, column = ((weight * place).sum() / weight.sum() for place in (frame.row, frame.column))
+    # decision
+    strength, turned = abs(shows["turned"]), shows["turned"]
+    counts = where(strength > recent.ratio + APART * shows["apart"], strength, 0.0)
+    flag = recent.latch(counts, level_of(false_reports, TWIST), hold_time)
+    return {
+        "twist": flag,
+        "twist_sense": where(flag, where(turned > 0.0, 1.0, -1.0), 0.0),
+        **recent.shown(twist_strength=strength, twist_row=row, twist_column=column),
+    }
+
+
+def read_outs(frame: FrameFields, *, recent: RecentLoads, still: float) -> dict[str, Field]:
+    """Return the signs of twist, of the pad that turns most."""
+    # templates
     curl, divergence = (
         apply(get_template(f"shear_{name}"), input=recent.shear) for name in ("curl", "divergence")
     )
@@ -66,18 +81,10 @@ def twist(
     changes = recent.jolt > still
     turns = [_since(recent, "curl", each, changes) for each in curls]
     opens = [abs(_since(recent, "divergence", each, changes)) for each in parts]
-    row, column = ((weight * place).sum() / weight.sum() for place in (frame.row, frame.column))
-    # decision
-    strength, turned, apart = most(
+    _, turned, apart = most(
         [(abs(turn), turn, each) for turn, each in zip(turns, opens, strict=True)]
     )
-    counts = where(strength > recent.ratio + APART * apart, strength, 0.0)
-    flag = recent.latch(counts, level_of(false_reports, TWIST), hold_time)
-    return {
-        "twist": flag,
-        "twist_sense": where(flag, where(turned > 0.0, 1.0, -1.0), 0.0),
-        **recent.shown(twist_strength=strength, twist_row=row, twist_column=column),
-    }
+    return {"turned": turned, "apart": apart}
 
 
 def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:
