@@ -158,7 +158,8 @@ def _timed(
     """Return the call of a launch of that number of steps."""
     if case.own:
         maps = np.asarray(batch[..., 0], dtype=np.float64)
-        return partial(run_of(engine, case.template, maps, STEP, own=True), steps)
+        weights = drawn(case.template, case.batch)
+        return partial(run_of(engine, case.template, maps, STEP, weights), steps)
     return partial(_plan(engine, case, steps), batch)
 
 
@@ -206,12 +207,15 @@ def _measure(
 def _outputs(engine: Engine, case: ThroughputCase, batch: NDArray[np.floating]) -> Floats:
     if case.own:
         maps = np.asarray(batch[..., 0], dtype=np.float64)
-        return run_of(engine, case.template, maps, STEP, own=True)(STEPS)[:, np.newaxis]
+        weights = drawn(case.template, case.batch)
+        # the reference runs the first and the last frame alone, with their own templates
+        weights = weights if len(maps) == case.batch else weights[[0, -1]]
+        return run_of(engine, case.template, maps, STEP, weights)(STEPS)[:, np.newaxis]
     return np.stack(list(_plan(engine, case, STEPS)(batch).values()), axis=1)
 
 
 def run_of(
-    engine: Engine, template: Template, maps: Floats, step: float, *, own: bool
+    engine: Engine, template: Template, maps: Floats, step: float, weights: Floats | None = None
 ) -> Callable[[int], Floats]:
     """Return a function of the number of steps that runs frames, with a template each or one.
 
@@ -223,14 +227,15 @@ def run_of(
         Inputs and initial states.
     step : float
         Of Euler's method, in time constants.
-    own : bool
+    weights : (frames, ...) float, optional
+        A of each frame's own template; all have one unless given.
     """
-    batch = TemplateBatch(template, drawn(template, len(maps)))
+    given = template if weights is None else TemplateBatch(template, weights)
 
     def run(steps: int) -> Floats:
         length = steps * step
         return engine.run(
-            batch if own else template,
+            given,
             input=maps,
             state=maps,
             duration=length,
@@ -254,7 +259,8 @@ def rate_beside_one(
 
     It is that of the steps alone: the time of more steps in the same launch.
     """
-    own, one = (run_of(engine, template, maps, step, own=each) for each in (True, False))
+    each = drawn(template, len(maps))
+    own, one = (run_of(engine, template, maps, step, weights) for weights in (each, None))
     for run in (own, one):
         run(steps)
         run(3 * steps)

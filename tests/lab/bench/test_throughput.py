@@ -102,3 +102,12 @@ def test_a_run_that_is_stopped_shows_the_rows_it_has(opencl, peaks, capsys):
     assert [row["case"] for row in rows] == ["case 0", "case 1"]
     assert {row["peak_flops"] for row in rows} == {3e11}
     assert "stopped" in omissions["omissions"][-1]
+
+
+def test_frames_with_a_template_each_are_compared_with_their_own(opencl, peaks):
+    peaks(1e11, 1e11)
+    case = throughput.ThroughputCase("own", (8, 8), 16, 1, 8, throughput.FULL, own=True)
+    ((row,),) = throughput.measure_throughput(opencl, quick=True, cases=(case,))
+    # twenty steps of float32; another frame's template is a percent off, and 1e-4 to 1e-3 away
+    assert row.error < 1e-5
+    assert row.beside_one_template > 0.0
