@@ -174,9 +174,9 @@ def _race(
     quick: bool,
 ) -> PeerRun:
     run = peer.load()
-    # a peer that compiles does so now, not while it is timed
-    run(replace(race.work, duration=2.0 * race.work.step))
     work = _sharpened(race, truth, peer, run)
+    # a peer that compiles does so now, not while it is timed
+    run(work if peer.whole else replace(work, duration=2.0 * work.step))
 
     def theirs() -> NDArray[np.floating]:
         for _ in range(race.pictures - 1):

@@ -30,6 +30,8 @@ class Peer:
         On large arrays a run takes seconds.
     extra : str
         That installs the package.
+    whole : bool
+        It compiles for every number of steps: the whole work warms it, not a few steps.
     """
 
     name: str
@@ -38,6 +40,7 @@ class Peer:
     fixed: bool = True
     slow: bool = False
     extra: str = "peers"
+    whole: bool = False
 
     def load(self) -> Run:
         """Return its function.
@@ -67,6 +70,7 @@ PEERS = (
     Peer("OpenCV filter2D", "opencv-python-headless", "opencv_steps"),
     Peer("Numba stencil", "numba", "numba_stencil"),
     Peer("JAX", "jax", "jax_steps", extra="race"),
+    Peer("CAX", "cax", "cax_steps", slow=True, extra="race", whole=True),
     Peer("Taichi", "taichi", "taichi_steps", extra="race"),
     Peer("convolve2d + vode", "scipy", "vode", fixed=False, slow=True),
 )
