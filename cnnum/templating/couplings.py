@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, finite, frozen
-from cnnum.errors import TemplateError
+from cnnum.errors import NotSupportedError, TemplateError
 from cnnum.safety.values import is_real
 from cnnum.templating.function_tables import Table
+from cnnum.templating.pair_functions import PairFunction
 
 Quantity = Literal["x", "y", "u"]
 """State, output or input of a cell."""
@@ -57,7 +58,8 @@ class NonlinearCoupling:
     ----------
     weights : (k, k) float
         Correlation weights; 1 where a template file has the function's letter.
-    function : Table
+    function : Table or PairFunction
+        A `PairFunction` sees both quantities as they are, so it needs a centre and no flags.
     neighbour : "x", "y" or "u"
         y for a nonlinear A, u for a nonlinear B; any of them in a generalised D.
     centre : "x", "y", "u" or None
@@ -73,7 +75,7 @@ class NonlinearCoupling:
     """
 
     weights: Floats
-    function: Table
+    function: Table | PairFunction
     neighbour: Quantity
     centre: Quantity | None = None
     times_argument: bool = False
@@ -89,6 +91,28 @@ class NonlinearCoupling:
                 raise TemplateError(f"A coupling reads 'x', 'y' or 'u', got {quantity!r:.60}.")
         for part in ("to", "source", "centre_source"):
             object.__setattr__(self, part, place(part, getattr(self, part)))
+        flags = self.times_argument or self.reversed_sign
+        if isinstance(self.function, PairFunction) and (self.centre is None or flags):
+            raise TemplateError(
+                f"The function '{self.function.name}' reads a centre and a neighbour as they are: "
+                "give the coupling a centre, and neither times_argument nor reversed_sign."
+            )
+
+    @property
+    def table(self) -> Table:
+        """The function, where it is a table.
+
+        Raises
+        ------
+        NotSupportedError
+            If it is a function of two cells, which files and tables of numbers cannot hold.
+        """
+        if isinstance(self.function, Table):
+            return self.function
+        raise NotSupportedError(
+            f"The function '{self.function.name}' of two cells is no table, and template files "
+            "hold tables alone: keep the template in Python."
+        )
 
     @property
     def sign(self) -> float:
@@ -97,6 +121,8 @@ class NonlinearCoupling:
 
     def value(self, centre: Floats, neighbour: Floats) -> Floats:
         """Return f of the argument (times it, where that is asked for)."""
+        if isinstance(self.function, PairFunction):
+            return self.function.numpy(centre, neighbour)
         argument = neighbour if self.centre is None else self.sign * (centre - neighbour)
         f = self.function(argument)
         return f * argument if self.times_argument else f
@@ -105,7 +131,8 @@ class NonlinearCoupling:
     def physics(self) -> tuple[object, ...]:
         """All that changes a run."""
         flags = (self.neighbour, self.centre, self.times_argument, self.reversed_sign)
-        return (self.weights, self.function, flags, self.to, self.source, self.centre_source)
+        function = self.function if isinstance(self.function, Table) else self.function.physics
+        return (self.weights, function, flags, self.to, self.source, self.centre_source)
 
     @property
     def static(self) -> bool:
@@ -115,7 +142,8 @@ class NonlinearCoupling:
     @property
     def jumps(self) -> bool:
         """Whether it makes the rates of the cells jump as their states change."""
-        return self.function.interpolation == "constant" and not self.static
+        steps = isinstance(self.function, Table) and self.function.interpolation == "constant"
+        return steps and not self.static
 
     @property
     def stiffness(self) -> float:
@@ -125,6 +153,8 @@ class NonlinearCoupling:
         """
         if self.static:
             return 0.0
+        if isinstance(self.function, PairFunction):
+            return self.function.slope * float(np.abs(self.weights).sum())
         slope = self.function.steepest
         if self.times_argument:
             reach = max(abs(v) for v, _ in self.function.points)

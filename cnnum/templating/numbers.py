@@ -34,7 +34,8 @@ def weights_of(template: Template) -> dict[str, Floats]:
 
 def numbers_of(template: Template) -> dict[str, Floats]:
     """Return all weights, and the values of function tables, "table 1", and of gains, "gain 1"."""
-    tables = {f"table {n}": c.function for n, c in enumerate(template.nonlinear, 1)}
+    functions = {f"table {n}": c.function for n, c in enumerate(template.nonlinear, 1)}
+    tables = {name: each for name, each in functions.items() if isinstance(each, Table)}
     tables |= {f"gain {n}": gain.table for n, gain in enumerate(template.gains, 1)}
     return weights_of(template) | {name: _values(table) for name, table in tables.items()}
 
@@ -66,11 +67,11 @@ def with_numbers(template: Template, numbers: Numbers) -> Template:
 
 
 def _coupled(coupling: NonlinearCoupling, n: int, numbers: Numbers) -> NonlinearCoupling:
-    return replace(
-        coupling,
-        weights=numbers.get(f"coupling {n}", coupling.weights),
-        function=_tabled(coupling.function, numbers.get(f"table {n}")),
-    )
+    function = coupling.function
+    if isinstance(function, Table):
+        function = _tabled(function, numbers.get(f"table {n}"))
+    weights = numbers.get(f"coupling {n}", coupling.weights)
+    return replace(coupling, weights=weights, function=function)
 
 
 def _values(table: Table) -> Floats:

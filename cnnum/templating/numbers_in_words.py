@@ -22,7 +22,7 @@ def matrices(template: Template) -> list[tuple[str, Floats]]:
 
 def functions(template: Template) -> list[tuple[str, str]]:
     """Return each function of a nonlinear coupling or gain by its name, in words."""
-    found = [(f"f{n}", _steps(each.function)) for n, each in enumerate(template.nonlinear, 1)]
+    found = [(f"f{n}", _function(each)) for n, each in enumerate(template.nonlinear, 1)]
     return found + [
         (f"gain of A[{gain.to}, {gain.source}] in time", _steps(gain.table))
         for gain in template.gains
@@ -55,6 +55,13 @@ def _argument(coupling: NonlinearCoupling) -> str:
     own = f"{coupling.centre} of the cell"
     ends = (near, own) if coupling.reversed_sign else (own, near)
     return " - ".join(ends) + (") times its argument" if coupling.times_argument else ")")
+
+
+def _function(coupling: NonlinearCoupling) -> str:
+    function = coupling.function
+    if isinstance(function, Table):
+        return _steps(function)
+    return f"{function.opencl}, c of the cell and n of the neighbour"
 
 
 def _steps(table: Table) -> str:

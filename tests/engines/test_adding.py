@@ -5,10 +5,15 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from cnnum.errors import NotSupportedError, TemplateError
 from cnnum.integrators import choice, schemes, stability
 from cnnum.integrators.exponential import FollowedStep
 from cnnum.integrators.tableau import ButcherTableau
+from cnnum.templating.couplings import NonlinearCoupling
+from cnnum.templating.files import save_template
+from cnnum.templating.numbers import numbers_of
 from cnnum.templating.output_functions import OutputFunction
+from cnnum.templating.pair_functions import PairFunction
 from cnnum.templating.template import Template
 
 ENGINES = ["opencl-float64", "numba-float64", "reference"]
@@ -112,3 +117,68 @@ def test_a_runge_kutta_method_is_one_record(engines, label, monkeypatch):
         for dt in (0.1, 0.05)
     ]
     assert 6.5 <= errors[0] / errors[1] <= 9.5
+
+
+SHUNT = PairFunction("shunt", lambda c, n: c * n, "c * n", slope=4.0)
+"""A shunting synapse: a neighbour's output is a conductance, and the state what it acts on."""
+
+BELOW = PairFunction(
+    "below", lambda c, n: np.where(n > c, np.exp(-n * n), c), "PICK(n > c, exp(-n * n), c)", 2.0
+)
+WEIGHTS = np.random.default_rng(9).normal(size=(2, 3, 3)) * 0.1
+
+
+def coupled():
+    """Two couplings that move, one of inputs alone, and linear ones."""
+    return Template(
+        "own", [[0.3]], [[1.0]], 0.1, boundary=0.2, input_boundary=-0.5, initial=0.0, duration=1.0,
+        nonlinear=[
+            NonlinearCoupling(WEIGHTS[0], SHUNT, "y", "x"),
+            NonlinearCoupling(WEIGHTS[1], BELOW, "x", "u"),
+            NonlinearCoupling(WEIGHTS[0], BELOW, "u", "u"),
+        ],
+    )  # fmt: skip
+
+
+def euler(u, dt, steps):
+    """Euler's steps of those cells as their definition says: no engine has a part in it."""
+    x = np.zeros_like(u)
+    for _ in range(steps):
+        y = np.clip(x, -1.0, 1.0)
+        rate = -x + 0.3 * y + u + 0.1
+        for row, col in np.ndindex(3, 3):
+            near = np.s_[row : row + u.shape[0], col : col + u.shape[1]]
+            xn, yn = (np.pad(v, 1, constant_values=0.2)[near] for v in (x, y))
+            un = np.pad(u, 1, constant_values=-0.5)[near]
+            rate += WEIGHTS[0, row, col] * x * yn
+            rate += WEIGHTS[1, row, col] * np.where(xn > u, np.exp(-xn * xn), u)
+            rate += WEIGHTS[0, row, col] * np.where(un > u, np.exp(-un * un), u)
+        x = x + dt * rate
+    return x
+
+
+@pytest.mark.parametrize("label", ENGINES)
+@pytest.mark.parametrize("shape", [(6, 7), (20, 33)])
+def test_a_coupling_kind_is_one_record(engines, label, shape):
+    """50 of Euler's steps in float64, of numbers of order 1."""
+    u = np.random.default_rng(10).uniform(-1, 1, shape)
+    got = engines[label].run(coupled(), input=u, method="euler", dt=0.02)
+    assert np.abs(got.state - euler(u, 0.02, 50)).max() <= 1e-12
+
+
+@pytest.mark.parametrize("name", ["own.toml", "own.tem", "own.m"])
+def test_a_coupling_kind_of_ones_own_bounds_steps_and_stays_in_python(tmp_path, name):
+    """A slope of 4 and weights of 1 leave less than half of the step of a cell alone."""
+    alone = Template("own", [[0.0]])
+    own = Template("own", [[0.0]], nonlinear=[NonlinearCoupling([[1.0]], SHUNT, "y", "x")])
+    bounds = [stability.stability_bound("euler", each, (4, 4)).step for each in (alone, own)]
+    assert bounds[1] < 0.5 * bounds[0]
+    assert "coupling 1" in numbers_of(own)
+    assert "table 1" not in numbers_of(own)
+    with pytest.raises(NotSupportedError, match=r"is no table|centre less neighbour"):
+        save_template(own, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+    with pytest.raises(TemplateError, match="give the coupling a centre"):
+        NonlinearCoupling([[1.0]], SHUNT, "y")
+    with pytest.raises(TemplateError, match="must be one expression of c, n"):
+        PairFunction("one", np.multiply, "c + 1", 1.0)

@@ -159,8 +159,8 @@ def _record(template: "Template") -> dict[str, object]:
 def _coupling(coupling: "NonlinearCoupling") -> dict[str, object]:
     return {
         "weights": coupling.weights.tolist(),
-        "interpolation": coupling.function.interpolation,
-        "points": coupling.function.points,
+        "interpolation": coupling.table.interpolation,
+        "points": coupling.table.points,
         "neighbour": coupling.neighbour,
         "centre": coupling.centre,
         "times_argument": coupling.times_argument,

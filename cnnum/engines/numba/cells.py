@@ -78,8 +78,8 @@ def _holds(what: Any, a: Any, b: Any) -> Any:
 
 
 @compiled
-def interpret(steps: Any, state: Reals, output: Reals) -> None:
-    """Set y = f(x) by the rows of an expression."""
+def interpret(steps: Any, state: Reals, centre: Reals, output: Reals) -> None:
+    """Set y = f(x), or f of a centre and a neighbour x, by the rows of an expression."""
     stack: Any = np.zeros((len(steps), state.size), state.dtype)
     top = -1
     for step in range(len(steps)):
@@ -87,7 +87,10 @@ def interpret(steps: Any, state: Reals, output: Reals) -> None:
         if what <= codes.TAKE_NUMBER:
             top += 1
             for i in range(state.size):
-                stack[top, i] = state[i] if what == codes.TAKE_STATE else steps[step, 1]
+                if what == codes.TAKE_NUMBER:
+                    stack[top, i] = steps[step, 1]
+                else:
+                    stack[top, i] = state[i] if what == codes.TAKE_STATE else centre[i]
         elif what <= codes.REAL:
             for i in range(state.size):
                 stack[top, i] = _of_one(what, stack[top, i])
@@ -115,7 +118,7 @@ def interpret(steps: Any, state: Reals, output: Reals) -> None:
 def show(plan: Plan, state: Reals, output: Reals) -> None:
     """Set y = f(x) of the plan's own function."""
     if plan.settings[0].response == codes.EXPRESSION:
-        interpret(plan.formula, state, output)
+        interpret(plan.formula, state, state, output)
     else:
         respond(plan.settings[0].response, state, output)
 
@@ -173,6 +176,12 @@ def bend(plan: Plan, kind: Any, work: Reals, layer: Any, start: Any, total: Real
         neighbours = work[tap.neighbour, start + tap.offset :]
         alone = tap.centre == codes.NOTHING
         centres = work[0 if alone else tap.centre, start + tap.centre_offset :]
+        if tap.operations > 0:
+            steps = plan.pairs[tap.begin : tap.begin + tap.operations]
+            values = np.empty(total.size, total.dtype)
+            interpret(steps, neighbours[: total.size], centres[: total.size], values)
+            add(weight, values, total)
+            continue
         for i in range(total.size):
             v = neighbours[i] if alone else sign * (centres[i] - neighbours[i])
             value = weight * look_up(plan, tap.table, v)

@@ -71,6 +71,9 @@ TAP = np.dtype(
         ("sign", "f8"),
         ("times", "i8"),
         ("table", "i8"),
+        # of a function of two cells: where its operations begin, and their number; else 0
+        ("begin", "i8"),
+        ("operations", "i8"),
     ]
 )
 """One weight of a template."""
@@ -105,6 +108,8 @@ class Plan(NamedTuple):
         In row s · most + j back1, back2, rate and start of stage j of s.
     formula : (operations, 2) float64
         An output function without a compiled form, as `codes` names them; else none.
+    pairs : (operations, 2) float64
+        The functions of two cells that couplings have, one after the other.
     """
 
     settings: Any
@@ -118,6 +123,7 @@ class Plan(NamedTuple):
     bands: Ints
     chebyshev: Reals
     formula: NDArray[np.float64]
+    pairs: NDArray[np.float64]
 
 
 class Batch(NamedTuple):

@@ -13,6 +13,7 @@ from cnnum.engines.numba.layout import Layout
 from cnnum.engines.numba.records import GAIN, TABLE, TAP, Ints, Real, Reals
 from cnnum.templating.couplings import NonlinearCoupling
 from cnnum.templating.function_tables import Table
+from cnnum.templating.pair_functions import PairFunction
 from cnnum.templating.template import Template
 
 _QUANTITIES = {"x": codes.MOVED, "y": codes.OUTPUT, "u": codes.INPUT, None: codes.NOTHING}
@@ -30,6 +31,7 @@ class Couplings:
     layers : int
     taps : list of (kind, layer, fields of a TAP)
     tables : list of Table
+    pairs : list of PairFunction
     """
 
     layout: Layout
@@ -38,6 +40,7 @@ class Couplings:
         default_factory=list[tuple[int, int, dict[str, Any]]]
     )
     tables: list[Table] = field(default_factory=list[Table])
+    pairs: list[PairFunction] = field(default_factory=list[PairFunction])
 
     def linear(self, kind: int, kernels: Floats) -> None:
         """Add A or B, or a delayed one."""
@@ -53,7 +56,7 @@ class Couplings:
 
     def nonlinear(self, coupling: NonlinearCoupling) -> None:
         """Add a nonlinear coupling."""
-        reach, table = coupling.weights.shape[0] // 2, self.table(coupling.function)
+        reach, function = coupling.weights.shape[0] // 2, self._function(coupling.function)
         kind = codes.STILL if coupling.static else codes.MOVING
         for row, col in np.argwhere(coupling.weights).tolist():
             tap = {
@@ -64,9 +67,18 @@ class Couplings:
                 "centre_offset": self._offset(coupling.centre_source, 0, 0),
                 "sign": coupling.sign,
                 "times": coupling.times_argument,
-                "table": table,
+                **function,
             }
             self.taps.append((kind, coupling.to, tap))
+
+    def _function(self, function: Table | PairFunction) -> dict[str, int]:
+        """Return the fields of a tap that say its function."""
+        if isinstance(function, Table):
+            return {"table": self.table(function)}
+        own = len(_operations(function, np.dtype(np.float64)))
+        before = sum(len(_operations(each, np.dtype(np.float64))) for each in self.pairs)
+        self.pairs.append(function)
+        return {"begin": before, "operations": own}
 
     def table(self, table: Table) -> int:
         """Return the place of a function table."""
@@ -94,6 +106,15 @@ class Couplings:
         return packed(TABLE, tables), np.ascontiguousarray(
             np.array(points).reshape(-1, 2).T, dtype=dtype
         )
+
+    def packed_pairs(self, dtype: Real) -> NDArray[np.float64]:
+        """Return the operations of all functions of two cells."""
+        return np.concatenate([np.zeros((0, 2)), *(_operations(f, dtype) for f in self.pairs)])
+
+
+def _operations(function: PairFunction, dtype: Real) -> NDArray[np.float64]:
+    variables = {"n": codes.TAKE_STATE, "c": codes.TAKE_CENTRE}
+    return codes.operations(function.opencl, dtype, variables)
 
 
 def packed(kind: np.dtype[Any], records: Iterator[dict[str, Any]] | list[Any]) -> NDArray[Any]:

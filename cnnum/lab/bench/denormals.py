@@ -37,9 +37,9 @@ class Denormals:
     spread : float
         Of the first, s.
     error, ordinary_error : float
-        Largest difference of both results from the reference engine's, over the largest of
-        the latter. Next to zero it is 1 where a device takes denormals as 0, up to 2 where an
-        output is -1 for nothing (places of edges), and anything above where steps follow an
+        Largest difference of both results from the reference engine's, over the largest of the
+        latter. Next to zero it is 1 where a device takes denormals as 0. It is up to 2 where an
+        output is -1 for nothing (places of edges). It is anything above where steps follow an
         absolute tolerance: both are of a truth that is almost nothing.
     absolute_error : float or None
         The same difference next to zero as it is, against an absolute tolerance of 1e-5 where steps

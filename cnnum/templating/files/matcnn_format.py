@@ -137,7 +137,7 @@ def _text(matrix: Floats) -> str:
 
 
 def _table(coupling: NonlinearCoupling, kind: str) -> str:
-    table = coupling.function
+    table = coupling.table
     points = [number for point in table.points for number in point]
     words = [int(table.interpolation == "linear"), len(table.points), *points]
     if kind == "D":

@@ -124,7 +124,7 @@ def _nonlinear(
 
 def _scaled(coupling: NonlinearCoupling, weight: float) -> Table:
     """Return the function times the weight, of centre less neighbour."""
-    table = coupling.function
+    table = coupling.table
     points = [(v, weight * f) for v, f in table.points]
     if coupling.reversed_sign:
         flip = -1.0 if coupling.times_argument else 1.0
@@ -142,7 +142,7 @@ def _refuse(template: Template) -> None:
         "an input boundary of its own": template.input_boundary != template.boundary,
         f"the output '{template.output.name}'": template.output.name not in ("standard", "sign"),
         "a stepped function of neighbour less centre": any(
-            c.function.interpolation == "constant" for c in steps
+            c.table.interpolation == "constant" for c in steps
         ),
         "a coupling of x without a centre": any(
             c.neighbour == "x" and c.centre is None for c in template.nonlinear

@@ -75,7 +75,7 @@ def _nonlinear(coupling: NonlinearCoupling) -> dict[str, str]:
         "times_argument": yes_or_no(coupling.times_argument),
         "reversed_sign": yes_or_no(coupling.reversed_sign),
         "weights": rows(coupling.weights),
-        **_function(coupling.function),
+        **_function(coupling.table),
     }
     return parts if coupling.centre is None else {**parts, "centre": quoted(coupling.centre)}
 

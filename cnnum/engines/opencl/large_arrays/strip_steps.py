@@ -20,13 +20,19 @@ from cnnum.engines.opencl.transients.feedforward import LATER, W
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
 from cnnum.engines.opencl.transients.step_control import STEPS, Figures
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps, Stages, stages_of
+from cnnum.templating.function_tables import Table
 
 Steps = FixedSteps | AdaptiveSteps | ChebyshevSteps
 
 
 def strips_fit(text: TransientBuilder, scheme: Steps) -> bool:
     """Return whether steps of a scheme can be taken strip by strip."""
-    return lanes_fit(text) and text.template.output.name in SHOWN and _repeats(scheme)
+    template = text.template
+    # other functions, of outputs or of couplings, have no form for vectors
+    known = template.output.name in SHOWN and all(
+        isinstance(coupling.function, Table) for coupling in template.nonlinear
+    )
+    return known and lanes_fit(text) and _repeats(scheme)
 
 
 def _repeats(scheme: Steps) -> bool:

@@ -7,9 +7,11 @@ import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import SUM, TransientBuilder
+from cnnum.kernels.formulas import formula
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
 from cnnum.templating.function_tables import Table
 from cnnum.templating.network import Tap
+from cnnum.templating.pair_functions import PairFunction
 
 ARRAYS = {"x": ir.Name("xp"), "y": ir.Name("y"), "u": ir.Name("u")}
 """Padded arrays that hold a quantity."""
@@ -17,7 +19,7 @@ ARRAYS = {"x": ir.Name("xp"), "y": ir.Name("y"), "u": ir.Name("u")}
 Reads = Callable[[Quantity, int, int, int], ir.Expression]
 """A quantity of a layer, or input, in a cell some rows and columns away."""
 
-V, SINCE = ir.Name("v"), ir.Name("since")
+V, OWN, SINCE = ir.Name("v"), ir.Name("own"), ir.Name("since")
 
 
 def table(function: Table, argument: ir.Name) -> ir.Expression:
@@ -79,10 +81,16 @@ def summed(
     for row, col in np.argwhere(coupling.weights):
         offsets = int(row) - radius, int(col) - radius
         argument = quantity(coupling.neighbour, coupling.source, *offsets)
+        weight = number(scale * float(coupling.weights[row, col]))
+        if isinstance(coupling.function, PairFunction):
+            own = quantity(coupling.centre or coupling.neighbour, coupling.centre_source, 0, 0)
+            both = ir.fixed(OWN, own, of=of), ir.fixed(V, argument, of=of)
+            value = weight * formula(coupling.function.opencl, c=OWN, n=V)
+            lines.append(ir.block(*both, ir.add(to, value)))
+            continue
         if coupling.centre is not None:
             centre = quantity(coupling.centre, coupling.centre_source, 0, 0)
             argument = argument - centre if coupling.reversed_sign else centre - argument
-        weight = number(scale * float(coupling.weights[row, col]))
         value = weight * table(coupling.function, V)
         added = ir.add(to, value * V if coupling.times_argument else value)
         lines.append(ir.block(ir.fixed(V, argument, of=of), added))
