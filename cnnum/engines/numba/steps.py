@@ -15,8 +15,9 @@ from cnnum.engines.numba.stages import evaluate, evaluate_once, rests
 
 @merged
 def fixed(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
-    """Take steps of one length; where it settles, until nothing changes any more."""
+    """Take steps of one length; where it settles, until nothing changes for longer than a delay."""
     taken, time, settled, settings = codes.NONE, 0.0, 0.0, plan.settings[0]
+    still = codes.NONE
     while taken < settings.count and settled == 0.0:
         step = settings.last if taken == settings.count - 1 else settings.step
         if taken == settings.lag:
@@ -24,7 +25,8 @@ def fixed(plan: Plan, now: Frame, spread: bool, figures: Reals) -> None:
         for stage in range(settings.stages):
             evaluate(plan, now, stage, step, time, taken, spread)
         if settings.settle:
-            settled = 1.0 if rests(plan, now, spread) else 0.0
+            still = still + 1 if rests(plan, now, spread) else codes.NONE
+            settled = 1.0 if still > settings.lag else 0.0
         all_bands(codes.STEP, plan, now, codes.NONE, step, spread)
         taken, time = taken + 1, time + step
     if taken <= settings.lag:

@@ -19,7 +19,7 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
     late = lag(equation.template, scheme.step)
     fixed = equation.drive()
     slowest = float(equation.template.tau.max())
-    time = 0.0
+    time, still = 0.0, 0
     layers = [scheme.of(layer) for layer in range(len(x))]
     carried = np.array([one.carried for one in layers])[:, np.newaxis, np.newaxis]
     for number in range(scheme.count):
@@ -37,7 +37,8 @@ def march(equation: StateEquation, solver: Solver, scheme: FixedSteps) -> tuple[
         x = limited(equation, x + carried * (moved - x) + ahead)
         history.append(equation.outputs(x))
         time += step
-        if solver.settle and float(change.max()) <= 1.0:
+        still = still + 1 if float(change.max()) <= 1.0 else 0
+        if solver.settle and still > late:
             return x, time, number + 1
     return x, time, scheme.count
 

@@ -185,3 +185,26 @@ def test_couplings_that_do_not_fit_are_refused():
         Table("linear", ((1.0, 0.0), (0.0, 1.0)))
     with pytest.raises(TemplateError, match="above 0"):
         DelayedCoupling(0.0, np.zeros((1, 1, 1, 1)), np.zeros((1, 0, 1, 1)))
+
+
+@pytest.mark.parametrize("shape", [(1, 4), (260, 300)])
+def test_a_turn_of_a_swing_is_no_rest(engine, shape):
+    """Cells swing for long before they rest; at each turn their rates are small for a step."""
+    if shape[0] > 1 and engine.name == "reference":
+        pytest.skip("the reference engine takes minutes for so many cells")
+    template = delayed(centre(-0.85), delay=1.9, duration="settle")
+    found = engine.run(template, state=np.full(shape, 0.2), rtol=1e-2, atol=2e-2)
+    assert found.settled.all()
+    # rates are below 0.02 for more than a delay, in which a swing of 1.5 a time constant turns
+    # nearly once: it is below that tolerance itself
+    assert np.abs(found.state).max() < 0.04
+    assert float(np.max(found.time)) > 10.0
+
+
+def test_an_input_that_is_to_come_is_no_rest(engine):
+    """The cell rests under the input of before, until the delay is over."""
+    template = delayed(centre(0), delay=2.0, control=centre(1), duration="settle")
+    now, before = np.full((2, 3), 0.5), np.zeros((2, 3))
+    found = engine.run(template, input=now, previous=before, state=np.zeros((2, 3)))
+    assert found.settled.all()
+    assert np.abs(found.state - 0.5).max() < 1e-3

@@ -17,9 +17,10 @@ from cnnum.engines.opencl.large_arrays.strip_error import (
 )
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows
 from cnnum.engines.opencl.transients.state_equation import CHANGE
-from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS
+from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS, STILL
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.kernels.launch_plan import Strips
+from cnnum.templating.reads import lag
 
 BEFORE = "strip_before"
 """The array of the states with which a launch began."""
@@ -130,6 +131,7 @@ class Watch:
 
     def body(self, scheme: FixedSteps, strips: Strips) -> list[ir.Statement]:
         """Return the statements that launch the kernel until nothing changes."""
+        late = lag(self.rows.text.template, scheme.step)
         about = f"at most {scheme.count} steps of {scheme.step:g}, until nothing changes any more"
         levels = replace(strips, begins=False, ends=False)
         count = ir.Cast("int", STEPS)
@@ -141,7 +143,7 @@ class Watch:
             ir.Assign(CONTROLS[0], ir.real(LEVELS)),
             ir.Assign(CONTROLS[2], STEPS),
             ir.StripSteps(levels, LEVELS),
-            *self._find_end(),
+            *self._find_end(late),
             ir.add(STEPS, ir.real(AT)),
             ir.Assign(SETTLED, ir.ONE - ANY),
             ir.Assign(RUNNING, ir.pick(STEPS < ir.real(scheme.count), ANY, ir.ZERO)),
@@ -149,22 +151,31 @@ class Watch:
             ir.Assign(CONTROLS[0], ir.real(LEVELS)),
             ir.Branch(AT < TAKEN, (ir.StripSteps(replace(levels, again=True), LEVELS),)),
         )
-        begun = ((RUNNING, ir.ONE), (STEPS, ir.ZERO), (SETTLED, ir.ZERO))
+        begun = [(RUNNING, ir.ONE), (STEPS, ir.ZERO), (SETTLED, ir.ZERO)]
+        begun += [(STILL, ir.ZERO)] if late else []
         return [
             ir.Note(f"// {scheme.name}, by strips: {about}"),
-            ir.Declare("real", begun),
+            ir.Declare("real", tuple(begun)),
             ir.Assign(CONTROLS[2], ir.ZERO),
             ir.StripSteps(replace(strips, count=0, ends=False)),
             ir.Counted(ir.ROUND, 0, -(-scheme.count // self.steps), RUNNING, rounds),
             ir.StripSteps(replace(strips, count=0, begins=False)),
         ]
 
-    def _find_end(self) -> list[ir.Statement]:
-        """Return the search for the first step at whose start nothing changes, the last one."""
+    def _find_end(self, late: int) -> list[ir.Statement]:
+        """Return the search for the first step at whose start nothing changes, the last one.
+
+        With a delay nothing has to change for longer than that.
+        """
         ends = ir.Cast("int", CONTROLS[1]) * self.rows.layout.width
         seen = SEEN[AT * self.each + K]
         strips = ir.Loop(K, ends, (ir.Accumulate(ANY, "fmax", seen),))
+        again: tuple[ir.Statement, ...]
         again = (ir.Assign(ANY, ir.ZERO), strips, ir.Assign(AT, ir.Integer(1), "+="))
+        if late:
+            more = ir.pick(ANY.equals(ir.ZERO), STILL + ir.ONE, ir.ZERO)
+            waits = ir.pick(ir.Number(late + 0.5) <= STILL, ir.ZERO, ir.ONE)
+            again += (ir.Assign(STILL, more), ir.Assign(ANY, waits))
         return [
             ir.declare(AT, 0, of="int"),
             ir.declare(ANY, ir.ONE),

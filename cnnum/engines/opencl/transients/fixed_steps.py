@@ -6,9 +6,18 @@ from collections.abc import Sequence
 from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.state_equation import CHANGE
-from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS, TIME, Figures, H
+from cnnum.engines.opencl.transients.step_control import (
+    RUNNING,
+    SETTLED,
+    STEPS,
+    STILL,
+    TIME,
+    Figures,
+    H,
+)
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.schemes import FixedSteps
+from cnnum.templating.reads import lag
 
 
 def repeated(
@@ -30,7 +39,8 @@ def repeated(
     """
     steps = f"{scheme.count} steps of {scheme.step:g}"
     if scheme.settle:
-        text.body += _settling(scheme.count, f"{scheme.name}: at most {steps}", length, body)
+        about, late = f"{scheme.name}: at most {steps}", lag(text.template, scheme.step)
+        text.body += _settling(scheme.count, about, length, body, late)
     else:
         once = (ir.fixed(H, length), *body)
         text.body += [
@@ -48,7 +58,7 @@ def last_number(count: int, usual: float, last: float) -> ir.Expression:
 
 
 def _settling(
-    count: int, about: str, step: ir.Expression, body: Sequence[ir.Statement]
+    count: int, about: str, step: ir.Expression, body: Sequence[ir.Statement], late: int
 ) -> list[ir.Statement]:
     """Return fixed steps until nothing changes; a lane stops where nothing does any more.
 
@@ -62,13 +72,20 @@ def _settling(
         A step's length.
     body : sequence of Statement
         A step of length `h`, which leaves the change in `change`.
+    late : int
+        Steps in a delay: a state may be at a turn, so that nothing changes for longer.
     """
-    still = CHANGE <= ir.ONE
+    still, found = CHANGE <= ir.ONE, CHANGE <= ir.ONE
+    counted: list[ir.Statement] = []
+    if late:
+        counted = [ir.Assign(STILL, ir.pick(still, STILL + RUNNING, ir.ZERO))]
+        found = ir.Number(late + 0.5) <= STILL
     return [
         ir.Note(f"// {about}, a lane stops where nothing changes any more"),
         ir.Declare(
             "real", ((RUNNING, ir.ONE), (TIME, ir.ZERO), (STEPS, ir.ZERO), (SETTLED, ir.ZERO))
         ),
+        *([ir.Declare("real", ((STILL, ir.ZERO),))] if late else []),
         ir.Counted(
             ir.ROUND,
             0,
@@ -80,8 +97,9 @@ def _settling(
                 *body,
                 ir.add(TIME, H),
                 ir.add(STEPS, RUNNING),
-                ir.Assign(SETTLED, ir.pick(still, ir.ONE, SETTLED)),
-                ir.Assign(RUNNING, ir.pick(still, ir.ZERO, RUNNING)),
+                *counted,
+                ir.Assign(SETTLED, ir.pick(found, ir.ONE, SETTLED)),
+                ir.Assign(RUNNING, ir.pick(found, ir.ZERO, RUNNING)),
             ),
         ),
     ]

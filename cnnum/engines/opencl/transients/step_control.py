@@ -20,6 +20,9 @@ K0, XS = ir.Name("k0"), ir.Name("xs")
 """The rates at a step's start, and the states at its stages, in the end at its end."""
 
 H, TIME, STEPS, SETTLED = ir.Name("h"), ir.Name("time"), ir.Name("steps"), ir.Name("settled")
+STILL = ir.Name("still")
+"""Steps in a row in which nothing changed."""
+
 ERROR, RUNNING, ACCEPT = ir.Name("error"), ir.Name("running"), ir.Name("accept")
 WORST, ADDED, SPEED = ir.Name("worst"), ir.Name("added"), ir.Name("speed")
 """Of an attempt: its error over the tolerance, its part of the error, the largest rate."""
