@@ -20,6 +20,7 @@ from cnnum.runs.chip import MOST_BITS
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.files.toml_values import (
     number,
+    number_or_text,
     read_table,
     refuse_unknown,
     table,
@@ -28,7 +29,7 @@ from cnnum.templating.files.toml_values import (
     wrong,
 )
 from cnnum.templating.library import get_template
-from cnnum.templating.template import Template
+from cnnum.templating.template import Duration, Template
 
 Value = float | str
 
@@ -77,8 +78,8 @@ class Experiment:
     pictures : int
         Of the template's check, at most.
     seed : int
-    duration : float or None
-        Time constants; that of the check unless given.
+    duration : float, "settle" or None
+        Time constants, or until nothing changes any more; that of the check unless given.
     engine : str
     chunk : int
         Runs a task; measured at the first one where it is 0. Whole multiples of 512 give the same
@@ -90,7 +91,7 @@ class Experiment:
     draws: int = 1
     pictures: int = 4
     seed: int = 0
-    duration: float | None = None
+    duration: Duration | None = None
     engine: str = "opencl"
     chunk: int = 0
 
@@ -108,6 +109,15 @@ class Experiment:
             raise TemplateError(
                 f"An experiment has 1 to {MOST_RUNS:,} runs, and at least one draw and one "
                 f"picture, got {self.runs:,} runs."
+            )
+        if isinstance(self.duration, str | None):
+            right = self.duration in (None, "settle")
+        else:
+            right = 0.0 < self.duration < math.inf
+        if not right:
+            raise TemplateError(
+                "The duration of an experiment is a number above 0 or 'settle', got "
+                f"{self.duration!r:.40}."
             )
         form_of(self.base)  # refuses a template without a check
         if not self.base.plain and (wrong := self.axes.keys() & set(COARSE)):
@@ -189,7 +199,7 @@ def load_experiment(path: str | PathLike[str]) -> Experiment:
 
 def _experiment(file: str, content: dict[str, object]) -> Experiment:
     readers = {"template": text, "draws": whole, "pictures": whole, "seed": whole}
-    readers |= {"duration": number, "engine": text, "chunk": whole}
+    readers |= {"duration": number_or_text, "engine": text, "chunk": whole}
     refuse_unknown(file, content, (*readers, "axes"))
     if "template" not in content:
         raise TemplateError(f"'{file}': the key 'template' is missing; a sweep needs one.")

@@ -4,6 +4,7 @@ import itertools
 import os
 import signal
 import threading
+from dataclasses import replace
 from html import unescape
 
 import numpy as np
@@ -190,6 +191,8 @@ def test_results_of_another_experiment_are_refused(tmp_path):
         ('template = "HOLE"\n[axes]\nnoise = [-0.1]\n', "numbers from 0"),
         ('template = "HOLE"\ndraw = 3\n', "unknown key 'draw'"),
         ("draws = 3\n", "'template' is missing"),
+        ('template = "HOLE"\nduration = "rest"\n', "above 0 or 'settle', got 'rest'"),
+        ('template = "HOLE"\nduration = -1\n', "above 0 or 'settle', got -1"),
     ],
 )
 def test_what_is_no_experiment_is_said(tmp_path, text, words):
@@ -212,6 +215,20 @@ def test_a_check_judges_no_run_that_is_longer_than_its_closed_form_holds():
     assert "2 values of A[1, 1] × 1 draw." in text
     own = sweep(Experiment("AVERAGE", axes=axes, engine="numba")).results
     assert np.isfinite(own["error"]).all()
+
+
+def test_runs_until_they_settle_give_the_settle_time():
+    """Cells of EDGE are uncoupled: they saturate, and then decay as e^(−t) to a known end."""
+    axes = {"size": (6.0, 8.0), "mismatch": (0.0, 0.05)}
+    fixed = Experiment("EDGE", axes=axes, engine="numba")
+    assert (sweep(fixed).results["time"] == get_template("EDGE").duration).all()
+    rest = sweep(replace(fixed, duration="settle")).results
+    assert (rest["settled"] == 1.0).all()
+    assert (rest["flipped"] == 0.0).all()
+    # rates of order 1 to 10 fall to the engine's tolerance of rest, 1e-3 to 1e-6 of them
+    assert ((rest["time"] > 7.0) & (rest["time"] < 16.0)).all()
+    grows = Experiment("AVERAGE", axes={"size": (6.0, 8.0)}, engine="numba", duration="settle")
+    assert np.isnan(sweep(grows).results["flipped"]).all()
 
 
 def test_the_page_has_a_section_an_axis_and_one_a_pair():
