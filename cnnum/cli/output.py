@@ -62,7 +62,7 @@ class Output:
     def show(self, *parts: RenderableType, spare: Sequence[str] = ()) -> None:
         """Lay out tables and text; nothing with --json.
 
-        A number of a table is never cut: a pipe gets tables as wide as they are, and a terminal
+        A number of a table is never cut: a pipe gets tables as wide as they are. A terminal gets
         those columns that it has room for, and the names of the others.
 
         Parameters

@@ -3,14 +3,14 @@
 An error e of the state follows e' = J e, J being the array's Jacobian along the run. So does the
 rate dx/dt of an array that nothing moves from outside, as x'' = J x': how the largest rate changes
 over a step is a sample, at no cost, of how an error changes over it. Where the rates fall it is
-taken for 1, as an error may lie in another direction, and the logarithmic norm μ∞(J) bounds it
-from above:
+taken for 1, as an error may lie in another direction. The logarithmic norm μ∞(J) bounds it from
+above:
 
     E⁺ = E · min(max(‖k⁺‖ / ‖k‖, 1), e^{μh}) + added
 
-(Hairer, Nørsett & Wanner, Solving ODEs I, section I.10: the bound alone is rigorous, and for an
-array that decides it is astronomic.) The share of a step is the leading part of its own truncation
-error, from its stages: `ButcherTableau.truncation`, and `ExponentialMethod.followed`.
+(Hairer, Nørsett & Wanner, Solving ODEs I, section I.10: the bound alone is rigorous; for an array
+that decides it is astronomic.) The share of a step is the leading part of its own truncation error,
+from its stages: `ButcherTableau.truncation`, and `ExponentialMethod.followed`.
 """
 
 import numpy as np

@@ -8,10 +8,9 @@ A step is as long as stability and the tolerance allow, and both change along th
   (c/tol)^{1/p} steps in all, however fast it is. Of many modes the one that asks most counts.
 * Where an array grows until its cells saturate, cells switch one after the other, at the rate of
   its growth. They do so until a front may have crossed the array. Each cell bends the rates where
-  it leaves
-  the linear range: a step across a bend has an error of h², across a jump (of a state that is
-  limited) of h, whatever the order. A method steps down to it and up again by factors of 5, or,
-  where bends lie closer, keeps to the steps that they allow.
+  it leaves the linear range: a step across a bend has an error of h², whatever the order. Across a
+  jump (of a state that is limited) it is h. A method steps down to it and up again by factors of 5.
+  Where bends lie closer, it keeps to the steps that they allow.
 
 The course of a frame is not known beforehand: the last paragraph's constants are those of pictures
 that are not at rest. The evaluations of 784 runs were counted with every method. Of these, 96 %

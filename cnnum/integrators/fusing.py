@@ -20,8 +20,8 @@ from cnnum.integrators.cost import operation_flops
 from cnnum.integrators.solver import Solver
 
 FUSED_CELLS = 256
-"""Largest array whose chains are fused. The matrices of 16×16 cells take 256 kB each, and 1 MB
-each at 23×23, where they no longer stay in a core's cache."""
+"""Largest array whose chains are fused. The matrices of 16×16 cells take 256 kB each. At 23×23 they
+take 1 MB each, and no longer stay in a core's cache."""
 
 Sources = Mapping[int, frozenset[int]]
 """The linear operations of a schedule, and the outside arguments of each, by index."""

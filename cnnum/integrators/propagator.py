@@ -88,9 +88,9 @@ class Propagator:
 def rounded_gain(matrices: Sequence[Floats], passes: Sequence[Floats]) -> float:
     """Return by how many roundings of its largest number a sum of products is off at most.
 
-    Of a sum over columns each term is rounded by every addition from its own on (Higham, Accuracy
-    and Stability of Numerical Algorithms, 2002, section 3.1). The bound is the largest over rows of
-    Σ |b_ij| · passes_j, in units of half the distance from 1 to the next number.
+    Of a sum over columns each term is rounded by every addition from its own on. See Higham,
+    Accuracy and Stability of Numerical Algorithms, 2002, section 3.1. The bound is the largest over
+    rows of Σ |b_ij| · passes_j, in units of half the distance from 1 to the next number.
 
     Parameters
     ----------

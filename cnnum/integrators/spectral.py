@@ -1,8 +1,8 @@
 """The exact answer of a linear array through its modes, where its boundary makes them known.
 
 A coupling that is even along both axes is diagonal in the modes of its boundary: zero-flux the
-DCT-II, a fixed rim the DST-I (radius 1), periodic the real Fourier modes. With orthonormal modes
-as rows of R and C, X̂ = R X Cᵀ, and every mode (k, l) follows layers × layers equations of its own.
+DCT-II, a fixed rim the DST-I (radius 1), periodic the real Fourier modes. With orthonormal modes as
+rows of R and C, X̂ = R X Cᵀ. Every mode (k, l) follows layers × layers equations of its own.
 """
 
 import math

@@ -89,8 +89,8 @@ class Program:
         Raises
         ------
         ProgramError
-            If a channel's name is not one line of plain signs, or the function returns no mapping
-            of such names to maps and numbers.
+            If a channel's name is not one line of plain signs. Or if the function returns no
+            mapping of such names to maps and numbers.
         SizeError
             If the machine has no room for a map.
         """

@@ -20,8 +20,8 @@ def checked_parameters(
 ) -> dict[str, object]:
     """Return parameters as plain numbers, texts and flags that a program takes.
 
-    A parameter without an annotation, or with one of another kind than a number, a text, true or
-    false, and a choice, takes anything.
+    A parameter takes anything without an annotation. So it does with one of another kind than a
+    number, a text, true or false, and a choice.
 
     Raises
     ------

@@ -81,8 +81,8 @@ def in_own_units(
     Raises
     ------
     ProgramError
-        If a text is no number with a unit that fits, or a length is given where pitches are meant
-        and no pitch is known.
+        If a text is no number with a unit that fits. Or if a length is given where pitches are
+        meant, and no pitch is known.
     """
     found = dict(parameters)
     pitch = found.get(PITCH)

@@ -15,8 +15,8 @@ from cnnum.recordings.raw_chunks import RawMaker
 from cnnum.tactile.taxel import Calibration
 
 MOMENT = 0.4
-"""Seconds after which a frame that waits is written, and written ones are synced. A frame is on
-the disk after two of them and the time that the disk takes, which is to be below a second."""
+"""Seconds after which a frame that waits is written, and written ones are synced. A frame is on the
+disk after two of them and the time that the disk takes. That is to be below a second."""
 
 
 class Journal:

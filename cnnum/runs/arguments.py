@@ -29,8 +29,8 @@ def maps_by_role(
     Raises
     ------
     ArrayError
-        If something is missing or too much, shapes do not fit, pixels are given where a picture
-        is meant, or a mask has numbers below 0.
+        If something is missing or too much, or shapes do not fit. Or if pixels are given where a
+        picture is meant, or a mask has numbers below 0.
     """
     if template.inputs == 0 and template.initial == "input" and values["state"] is None:
         values = {**values, "state": values["input"], "input": None}

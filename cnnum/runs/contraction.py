@@ -1,6 +1,6 @@
 """How far states at rest are from the equilibrium that their array truly comes to.
 
-A run is off by at most its error E, so the true state lies in the box of that half-width around its
+A run is off by at most its error E. So the true state lies in the box of that half-width around its
 end. Let d bound f' in the box, and
 
     C = diag(1 − max(a_ii, 0) d_i) − (|a_ij| d_j),  i ≠ j.

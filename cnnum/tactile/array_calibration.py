@@ -34,8 +34,8 @@ class ArrayCalibration:
     ----------
     gain : float, (channels,), (rows, cols, channels), (channels, channels) or \
 (rows, cols, channels, channels)
-        One number, one a channel, one a channel of every taxel, or a matrix, as [to, from], for the
-        whole array or for every taxel.
+        One number, one a channel, or one a channel of every taxel. Or a matrix, as [to, from], for
+        the whole array or for every taxel.
     offset : float, (channels,) or (rows, cols, channels)
         Raw values at rest.
     unit : str

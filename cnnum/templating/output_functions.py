@@ -44,8 +44,8 @@ class OutputFunction:
     Raises
     ------
     TemplateError
-        If the name is not one line of plain signs, the OpenCL form no expression of x, or the
-        slopes no two finite numbers in order.
+        If the name is not one line of plain signs, or the OpenCL form no expression of x. Or if the
+        slopes are no two finite numbers in order.
     """
 
     name: str

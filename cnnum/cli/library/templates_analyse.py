@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 def analyse(name: str, shape: tuple[int, int], as_json: bool) -> None:
     """Show the properties of a template before it runs.
 
-    Its rates, how stiff it is, the longest stable step of every method, its class of stability and
-    why, and the effect of saturation. NAME is a template of the library or a file, or a program, of
-    which every template is shown.
+    Its rates, how stiff it is, and the longest stable step of every method. Its class of stability
+    and why, and the effect of saturation. NAME is a template of the library or a file, or a
+    program, of which every template is shown.
     """
     from cnnum.runs.analysis import step, text
 

@@ -44,8 +44,8 @@ def try_in_child(device: Device, target: str | None) -> tuple[str, bool]:
     str
         Why it does not work; empty where it does.
     bool
-        Whether the device is the cause. One that was late may do better another time, and an
-        error of Python, as with a cache folder that is damaged, is no word of the device.
+        Whether the device is the cause. One that was late may do better another time. An error of
+        Python, as with a cache folder that is damaged, is no word of the device.
     """
     place = [known.handle for known in list_devices()].index(device.handle)
     arguments = [str(place)] if target is None else [str(place), target]

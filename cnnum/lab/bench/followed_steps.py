@@ -2,9 +2,9 @@
 
     python -m cnnum.lab.bench.followed_steps 60
 
-A wide sample: one layer or two with their own time constants, radius 1 or 2, feedback that
-contracts or is strong enough to decide, every output and boundary. Steps go from the whole
-stability bound down to its hundredth.
+A wide sample: one layer or two with their own time constants, and radius 1 or 2. Their feedback
+contracts or is strong enough to decide; they have every output and boundary. Steps go from the
+whole stability bound down to its hundredth.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """Real recordings as trials: two data sets of uSkin pads that hold an object.
 
-`uskin_grasp` has slip labels of its own. In `tactile_prediction_flat_dataset` a camera on the
-wrist follows a marker on the object, so that the marker's motion is the motion in the hand.
+`uskin_grasp` has slip labels of its own. In `tactile_prediction_flat_dataset` a camera on the wrist
+follows a marker on the object. So the marker's motion is the motion in the hand.
 """
 
 import warnings

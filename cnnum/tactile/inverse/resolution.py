@@ -31,8 +31,8 @@ def resolution_limit(
     depth : (...) float, m
         Thickness z of the cover.
     signal_to_noise : (...) float
-        Of the amplitude of the wave that the cover hands on best (kz = 1 for strain, uniform for
-        stress), which n taxels know √(n/2) better than one does; above 1.
+        Of the amplitude of the wave that the cover hands on best: kz = 1 for strain, uniform for
+        stress. All n taxels know it √(n/2) better than one does; above 1.
     quantity : {"strain", "stress"}
         The measured quantity.
     pitch : (...) float, m

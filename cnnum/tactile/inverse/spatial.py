@@ -64,9 +64,9 @@ def locate_load(
 ) -> SpatialLoad:
     """Return place and three components of the point load that an array of taxels sees.
 
-    The dissertation takes the place from one taxel and the force from three by (5.13), dividing
-    by ε_zz at each, which fails on the ring ρ = √2 z. Here its answers are only starts; then
-    place and force are fitted to the three components at all taxels at once.
+    The dissertation takes the place from one taxel and the force from three by (5.13). It divides
+    by ε_zz at each, which fails on the ring ρ = √2 z. Here its answers are only starts; then place
+    and force are fitted to the three components at all taxels at once.
 
     Parameters
     ----------

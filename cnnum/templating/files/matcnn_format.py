@@ -1,10 +1,10 @@
 """MatCNN's `temlib.m`: records of matrices NAME_A, NAME_B and NAME_I, and tables of functions.
 
-A value may have a factor, as in 1/8*[1 1 1; 1 0 1; 1 1 1], or be that of another record.
-NAME_Aa, NAME_Bb and NAME_Dd are weights of a nonlinear A, B or D, and NAME_a, NAME_b, NAME_d its
-table [interp n x1 y1 … xn yn], for D with a code at the end: the digits give the neighbour and
-cell give (1 = u, 2 = x, 3 = y), and a third digit before them that the difference is a factor.
-The argument is neighbour less centre.
+A value may have a factor, as in 1/8*[1 1 1; 1 0 1; 1 1 1], or be that of another record. NAME_Aa,
+NAME_Bb and NAME_Dd are weights of a nonlinear A, B or D. NAME_a, NAME_b, NAME_d are its table
+[interp n x1 y1 … xn yn], for D with a code at the end: two digits name the quantities of neighbour
+and cell (1 = u, 2 = x, 3 = y). A third digit before them says that the difference is a factor. The
+argument is neighbour less centre.
 """
 
 import re

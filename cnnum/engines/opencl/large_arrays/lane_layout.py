@@ -1,8 +1,8 @@
 """How the rows of a large array's strips lie in memory, so that vectors of cells can be loaded.
 
 A row is cut into as many pieces as a vector has lanes, and a lane takes a piece: neighbours left
-and right of a vector of cells are the vectors before and after it, so that every vector that is
-loaded is aligned. Only at the ends of a row do lanes need values of the next lane.
+and right of a vector of cells are the vectors before and after it. So every vector that is loaded
+is aligned. Only at the ends of a row do lanes need values of the next lane.
 """
 
 from dataclasses import dataclass

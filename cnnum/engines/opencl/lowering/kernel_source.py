@@ -32,8 +32,8 @@ OUTPUT = ir.Name("output")
 _MINE = ir.Verbatim(("__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;",))
 
 WHOLE_CELLS = 256 * 256
-"""Largest array that one work item runs the whole plan for. While other work had one of two cores,
-adaptive steps of 256×256 cells took a third to half of their time in parts so. Fixed steps took two
+"""Largest array that one work item runs the whole plan for. Other work had one of two cores then.
+Adaptive steps of 256×256 cells took a third to half of their time in parts so. Fixed steps took two
 thirds; of 512×512 cells they took as long."""
 
 

@@ -1,7 +1,7 @@
 """Bodies with a sharp outline and smooth ones, by families, and readings of taxels under a cover.
 
-Square and round punches and lying cylinders, under covers of 0.3 and 0.5 pitches, are those that
-the constants of `edges` were chosen on.
+The constants of `edges` were chosen on square and round punches and lying cylinders, under covers
+of 0.3 and 0.5 pitches.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,8 +1,8 @@
 """The kinds of section: plane stress, or one Fourier mode of a body of revolution.
 
-A strain is a row of (field, part, factor); `space.PARTS` names the parts. In a body of
-revolution the displacement is (u_r cos mθ, u_θ sin mθ, u_z cos mθ). For m = 1 the second field
-is s = u_r + u_θ, zero on the axis, so that a sideways push is u_r = 1, s = 0, u_z = 0.
+A strain is a row of (field, part, factor); `space.PARTS` names the parts. In a body of revolution
+the displacement is (u_r cos mθ, u_θ sin mθ, u_z cos mθ). For m = 1 the second field is s = u_r +
+u_θ, zero on the axis. So a sideways push is u_r = 1, s = 0, u_z = 0.
 """
 
 from dataclasses import dataclass

@@ -1,7 +1,7 @@
 """One uncoupled cell, x' = −x + a f(x) + b: piecewise linear, so exact at any time.
 
 Such an equation of one variable moves one way only. So a cell visits each of the three linear
-pieces of f at most once, and its crossing times are logarithms (Chua & Yang 1988).
+pieces of f at most once. Its crossing times are logarithms (Chua & Yang 1988).
 """
 
 import numpy as np

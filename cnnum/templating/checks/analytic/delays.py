@@ -1,8 +1,8 @@
 """Linear arrays with a delay, exact by the method of steps, mode by mode.
 
-x' = ax + bx(t − T) with a constant past is, on the n-th stretch of length T, a constant plus a
-polynomial of degree n − 1 times e^{as}: each stretch integrates the polynomial before it (Bellman
-& Cooke 1963, Differential-Difference Equations, ch. 3).
+x' = ax + bx(t − T) has a constant past. On the n-th stretch of length T it is a constant plus a
+polynomial of degree n − 1 times e^{as}: each stretch integrates the polynomial before it (Bellman &
+Cooke 1963, Differential-Difference Equations, ch. 3).
 """
 
 import numpy as np
