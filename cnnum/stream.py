@@ -26,7 +26,7 @@ kept: a memory that it has filled with huge numbers overflows in the next frames
 class Stream:
     """Frames of one array (or of a batch of arrays) in time; owns their memories.
 
-    A frame of which something overflows is refused, and leaves the memories as they were. Only
+    A frame with which something overflows is refused, and leaves the memories as they were. Only
     frames that are unusual are looked after: those with numbers more than twice as large as any
     before, or so large that their fourth power overflows. Memories that an ordinary frame has made
     infinite begin anew.

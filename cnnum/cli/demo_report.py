@@ -30,8 +30,8 @@ CHECKED = ("edges", "tactile")
 """Groups of the library that are checked."""
 
 LADDERS = ("tactile_diffusion", "contact_outline")
-"""Templates of which the error is shown against the run time of every method: a linear one, and
-one whose cells saturate. Both run for a fixed time: to settle takes the reference too long."""
+"""Templates whose error is shown against the run time of every method: a linear one, and one whose
+cells saturate. Both run for a fixed time: to settle takes the reference too long."""
 
 LADDER_BATCH, REPEATS = 64, 3
 

@@ -190,7 +190,7 @@ class ProbeFigures:
 
 @dataclass(slots=True)
 class _Times:
-    """Times in their order, of which only figures are kept."""
+    """Times in their order; only figures of them are kept."""
 
     first: float = 0.0
     last: float = 0.0

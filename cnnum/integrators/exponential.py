@@ -174,7 +174,7 @@ class FollowedStep:
 
     @property
     def stages(self) -> int:
-        """Evaluations of the rates, of which the last is the first of the next step."""
+        """Evaluations of the rates; the last is the first of the next step."""
         return len(self.a)
 
     @property

@@ -50,7 +50,7 @@ class Explicit(Protocol):
 
 
 class Pair(Protocol):
-    """Stages of a step the last of which is at its end, and the estimate of its error.
+    """Stages of a step, the last at its end, and the estimate of its error.
 
     The numbers are those of a `ButcherTableau`; others may have them from elsewhere.
     """
@@ -82,7 +82,7 @@ class Pair(Protocol):
 
     @property
     def stages(self) -> int:
-        """Evaluations of dx/dt, of which the last is the first of the next step."""
+        """Evaluations of dx/dt; the last is the first of the next step."""
         ...
 
 
@@ -185,7 +185,7 @@ class ButcherTableau:
 
     @property
     def truncation(self) -> tuple[Row, ...]:
-        """Rows d of which h Σ_i d_i k_i is a part of the step's own truncation error, in order.
+        """Rows d, each with a part h Σ_i d_i k_i of the step's own truncation error, in order.
 
         On x' = λx, z = hλ, the stages are k_i = λ K_i(z) x with K_i of degree i, and the step is
         off by e^z − R(z). Its leading parts up to z^s are combinations of the stages: a row each.

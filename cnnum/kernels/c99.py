@@ -135,7 +135,7 @@ class C99Printer(Printer):
         return [f"{self.expression(target)} = ({kind}){self.within(assign.value, PRIMARY)};"]
 
     def declare(self, new: Declare) -> list[str]:
-        """Write new variables: their bounds say of which type."""
+        """Write new variables: their bounds give the type."""
         lines = list[str]()
         for name, value in new.variables:
             assert value is not None

@@ -79,7 +79,7 @@ def glyph(style: str, shape: str) -> str:
 
 
 def both(wide: str, narrow: str) -> str:
-    """Return a picture for a desk and the same for a phone, of which one is shown."""
+    """Return a picture for a desk and the same for a phone; one is shown."""
     return f'<div class="wide">{wide}</div><div class="narrow">{narrow}</div>'
 
 

@@ -42,7 +42,7 @@ class SceneRecord:
         The program's input; NaN in frames that were not allowed to run.
     push : int
         Sign with which a push on the skin, or a pull along an axis, reads in `values`: −1 for
-        strain, of which tension is positive.
+        strain, which counts tension as positive.
     outputs : dict of str to (frames,) or (frames, rows, cols) float
         The program's outputs; NaN where the program did not run.
     events : tuple of Event

@@ -76,7 +76,7 @@ ANY = FrameRange(HELD["float64"])
 
 
 def unit_range(unit: str, precision: str) -> FrameRange:
-    """Return the range of a unit, for arrays of which nothing better is known.
+    """Return the range of a unit, for arrays about which nothing better is known.
 
     Parameters
     ----------

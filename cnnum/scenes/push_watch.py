@@ -13,7 +13,7 @@ REST = 16
 """Frames at the start that are taken as rest, as the programs take them."""
 
 EVERY = 4
-"""Frames of which one is looked at."""
+"""One frame in this number is looked at."""
 
 ENOUGH = 8
 """Looks in a row that must agree."""

@@ -83,7 +83,7 @@ def _usual_scene(file: Path, array: dict[str, object], given: dict[str, object])
         unit = driver.unit
     if raw:
         raise click.UsageError(
-            f"'{file}' holds values in '{unit}', of which no scene knows the scale: name a scene, "
+            f"'{file}' holds values in '{unit}', whose scale no scene knows: name a scene, "
             "as in '--scene uskin_grasp', or give a scene file of your own."
         )
     return DEFAULT

@@ -24,7 +24,7 @@ def analyse(name: str, shape: tuple[int, int], as_json: bool) -> None:
 
     Its rates, how stiff it is, and the longest stable step of every method. Its class of stability
     and why, and the effect of saturation. NAME is a template of the library or a file, or a
-    program, of which every template is shown.
+    program: then every template of it is shown.
     """
     from cnnum.runs.analysis import step, text
 

@@ -1,11 +1,11 @@
 """A repair of the PoCL wheel, for processors that are newer than its compiler.
 
 The wheel's PoCL 3.0 holds LLVM 14, which names no processor newer than itself: AMD's family 26 is
-"generic" to it. PoCL passes that name to its compiler after all options of a user, and the
-compiler refuses every kernel: "unknown target CPU 'generic'". AMD's Zen 4 is "znver3" to it, the
-newest of its kind that it names: without AVX-512, of which PoCL then asks vectors of 16 all the
-same, and the compiler ends the process. PoCL has a remedy of its own, the
-variable POCL_LLVM_CPU_NAME, from version 5.0 on; the wheel ends with 3.0.
+"generic" to it. PoCL passes that name to its compiler after all options of a user, and the compiler
+refuses every kernel: "unknown target CPU 'generic'". AMD's Zen 4 is "znver3" to it, the newest of
+its kind that it names: without AVX-512. PoCL then asks for its vectors of 16 all the same, and the
+compiler ends the process. PoCL has a remedy of its own, the variable POCL_LLVM_CPU_NAME, from
+version 5.0 on; the wheel ends with 3.0.
 
 PoCL's record of a device, at the address that PyOpenCL gives as `Device.int_ptr`, holds a pointer
 to the name. The repair points it at a name that LLVM 14 knows, before the first kernel is built.

@@ -31,7 +31,7 @@ class KeptForms(NullCache):
     Parameters
     ----------
     function : callable
-        As it stands in the source; its signature says of which contents of the source.
+        As it stands in the source; its signature names the contents of the source.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:

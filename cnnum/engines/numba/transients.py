@@ -22,8 +22,8 @@ from cnnum.integrators.solver import Exact, Solver
 from cnnum.templating.boundary import Boundary
 
 SPREAD_CELLS = 128 * 128
-"""Smallest array of which one frame lies on all cores; below it, the cores wait for each other
-longer than they work."""
+"""Smallest array whose frame lies on all cores. Below it, the cores wait for each other longer than
+they work."""
 
 _CORES = threading.Lock()
 """Numba's simplest pool of threads, the only one on some systems, serves one caller at a time."""
@@ -74,7 +74,7 @@ class TransientRunner:
         return {"state": state, "output": output, **figures}
 
     def _reach(self, end: ExactEnd, frames: Batch, start: int, stop: int, spread: bool) -> None:
-        """Set states to their known end, of which it is left to say whether all is at rest."""
+        """Set states to their known end; whether all is at rest is left to say."""
         drive_frames(self.plan, frames, start, stop)
         own = slice(start, stop)
         pace = frames.pace[own] if len(frames.pace) > 1 else frames.pace

@@ -188,7 +188,7 @@ def _shifted(template: Template, coupling: NonlinearCoupling, shape: tuple[int, 
 
 
 def _alone(kernels: Floats, to: int, source: int) -> Floats:
-    """Return kernels of which only those from one layer to one are left."""
+    """Return kernels with only those from one layer to one left."""
     alone = np.zeros_like(kernels)
     alone[to, source] = kernels[to, source]
     return alone

@@ -16,8 +16,7 @@ from cnnum.templating.checks.program_registry import program_forms
 from cnnum.templating.checks.program_run import run_program_check
 
 SLOW_REFERENCE = ("halfspace_equilibrium", "halfspace_layers", "surface_load")
-"""Programs of which the reference engine takes longer than ten seconds a frame; all have a closed
-form."""
+"""Programs whose frame takes the reference engine over ten seconds; all have a closed form."""
 
 REFERENCE_S = 15.0
 """s that the reference engine may take for a program's frames."""

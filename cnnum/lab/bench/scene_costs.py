@@ -19,8 +19,8 @@ WHOLE = "tactile"
 SCENES = ("contact", "edges", "localize", "slip", "twist", WHOLE)
 
 REST, EVERY = 60, 10
-"""Frames of rest that answers are compared on, and of which of those after them: the reference
-engine takes 60 ms for one with a contact."""
+"""Frames of rest that answers are compared on; of the later ones, every tenth. The reference engine
+takes 60 ms for one with a contact."""
 
 Answer = Mapping[str, Floats]
 
@@ -57,7 +57,7 @@ class SceneCost:
         Largest difference of the answers from the reference engine's results on the frames in the
         scene that wants everything, each over its largest; in frames whose flags agree.
     flips : int
-        Frames of which a flag, or one of a taxel, is not the reference engine's.
+        Frames in which a flag, or one of a taxel, is not the reference engine's.
     compared : int
         Frames that the last two are from.
     """

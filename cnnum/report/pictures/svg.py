@@ -134,7 +134,7 @@ def box(x: float, y: float, width: float, height: float, style: str, title: str 
 
 
 def polyline(points: Iterable[tuple[float, float]], style: str) -> str:
-    """Return a line through points, of which those that cannot be seen are left out."""
+    """Return a line through points; those that cannot be seen are left out."""
     return f'<path class="{style}" d="{path(points)}"/>'
 
 

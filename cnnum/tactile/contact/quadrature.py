@@ -36,7 +36,7 @@ def cell_average(
     grid : Grid
         The cells.
     radius : float, m
-        Radius a of the circle, outside of which the field is 0.
+        Radius a of the circle; outside, the field is 0.
     centre : (x, y) float, m
         Centre of the circle.
     nodes : int

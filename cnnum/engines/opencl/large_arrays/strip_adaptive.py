@@ -108,7 +108,7 @@ def _changed_places() -> list[ir.Statement]:
 
 
 def _rows(text: TransientBuilder, arrays: tuple[str, ...], control: int) -> Rows:
-    """Return the rows of arrays, of which the first holds the states at the start."""
+    """Return the rows of arrays; the first holds the states at the start."""
     rows = strip_rows(text, arrays, tuple(1.0 / float(tau) for tau in text.template.tau))
     rows.declare(CONTROL_ARRAY, control)
     rows.declare(MAXIMA_ARRAY, len(FIGURES) * rows.size[1] * rows.layout.width)

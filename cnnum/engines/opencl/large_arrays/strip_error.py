@@ -10,7 +10,7 @@ from cnnum.engines.opencl.large_arrays.strip_rows import ONES, START, P, Rows, X
 from cnnum.engines.opencl.transients.step_control import rounding
 
 CELLS = "strip_cells"
-"""The array of which numbers of a row are cells."""
+"""The array whose cells are numbers of a row."""
 
 FIGURES = ("worst", "added", "speed", "change")
 """The findings of a step: the largest of each in all cells."""

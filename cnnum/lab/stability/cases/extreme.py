@@ -217,7 +217,7 @@ def _huge_mask() -> Case:
 
 
 def _large_and_small() -> Case:
-    """A mean of numbers of which one is 1e6 times the others."""
+    """A mean of numbers, one 1e6 times the others."""
     template = Template("box", [[0.0]], np.full((3, 3), 1.0 / 9.0), duration=20.0, output="linear")
     picture = np.random.default_rng(2).uniform(0.5, 1.0, (8, 8))
     picture[4, 4] = 1e6

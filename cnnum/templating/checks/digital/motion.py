@@ -22,7 +22,7 @@ def _shifted_east(pictures: Floats) -> Floats:
 
 
 def _moving(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
-    """Draw objects on every second row, most of which move one cell east.
+    """Draw objects on every second row; most move one cell east.
 
     Lines on their own have few black neighbours; in wide objects the outputs would be gray.
     """

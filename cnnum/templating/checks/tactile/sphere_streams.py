@@ -91,7 +91,7 @@ class Sphere:
         )
 
     def slip(self, stick: float) -> TorsionSlip:
-        """Return the contact of which a share of the radius sticks in a turn (Lubkin)."""
+        """Return the contact in a turn (Lubkin), with the share of the radius that sticks."""
         peak = self.friction * float(self.contact.peak_pressure)
         return TorsionSlip(self.radius, stick * self.radius, peak)
 
