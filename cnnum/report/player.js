@@ -114,7 +114,7 @@
   const facts = player.querySelector("dl");
   slider.max = count - 1;
 
-  function told(n) {
+  function described(n) {
     const rowsOf = [["frame", `${n} of ${data.scene.frames - 1}`], ["time", `${data.t[n].toFixed(3)} s`]];
     const load = at("normal_force", n), torque = at("torque", n), a = at("contact_radius", n), c = at("stick_radius", n);
     if (load !== null) rowsOf.push(["normal load P", `${load.toFixed(2)} N`]);
@@ -136,7 +136,7 @@
     cells(k, side);
     circles(n, side);
     if (ix >= 0 && iy >= 0) arrows(k, side);
-    facts.replaceChildren(...told(n).flatMap(([name, text]) => {
+    facts.replaceChildren(...described(n).flatMap(([name, text]) => {
       const dt = document.createElement("dt"), dd = document.createElement("dd");
       dt.textContent = name;
       dd.textContent = text;

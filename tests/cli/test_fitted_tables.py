@@ -91,18 +91,18 @@ def test_a_terminal_gets_whole_numbers_or_the_names_of_columns(name, columns, ca
     lines = printed(name, capsys)
     assert max(map(len, lines)) <= columns
     text = " ".join(" ".join(lines).split())
-    told = text.partition(f"No room in {columns} columns: ")[2].rstrip(".").split(", ")
+    stated = text.partition(f"No room in {columns} columns: ")[2].rstrip(".").split(", ")
     shown = [line for line in lines if "No room" not in line]
     words = set(" ".join(shown).split())
     assert "case" in words
     assert any(line.lstrip().startswith("8×8×3") for line in shown)
     for key, value in values(name).items():
-        assert key in told or set(value.split()) <= words, (key, value)
+        assert key in stated or set(value.split()) <= words, (key, value)
     # a folded text is a header, and it is there whole
     for key in values(name):
         parts = set(key.split("_"))
         seen = {piece for word in words for piece in word.split("_")}
-        assert key in told or parts <= seen
+        assert key in stated or parts <= seen
 
 
 def test_a_wide_terminal_leaves_nothing_out(capsys, terminal):
@@ -124,14 +124,14 @@ def test_columns_go_in_the_order_that_is_asked_for(capsys, terminal):
 
 
 @pytest.mark.parametrize(
-    ("columns", "told"),
+    ("columns", "stated"),
     [(65, ""), (45, "about"), (30, "time, about"), (20, "error, time, about")],
 )
-def test_a_verdict_goes_after_texts_and_numbers(columns, told):
+def test_a_verdict_goes_after_texts_and_numbers(columns, stated):
     made = table("case", ">error", ">time", "result", "about")
     made.add_row("a case", "1.2345", "6.7891 ms", "passed", "a long text on what this row is about")
     kept, gone = fitted_tables.fitted(made, columns)
-    assert ", ".join(gone) == told
+    assert ", ".join(gone) == stated
     assert "result" in [column.header for column in kept.columns]
 
 
@@ -173,8 +173,8 @@ def test_data_names_the_command_that_made_it(typed, kept, tmp_path):
     with bench.command.commands[name].make_context(name, words):
         bench._report("scenes", [scene("slip")], None, "a device", tmp_path, False)
         assert bench._asked(name) == f"cnnum bench {kept}"
-        told = json.loads((tmp_path / "scenes.json").read_text())["command"]
-        assert told == f"cnnum bench {kept}".replace(name, "scenes")
+        stated = json.loads((tmp_path / "scenes.json").read_text())["command"]
+        assert stated == f"cnnum bench {kept}".replace(name, "scenes")
 
 
 def test_brackets_are_text_and_no_markup(capsys):

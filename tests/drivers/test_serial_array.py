@@ -86,7 +86,7 @@ def test_an_unplug_ends_in_one_sentence_after_the_frames_before_it(device: Any, 
     assert len(got) == 10
 
 
-def test_plugged_in_again_it_goes_on_and_tells_the_gap(
+def test_plugged_in_again_it_goes_on_and_states_the_gap(
     device: Any, link: Path, plug: Callable[[], Any]
 ) -> None:
     device.write(b"".join(packets(frames(10), RATE)))
@@ -118,7 +118,7 @@ def test_a_silent_array_is_given_up(device: Any, link: Path) -> None:
             next(array.frames())
 
 
-def test_no_packet_at_all_is_told_on_opening(device: Any, link: Path) -> None:
+def test_no_packet_at_all_is_reported_on_opening(device: Any, link: Path) -> None:
     device.write(b"this is another protocol\n" * 20)
     with pytest.raises(PortError, match=r"No good packet came.*speaks the open protocol"):
         options(link, timeout=0.2).open()
@@ -157,13 +157,13 @@ def test_closing_ends_the_frames(device: Any, link: Path) -> None:
     array.close()
 
 
-def test_a_port_in_use_is_told(device: Any, link: Path) -> None:
+def test_a_port_in_use_is_reported(device: Any, link: Path) -> None:
     device.write(b"".join(packets(frames(5), RATE)))
     with options(link).open(), pytest.raises(PortError, match="in use by another program"):
         options(link).open()
 
 
-def test_a_port_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_port_that_is_not_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(PortError, match=r"no port '.*gone': plug the array in; ports here"):
         options(tmp_path / "gone").open()
 

@@ -130,7 +130,7 @@ def test_unplugs(faults: Any, link: Path, plug: Callable[[], Any]) -> None:
             faults.lose(f"trial {trial}: events after a gap of {away} s say {gaps}")
 
 
-def test_an_array_that_counts_on_tells_what_was_lost(
+def test_an_array_that_counts_on_states_what_was_lost(
     device: Any, link: Path, plug: Callable[[], Any]
 ) -> None:
     sent(device, rest(20))

@@ -142,7 +142,7 @@ def test_handed_on_and_dropped_add_up_over_the_wrap(first: int, kept: list[bool]
     np.testing.assert_allclose([f.time for f in frames], [p.time_us * 1e-6 for p in sent], atol=0)
 
 
-def test_repeats_and_restarts_are_told_apart() -> None:
+def test_repeats_and_restarts_are_distinguished() -> None:
     clock = FrameClock()
     sequence = [10, 11, 11, 14, 2, 3]
     frames = [

@@ -176,7 +176,7 @@ def flagged(scene: list[Frame], name: str) -> list[tuple[int, int]]:
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 
-def test_the_default_scene_tells_its_story_in_order(scene: list[Frame]) -> None:
+def test_the_default_scene_goes_in_order(scene: list[Frame]) -> None:
     (touch,), (near,), (slip,) = (flagged(scene, n) for n in ("contact", "incipient", "slip"))
     (twist,) = flagged(scene, "twist_slip")
     assert touch[0] < near[0] < near[1] == slip[0] < slip[1] < twist[0] < twist[1] < touch[1]

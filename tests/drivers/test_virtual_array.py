@@ -164,7 +164,7 @@ def test_drops_and_stalls_are_counted(tmp_path: Path) -> None:
     assert array.counts.stalls >= 2
 
 
-def test_another_protocol_is_told_from_silence(tmp_path: Path) -> None:
+def test_another_protocol_is_distinguished_from_silence(tmp_path: Path) -> None:
     with (
         offered(tmp_path / "tty", "flexitac"),
         pytest.raises(PortError, match=r"speaks PTS 2\. \d+ bytes came that are none"),
@@ -305,7 +305,7 @@ def test_what_sends_at_a_port_is_guessed(tmp_path: Path, protocol: str) -> None:
     assert "taxels" in found.said
 
 
-def test_a_silent_port_and_one_that_is_not_there_are_told(tmp_path: Path) -> None:
+def test_a_silent_port_and_one_that_is_not_there_are_reported(tmp_path: Path) -> None:
     line = VirtualLine(tmp_path / "quiet")
     assert "silent" in guess(PortInfo(str(tmp_path / "quiet"), ""), seconds=0.05).said
     line.close()

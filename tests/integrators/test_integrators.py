@@ -253,7 +253,7 @@ def test_an_error_of_another_state_than_the_last_stage_is_refused():
 
 @pytest.mark.parametrize("method", [EXPONENTIAL_EULER, ETD_RK2], ids=lambda m: m.name)
 @pytest.mark.parametrize("decay", [0.01, 0.1, 1.0, 3.0])
-def test_exponential_steps_tell_their_error(method, decay):
+def test_exponential_steps_state_their_error(method, decay):
     """A mode λ = (μ − 1)/τ, stage by stage: the step is the method's, its part e^z − R(z).
 
     Of short steps to a hundredth; of long ones, while the mode does not grow, to a factor of 3.
@@ -268,10 +268,10 @@ def test_exponential_steps_tell_their_error(method, decay):
         growth = method.growth(np.array([decay]), np.array([mode - 1.0 + 0j]))[0, 0]
         assert abs(step - growth) <= 1e-13
         (part,) = followed.truncation
-        told = abs(sum(float(d) * k for d, k in zip(part, slopes, strict=True)))
+        stated = abs(sum(float(d) * k for d, k in zip(part, slopes, strict=True)))
         wanted = abs(np.exp(z) - growth)
-        assert told == pytest.approx(wanted, rel=0.02 if decay == 0.01 else 2.0)
-        assert told >= wanted / 3.0
+        assert stated == pytest.approx(wanted, rel=0.02 if decay == 0.01 else 2.0)
+        assert stated >= wanted / 3.0
 
 
 @pytest.mark.parametrize(

@@ -154,7 +154,7 @@ def test_sixty_pictures_a_second_cost_a_quick_source_nothing() -> None:
     assert pictures < sent / 4
 
 
-def test_a_recording_stops_and_goes_where_it_is_told(tmp_path: Path) -> None:
+def test_a_recording_stops_and_goes_where_it_is_sent(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     path = tmp_path / "short.npz"
     Recording(1e-4 * rng.normal(size=(200, 8, 8, 3)), rate=100.0, unit="strain").save(path)

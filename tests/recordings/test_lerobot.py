@@ -35,7 +35,7 @@ def test_rates_that_do_not_divide_lose_no_frame() -> None:
     assert set(touch.new[1:].tolist()) == {3, 4}
 
 
-def test_a_gap_is_told_and_not_filled() -> None:
+def test_a_gap_is_reported_and_not_filled() -> None:
     whole = recording(300)
     kept = np.r_[0:100, 200:300]
     holed = Recording(whole.values[kept], rate=150.0, unit="N", times=whole.times[kept])

@@ -133,7 +133,7 @@ def test_stray_readings_are_refused():
         contact.bind(reads="volt").trace((8, 8))
 
 
-def test_normal_strain_tells_nothing_that_the_shear_does_not():
+def test_normal_strain_shows_nothing_that_the_shear_does_not():
     """Wave by wave ε_zz = i (kx ε_xz + ky ε_yz)/k, or its opposite, for pulls and pushes alike.
 
     So no filter parts them, and `contact` has to know where the pull acts.

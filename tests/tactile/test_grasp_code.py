@@ -60,7 +60,7 @@ SCENES = [
 
 @pytest.mark.one_in(3)
 @pytest.mark.parametrize("shape", [(2, 4), (4, 4), (8, 8), (16, 16)])
-def test_motions_are_told_apart(engine, run, shape):
+def test_motions_are_distinguished(engine, run, shape):
     if engine.name == "reference" and shape == (16, 16):
         pytest.skip("the slow engine needs no fourth shape")
     shear = np.stack([rigid(shape, scene[1]) for scene in SCENES])

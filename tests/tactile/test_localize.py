@@ -82,7 +82,7 @@ def test_own_loads_come_back(run, name, cells, taxels):
 
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("taxels", COVERS)
-def test_every_pattern_of_contacts_is_told(fast, run, taxels):
+def test_every_pattern_of_contacts_is_reported(fast, run, taxels):
     """All 65,535 patterns of 4×4 bumps: each touched bump found, each free one left free.
 
     So contacts with one free bump between them are always two.
@@ -133,7 +133,7 @@ def test_without_unmixing_a_neighbour_would_pull(fast, run):
     assert abs(got["bump_load_x"][-1]).max() < 0.05
 
 
-def test_bumps_that_cannot_be_told_apart_are_refused():
+def test_bumps_that_cannot_be_distinguished_are_refused():
     with pytest.raises(PhysicsError, match="separated"):
         unmix("strain", 2.0, 4.0)
     with pytest.raises(UnknownNameError, match="taxels"):

@@ -29,8 +29,10 @@ def last(fast, run, load, **parameters):
     pull = np.clip((np.arange(frames) - REST - HELD) / HELD, 0.0, 1.0)[:, None, None, None]
     noise[REST:, ..., 2:] += load[..., 2:]
     noise[REST:, ..., :2] += (pull * load[..., :2])[REST:]
-    told = {"friction": FRICTION, "depth": DEPTH, "rate": RATE, **parameters}
-    return {name: value[-1] for name, value in run(fast, mindlin_slip.bind(**told), noise).items()}
+    stated = {"friction": FRICTION, "depth": DEPTH, "rate": RATE, **parameters}
+    return {
+        name: value[-1] for name, value in run(fast, mindlin_slip.bind(**stated), noise).items()
+    }
 
 
 @pytest.mark.parametrize("radius", [2.0, 2.6])
@@ -55,21 +57,21 @@ def test_nothing_is_said_of_a_flat_punch(fast, run, radius, centre):
     assert (got["mindlin_holds"], got["incipient_slip"], got["stick_share"]) == (0.0, 0.0, 1.0)
 
 
-def test_a_sphere_under_the_same_pull_is_told(fast, run):
+def test_a_sphere_under_the_same_pull_is_reported(fast, run):
     load = readings(Touch(2.0, (0.2, -0.1), 0.99 * FRICTION, 0.7, FRICTION), 8, DEPTH, "strain")
     assert last(fast, run, load)["incipient_slip"] == 1.0
 
 
-def test_a_contact_on_few_taxels_is_not_told(fast, run):
+def test_a_contact_on_few_taxels_is_not_reported(fast, run):
     load = readings(Touch(1.2, (0.3, -0.2), 0.99 * FRICTION, 0.7, FRICTION), 8, DEPTH, "strain")
     assert last(fast, run, load)["mindlin_holds"] == 0.0
 
 
-def pulled(fast, run, simulate, told=1.0, **options):
+def pulled(fast, run, simulate, stated=1.0, **options):
     strain, truth = simulate(
         script=SCRIPT, radius=32e-3, start=(-0.6e-3, -0.4e-3), seed=2, **options
     )
-    depth = options.get("thickness", 1e-3) / 1.5e-3 * told
+    depth = options.get("thickness", 1e-3) / 1.5e-3 * stated
     return run(fast, mindlin_slip.bind(friction=FRICTION, depth=depth), strain[..., :3]), truth
 
 
@@ -91,9 +93,9 @@ def test_nothing_is_said_on_a_thin_layer(fast, run, simulate, thickness):
     assert not got["incipient_slip"].any()
 
 
-@pytest.mark.parametrize("told", [0.7, 1.5])
-def test_a_wrong_depth_is_seen_in_a_pull_or_in_a_slide(fast, run, simulate, told):
-    got, _ = pulled(fast, run, simulate, told)
+@pytest.mark.parametrize("stated", [0.7, 1.5])
+def test_a_wrong_depth_is_seen_in_a_pull_or_in_a_slide(fast, run, simulate, stated):
+    got, _ = pulled(fast, run, simulate, stated)
     assert not got["incipient_slip"].any()
     assert not got["mindlin_holds"][-20:].any()  # after the slide
 

@@ -17,26 +17,26 @@ def demo():
     """Loads reported and true, (frames, 3), and the events of the first contact."""
     scene = load_scene("demo", changes={"wants": ["contact", *LOADS]})
     moments = [moment for moment in scene.results() if moment.values is not None]
-    told = np.array([[float(m.outputs[name]) for name in LOADS] for m in moments])
+    stated = np.array([[float(m.outputs[name]) for name in LOADS] for m in moments])
     true = np.array([[float(m.frame.truth[name]) for name in TRUE] for m in moments])
-    return told, true, [event for m in moments for event in m.events]
+    return stated, true, [event for m in moments for event in m.events]
 
 
 def test_loads_are_newtons(demo):
-    told, true, _ = demo
+    stated, true, _ = demo
     held = true[:, 0] > 0.5
     # as `contact` is for spheres of 1.5 to 2.5 cells on 8×8: docs/programs/contact.md
-    off = told[held, 0] / true[held, 0] - 1.0
+    off = stated[held, 0] / true[held, 0] - 1.0
     assert np.abs(off).max() < 0.1
     pull = np.hypot(true[:, 1], true[:, 2])
     pulled = held & (pull > 0.3)
-    assert np.hypot(*(told - true)[pulled, 1:].T).max() < 0.1 * pull.max()
+    assert np.hypot(*(stated - true)[pulled, 1:].T).max() < 0.1 * pull.max()
 
 
 def test_a_contact_is_as_strong_as_what_presses(demo):
-    told, _, events = demo
+    stated, _, events = demo
     contact = next(event for event in events if event.kind == "contact")
-    assert contact.strength == pytest.approx(told[contact.frame, 0], rel=1e-6)
+    assert contact.strength == pytest.approx(stated[contact.frame, 0], rel=1e-6)
     assert 0.0 < contact.strength < 0.1  # newtons, two frames after the touch
 
 

@@ -17,7 +17,7 @@ function connect() {
   socket.binaryType = "arraybuffer";
   view.socket = socket;
   socket.onopen = () => { view.wait = 500; };
-  socket.onmessage = ({ data }) => (typeof data === "string" ? told(JSON.parse(data)) : picture(data));
+  socket.onmessage = ({ data }) => (typeof data === "string" ? received(JSON.parse(data)) : picture(data));
   socket.onclose = () => {
     state("lost", "connection lost, trying again…");
     setTimeout(connect, view.wait);
@@ -34,7 +34,7 @@ function state(kind, text) {
   at("link").textContent = text;
 }
 
-function told(message) {
+function received(message) {
   if (message.kind === "hello") greet(message);
   else if (message.kind === "events") message.events.forEach(note);
   else if (message.kind === "status") status(message);

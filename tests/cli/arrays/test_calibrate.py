@@ -51,7 +51,7 @@ def test_scan_without_a_column_gets_one_sentence(call, tmp_path):
     assert not out.exists()
 
 
-def test_scan_that_does_not_tell_gets_one_sentence(call, tmp_path):
+def test_scan_that_shows_nothing_gets_one_sentence(call, tmp_path):
     path, out = tmp_path / "scan.csv", tmp_path / "taxel.toml"
     path.write_text(HEADER + "\n" + "\n".join(["0,0,0,0,0.003,1,1,1,1"] * 3) + "\n")
     done = call("calibrate", path, "--youngs-modulus", E, "--out", out)

@@ -79,7 +79,7 @@ def test_what_wants_an_extra_is_named_and_the_rest_goes_on(among, call):
     assert result.stderr == ""
 
 
-def test_what_fails_is_told_in_the_code_and_the_rest_goes_on(among, call, records):
+def test_what_fails_shows_in_the_code_and_the_rest_goes_on(among, call, records):
     among(first=fails, second=rows)
     result = call("bench", "all", "--json")
     assert result.exit_code == 2

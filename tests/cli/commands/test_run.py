@@ -130,16 +130,16 @@ def test_an_error_on_the_way_keeps_the_summary(call, records, scene):
     assert records(result.stdout)[-1]["kind"] == "summary"
 
 
-def test_a_recording_that_an_error_ends_is_kept_and_told(call, records, tmp_path):
+def test_a_recording_that_an_error_ends_is_kept_and_reported(call, records, tmp_path):
     path = tmp_path / "torn.npz"
     script = 'script=[{kind="press", load=1.0, duration=0.5}, '
     script += '{kind="pull", speed=0.1, duration=1.0}]'
     result = call("record", "simulated", path, "--set", script, "--json")
     assert result.exit_code == 2
     assert "left the array" in result.stderr
-    (told,) = records(result.stdout)
+    (stated,) = records(result.stdout)
     with open_driver("npz", {"path": path}) as tape:
-        assert told["frames"] == tape.total_frames > 40
+        assert stated["frames"] == tape.total_frames > 40
     assert [item.name for item in tmp_path.iterdir()] == ["torn.npz"]
 
 

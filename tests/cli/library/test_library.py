@@ -131,7 +131,11 @@ def test_every_page_has_the_settle_time_or_why_there_is_none(call, tmp_path):
     out = tmp_path / "gallery.html"
     assert call("templates", "gallery", "HOLE", "LIFE", "AUTOWAVE", "--out", out).exit_code == 0
     page = out.read_text(encoding="utf-8")
-    for told in ("16×16: ", "runs in steps", "still on its way after 6 τ"):
-        assert told in page
-    for name, told in (("HOLE", "16×16"), ("LIFE", "runs in steps"), ("ECHO", "still on its way")):
-        assert told in call("templates", "show", name).stdout
+    for stated in ("16×16: ", "runs in steps", "still on its way after 6 τ"):
+        assert stated in page
+    for name, stated in (
+        ("HOLE", "16×16"),
+        ("LIFE", "runs in steps"),
+        ("ECHO", "still on its way"),
+    ):
+        assert stated in call("templates", "show", name).stdout

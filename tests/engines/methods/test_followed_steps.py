@@ -48,10 +48,10 @@ def test_error_covers_the_truth(engines, known, precision):
             )
             for number, one in enumerate(known)
         ]
-        told = [run for run in runs if run is not None]
-        assert len(told) >= 7
-        covered += [estimate >= error for estimate, error in told]
-        loose = [(estimate[error > 1e-8] / error[error > 1e-8]) for estimate, error in told]
+        stated = [run for run in runs if run is not None]
+        assert len(stated) >= 7
+        covered += [estimate >= error for estimate, error in stated]
+        loose = [(estimate[error > 1e-8] / error[error > 1e-8]) for estimate, error in stated]
         medians[method] = float(np.median(np.concatenate(loose)))
     assert np.concatenate(covered).mean() >= 0.99
     # an estimate that says nothing would cover, too: 3 to 30 in the median of 100 networks. In

@@ -213,7 +213,7 @@ def test_figures_of_a_run_keep_it_as_it_is():
     """Figures of a run (its error, its time) are not lost in a product."""
 
     @cnnum.program
-    def told(frame):
+    def stated(frame):
         value = frame.a
         for _ in range(5):
             value = cnnum.apply(DIFFUSE, input=value)
@@ -222,7 +222,7 @@ def test_figures_of_a_run_keep_it_as_it_is():
         return {"value": run.outputs[0], "error": run.error, "time": run.time, "ends": ends}
 
     frame = np.random.default_rng(4).normal(size=(*SHAPE, 1))
-    plan = cnnum.Engine().compile(told, SHAPE, channels=("a",))
+    plan = cnnum.Engine().compile(stated, SHAPE, channels=("a",))
     left = [
         n.operation.template.name for n in plan.built.nodes if isinstance(n.operation, Transient)
     ]
@@ -294,13 +294,13 @@ def repeated(value, count):
 def test_a_plan_says_what_was_fused_and_still_shows_every_step():
     frame = np.random.default_rng(7).normal(size=(*SHAPE, 1))
     plan = cnnum.Engine().compile(six_times(DIFFUSE), SHAPE, channels=("a",))
-    told, before = plan.explain(), plan.unfused().explain()
-    item = told.left_out[-1]
+    stated, before = plan.explain(), plan.unfused().explain()
+    item = stated.left_out[-1]
     assert item.what.startswith("6 × template diffuse")
     assert "fused into 1 dense product" in item.why
-    assert item.flops == before.flops - told.flops > 0
+    assert item.flops == before.flops - stated.flops > 0
     assert len(before.transients) == 6
-    assert told.transients == ()
+    assert stated.transients == ()
     steps = list(plan.trace(frame))
     assert sum("diffuse" in step.operation for step in steps) == 6
     close(steps[-1].value, plan(frame)["value"], 6 * np.abs(frame).max(), "float32", "trace")

@@ -192,12 +192,12 @@ def test_without_time_every_rung_is_named_and_none_is_run():
     names = ["DIFFUS", "contact"]
     found = list(work_precision.measure_cases(names, engines, seconds=0.0))
     assert len(found) == work_precision.count(names, engines)
-    told = [item for item in found if item is not None]
-    assert len(told) == len(names)
+    stated = [item for item in found if item is not None]
+    assert len(stated) == len(names)
     for rung in work_precision.LADDER:
-        assert f"numba float64 {rung}" in told[0]
+        assert f"numba float64 {rung}" in stated[0]
     for rung in program_rungs.LADDER:
-        assert f"numba float64 {rung}" in told[1]
+        assert f"numba float64 {rung}" in stated[1]
 
 
 def test_a_quick_case_has_rows_of_every_engine_and_one_truth(monkeypatch):

@@ -55,8 +55,10 @@ def boxes(figure):
 def test_no_text_lies_on_another(decades, count):
     figure = work_precision(rows_of(decades, PLACES[:count]))
     seen = boxes(figure)
-    told = " ".join(name for name, _ in seen)
-    assert all(name in told for name in ("DIFFUS", "halfspace_equilibrium", "slip", "auto", "rk4"))
+    stated = " ".join(name for name, _ in seen)
+    assert all(
+        name in stated for name in ("DIFFUS", "halfspace_equilibrium", "slip", "auto", "rk4")
+    )
     # boxes hold room for accents above: a pixel of theirs may be shared
     overlaps = [
         (one, other)

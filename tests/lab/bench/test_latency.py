@@ -86,11 +86,11 @@ def test_both_ratios_and_the_tail_are_of_the_rows_own_figures(opencl):
 def test_frames_there_was_no_time_for_are_named(opencl, capsys):
     found = latency.measure_latency(opencl, count=5000, chosen=[QUICK], seconds=1e-4)
     assert bench._report("latency", found, None, opencl.device, None, False) == 0
-    told = capsys.readouterr().out.split("Left out:")[1]
-    frames = int(told.partition(" of 5000 frames")[0].split()[-1])
-    assert "contact:" in told
+    stated = capsys.readouterr().out.split("Left out:")[1]
+    frames = int(stated.partition(" of 5000 frames")[0].split()[-1])
+    assert "contact:" in stated
     assert 0 < frames < 5000
-    assert "nothing" not in told
+    assert "nothing" not in stated
 
 
 def test_nothing_is_named_where_all_frames_ran(opencl):
@@ -134,7 +134,7 @@ def test_tails_of_launches_are_those_of_the_same_turns(opencl, monkeypatch):
     assert row.own_tail == pytest.approx(9.0)
 
 
-def test_what_comes_after_other_work_is_told_apart(monkeypatch):
+def test_what_comes_after_other_work_is_distinguished(monkeypatch):
     """By a clock of its own: a frame takes 1 ms, after another call 5."""
     now, last = [0.0], ["other"]
 

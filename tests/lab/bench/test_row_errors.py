@@ -42,7 +42,7 @@ def test_runs_next_to_zero_are_held_to_the_reference_engines(precision):
     assert row.error == 1.0 or row.error == pytest.approx(1 / 3, abs=1e-3)
 
 
-def test_errors_next_to_zero_are_told_as_they_are_and_over_what_the_run_begins_with(opencl):
+def test_errors_next_to_zero_are_stated_as_they_are_and_over_what_the_run_begins_with(opencl):
     """Adaptive steps keep an absolute tolerance alone: over a truth of nothing, all is large."""
     (case,) = (case for case in denormals.CASES if case.dt is None)
     # as if the truth were nothing: then all that is left of a state is an error
@@ -57,7 +57,7 @@ def test_errors_next_to_zero_are_told_as_they_are_and_over_what_the_run_begins_w
     assert 0.0 < row.absolute_error < 1e-5
 
 
-def test_a_programs_stream_is_judged_by_what_it_is_told_to(opencl):
+def test_a_programs_stream_is_judged_by_the_truth_that_it_is_given(opencl):
     plan = opencl.compile(get_program("contact"), (8, 8), ["contact_area", "load_normal"])
     true = errors.truths("contact", (8, 8), 60.0, needs=("contact_area", "load_normal"))
     ten = [{name: 10.0 * value for name, value in answer.items()} for answer in true]

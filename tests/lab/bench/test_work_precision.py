@@ -51,7 +51,7 @@ def test_the_error_of_a_field_falls_with_the_step(name):
 
 @pytest.mark.one_in(4)
 @pytest.mark.parametrize("name", EXACT)
-def test_closed_forms_and_the_reference_engine_tell_the_same_truth(name):
+def test_closed_forms_and_the_reference_engine_give_the_same_truth(name):
     """Two ways to one answer; the reference engine at a tolerance that it meets in a second."""
     template = get_template(name)
     case = form_of(template).cases(template, np.random.default_rng(0), (4, 5))
@@ -109,11 +109,11 @@ def test_a_quick_round_without_opencl_runs_on_numba(monkeypatch):
 
 def test_a_quick_round_names_every_case_that_it_does_not_run():
     quick = bench.cases(quick=True)
-    told = bench.omissions(quick, quick=True)[-1]
+    stated = bench.omissions(quick, quick=True)[-1]
     for name in bench.cases():
-        assert (name in told.replace(",", " ").replace(";", " ").split()) == (name not in quick)
-    told = bench.OMISSIONS + bench.PROGRAM_OMISSIONS + bench.CASE_OMISSIONS
-    assert bench.omissions(bench.cases()) == told
+        assert (name in stated.replace(",", " ").replace(";", " ").split()) == (name not in quick)
+    stated = bench.OMISSIONS + bench.PROGRAM_OMISSIONS + bench.CASE_OMISSIONS
+    assert bench.omissions(bench.cases()) == stated
     # a template that is asked for by name is not said to be left out
     assert bench.omissions(["EDGE"]) == bench.OMISSIONS
 
@@ -159,6 +159,6 @@ def test_a_program_without_transients_has_one_row(monkeypatch):
     assert bench.count(["slip"], engines) == len(program_rungs.LADDER)
 
 
-def test_a_device_that_is_not_there_is_told(opencl):
+def test_a_device_that_is_not_there_is_reported(opencl):
     with pytest.raises(CnnumError, match="nosuch"):
         bench.engines_here("nosuch")

@@ -17,7 +17,7 @@ FLAT = Material("glass", "grain", 0.4, 1e-12, 0.3e-3, spread=0.0)
 QUIET = Bump(noise=0.0)
 
 
-def test_two_gaussians_are_told_apart_as_well_as_can_be() -> None:
+def test_two_gaussians_are_distinguished_as_well_as_can_be() -> None:
     # Two classes a distance d apart in one feature: the best share is Φ(d/2).
     rng = np.random.default_rng(0)
     count, distance = 8000, 2.0
@@ -40,7 +40,7 @@ def test_groups_do_not_leak() -> None:
     assert found.accuracy < 0.7  # half, and three deviations of 60 clusters
 
 
-def test_four_materials_are_told_apart() -> None:
+def test_four_materials_are_distinguished() -> None:
     drawn = draw_samples(strokes=8, per_stroke=20)
     found = classify(drawn.features, drawn.material, drawn.stroke, names=drawn.names)
     assert len(drawn.features) == 4 * 8 * 20

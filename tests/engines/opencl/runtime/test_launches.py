@@ -42,7 +42,7 @@ def test_slip_program_is_one_launch_a_frame(launches, opencl, batch):
 @pytest.mark.parametrize(
     ("shape", "method"), [((40, 40), "euler"), ((260, 260), "euler"), ((260, 260), "rk4")]
 )
-def test_a_large_array_takes_the_launches_that_its_plan_tells(launches, shape, method):
+def test_a_large_array_takes_the_launches_that_its_plan_states(launches, shape, method):
     """One work item up to 256×256 cells; strips and parts beyond, with no round to guess."""
     template = cnnum.Template("weak", [[0, 0.1, 0], [0.1, 0.3, 0.1], [0, 0.1, 0]], [[1.0]])
     spec = RunSpec(duration=2.0, method=method, dt=0.1)
