@@ -52,15 +52,25 @@ def found_again() -> Iterator[Again]:
     """Yield every uncoupled template of one layer and 3×3 cells whose check is a local rule."""
     for name in template_names():
         template = get_template(name)
-        if template.check is None or not _fits(template, form_of(template)):
-            continue
-        try:
-            table = table_of(template)
-        except CnnumError:
-            continue  # the check is no local rule
-        if any(seen.source == "y" for seen in table.seen):
-            continue
-        yield again(template, table)
+        if (table := _table(template)) is not None:
+            yield again(template, table)
+
+
+def worst_case(template: Template) -> float | None:
+    """Return how far all weights may be off at once, as a share of each, with no wrong cell.
+
+    A bound, no sample: with every weight off by less, in whatever direction, every cell rests on
+    the side that its rule wants. None where no bound is known: the template has neighbours' outputs
+    in its feedback, several layers, a gray answer or no local rule of 3×3 cells.
+
+    Parameters
+    ----------
+    template : Template
+        With its check.
+    """
+    table = _table(template)
+    share = 0.0 if table is None else margins(template, table)[1]
+    return share if share > 0.0 else None
 
 
 def again(template: Template, table: Table) -> Again:
@@ -87,6 +97,17 @@ def again(template: Template, table: Table) -> Again:
     made = as_template(weights, shape)
     made = replace(made, input_boundary=template.input_boundary)
     return Again(template, made, weights, table, weights.relative * size, margin, relative)
+
+
+def _table(template: Template) -> Table | None:
+    """Return the local rule of an uncoupled template, None where it has none."""
+    if template.check is None or not _fits(template, form_of(template)):
+        return None
+    try:
+        table = table_of(template)
+    except CnnumError:
+        return None  # the check is no local rule
+    return None if any(seen.source == "y" for seen in table.seen) else table
 
 
 def _fits(template: Template, form: ClosedForm) -> bool:

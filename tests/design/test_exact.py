@@ -11,12 +11,13 @@ import pytest
 from cnnum import Engine, get_template
 from cnnum.design.designing import as_rule, designed
 from cnnum.design.exact import Shape, as_template, design
-from cnnum.design.found_again import again, found_again
+from cnnum.design.found_again import again, found_again, worst_case
 from cnnum.design.linear_program import Conflict, Weights, separate
 from cnnum.design.local_rules import rule_table, table_of
 from cnnum.design.sequences import answers, sequence
 from cnnum.design.spec import Spec, load_spec
 from cnnum.errors import TemplateError
+from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks import run_check
 from cnnum.templating.checks.intervals import wilson
 from cnnum.templating.files import load_entry, save_entry
@@ -156,6 +157,31 @@ def test_no_mismatch_below_the_relative_margin_flips_a_configuration():
             assert least > 0.0 or not right
             if not right and np.isclose(table.colours[k] * (row @ numbers), 1.0):
                 assert least < 0.0
+
+
+@pytest.mark.parametrize("name", ["CORNER", "EDGE", "CONCEROS"])
+def test_the_worst_case_of_a_template_is_that_of_its_runs(name):
+    """Every neighbourhood of 3×3 cells has the errors that are worst for it, in a lane of its own.
+
+    Their signs are those of the products with the inputs; the own feedback holds any colour.
+    """
+    template, share = get_template(name), worst_case(get_template(name))
+    inputs = np.array(list(itertools.product((-1.0, 1.0), repeat=9))).reshape(-1, 3, 3)
+    run = {"input": inputs, "duration": 400.0}
+    right = np.sign(Engine("numba").run(template, input=inputs).output[:, 1, 1])
+    colour = right[:, np.newaxis, np.newaxis]
+    for factor, flips in ((0.98, False), (1.02, True)):
+        off = factor * share * np.sign(inputs * template.B[0, 0]) * -colour
+        B = template.B * (1.0 + off)[:, np.newaxis, np.newaxis]
+        z = template.z * (1.0 - factor * share * np.sign(template.z) * right[:, np.newaxis])
+        batch = TemplateBatch(template, B=B, z=z)
+        found = np.sign(Engine("numba").run(batch, **run).state[:, 1, 1])
+        assert (found != right).any() == flips
+
+
+def test_templates_without_a_bound_have_none():
+    for name in ("HOLE", "AVERAGE", "DIFFUS", "MATCNN_EDGE"):
+        assert worst_case(get_template(name)) is None
 
 
 def test_examples_become_a_template(tmp_path):

@@ -90,6 +90,7 @@ def report(
     template: "Template", engine: "Engine", output: Output, *, weights: bool = False
 ) -> None:
     """Print the figures of a template on an engine."""
+    from cnnum.design.found_again import worst_case
     from cnnum.integrators.stability import stability_bound
     from cnnum.templating.checks.measuring import measure, settle_times
     from cnnum.templating.checks.robustness import flips, tolerances
@@ -114,6 +115,7 @@ def report(
     measured = measure(template, engine)
     changes = flips(template, engine, draws=_DRAWS)
     found |= {"settle": measured.settle, "margin": measured.margin}
+    found["worst_case"] = worst_case(template)
     output.record(found | {"flips": [asdict(change) for change in changes]})
     output.show(facts(_lines(found)))
     shown = table("change of the weights", ">templates that flip", ">wrong cells")
@@ -156,6 +158,7 @@ def _lines(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("largest Euler step", f"{number(found['euler_step'])} τ"),
         ("settles within", settle or "not measured"),
         ("margin of the bias", _margin(found)),
+        ("worst case", _worst(found.get("worst_case"))),
         ("cost of a cell", _spent(found)),
     ]
 
@@ -165,6 +168,12 @@ def _margin(found: dict[str, Any]) -> str:
         return "not known without a check"
     margin = found["margin"]
     return "none: a gray answer" if margin is None else number(margin)
+
+
+def _worst(share: float | None) -> str:
+    if share is None:
+        return "no bound is known"
+    return f"all weights off at once by less than {100 * share:.3g} % flip no cell at rest"
 
 
 def _spent(found: dict[str, Any]) -> str:

@@ -62,6 +62,13 @@ def test_check_of_a_file_without_a_check_says_what_is_known(call, tmp_path):
         assert part in result.stdout
 
 
+def test_design_shows_the_worst_case_where_there_is_a_bound(call, records):
+    (found,) = records(call("templates", "design", "LOGAND", "--json").stdout)
+    assert found["worst_case"] == pytest.approx(1 / 3)  # two weights and a bias of 1, a margin of 1
+    (found,) = records(call("templates", "design", "HOLE", "--json").stdout)
+    assert found["worst_case"] is None
+
+
 def test_design_shows_how_far_each_weight_may_go(call, records):
     found = records(call("templates", "design", "THRES", "--weights", "--json").stdout)
     assert found[0]["stability"] == "bistable cells"
