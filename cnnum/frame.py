@@ -44,8 +44,8 @@ class Truth:
     Attributes
     ----------
     values : mapping of str to float
-        Names are the source's: "contact", "slip", "stick_radius" (m), "contact_radius" (m),
-        "twist" (rad), "normal_force" (N), "shear_x" and "shear_y" (N), "torque" (N m)… Names that
+        Names are the source's: "contact", "slip", "stick_radius" (m), "contact_radius" (m), "twist"
+        (rad), "normal_force" (N), "shear_x" and "shear_y" (N), "torque" (N m) and so on. Names that
         begin with "device_" are an array's own reports, apart from its taxels.
     """
 

@@ -1,7 +1,7 @@
 """Linear operations on maps: the exact answers of templates, and sums of maps.
 
-An affine map of a program's values is kept as one matrix for each value that it reads, and a map
-for the constant. A linear template without time steps takes such maps to such maps.
+An affine map of a program's values is kept as one matrix for each value that it reads. The constant
+is a map. A linear template without time steps takes such maps to such maps.
 """
 
 from collections.abc import Callable, Sequence

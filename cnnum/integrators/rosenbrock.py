@@ -180,8 +180,8 @@ def implicit_steps(
     Raises
     ------
     MethodError
-        If the method is not made for such a template, its array is too large, or a length of steps
-        was given.
+        If the method is not made for such a template, or its array is too large. Or if a length of
+        steps was given.
     """
     network = Network(template, shape)
     if not may_be_implicit(template):

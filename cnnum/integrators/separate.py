@@ -26,8 +26,8 @@ LONGEST = 60.0
 device takes for 0; longer runs that are not to equilibrium take steps."""
 
 STEEPEST = 1e30
-"""Largest growth that is written out: a cell that would grow more has left the middle piece,
-unless it began nearer to its rest than any number but 0 is."""
+"""Largest growth that is written out: a cell that would grow more has left the middle piece. Else
+it began nearer to its rest than any number but 0 is."""
 
 ROUNDED = 8
 """Rounded operations from one end of a cell's way to the other, at the most; the drive apart."""

@@ -71,7 +71,7 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
     -----
     A mode that grows by itself (Re λ > 0) sets no bound. Rates are those of `spectrum`. Of a linear
     array no other mode grows at all: eigenvalues are held to |R| ≤ 1. Where they are not known, so
-    is a box around the field of values, which may leave Euler's and Heun's method no step. An array
+    is a box around the field of values. It may leave Euler's and Heun's method no step. An array
     that saturates has rates that change with the cells: steps let none of them grow faster than the
     array itself could, e^{max(Re λ, 0) h}. That holds without saturation or, by Gershgorin's discs,
     with any. With a delay, a mode depends on its past, too (`cnnum.integrators.delays`). Steps are

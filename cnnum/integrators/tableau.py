@@ -187,12 +187,12 @@ class ButcherTableau:
     def truncation(self) -> tuple[Row, ...]:
         """Rows d, each with a part h Σ_i d_i k_i of the step's own truncation error, in order.
 
-        On x' = λx, z = hλ, the stages are k_i = λ K_i(z) x with K_i of degree i, and the step is
-        off by e^z − R(z). Its leading parts up to z^s are combinations of the stages: a row each.
-        Between corners of f an array is linear, so that they show its error; at a corner, their
-        sum of absolute values is seldom below the error (Bogacki–Shampine: never below 0.37 of it,
-        Dormand–Prince: 0.19), where that of the embedded method may vanish. A stage that reaches
-        no higher power than the one before shows no part of its own.
+        On x' = λx, z = hλ, the stages are k_i = λ K_i(z) x with K_i of degree i. The step is off by
+        e^z − R(z). Its leading parts up to z^s are combinations of the stages: a row each. Between
+        corners of f an array is linear, so that they show its error; at a corner, their sum of
+        absolute values is seldom below the error (Bogacki–Shampine: never below 0.37 of it,
+        Dormand–Prince: 0.19), where that of the embedded method may vanish. A stage that reaches no
+        higher power than the one before shows no part of its own.
         """
         growth = self._stage_polynomials()
         gaps = [

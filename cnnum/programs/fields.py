@@ -16,7 +16,7 @@ class Field:
     """A map of cells, or one number a frame (`scalar`), inside a program that is being traced.
 
     It can be a stack of several maps, too (`maps`): local operations take all of them at once, with
-    numbers or with stacks of as many, and global ones read them all.
+    numbers or with stacks of as many. Global ones read them all.
 
     Arithmetic and comparisons go cell by cell, `==` and `!=` as well. NumPy's functions of the same
     meaning take fields, too: `numpy.sqrt(field)`.

@@ -62,8 +62,8 @@ def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None
 def folds(steps: Sequence[TraceStep]) -> dict[int, int]:
     """Return, by the number of each folded step, the number of the step that shows it.
 
-    Local arithmetic is folded if it is neither an output nor stored, and only local arithmetic of
-    its own function reads it.
+    Local arithmetic is folded if it is neither an output nor stored. Only local arithmetic of its
+    own function may read it.
     """
     known = {step.number: step for step in steps}
     reads = Counter(read for step in steps for read in set(step.arguments))

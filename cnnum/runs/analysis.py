@@ -104,7 +104,7 @@ def analyse(template: Template | str, shape: Sequence[int] = (8, 8)) -> Analysis
 
     Notes
     -----
-    Rates are exact in the modes of the boundary, or by the eigenvalues of up to 256 states, else
+    Rates are exact in the modes of the boundary, or by the eigenvalues of up to 256 states. Else
     Gershgorin's discs bound them.
     """
     known = by_name(template) if isinstance(template, str) else template

@@ -44,7 +44,7 @@ and z, of couplings, and of tables. Of 3,101 changed templates, these pass `cnnu
 | and the digest of the numbers | 0 |
 
 Of the 1,056 without the digest, 278 are right to pass. In 251 of them no cell of any picture has
-another colour, and the margin stays from 0.9 to 1.3 times its value: their decision is robust.
+another colour. The margin stays from 0.9 to 1.3 times its value: their decision is robust.
 In 27 a small weight moves a gray answer by less than the tolerance of its check. The check of the
 other 778 solves the template's own equation, wrong weight included. Their mean end state moves by
 less than 0.02, or 0.1 where tables jump: only the digest sees that.

@@ -41,9 +41,9 @@ def command(
     several runs just now: a busy machine shows less.
 
     With --self-test nothing is measured: each device runs templates whose results are known, in
-    each of its precisions, and a wrong one ends it with exit code 1.
+    each of its precisions. A wrong one ends it with exit code 1.
 
-    With --arrays it lists serial ports instead, listens for a moment at each, and names the
+    With --arrays it lists serial ports instead, and listens for a moment at each. It names the
     protocol that fits the bytes it hears. Nothing is written to a port.
     """
     if arrays:

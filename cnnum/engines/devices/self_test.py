@@ -1,7 +1,7 @@
 """A small kernel with a known answer: a device is used only after it has shown that it works.
 
-The kernel is built and run in a process of its own, for a compiler can end the process
-(`python -m cnnum.engines.devices.self_test PLACE [TARGET]` is that process).
+The kernel is built and run in a process of its own, for a compiler can end the process: `python -m
+cnnum.engines.devices.self_test PLACE [TARGET]`.
 """
 
 import json

@@ -1,9 +1,9 @@
 """One transient in float64: SciPy's Dormand–Prince 8(5,3) far below the tolerance asked for.
 
-A coarser solution takes other steps: how far it is off is the error that is stated.
-A delay is solved by the method of steps: each stretch of one delay sees the dense output of the
-stretch before. Where rates jump fixed steps are taken, and a method or a step that was asked for
-is taken as it is.
+A coarser solution takes other steps: how far it is off is the error that is stated. A delay is
+solved by the method of steps: each stretch of one delay sees the dense output of the stretch
+before. Where rates jump fixed steps are taken. A method or a step that was asked for is taken as it
+is.
 """
 
 import math

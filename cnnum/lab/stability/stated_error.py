@@ -4,10 +4,10 @@
     python -m cnnum.lab.stability.stated_error 40 numba reference
 
 It also says how many runs by steps are off by more than their tolerance: a step that jumps over a
-corner of f is judged by stages that do not see it, and an array that decides lets errors grow.
+corner of f is judged by stages that do not see it. An array that decides lets errors grow.
 
 The sample is that of `followed_steps`: one layer or two with their own time constants, radius 1 or
-2, every output and boundary, feedback that contracts or decides. Each network is run for its time
+2, every output and boundary. Their feedback contracts or decides. Each network is run for its time
 with `method="auto"`, by steps or exactly. Where its output is bounded it is also run up to a rest,
 even if it never rests.
 """

@@ -8,7 +8,7 @@ height over the base, two fields vanish on the base (Papkovich and Neuber, κ = 
     2G u_up = -ζ sinh ζ               2G u_along = -i (ζ cosh ζ + κ sinh ζ)
 
 and the traction on top picks the sum of both. Everything is scaled by e^{-ζ}, so that no layer is
-too thick. 1 - 2ν divides nothing, so that ν = 0.5 is a place like any other.
+too thick. Nothing is divided by 1 - 2ν, so that ν = 0.5 is a place like any other.
 """
 
 from dataclasses import dataclass

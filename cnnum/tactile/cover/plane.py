@@ -13,9 +13,6 @@ RADIUS = 0.2e-3
 MODULUS = 0.87e6
 """Young's modulus of the dissertation's rubber, Pa."""
 
-INDENTATION = 50e-6
-"""Of the plate in Fig. 6.9, 6.10 and 6.12, m, down and sideways."""
-
 
 @dataclass(frozen=True, slots=True)
 class PlaneFigures:

@@ -20,7 +20,7 @@ class RidgeCover:
     The model is statics. Only the ridge is touched; a load next to it rests on its edge. Across,
     the ridge hands on force and moment; a shear force acts at its height. The traction is linear
     over the foot's width; along, the load has spread by `spread` to each side when it reaches the
-    foot, and moves on as over a flat cover. So it is direction-selective, as in Fig. 6.7.
+    foot. It moves on as over a flat cover. So it is direction-selective, as in Fig. 6.7.
 
     Attributes
     ----------

@@ -2,7 +2,7 @@
 
 A sum that runs through the cells one by one waits four cycles for each of them. Compilers may not
 change its order, so they work out all that shares its loop one cell at a time. Every kernel of a
-plan sums up in the same order, so that a frame's results do not depend on its neighbours.
+plan sums up in the same order. So a frame's results do not depend on its neighbours.
 """
 
 from cnnum import kernels as ir

@@ -30,7 +30,7 @@ ALIGNED = 16
 
 APART = 5 * ALIGNED
 """Numbers between arrays of scratch: those of 1024×1024 cells would else all begin at the same
-place of a page, where writing one holds up reading another."""
+place of a page. Writing one there holds up reading another."""
 
 
 @dataclass(slots=True)

@@ -1,7 +1,7 @@
 """How large arrays come from the host and go back: its own memory is read and written in place.
 
-Kernels convert, on all cores, and look at every number while they have it, instead of the host in
-a sweep for each.
+Kernels convert, on all cores, and look at every number while they have it. The host would take a
+sweep for each.
 """
 
 import math

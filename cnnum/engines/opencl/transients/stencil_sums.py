@@ -1,7 +1,7 @@
 """Weighted sums with one product for all neighbours whose weights are equal.
 
-Neighbours of a column are added first: that sum is also wanted, with the same weight or another,
-by the cells left and right of it, and compilers then find it once.
+Neighbours of a column are added first: the cells left and right of it want that sum, too, with the
+same weight or another. Compilers then find it once.
 """
 
 from collections.abc import Callable, Iterable

@@ -1,8 +1,8 @@
 """The measured speed of a device: its peak of multiply-adds and its bandwidth.
 
-The kernels run in a process of their own, which names each before its try: some OpenCL
-compilers end the whole process on a kernel that they cannot build, and that shall cost that
-kernel and no more. The peak is that of the best kernel, because compilers differ.
+The kernels run in a process of their own, which names each before its try: some OpenCL compilers
+end the whole process on a kernel that they cannot build. That shall cost that kernel and no more.
+The peak is that of the best kernel, because compilers differ.
 """
 
 import json

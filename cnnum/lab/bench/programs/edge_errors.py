@@ -1,7 +1,7 @@
 """How far found edges lie from true outlines: `python -m cnnum.lab.bench.programs.edge_errors`.
 
-It prints a table by families of bodies, with two baselines on the raw frame, and one by faults of
-the array. The frames are those of `edge_scenes`; the program knows nothing of them.
+It prints a table by families of bodies, with two baselines on the raw frame. A second table is by
+faults of the array. The frames are those of `edge_scenes`; the program knows nothing of them.
 """
 
 from collections.abc import Callable, Iterator, Sequence

@@ -1,7 +1,7 @@
 """Rigid flat punches of any outline on a half-space, and readings of the taxels under the cover.
 
 No part of it is the program's: the pressure comes from Boussinesq's equation, solved on cells of a
-part of the pitch, and the readings from Love's solution for these cells.
+part of the pitch. The readings come from Love's solution for these cells.
 """
 
 from collections.abc import Sequence

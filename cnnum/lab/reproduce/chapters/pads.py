@@ -46,8 +46,8 @@ def centres() -> Floats:
 def foot(force: Floats, centre: Floats) -> Floats:
     """Return the traction on the foot of one bump, Pa, pushed at its top.
 
-    The pressure leans: sideways force times the bump's height is a moment, which the foot bears
-    as a beam does, p = F/(πa²) + 4 h (Q x + R y)/(πa⁴).
+    The pressure leans: sideways force times the bump's height is a moment. The foot bears it as a
+    beam does: p = F/(πa²) + 4 h (Q x + R y)/(πa⁴).
     """
     grid = make_grid(SHAPE, PITCH / CELLS)
     x, y = grid.x - centre[0], grid.y[:, np.newaxis] - centre[1]
