@@ -1,11 +1,13 @@
 """False reports of `slip` and `twist` by their level: `python docs/figures/false_reports.py`.
 
 It plays the families of `cnnum score` without slip, but for rolling, and counts reports by level.
-`templates/tactile/shared/false_reports.py` has the rates that came out.
+`templates/tactile/shared/false_reports.py` has the bounds that came out.
 """
 
 import argparse
 from functools import partial
+
+from scipy.special import gammaincinv
 
 from cnnum.engine import Engine
 from cnnum.lab.scoring.families.arrays import Arrays
@@ -18,6 +20,13 @@ from cnnum.programs.library import get_program
 from cnnum.templates.tactile.shared.false_reports import TWIST
 
 LEVELS = (0.20, 0.25, 0.28, 0.32, 0.36, 0.40, 0.45, 0.50, 0.55, 0.60)
+
+
+def rates(count: int, seconds: float) -> str:
+    """Return a count, its rate, and the upper bound of that rate: Poisson's, at 90 %."""
+    bound = float(gammaincinv(count + 1.0, 0.9)) * per_ten_minutes(1, seconds)
+    rate = per_ten_minutes(count, seconds)
+    return f"{count} reports, {rate:.2f} in ten minutes, at most {bound:.2f}"
 
 
 def main() -> None:
@@ -37,13 +46,13 @@ def main() -> None:
     for level in LEVELS:
         pairs = zip(trials, strengths, strict=True)
         false = sum(judge(t, {}, reports(one, level, t.rate)).false for t, one in pairs)
-        print(f"slip {level:.2f}: {per_ten_minutes(false, seconds):.2f} in ten minutes")
+        print(f"slip {level:.2f}: {rates(false, seconds)}")
     for rate, level in TWIST:
         known = {"false_reports": rate}
         run = partial(side_by_side, engine, get_program("twist"), ("twist",), constants=known)
         turns = zip(trials, in_batches(trials, run), strict=True)
         false = sum(len(runs((one["twist"] > 0) & t.scored)) for t, one in turns)
-        print(f"twist {level:.2f}: {per_ten_minutes(false, seconds):.2f} in ten minutes")
+        print(f"twist {level:.2f}: {rates(false, seconds)}")
 
 
 if __name__ == "__main__":

@@ -19,7 +19,7 @@ def test_fewer_false_reports_need_a_higher_level(levels):
 
 
 def test_a_rate_that_was_not_measured_is_refused():
-    with pytest.raises(ProgramError, match=r"'false_reports': expected 0\.5 to 11, got 100"):
+    with pytest.raises(ProgramError, match=r"'false_reports': expected 0\.5 to 11\.6, got 100"):
         level_of(100.0, SLIP)
 
 

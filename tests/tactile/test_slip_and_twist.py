@@ -80,7 +80,7 @@ def test_every_frame_is_what_numpy_says(engine, run, four, which):
 def test_two_pads_are_what_numpy_says(fast, run, four, axes):
     frames = np.concatenate([four[:, SLIDES], 0.7 * four[:, SLIDES, ::-1]], axis=-2)
     settings = replace(SETTINGS, pads=2, axes=axes, level=0.2, turn=0.02)
-    rates = {"slip": 11.0, "twist": 4.0}
+    rates = {"slip": 11.6, "twist": 0.7}
     got = run(fast, both(rates, **asdict(settings)), frames)
     expected = played(frames, settings)
     agree(got, expected, ("gross_slip", "slip_strength", "twist", "twist_strength"))

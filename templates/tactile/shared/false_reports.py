@@ -1,7 +1,7 @@
 """Levels of `slip` and `twist` by the rate of false reports that they lead to.
 
-The rates are those of simulated hands that grip, press, pull in part, tremble and shake, without
-slip: `docs/scoring.md` has the table and its command. Rolling under a weight is not among them.
+Rates are upper bounds (90 %) from simulated hands that grip, press, pull in part, tremble and
+shake, without slip: `docs/figures/false_reports.py`. Rolling under a weight is not among them.
 """
 
 from math import log
@@ -14,9 +14,10 @@ Levels = tuple[tuple[float, float], ...]
 """Reports in ten minutes, from few to many, and the level that leads to them."""
 
 SLIP: Levels = (
-    (0.5, 0.60), (1.0, 0.50), (2.0, 0.40), (3.0, 0.36), (5.6, 0.28), (6.1, 0.25), (11.0, 0.20),
+    (0.5, 0.60), (1.2, 0.50), (2.0, 0.40), (3.2, 0.36), (4.7, 0.32), (5.9, 0.28), (6.4, 0.25),
+    (11.6, 0.20),
 )  # fmt: skip
-TWIST: Levels = ((0.3, 0.1), (0.6, 0.03), (4.0, 0.02), (50.0, 0.01))
+TWIST: Levels = ((0.3, 0.1), (0.5, 0.03), (0.7, 0.02), (5.0, 0.01))
 
 
 def level_of(false_reports: float, levels: Levels) -> float:
