@@ -240,7 +240,7 @@ class Engine:
         ArrayError
             If shapes do not fit, or values are not real and finite, or too large for the precision.
         MethodError
-            If the duration, a tolerance or the step is not a number of its range, or the method
+            If the duration, a tolerance or the step is not a number of its range. Or if the method
             cannot run this template, or does not reach the end.
         SizeError
             If the machine or the device has less memory than the array needs.

@@ -86,7 +86,7 @@ def settle_bound(margin: float, before: float) -> float:
     """Return the longest time until a cell is black or white, in time constants.
 
     Within the linear range dx/dt = k x + w, with k = a − 1: from x = 0 the drive w ≥ margin takes
-    ln(1 + k/w)/k to 1, and from the rail of the other colour, where the rate is the margin,
+    ln(1 + k/w)/k to 1. From the rail of the other colour, where the rate is the margin, it takes
     ln(1 + 2k/margin)/k.
     """
     k = before or HELD

@@ -10,9 +10,9 @@ from cnnum.templating.template import Template
 def margins(template: Template, table: Table) -> tuple[float, float]:
     """Return the least signed drive over all configurations, and the same over Σ |weights|.
 
-    The drive is that of a cell at its start, Σ A y + Σ B u + z − x. Weights that act together
-    (a control and a feedback of the same cell that starts from the input) count as their sum, and
-    1 of the own feedback as nothing, since it only holds the state. A negative margin is a wrong
+    The drive is that of a cell at its start, Σ A y + Σ B u + z − x. Weights that act together count
+    as their sum: a control and a feedback of the same cell that starts from the input. Of the own
+    feedback 1 counts as nothing, since it only holds the state. A negative margin is a wrong
     answer.
 
     Parameters

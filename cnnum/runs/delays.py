@@ -1,6 +1,6 @@
 """Runs with a delay to a tolerance: steps are halved until two runs agree.
 
-A delay is a whole number of steps, so that no step has a length of its own, and none has an error
+A delay is a whole number of steps. So no step has a length of its own, and none has an error
 estimate. Heun's method is of order 2, also where an output has a corner: a step that jumps over it
 is off by O(h²). The second of two runs, in steps of half the length, is off by d / (r − 1): d is
 their difference, and r by how much that fell since the two runs before (Richardson; Hairer, Nørsett

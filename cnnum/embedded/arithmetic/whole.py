@@ -1,7 +1,7 @@
 """Expressions on whole numbers, each with the interval that it cannot leave; on reals without one.
 
 The interval of an expression follows from those of its parts. So it says which C type is wide
-enough, and a value that could leave 64 bits is refused where the expression is made.
+enough. A value that could leave 64 bits is refused where the expression is made.
 """
 
 from collections.abc import Sequence
