@@ -245,12 +245,14 @@ class Emulator:
 
 
 def added_in(loop: Loop) -> set[str]:
-    """Return the sums of a loop."""
-    return {
-        one.target.text
-        for one in loop.body
-        if isinstance(one, Assign) and isinstance(one.target, Name)
-    }
+    """Return the sums of a loop, and of loops within it."""
+    found = set[str]()
+    for one in loop.body:
+        if isinstance(one, Loop):
+            found |= added_in(one)
+        elif isinstance(one, Assign) and isinstance(one.target, Name):
+            found.add(one.target.text)
+    return found
 
 
 _VALUES: dict[type, Any] = {

@@ -9,8 +9,10 @@ from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
+from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template
 
@@ -21,6 +23,12 @@ and time stepping with few taps is cheaper."""
 EXPONENTIAL = 64.0 * float(np.finfo(np.float64).eps)
 """The error bound of an exponential of a matrix, as a part of ‖M‖t: squaring adds to one rounding;
 47 were seen, over 10 to 10,000 turns."""
+
+WAVE_BYTES = 80
+"""Held at once for a wave of one pair of layers: complex numbers, their inverse and copies."""
+
+DECAYS = 1e-9
+"""1/time: a wave that decays more slowly counts as one that does not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -133,3 +141,55 @@ def propagator(network: Network, duration: float) -> Propagator | None:
     drive = exponential[:n, n:]
     turned = float(np.abs(system.matrix).sum(axis=1).max()) * duration
     return Propagator(exponential[:n, :n], drive, drive @ system.rim, EXPONENTIAL * turned)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Circulant:
+    """x = drive ∗ w on a torus: the equilibrium of a linear array there, from any start.
+
+    A coupling on a torus is a convolution, so that it is a factor of each wave, even or not. Of a
+    wave the equilibrium is (1 − Â)⁻¹ of its drive, with Â the layers × layers matrix of A.
+
+    Attributes
+    ----------
+    drive : (layers, layers, rows, cols) float
+        As [to, from]: the answer to a drive of 1 of the cell (0, 0).
+    """
+
+    drive: Floats
+
+    def reach(self, drive: Floats) -> Floats:
+        """Return the equilibrium of (..., layers, rows, cols) drives."""
+        waves = np.fft.fft2(self.drive), np.fft.fft2(drive)
+        return np.asarray(np.fft.ifft2(np.einsum("tfrc,...frc->...trc", *waves)).real)
+
+
+def circulant(network: Network) -> Circulant | None:
+    """Return the equilibrium of an array on a torus, None where there is none.
+
+    There is none where the array is not linear, its boundary is another, or not every wave decays.
+
+    Raises
+    ------
+    SizeError
+        If its waves do not fit into memory.
+    """
+    template = network.template
+    if not (template.plain and template.output.linear) or template.boundary.pad_mode != "wrap":
+        return None
+    refuse_on_host("The waves of an array", network.shape, WAVE_BYTES * template.layers**2)
+    left = np.eye(template.layers) - _waves(network)
+    if np.linalg.eigvals(-left / template.tau[:, np.newaxis]).real.max() >= -DECAYS:
+        return None
+    answers = np.moveaxis(np.linalg.inv(left), (2, 3), (0, 1))
+    return Circulant(np.fft.ifft2(answers).real.copy())
+
+
+def _waves(network: Network) -> NDArray[np.complex128]:
+    """Return the factors of A for every wave, (rows, cols, layers, layers) complex."""
+    A = network.template.A
+    radius = int(A.shape[-1]) // 2
+    offsets = np.arange(-radius, radius + 1)
+    along = [np.exp(2j * np.pi / n * np.outer(np.arange(n), offsets)) for n in network.shape]
+    found = np.einsum("ri,tfij,cj->rctf", along[0], A, along[1], optimize=True)
+    return np.asarray(found, dtype=np.complex128)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.propagator import Circulant, Decay, Propagator
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 from cnnum.integrators.separate import Separate
@@ -13,7 +13,8 @@ Linear = Decay | Propagator | Spectral
 """Exact schemes whose end is an affine map of start and drive."""
 
 Exact = Linear | Separate
-Scheme = Exact | Stepping
+Scheme = Exact | Stepping | Circulant
+"""`Circulant` is of programs in whole numbers alone: engines relax on a torus."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -58,6 +58,18 @@ def made(name, precision, shape=(8, 8), method="auto", needs=None):
     return make(name, scheduled(name, shape, needs), precision_named(precision), frames, method)
 
 
+@cnnum.program
+def _patient(frame):
+    edge = cnnum.get_template("EDGE")
+    return {"edge": cnnum.apply(edge, input=frame.normal, duration=1e6)}
+
+
+def too_long(precision="q15"):
+    """Make a program whose cells saturate for a million time constants: it is refused."""
+    planned = schedule(_patient.trace((8, 8), FORCE_AXES), FORCE_AXES, None)
+    return make("patient", planned, precision_named(precision), streams((8, 8)))
+
+
 @pytest.fixture(scope="session")
 def compiler():
     found = shutil.which("cc") or shutil.which("gcc")

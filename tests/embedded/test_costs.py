@@ -12,7 +12,7 @@ from cnnum.lab.embedded.answer import Bounds, answers, front
 from cnnum.lab.embedded.cortex_m import missing_tools
 from cnnum.lab.embedded.costs import CostRow
 from cnnum.lab.embedded.scores import Loss
-from tests.embedded.conftest import made, streams
+from tests.embedded.conftest import made, streams, too_long
 
 ROW = CostRow(
     "slip", (8, 8), "q15", "auto", "m4", 65_000, 8_000, 17_000, 300, 168e6 / 65_000, 168e6,
@@ -98,7 +98,8 @@ def test_a_program_is_counted_and_scored(monkeypatch):
 
 
 def test_what_has_no_form_is_left_out_with_the_reason(monkeypatch):
-    monkeypatch.setattr(costs, "made", lambda name, shape, *how: made(name, how[0], shape, how[1]))
-    case = ("halfspace_equilibrium", (8, 8), "q15", "auto", "m4")
+    monkeypatch.setattr(costs, "made", lambda name, shape, precision, method: too_long(precision))
+    case = ("patient", (8, 8), "q15", "auto", "m4")
     (sentence,) = costs.measure_costs([case], 168e6, 0)
-    assert "57,608,898 steps" in sentence
+    assert sentence.startswith("patient on 8×8 in q15 by auto: ")
+    assert "at most 100,000 are written" in sentence

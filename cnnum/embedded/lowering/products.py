@@ -1,5 +1,7 @@
-"""Exact answers of linear arrays as sums of products: with a matrix, or through the modes."""
+"""Exact answers of linear arrays as sums of products: a matrix, modes, or shifts on a torus."""
 
+from collections.abc import Sequence
+from math import prod
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,28 +11,35 @@ from cnnum.embedded.arithmetic.fixed import Quantity
 from cnnum.embedded.arithmetic.whole import call
 from cnnum.embedded.lowering.builder import CELL, COLUMN, FINE, ROW
 from cnnum.embedded.program import Array
-from cnnum.integrators.propagator import Propagator
+from cnnum.integrators.propagator import Circulant, Propagator
 from cnnum.integrators.spectral import Spectral
-from cnnum.kernels import Expression, Integer, Loop, Name, add, declare
+from cnnum.kernels import Expression, Integer, Loop, Name, Statement, add, declare
 
 if TYPE_CHECKING:
     from cnnum.embedded.lowering.transients import TransientWork
 
 J = Name("j", (0, 1 << 16))
+DOWN = Name("d", (0, 1 << 16))
 
 
 def _place(row: Expression, width: int, col: Expression) -> Expression:
     return call("add", call("multiply", row, Integer(width)), col)
 
 
-def _total(work: "TransientWork", name: str, count: int, a: Quantity, b: Quantity) -> Quantity:
-    """Write a sum of products; return it."""
+def _total(
+    work: "TransientWork", name: str, over: Sequence[tuple[Name, int]], a: Quantity, b: Quantity
+) -> Quantity:
+    """Write a sum of products over counts, the last one innermost; return it."""
+    count = prod(number for _, number in over)
     term = call("multiply", a.value, b.value)
     bounds = None
     if term.bounds is not None:
         bounds = min(0, count * term.bounds[0]), max(0, count * term.bounds[1])
     sum, nothing = Name(name, bounds), work.to.zero()
-    work.to.body += [declare(sum, nothing), Loop(J, count, (add(sum, term),))]
+    inner: Statement = add(sum, term)
+    for variable, number in reversed(over):
+        inner = Loop(variable, number, (inner,))
+    work.to.body += [declare(sum, nothing), inner]
     return Quantity(sum, a.fraction + b.fraction)
 
 
@@ -89,7 +98,9 @@ def propagated(work: "TransientWork", scheme: Propagator) -> dict[int, Array]:
             if np.any(block):
                 table, _ = to.table(f"k{work.index}_{kind}_{layer}_{source}", block, "propagator")
                 a = to.item(table, _place(CELL, n, J))
-                parts.append(_total(work, f"s_{kind}_{layer}_{source}", n, a, to.item(array, J)))
+                parts.append(
+                    _total(work, f"s_{kind}_{layer}_{source}", [(J, n)], a, to.item(array, J))
+                )
         found |= work.answers(layer, _sum(work, parts, scheme.constant[rows], layer))
         body, to.body = to.body, outer
         to.loop(body)
@@ -107,6 +118,36 @@ def _sum(work: "TransientWork", parts: list[Quantity], constant: Floats, layer: 
     for one in parts[1:]:
         total = to.arithmetic.add(total, one, FINE)
     return total
+
+
+def around_torus(work: "TransientWork", scheme: Circulant) -> dict[int, Array]:
+    """Write the equilibrium as a sum of shifted drives, each weighed by its distance on the torus.
+
+    A table holds the weights of distances from 1 − n to n − 1 along both axes, so that no index
+    wraps around; reversed, so that table and drive are read in the same direction.
+    """
+    to, (rows, cols) = work.to, work.to.shape
+    sources = _sources(work)
+    apart = [np.arange(n - 1, -n, -1) for n in (rows, cols)]
+    width, found = 2 * cols - 1, dict[int, Array]()
+    row = call("add", call("subtract", Integer(rows - 1), ROW), DOWN)
+    col = call("add", call("subtract", Integer(cols - 1), COLUMN), J)
+    for layer in work.layers:
+        outer, to.body = to.body, []
+        parts = list[Quantity]()
+        for kind, source, array in sources:
+            weights = scheme.drive[layer, source][np.ix_(*apart)]
+            if kind == "drive" and np.any(weights):
+                table, _ = to.table(f"k{work.index}_{layer}_{source}", weights, "by distance")
+                a, b = (
+                    to.item(table, _place(row, width, col)),
+                    to.item(array, _place(DOWN, cols, J)),
+                )
+                parts.append(_total(work, f"s_{layer}_{source}", [(DOWN, rows), (J, cols)], a, b))
+        found |= work.answers(layer, _sum(work, parts, np.zeros(1), layer))
+        body, to.body = to.body, outer
+        to.loop(body, cols=True)
+    return found
 
 
 def through_modes(work: "TransientWork", scheme: Spectral) -> dict[int, Array]:
@@ -145,7 +186,7 @@ def through_modes(work: "TransientWork", scheme: Spectral) -> dict[int, Array]:
         end = _total(
             work,
             f"s_{layer}",
-            cols,
+            [(J, cols)],
             to.item(half, _place(ROW, cols, J)),
             to.item(along_cols, _place(J, cols, COLUMN)),
         )
@@ -186,7 +227,7 @@ def _forward(
 def _mix(work: "TransientWork", target: Array, count: int, a: Quantity, b: Quantity) -> None:
     to = work.to
     outer, to.body = to.body, []
-    to.store(target, _total(work, "mix", count, a, b))
+    to.store(target, _total(work, "mix", [(J, count)], a, b))
     body, to.body = to.body, outer
     to.loop(body, cols=True)
 

@@ -6,12 +6,13 @@ from cnnum.arrays import Shape
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.choice import choose
-from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.propagator import Circulant, Decay, Propagator, circulant
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.spectral import Spectral
+from cnnum.templating.network import Network
 
-EXPORTED = (Decay, Propagator, Spectral, FixedSteps)
+EXPORTED = (Decay, Propagator, Spectral, Circulant, FixedSteps)
 METHODS = ("auto", "euler")
 
 
@@ -32,11 +33,23 @@ def solvers_for(schedule: Schedule, method: str = "auto") -> dict[int, Solver]:
 def whole_solver(transient: Transient, shape: Shape) -> Solver:
     """Return how a transient runs in whole numbers, by the method of its specification."""
     method = transient.spec.method
-    exact = choose(replace(transient, spec=replace(transient.spec, method="auto")), shape)
+    exact = _exact(transient, shape)
     steps = method not in ("auto", "propagator") or not isinstance(exact.scheme, EXPORTED)
     uncoupled = isinstance(exact.scheme, Decay)
-    settled = exact.settle and isinstance(exact.scheme, Propagator | Spectral)
+    settled = exact.settle and isinstance(exact.scheme, Propagator | Spectral | Circulant)
     if uncoupled or settled or not steps:
         return exact
     asked = "euler" if method == "auto" else method
     return choose(replace(transient, spec=replace(transient.spec, method=asked)), shape)
+
+
+def _exact(transient: Transient, shape: Shape) -> Solver:
+    """Return the method that "auto" takes; on a torus the equilibrium as a product of shifts."""
+    found = choose(replace(transient, spec=replace(transient.spec, method="auto")), shape)
+    if not found.settle or transient.has_mask or isinstance(found.scheme, Decay | Spectral):
+        return found
+    around = circulant(Network(transient.template, shape))
+    if around is None:
+        return found
+    reason = "the array is linear on a torus: its equilibrium is a product of shifts"
+    return replace(found, method="propagator", reason=reason, scheme=around)

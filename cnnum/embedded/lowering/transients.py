@@ -12,12 +12,12 @@ from cnnum.arrays import Floats
 from cnnum.embedded.arithmetic.fixed import Quantity, constant
 from cnnum.embedded.lowering.builder import Builder
 from cnnum.embedded.lowering.neighbours import Padded, reach
-from cnnum.embedded.lowering.products import propagated, through_modes
+from cnnum.embedded.lowering.products import around_torus, propagated, through_modes
 from cnnum.embedded.lowering.stepping import stepped
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Node, Pick, Transient
-from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.propagator import Circulant, Decay, Propagator
 from cnnum.integrators.schemes import MAX_STEPS, FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.spectral import Spectral
@@ -61,6 +61,8 @@ def _lowered(work: "TransientWork", solver: Solver) -> dict[int, Array]:
         return work.uncoupled(scheme.kept)
     if isinstance(scheme, Propagator):
         return propagated(work, scheme)
+    if isinstance(scheme, Circulant):
+        return around_torus(work, scheme)
     if isinstance(scheme, Spectral):
         return through_modes(work, scheme)
     if isinstance(scheme, FixedSteps) and scheme.count > MAX_STEPS:
