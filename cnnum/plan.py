@@ -225,8 +225,8 @@ class Plan:
         Returns
         -------
         dict of str to (..., rows, cols) or (...) float, or None
-            None where the engine has no way to look at them itself, or finds numbers that are not
-            finite in its precision.
+            None where the engine has no way to look at them itself. Or where it finds numbers that
+            are not finite in its precision.
         """
         if 0 in lead or self.schedule.channels_read != self.schedule.channels:
             return None

@@ -1,6 +1,6 @@
 """The cache folder of cnnum, and entries in it that show when they are damaged.
 
-Every entry is one file that holds the checksum of its own content, and is written whole or not at
+Every entry is one file that holds the checksum of its own content. It is written whole or not at
 all. So processes share the folder without a lock. An entry that a fault of the disk or of a program
 has changed is never used: it is dropped, and made anew.
 """

@@ -25,8 +25,8 @@ from cnnum.templating.template import Template
 Flags = NDArray[np.bool_]
 
 NEAR = 0.01
-"""Cells so near to saturation count as linear, and an equilibrium that is shown to be nearer than
-this leaves all others saturated."""
+"""Cells so near to saturation count as linear. An equilibrium that is shown to be nearer than this
+leaves all others saturated."""
 
 MOST_LINEAR = 5000
 """Cells in the linear range up to which a factorisation takes less than a second."""

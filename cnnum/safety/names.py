@@ -1,6 +1,6 @@
 """Names that users give: one line of letters, digits and a few signs, checked where they come in.
 
-A name goes on into listings, plans, pages and error messages, so it may not end a line or a
+A name goes on into listings, plans, pages and error messages. So it may not end a line or a
 comment.
 """
 

@@ -46,7 +46,8 @@ class ArrayCalibration:
     Raises
     ------
     CalibrationError
-        If a part is not finite, the gain is 0 or has no unit, or the tare is no count of frames.
+        If a part is not finite, or the gain is 0 or has no unit. Or if the tare is no count of
+        frames.
     """
 
     gain: Floats

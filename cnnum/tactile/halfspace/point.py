@@ -68,7 +68,8 @@ def displacement(
     Raises
     ------
     PhysicsError
-        If E <= 0, z < 0, ν is out of range, a number is not finite, or a point is the load's own.
+        If E <= 0, z < 0 or ν is out of range. Or if a number is not finite, or a point is the
+        load's own.
 
     References
     ----------

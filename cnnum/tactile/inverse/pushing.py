@@ -12,8 +12,8 @@ from cnnum.tactile.checks import Array
 def pushing_only(square: Array, pull: Array, positive: NDArray[np.bool_]) -> Array:
     """Return u with the least ½ uᵀ H u − gᵀ u and u ≥ 0 where it is asked for.
 
-    The free unknowns are eliminated (Schur complement), so that the rest is a non-negative least
-    squares problem for its Cholesky factor.
+    The free unknowns are eliminated (Schur complement). So the rest is a non-negative least squares
+    problem for its Cholesky factor.
 
     Parameters
     ----------

@@ -82,8 +82,8 @@ def flips(
 ) -> tuple[Flips, ...]:
     """Return how often random mismatch and coarse weights make cells wrong.
 
-    Mismatch multiplies every weight and bias by 1 plus a normal number of that width, those of
-    nonlinear and delayed couplings too; a number of b bits, of a function table too, is a whole
+    Mismatch multiplies every weight and bias by 1 plus a normal number of that width. It does so
+    for nonlinear and delayed couplings too; a number of b bits, of a function table too, is a whole
     multiple of the largest of its part over 2^(b−1) − 1.
     """
     job = Judge(template, engine)

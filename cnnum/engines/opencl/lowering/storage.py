@@ -14,7 +14,7 @@ from cnnum.templating.boundary import Boundary, halo_sources
 
 PRIVATE_CELLS = 16 * 16
 """Largest array that a work item keeps in private memory. Of 32×32 cells a step takes 1.6 times as
-long there as in scratch, and the program `contact` twice as long."""
+long there as in scratch. The program `contact` takes twice as long."""
 
 DATA = ir.Name("data")
 """The plan's constant numbers."""

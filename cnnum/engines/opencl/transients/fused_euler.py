@@ -3,8 +3,8 @@
     x⁺ = (1 − h/τ) x + (h/τ) w + Σ (h/τ) a y
 
 Weights come with h/τ in them, and w is scaled once. New outputs go to a second padded array, so
-that a step is one sweep. Every output that is loaded is added to all cells that it is a neighbour
-of while it is in a register.
+that a step is one sweep. While an output that is loaded is in a register, it is added to all cells
+that it is a neighbour of.
 """
 
 from collections.abc import Iterator

@@ -1,6 +1,6 @@
 """Adaptive steps of a single small frame: all stages are rounds of one loop.
 
-Written out a stage after the other the text is several times as long, and takes as much longer to
+Written out a stage after the other the text is several times as long. It takes as much longer to
 build. Each round takes all rates so far, those that its stage does not weigh times 0. The sum has
 the same terms in the same order. But where a 0 stands between two products compilers may fuse
 others of the multiply-adds, which round otherwise.

@@ -89,8 +89,8 @@ class Hooke:
     ----------
     section : Section
     poisson : float
-        Above 0 and at most 0.5. Plane stress does not lock; a body of revolution gets its own
-        field for the pressure, whose equation is div u = -p/λ, and 1/λ = 0 at 0.5.
+        Above 0 and at most 0.5. Plane stress does not lock; a body of revolution gets its own field
+        for the pressure. Its equation is div u = -p/λ, and 1/λ = 0 at 0.5.
     """
 
     section: Section
