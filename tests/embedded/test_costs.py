@@ -73,7 +73,7 @@ def test_amounts_have_suffixes():
     wanted = Wanted.of(asked)
     assert wanted.clock == 48e6
     assert wanted.bounds == Bounds(ram=32768.0, flash=2.0**19, rate=1000.0)
-    assert len(wanted.cases) == 6
+    assert len(wanted.cases) == 8
 
 
 def test_a_picture_shows_every_configuration():

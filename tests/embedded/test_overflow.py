@@ -1,13 +1,18 @@
 """No value overflows, at any inputs and memories: intervals against extreme frames."""
 
+from dataclasses import replace
+from functools import cache
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cnnum.embedded.arithmetic.primitives import PRIMITIVES
 from cnnum.embedded.emulator import Emulator, cleared
 from cnnum.embedded.ranges import ranges, widest
-from tests.embedded.conftest import made, streams
+from cnnum.programs.library import program_names
+from tests.embedded.conftest import FULL, made, streams
 
 
 class Watched(Emulator):
@@ -17,41 +22,65 @@ class Watched(Emulator):
         self.sizes.setdefault(name, []).append((int(value.min()), int(value.max())))
 
 
-@pytest.fixture(scope="module")
-def programs():
-    return [made(name, "q15", method="euler").program for name in ("slip", "twist")]
+CASES = [
+    pytest.param(name, precision, marks=() if FULL or quick else pytest.mark.skip("make embedded"))
+    for name in (*program_names("tactile"), *program_names("tactile.contact_mechanics"))
+    for precision in ("q15", "q7")
+    for quick in [name in ("slip", "twist") and precision == "q15"]
+]
 
 
-@settings(max_examples=8, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.sampled_from(["ends", "any", "memory"]))
-def test_no_value_leaves_its_interval(programs, seed, kind):
-    """Inputs at their ends, anywhere, and memories of any content: as a fault may leave them."""
+@cache
+def program_of(name, precision):
+    return made(name, precision, method="euler").program
+
+
+def left(program, seed, kind):
+    """Return the values that leave their intervals, in three frames of four streams.
+
+    Inputs are at their ends or anywhere. Memories may have any content, as a fault may leave them.
+    """
     random = np.random.default_rng(seed)
-    for program in programs:
-        state = cleared(program, 4)
-        if kind == "memory":
-            for one in program.of_kind("state"):
-                low, high = one.bounds
-                state[one.name] = random.integers(low, high, state[one.name].shape, endpoint=True)
-        known = {}
-        for one in ranges(program):
-            low, high = known.get(one.name, one.bounds)
-            known[one.name] = min(low, one.bounds[0]), max(high, one.bounds[1])
-        for frame in range(3):
-            inputs = {}
-            for one in program.of_kind("input"):
-                low, high = one.bounds
-                anywhere = random.integers(low, high, (4, one.length), endpoint=True)
-                ends = np.where(anywhere > 0, high, low)
-                inputs[one.name] = ends if kind == "ends" else anywhere
-            watched = Watched(program, sizes={})
-            watched.run(inputs, state, first=frame == 0)
-            for name, seen in watched.sizes.items():
-                low, high = known[name]
-                assert all(low <= least and most <= high for least, most in seen), name
+    state = cleared(program, 4)
+    if kind == "memory":
+        for one in program.of_kind("state"):
+            low, high = one.bounds
+            state[one.name] = random.integers(low, high, state[one.name].shape, endpoint=True)
+    known = {}
+    for one in ranges(program):
+        low, high = known.get(one.name, one.bounds)
+        known[one.name] = min(low, one.bounds[0]), max(high, one.bounds[1])
+    found = set()
+    for frame in range(3):
+        inputs = {}
+        for one in program.of_kind("input"):
+            low, high = one.bounds
+            anywhere = random.integers(low, high, (4, one.length), endpoint=True)
+            ends = np.where(anywhere > 0, high, low)
+            inputs[one.name] = ends if kind == "ends" else anywhere
+        watched = Watched(program, sizes={})
+        watched.run(inputs, state, first=frame == 0)
+        for name, seen in watched.sizes.items():
+            low, high = known[name]
+            found |= {name} if any(least < low or most > high for least, most in seen) else set()
+    return found
 
 
-def test_all_that_lies_on_the_way_fits(programs):
+@pytest.mark.parametrize(("name", "precision"), CASES)
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), kind=st.sampled_from(["ends", "any", "memory"]))
+def test_no_value_leaves_its_interval(name, precision, seed, kind):
+    assert not left(program_of(name, precision), seed, kind)
+
+
+def test_values_leave_their_intervals_where_nothing_saturates(monkeypatch):
+    unlimited = replace(PRIMITIVES["limit"], numpy=lambda value, low, high: value)
+    monkeypatch.setitem(PRIMITIVES, "limit", unlimited)
+    assert left(program_of("slip", "q15"), 0, "ends")
+
+
+def test_all_that_lies_on_the_way_fits():
+    programs = [program_of(name, "q15") for name in ("slip", "twist")]
     assert all(one.bits <= 64 for program in programs for one in ranges(program))
     assert any(one.saturates for one in ranges(programs[0]))
     assert not all(one.saturates for one in ranges(programs[0]))

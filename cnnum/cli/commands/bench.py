@@ -65,7 +65,7 @@ def _report(
         left_out.append("It was stopped here: all later rows are missing.")
     output.record({"kind": "omissions", "bench": name, "omissions": left_out})
     if rows:
-        output.show(f"On {device}.", _table(rows), spare=SPARE)
+        output.show(f"On {device}.", _table(rows), spare=SPARES.get(name, SPARE))
     output.show("Left out:", *(f"  {text}" for text in left_out or ["nothing"]))
     if out is not None and rows:
         from cnnum.lab.bench.page import write_report
@@ -132,6 +132,15 @@ SPARE = (
     "output",
 )  # fmt: skip
 """Columns that go first where a terminal has no room for all."""
+
+SPARES = {
+    "embedded": (
+        "wrong", "clock_hz", "stack_bytes", "gnu_flash_bytes", "gnu_instructions", "false_reports",
+        "twist_recall", "slip_recall", "flags_differ", "core", "output", "frames_per_s",
+        "flash_bytes",
+    )
+}  # fmt: skip
+"""The same of a benchmark whose rows differ in precision and method."""
 
 
 def _table(rows: list[Mapping[str, object]]) -> Any:

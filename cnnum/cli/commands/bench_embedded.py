@@ -24,7 +24,7 @@ SEVERAL: dict[str, Any] = {"multiple": True, "metavar": "NAME"}
 embedded_options = together(
     click.option("--program", "programs", **SEVERAL, help="slip and twist unless given."),
     click.option("--shape", "shapes", **SEVERAL, help="As 8x8x3, which it is unless given."),
-    click.option("--precision", "precisions", **SEVERAL, help="q15, q7 and float32."),
+    click.option("--precision", "precisions", **SEVERAL, help="q15, q7, q23 and float32."),
     click.option("--method", "methods", **SEVERAL, help="auto or euler; auto unless given."),
     click.option("--core", "cores", **SEVERAL, help="m0, m4 or m7; m4 unless given."),
     click.option("--clock", default="168MHz", show_default=True, help="Of the core."),

@@ -10,7 +10,7 @@ Row = Mapping[str, object]
 Axes = Any
 Picture = Any
 
-MARKERS = {"q15": "o", "q7": "s", "float32": "D"}
+MARKERS = {"q15": "o", "q7": "s", "q23": "v", "float32": "D"}
 LEAST = 1e-9
 """A smaller error is drawn there: the axis is logarithmic."""
 

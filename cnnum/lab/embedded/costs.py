@@ -10,7 +10,7 @@ from cnnum.lab.embedded.gnu_arm import gnu_counted, missing_gnu_tools
 from cnnum.lab.embedded.scores import NO_EVENTS, events, loss
 from cnnum.lab.embedded.streams import made, vector_frames
 
-PRECISIONS = ("q15", "q7", "float32")
+PRECISIONS = ("q15", "q7", "q23", "float32")
 USUAL = ("slip", "twist")
 SHAPES: tuple[Shape, ...] = ((4, 4), (8, 8), (16, 16))
 COUNTED = 4

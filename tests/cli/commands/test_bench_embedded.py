@@ -2,10 +2,17 @@
 
 import json
 import os
+from dataclasses import replace
 
 import pytest
 
+from cnnum.cli.commands.bench import SPARES
+from cnnum.cli.fitted_tables import fitted
+from cnnum.cli.output import table
+from cnnum.lab.bench.page import cell
+from cnnum.lab.bench.records import as_row
 from cnnum.lab.embedded.cortex_m import missing_tools
+from tests.embedded.test_costs import ROW
 
 
 @pytest.mark.parametrize(
@@ -15,6 +22,16 @@ def test_wrong_options_are_refused_in_one_sentence(call, option, value):
     result = call("bench", "embedded", option, value)
     assert result.exit_code == 2
     assert value in result.stderr
+
+
+def test_a_narrow_terminal_keeps_that_in_which_rows_differ():
+    known = as_row(replace(ROW, case="mindlin_slip", instructions=6_715_023))
+    first, *others = known
+    whole = table(first, *(f">{name}" for name in others))
+    whole.add_row(*(cell(value) for value in known.values()))
+    _, gone = fitted(whole, 80, SPARES["embedded"])
+    assert gone
+    assert not {"case", "shape", "precision", "method", "instructions", "error"} & {*gone}
 
 
 @pytest.mark.skipif("CNNUM_FRAMES" not in os.environ, reason="make embedded")
