@@ -11,6 +11,7 @@ its first term on, so that no d outlives its stage. Exponential steps are sums o
 from dataclasses import dataclass
 
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
+from cnnum.integrators.estimate import FOLLOWING, SAFETY
 from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER
 from cnnum.integrators.tableau import Explicit, LayerMethod, Pair, Row
 
@@ -116,6 +117,11 @@ class AdaptiveSteps:
         """How the length of steps follows their error."""
         return Control(self.tableau.order, 0.9, 0.2, self.longest)
 
+    @property
+    def safety(self) -> float:
+        """Factor of the sum of the steps' errors in the error that is stated."""
+        return FOLLOWING if any(self.tableau.error) else SAFETY
+
     def of(self, layer: int) -> Pair:
         """Return the tableau of a layer."""
         return self.tableaux[layer % len(self.tableaux)]
@@ -147,6 +153,11 @@ class ChebyshevSteps:
         """How the length of steps follows their error."""
         stable = chebyshev_method(MAX_STAGES).real_stability
         return Control(3, 0.8, 0.1, stable / self.fastest)
+
+    @property
+    def safety(self) -> float:
+        """Factor of the sum of the steps' errors in the error that is stated."""
+        return FOLLOWING
 
 
 @dataclass(frozen=True, slots=True)

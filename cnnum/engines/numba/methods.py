@@ -7,7 +7,7 @@ import numpy as np
 from cnnum.engines.numba import codes
 from cnnum.engines.numba.records import Real
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
-from cnnum.integrators.estimate import LOST, ROUNDINGS, SAFETY, error_growth
+from cnnum.integrators.estimate import LOST, ROUNDINGS, error_growth
 from cnnum.integrators.schemes import (
     MAX_STEPS,
     AdaptiveSteps,
@@ -28,7 +28,6 @@ def method_settings(template: Template, solver: Solver, dtype: Real) -> dict[str
         "atol": solver.atol,
         "slowest": template.tau.max(),
         "growth": error_growth(template),
-        "safety": SAFETY,
         "rounding": ROUNDINGS * float(np.finfo(dtype).eps),
     }
     scheme = solver.scheme
@@ -63,6 +62,7 @@ def _controlled(scheme: AdaptiveSteps | ChebyshevSteps) -> dict[str, Any]:
         "exponent": -1.0 / scheme.control.order,
         "caution": scheme.control.caution,
         "least": scheme.control.least,
+        "safety": scheme.safety,
     }
 
 

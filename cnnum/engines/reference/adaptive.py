@@ -16,7 +16,7 @@ from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.reference.equation import StateEquation
 from cnnum.engines.reference.march import limited, weighted
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_for
-from cnnum.integrators.estimate import LOST, ROUNDINGS, SAFETY, SMALLEST_RATE, error_growth
+from cnnum.integrators.estimate import LOST, ROUNDINGS, SMALLEST_RATE, error_growth
 from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
 from cnnum.integrators.solver import Solver
 
@@ -116,7 +116,7 @@ def march_adaptive(
                 break
         longer = control.caution * max(worst, 1e-10) ** (-1.0 / control.order)
         h *= min(max(longer, control.least), 5.0)
-    return x, time, taken, SAFETY * error
+    return x, time, taken, scheme.safety * error
 
 
 def _grown(error: float, exponent: float, before: Floats, trial: Trial) -> float:

@@ -38,6 +38,9 @@ COARSER = 1e-8
 FINEST = 1e-13
 """Smallest tolerance that is tried where the two do not agree."""
 
+SAFETY = 2.0
+"""Of how far two solutions are apart: a kink may let the finer one be off by as much."""
+
 AGREED = 1e-6
 """Of the largest state or 1: solutions that differ by more have missed a kink."""
 
@@ -185,7 +188,7 @@ def _agreed(run: Callable[[float], Answer]) -> Answer:
         size = max(1.0, float(np.abs(answer.state).max()))
         off = float(np.abs(answer.state - before.state).max())
         if off <= AGREED * size or precision <= FINEST:
-            return replace(answer, error=off + precision * size)
+            return replace(answer, error=SAFETY * off + precision * size)
         before, precision = answer, max(0.1 * precision, FINEST)
 
 

@@ -10,7 +10,7 @@ from cnnum.engines.opencl.lowering.storage import UNFINISHED
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.state_equation import CHANGE
-from cnnum.integrators.estimate import LOST, ROUNDINGS, SAFETY, SMALLEST_RATE, error_growth
+from cnnum.integrators.estimate import LOST, ROUNDINGS, SMALLEST_RATE, error_growth
 from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
 
 LARGEST_EXPONENT = 80.0
@@ -111,7 +111,7 @@ def controlled(
         ir.Assign(UNFINISHED, ir.call("fmax", UNFINISHED, RUNNING)),
         *attempt.end,
     ]
-    figures: Figures = {"time": TIME, "steps": STEPS, "error": ir.Number(SAFETY) * ERROR}
+    figures: Figures = {"time": TIME, "steps": STEPS, "error": ir.Number(scheme.safety) * ERROR}
     return figures | ({"settled": SETTLED} if scheme.settle else {})
 
 

@@ -162,7 +162,7 @@ def _late(delay: float, strength: float) -> Case:
 
 
 def _network(seed: int) -> Case:
-    """A random network with two layers, against implicit steps at 1e-10."""
+    """A random network with two layers, against implicit steps at 1e-12."""
     rng = np.random.default_rng(100 + seed)
     A = rng.uniform(-0.25, 0.25, (2, 2, 3, 3))
     for layer in range(2):
@@ -175,7 +175,7 @@ def _network(seed: int) -> Case:
         "precision",
         "a random network of two layers whose cells saturate",
         lambda engine: states(engine.run(template, state=start, bias=drive, rtol=1e-5, atol=1e-6)),
-        lambda: integrated(A, drive, start, 2.0, outside="edge", taus=taus),
+        lambda: integrated(A, drive, start, 2.0, outside="edge", taus=taus, rtol=1e-12),
         2e-3,
         2e-3,
         "the tolerance, times the growth of an error over the time",

@@ -45,8 +45,9 @@ def integrated(
     *,
     outside: str = "constant",
     taus: Sequence[float] = (1.0,),
+    rtol: float = 1e-10,
 ) -> Floats:
-    """Return the state of a saturating array, by Radau IIA of order 5 at 1e-10.
+    """Return the state of a saturating array, by Radau IIA of order 5.
 
     Parameters
     ----------
@@ -59,6 +60,8 @@ def integrated(
         See `coupled`.
     taus : sequence of float
         Of each layer.
+    rtol : float
+        Steps that jump over a corner of f may be off by a thousand times as much.
     """
     A, layers = np.asarray(weights, dtype=np.float64), len(start)
     constant = np.asarray(drive, dtype=np.float64)
@@ -73,7 +76,7 @@ def integrated(
         rate = (np.sum(np.array(sums), axis=1) - x + constant) * rates
         return np.asarray(rate, dtype=np.float64).ravel()
 
-    solution = solve_ivp(slope, (0.0, time), start.ravel(), "Radau", rtol=1e-10, atol=1e-10)
+    solution = solve_ivp(slope, (0.0, time), start.ravel(), "Radau", rtol=rtol, atol=rtol)
     return np.asarray(solution.y[:, -1], dtype=np.float64).reshape(start.shape)
 
 
