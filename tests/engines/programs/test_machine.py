@@ -189,6 +189,7 @@ def test_two_streams_of_a_plan_do_not_share_memories(engine):
     assert (one.push(np.ones((2, 2)))["before"] == 1).all()
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("code", range(16))
 def test_all_sixteen_logic_functions(engine, code):
     table = f"{code:04b}"

@@ -159,6 +159,7 @@ def flooded(free, seed):
     return np.isin(labels, sorted(touched)) & free
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("most", [32 * 32, 256 * 256])
 @pytest.mark.parametrize("shape", [(40, 33), (5, 300)])
 def test_large_programs_are_right(shape, most, monkeypatch):

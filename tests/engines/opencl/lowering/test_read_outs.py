@@ -58,6 +58,7 @@ def expected(now, before):
     }
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("batch", [1, 33])
 def test_read_outs_are_right(shape, batch, engines):
@@ -96,6 +97,7 @@ def test_rounding_errors_do_not_add_up_over_all_cells(shape, batch, engines):
     np.testing.assert_allclose(got, frame.sum(axis=(1, 2, 3)), rtol=0.0, atol=lost)
 
 
+@pytest.mark.one_in(5)
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("precision", ["float32", "float64"])
 def test_frames_have_the_same_bits_alone_and_side_by_side(shape, precision, engines):
