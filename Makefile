@@ -23,7 +23,7 @@ demo: $(VENV)/run.stamp
 test: $(VENV)/dev.stamp
 	$(PYTEST) --durations 20
 
-# the same with every case of the tests that it thins: some eight minutes more
+# the same with every case of the tests that it thins, which takes minutes more
 test-full: $(VENV)/dev.stamp
 	CNNUM_TESTS=full $(PYTEST) --durations 20
 
