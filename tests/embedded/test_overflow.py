@@ -19,7 +19,8 @@ class Watched(Emulator):
     """Notes the least and the largest whole number of every variable and array."""
 
     def _note(self, name, value):
-        self.sizes.setdefault(name, []).append((int(value.min()), int(value.max())))
+        if self.sizes is not None:  # of a loop that adds up, the sum alone is noted
+            self.sizes.setdefault(name, []).append((int(value.min()), int(value.max())))
 
 
 CASES = [
