@@ -51,6 +51,7 @@ def _panel(axes: Axes, rows: Sequence[Row], cost: str, first: bool) -> None:
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter("{x:,.0f}")
     axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.tick_params(axis="x", labelsize=8, labelrotation=30)  # bytes of one decade lie close
     axes.set_title(_title(rows[0]), fontsize=9)
     axes.grid(visible=True, alpha=0.3)
     axes.margins(0.15)
