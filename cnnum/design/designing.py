@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from cnnum.design.exact import Shape, as_template, settle_bound
+from cnnum.design.learning import learn
+from cnnum.design.lessons import lesson_of
 from cnnum.design.linear_program import Conflict, Weights, separate
 from cnnum.design.local_rules import Seen, Table, check_of
 from cnnum.design.search import Search, search
@@ -23,6 +25,11 @@ from cnnum.templating.template import Check, Template
 
 PLACES = ("nw", "n", "ne", "w", "c", "e", "sw", "s", "se")
 SOURCE = "found by CMA-ES: the fewest flips under mismatch"
+LEARNED = "learned from labelled pictures by gradients"
+
+NEAR = 0.1
+"""Mean squared error above which a lesson is not learned: of 2.5 % of cells in a wrong colour."""
+
 _CARRIED = "The state carries the result of the template before."
 
 
@@ -36,7 +43,7 @@ class Designed:
         As the library keeps it.
     weights : Weights or None
     table : Table or None
-        None of a search.
+        None of a search, or of gradients.
     """
 
     entry: Entry
@@ -54,6 +61,8 @@ def designed(spec: Spec, engine: Engine) -> tuple[Designed, ...]:
     """
     if spec.search:
         return (_searched(spec, engine),)
+    if spec.learn:
+        return (_learned(spec, engine),)
     return tuple(_proved(spec, engine, *part) for part in _parts(spec))
 
 
@@ -62,19 +71,34 @@ def _searched(spec: Spec, engine: Engine) -> Designed:
     options: dict[str, Any] = dict(spec.search)
     form = replace(get_template(str(options.pop("like"))), name=spec.name)
     found = search(Search(form, **options), engine)
-    template = replace(found.template, description=spec.description, source=SOURCE)
+    return _counted(spec, engine, found.template, SOURCE, "search", found.evaluations)
+
+
+def _learned(spec: Spec, engine: Engine) -> Designed:
+    """Return the template that gradients lead to, whose proof is counted and no bound."""
+    options: dict[str, Any] = dict(spec.learn)
+    form = replace(get_template(str(options.pop("like"))), name=spec.name)
+    ways = {key: options.pop(key) for key in ("step", "duration") if key in options}
+    lesson = replace(lesson_of(form, spec.examples), **ways)
+    found = learn(lesson, **options)
+    if found.loss > NEAR:
+        raise TemplateError(
+            f"'{spec.name}' is not learned: the mean squared error ends at {found.loss:.3g}, "
+            f"expected {NEAR:g} at most; take more restarts, or another form."
+        )
+    cells = int(np.asarray(lesson.target).size)
+    return _counted(spec, engine, found.template, LEARNED, "gradients", cells)
+
+
+def _counted(
+    spec: Spec, engine: Engine, made: Template, source: str, method: str, examples: int
+) -> Designed:
+    template = replace(made, description=spec.description, source=source)
     measured = measure(template, engine)
     size = sum(float(np.abs(part).sum()) for part in (template.A, template.B, template.z))
     margin = measured.margin or 0.0
     rates = _rates(spec, template, engine)
-    proof = Proof(
-        template.digest,
-        "search",
-        found.evaluations,
-        margin,
-        margin / size,
-        flips=rates,
-    )
+    proof = Proof(template.digest, method, examples, margin, margin / size, flips=rates)
     entry = Entry(template, about=About(tags=("designed",)), measured=measured, proof=proof)
     return Designed(entry, None, None)
 

@@ -1,6 +1,6 @@
 """Specifications of templates to design: TOML files with a table [design]."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
@@ -31,8 +31,9 @@ from cnnum.templating.template import Initial
 SIGNS: Mapping[str, float] = {"#": 1.0, "o": -1.0, ".": 0.0}
 DESIGN = ("rule", "until", "avoid", "state", "boundary", "initial", "margin", "split")
 PROOF = ("mismatch", "draws")
-TOP = ("name", "description", "design", "example", "search")
+TOP = ("name", "description", "design", "example", "search", "learn")
 SEARCH = ("like", "mismatch", "draws", "population", "generations", "restarts", "seed")
+LEARN = ("like", "step", "duration", "enough", "restarts", "iterations", "seed")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +60,9 @@ class Spec:
     draws : int
     search : mapping
         Options of `cnnum.design.search.Search`, its form under "like"; empty where none is asked.
+    learn : mapping
+        Options of a `Lesson` and of `cnnum.design.learning.learn`, the form under "like"; empty
+        where none is asked. The examples are the lesson, else pictures of the form's check.
     """
 
     name: str
@@ -75,10 +79,15 @@ class Spec:
     mismatch: tuple[float, ...] = field(default=(0.01, 0.05, 0.1))
     draws: int = 100
     search: Mapping[str, object] = field(default_factory=dict[str, object])
+    learn: Mapping[str, object] = field(default_factory=dict[str, object])
 
     def __post_init__(self) -> None:
         checked_name("a template", self.name, TemplateError)
-        if self.search:
+        if self.search and self.learn:
+            raise TemplateError(
+                f"The design '{self.name}' has the tables 'search' and 'learn': take one of them."
+            )
+        if self.search or self.learn:
             return
         if bool(self.rule) == bool(self.examples):
             raise TemplateError(
@@ -107,7 +116,9 @@ class Spec:
 def is_spec(path: str | PathLike[str]) -> bool:
     """Return whether a file is a specification; an unreadable one is none."""
     try:
-        return bool({"design", "search"} & parse_toml(read_text(Path(path), most=LARGEST)).keys())
+        return bool(
+            {"design", "search", "learn"} & parse_toml(read_text(Path(path), most=LARGEST)).keys()
+        )
     except (OSError, ValueError):
         return False
 
@@ -138,20 +149,24 @@ def _spec(file: str, content: dict[str, object]) -> Spec:
         values["still"] = _until(file, asked["until"])
     if "mismatch" in asked:
         values["mismatch"] = _numbers(file, "design.mismatch", asked["mismatch"])
-    if "search" in content:
-        values["search"] = _search(file, table(file, "search", content["search"]))
+    for key, keys in (("search", SEARCH), ("learn", LEARN)):
+        if key in content:
+            values[key] = _options(file, key, keys, table(file, key, content[key]))
     listed = content.get("example", [])
     rows = cast("list[object]", listed) if isinstance(listed, list) else [listed]
     values["examples"] = tuple(_example(file, table(file, "example", row)) for row in rows)
     return Spec(**values)  # type: ignore[arg-type]
 
 
-def _search(file: str, found: dict[str, object]) -> dict[str, object]:
-    refuse_unknown(file, found, SEARCH)
-    readers = dict.fromkeys(SEARCH[2:], whole) | {"like": text, "mismatch": number}
+def _options(
+    file: str, job: str, keys: Sequence[str], found: dict[str, object]
+) -> dict[str, object]:
+    refuse_unknown(file, found, keys)
+    measures = dict.fromkeys(("mismatch", "step", "duration", "enough"), number)
+    readers = dict.fromkeys(keys, whole) | {"like": text} | measures
     if "like" not in found:
-        raise TemplateError(f"'{file}': the key 'search.like' is missing: name a form's template.")
-    return {key: readers[key](file, f"search.{key}", value) for key, value in found.items()}
+        raise TemplateError(f"'{file}': the key '{job}.like' is missing: name a form's template.")
+    return {key: readers[key](file, f"{job}.{key}", value) for key, value in found.items()}
 
 
 def _until(file: str, value: object) -> bool:

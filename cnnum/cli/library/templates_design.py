@@ -39,10 +39,10 @@ def design(name: str, engine: str, weights: bool, output: Path, as_json: bool) -
     """Design the templates of the specification NAME, or show a template's figures for designers.
 
     A specification is a TOML file: a table [design] with a rule, tables [[example]], or a table
-    [search] for coupled templates. Its templates are written as files of the library, with their
-    proof. Of a template, of the library or a file: its class of stability and why, the largest
-    stable Euler step, settle time against array size, margin, and cost. It also shows how often
-    cells flip under mismatch and with coarse weights.
+    [search] for coupled templates or [learn] for gradients. Its templates are written as files of
+    the library, with their proof. Of a template, of the library or a file: its class of stability
+    and why, the largest stable Euler step, settle time against array size, margin, and cost. It
+    also shows how often cells flip under mismatch and with coarse weights.
     """
     from cnnum.design.spec import is_spec
     from cnnum.engine import Engine

@@ -45,9 +45,10 @@ class Proof:
     digest : str
         Of the numbers that the proof is of.
     method : str
-        "linear program" or "search".
+        "linear program", "search" or "gradients".
     examples : int
-        Neighbourhoods that the weights were held to; of a search, templates that were run.
+        Neighbourhoods that the weights were held to; of a search, templates that were run; of
+        gradients, labelled cells.
     margin : float
         Least drive of a cell, towards its right colour.
     relative_margin : float
