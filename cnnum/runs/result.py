@@ -23,7 +23,8 @@ class Result:
     ----------
     output, state : (..., rows, cols) or (..., layers, rows, cols) float
     time : (...) float
-        Time constants reached.
+        Time constants reached; where a run to a rest is exact, so that it ends after any time, the
+        longest that others may take.
     steps : (...) int
         Steps taken, rejected ones counted; 0 where none were needed.
     settled : (...) bool
