@@ -189,6 +189,10 @@ _FACTORIES = {
 }
 
 
+PRECISIONS = ("float32", "float64", "q15", "q7")
+"""Names of precisions that a message offers; those of whole numbers are more."""
+
+
 def backend_names() -> tuple[str, ...]:
     """Return the names of the engines."""
     return tuple(_FACTORIES)
@@ -200,10 +204,12 @@ def open_backend(name: str | None, device: str | None, precision: str | None) ->
     Raises
     ------
     UnknownNameError
-        If there is no such engine.
+        If there is no such engine, or the precision is no name.
     DeviceError
         If its device cannot be had.
     """
+    if not (precision is None or isinstance(cast(object, precision), str)):
+        raise name_error("precision", precision, PRECISIONS)
     if name is not None:
         return _opened(name, device, precision)
     try:

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import cnnum
-from cnnum.errors import CalibrationError, DeviceError, MethodError
+from cnnum.errors import CalibrationError, DeviceError, MethodError, UnknownNameError
 from cnnum.tactile.taxel.calibration import identity_of
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.function_tables import Table
@@ -182,6 +182,9 @@ def test_closed_forms_answer_or_are_refused(room, fuzz):
 def test_finds_of_long_runs_are_refused():
     with pytest.raises(DeviceError, match="got True"):
         cnnum.Engine("opencl", device=True)
+    for precision in (np.zeros(0), [None], 0, True):
+        with pytest.raises(UnknownNameError, match="precision"):
+            cnnum.Engine(precision=precision)
     with pytest.raises(MethodError, match="stopped"):
         made(**(PARTS | {"tau": 1.7780314400531507e-77}))
     with pytest.raises(CalibrationError, match="NoneType"):
