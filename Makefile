@@ -60,7 +60,8 @@ embedded: $(VENV)/dev.stamp
 	    { [ "$$(id -u)" = 0 ] && apt-get install --yes gcc-arm-none-eabi qemu-system-arm; } || \
 	    echo "Install gcc-arm-none-eabi and qemu-system-arm for their counts, too." >&2
 	CNNUM_FRAMES=10000 $(PYTEST) tests/embedded tests/cli/commands/test_bench_embedded.py
-	$(BIN)/cnnum bench embedded --out bench-results
+	$(BIN)/cnnum bench embedded --shape 4x4x3 --shape 8x8x3 --shape 16x16x3 --method auto --method euler \
+	    --out bench-results
 
 # faults put into a copy of the code, one at a time: the tests must catch each (tests/mutations)
 mutate: $(VENV)/dev.stamp

@@ -16,6 +16,9 @@ them, and the half that rounds it, fit in 32 bits."""
 LONGEST = 32
 """Bits of the longest word."""
 
+FACTOR = 24
+"""Bits of the longest weight, as float32 has: 64 bits hold a sum of 256 products with words."""
+
 FINEST, COARSEST = 46, -30
 """Fractions beyond these are of no use: shifts of 64 bits would follow."""
 
@@ -74,7 +77,7 @@ class Precision:
     name : str
         As the user says it.
     word : int
-        Bits of a stored map, of an input and of a weight; 0 for float32.
+        Bits of a stored map and of an input; 0 for float32.
     fraction : int or None
         The fraction of every stored map; by its range unless given.
     """
@@ -87,6 +90,11 @@ class Precision:
     def integer(self) -> bool:
         """Whether it counts in whole numbers."""
         return self.word > 0
+
+    @property
+    def weight(self) -> int:
+        """Bits of a constant factor."""
+        return min(self.word, FACTOR)
 
     @property
     def container(self) -> int:

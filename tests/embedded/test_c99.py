@@ -43,6 +43,16 @@ def random_inputs(program, frames, batch, seed):
 @pytest.mark.parametrize("precision", ["q15", "q7"])
 @pytest.mark.parametrize("program", PROGRAMS)
 def test_random_frames_give_the_same_bits(program, precision, compiler, tmp_path):
+    compare(program, precision, compiler, tmp_path)
+
+
+@pytest.mark.parametrize("precision", ["q23", "q31", "q8.23", "q1.30"])
+@pytest.mark.parametrize("program", ["slip", "twist"])
+def test_words_of_any_length_give_the_same_bits(program, precision, compiler, tmp_path):
+    compare(program, precision, compiler, tmp_path)
+
+
+def compare(program, precision, compiler, tmp_path):
     found = made(program, precision)
     found.export(streams((8, 8))[:2, 0]).write(tmp_path)
     main = compiled(compiler, tmp_path, program, "stream.c", *SANITIZERS)

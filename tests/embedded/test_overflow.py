@@ -26,8 +26,8 @@ class Watched(Emulator):
 CASES = [
     pytest.param(name, precision, marks=() if FULL or quick else pytest.mark.skip("make embedded"))
     for name in (*program_names("tactile"), *program_names("tactile.contact_mechanics"))
-    for precision in ("q15", "q7")
-    for quick in [name in ("slip", "twist") and precision == "q15"]
+    for precision in ("q15", "q7", "q31")
+    for quick in [name in ("slip", "twist") and precision != "q7"]
 ]
 
 

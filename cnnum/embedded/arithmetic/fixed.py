@@ -18,6 +18,9 @@ from cnnum.kernels import Expression, Integer, Number
 ROOM = 62
 """Bits of a magnitude before a division or a root."""
 
+SUMMED = 60
+"""Bits of a magnitude that a sum adds; eight of them are below 2^63."""
+
 SPREAD = 30
 """Places at most that an operand is moved up to meet another one."""
 
@@ -248,8 +251,9 @@ class Fixed:
             sums.setdefault(one.fraction, []).append(term)
         if not sums:
             return Quantity(Integer(0), 0)
-        met = max(sums)
-        met = min(met, min(sums) + SPREAD)
-        whole_sum = total([shifted(total(each), met - at) for at, each in sorted(sums.items())])
+        products = {at: total(each) for at, each in sorted(sums.items())}
+        rooms = (at + SUMMED - magnitude(one).bit_length() for at, one in products.items())
+        met = min(max(sums), min(sums) + SPREAD, *rooms)
+        whole_sum = total([shifted(one, met - at) for at, one in products.items()])
         fraction += met
         return Quantity(shifted(whole_sum, min(0, finest - fraction)), min(fraction, finest))

@@ -61,7 +61,7 @@ def lower(
     NotSupportedError
         If something in it has no form in whole numbers; the sentence names it.
     """
-    arithmetic = Fixed(formats.precision.word) if isinstance(formats, Sizes) else Reals()
+    arithmetic = Fixed(formats.precision.weight) if isinstance(formats, Sizes) else Reals()
     builder = Builder(schedule.shape, arithmetic, formats)
     memories = schedule.memories.values()
     levels = levels_of(schedule.nodes, schedule.outputs.values(), memories)
