@@ -50,12 +50,15 @@ def _sets(statement: Statement, needed: set[str]) -> bool:
 
 
 def _live_block(statement: Sweep | Loop | Counted, needed: set[str]) -> Statement | None:
+    outer = statement.variable.text in needed
     if isinstance(statement, Counted):
         if statement.running is not None:
             needed.add(statement.running.text)
         # a round may read variables that the one before has set
         _within(statement.body, needed)
     inner = _within(statement.body, needed)
+    if not outer:  # a loop's own variable: one by that name before the loop is another
+        needed.discard(statement.variable.text)
     return replace(statement, body=inner) if inner else None
 
 

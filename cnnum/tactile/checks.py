@@ -1,12 +1,19 @@
 """Refuse physical parameters that are outside the range of a closed form."""
 
+import inspect
+from collections.abc import Callable
+from functools import wraps
+from typing import ParamSpec, TypeVar
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.errors import ArrayError, PhysicsError
+from cnnum.errors import ArrayError, CnnumError, PhysicsError
 from cnnum.safety.values import expect
 
 Array = NDArray[np.float64]
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def finite(name: str, value: ArrayLike) -> Array:
@@ -80,6 +87,26 @@ def scalar(name: str, value: Array) -> float:
     if value.ndim != 0:
         raise ArrayError(f"'{name}': expected one number, got an array of shape {value.shape}.")
     return float(value)
+
+
+def broadcasting(form: Callable[P, R]) -> Callable[P, R]:
+    """Make a closed form refuse arguments that do not broadcast, each with its shape.
+
+    NumPy finds them on the way, so that calls with good arguments cost nothing more.
+    """
+
+    @wraps(form)
+    def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        try:
+            return form(*args, **kwargs)
+        except ValueError as error:
+            if isinstance(error, CnnumError) or "broadcast" not in str(error):
+                raise
+            given = inspect.signature(form).bind(*args, **kwargs).arguments
+            shapes = ", ".join(f"'{name}' {np.shape(value)}" for name, value in given.items())
+            raise ArrayError(f"Expected shapes that broadcast, got {shapes}.") from None
+
+    return checked
 
 
 def _numbers(name: str, value: ArrayLike) -> Array:

@@ -98,6 +98,16 @@ def test_a_variable_that_nothing_reads_is_left_out():
     assert "p = " not in lines
 
 
+def test_a_loop_that_reads_its_own_variable_keeps_no_other_of_that_name():
+    x, i = Element(Name("x"), CELL), Name("i")
+    before = Loop(Name("c"), 3, (fixed(i, Integer(3)), Assign(Name("x")[Integer(0)], A)))
+    body = live([before, sweep(CELL, 4, [Assign(x, A)])], set())
+    assert body[0] == Loop(Name("c"), 3, (before.body[1],))
+    # one from outside stays, for a statement after the loop reads it
+    kept = [fixed(CELL, Integer(3)), sweep(CELL, 4, [Assign(x, A)]), Assign(x, A)]
+    assert live(kept, set()) == tuple(kept)
+
+
 def test_other_expressions_stand_in_the_places_of_names():
     statement = sweep(CELL, 4, [Assign(Name("y")[CELL], A + B)])
     other = substituted(statement, {"a": Number(1.0), "y": Name("z")})

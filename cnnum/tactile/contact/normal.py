@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 
 
 def contact_modulus(youngs_modulus: ArrayLike, poisson: ArrayLike = 0.5) -> Array:
@@ -67,6 +67,7 @@ class Hertz:
         return np.asarray(self.peak_pressure * np.sqrt(inside) / flat)
 
 
+@broadcasting
 def hertz(load: ArrayLike, sphere_radius: ArrayLike, modulus: ArrayLike) -> Hertz:
     """Return the contact of a sphere under a normal load.
 
@@ -104,6 +105,7 @@ def hertz(load: ArrayLike, sphere_radius: ArrayLike, modulus: ArrayLike) -> Hert
     )
 
 
+@broadcasting
 def punch_pressure(rho: ArrayLike, load: ArrayLike, radius: ArrayLike) -> Array:
     """Return the pressure below a rigid flat circular punch.
 
@@ -136,6 +138,7 @@ def punch_pressure(rho: ArrayLike, load: ArrayLike, radius: ArrayLike) -> Array:
     return force / (2 * math.pi * a) * inverse_root(a, distance)
 
 
+@broadcasting
 def punch_indentation(load: ArrayLike, radius: ArrayLike, modulus: ArrayLike) -> Array:
     """Return how deep a rigid flat circular punch goes, P / (2 a E*), m.
 

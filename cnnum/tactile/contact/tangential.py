@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 from cnnum.tactile.contact.normal import Hertz, inverse_root
 
 
@@ -124,6 +124,7 @@ def tangential_displacement(
     return np.asarray(whole / (16 * contact.contact_radius) * softness * grown)
 
 
+@broadcasting
 def stuck_traction(rho: ArrayLike, tangential: ArrayLike, radius: ArrayLike) -> Array:
     """Return the shear traction, Pa, of a contact that cannot slip: Q / (2πa √(a² - ρ²)).
 

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 from cnnum.tactile.contact.normal import inverse_root
 
 # The integrand is smooth but for t² log t at 0: 40 points reach 1e-12 of the full torque.
@@ -27,6 +27,7 @@ _NODES, _WEIGHTS = leggauss(40)
 _SERIES = 24
 
 
+@broadcasting
 def stuck_torsion_traction(rho: ArrayLike, torque: ArrayLike, radius: ArrayLike) -> Array:
     """Return the circumferential traction of a twisted disc that cannot slip.
 
@@ -59,6 +60,7 @@ def stuck_torsion_traction(rho: ArrayLike, torque: ArrayLike, radius: ArrayLike)
     return 3 * moment * distance / (4 * math.pi * a**3) * inverse_root(a, distance)
 
 
+@broadcasting
 def stuck_twist(torque: ArrayLike, radius: ArrayLike, shear_modulus: ArrayLike) -> Array:
     """Return the angle that a stuck disc turns by, β = 3T / (16 G a³), rad.
 
@@ -85,6 +87,7 @@ def stuck_twist(torque: ArrayLike, radius: ArrayLike, shear_modulus: ArrayLike) 
     return 3 * checks.finite("torque", torque) / (16 * stiffness * a**3)
 
 
+@broadcasting
 def sliding_torque(load: ArrayLike, radius: ArrayLike, friction: ArrayLike) -> Array:
     """Return the torque at which a Hertz contact turns as a whole, 3πμPa/16, N m.
 

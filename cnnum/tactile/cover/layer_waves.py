@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 
 Complex = NDArray[np.complex128]
 
@@ -75,6 +75,7 @@ class _Pair:
     side: tuple[Array, Array]
 
 
+@broadcasting
 def layer_waves(
     k: ArrayLike, depth: ArrayLike, *, thickness: ArrayLike, poisson: ArrayLike = 0.5
 ) -> LayerWaves:
@@ -165,6 +166,7 @@ def _combined(
     )
 
 
+@broadcasting
 def layer_stress_transfer(
     kx: ArrayLike,
     ky: ArrayLike,
@@ -197,6 +199,7 @@ def layer_stress_transfer(
     return _assembled(rows, x, y, waves.along_p, waves.zz_q, waves.zz_p)
 
 
+@broadcasting
 def layer_displacement_transfer(
     kx: ArrayLike,
     ky: ArrayLike,

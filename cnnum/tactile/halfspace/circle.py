@@ -4,10 +4,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 from cnnum.tactile.halfspace.influence import tensor
 
 
+@broadcasting
 def circle_axis_stress(
     z: ArrayLike, traction: ArrayLike, *, radius: ArrayLike, poisson: ArrayLike = 0.5
 ) -> Array:

@@ -7,10 +7,11 @@ from numpy.typing import ArrayLike
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 from cnnum.tactile.halfspace.influence import tensor
 
 
+@broadcasting
 def line_load_stress(
     x: ArrayLike, z: ArrayLike, force_per_length: ArrayLike, *, poisson: ArrayLike = 0.5
 ) -> Array:

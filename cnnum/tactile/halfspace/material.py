@@ -5,9 +5,10 @@ from numpy.typing import ArrayLike
 
 from cnnum.errors import ArrayError
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 
 
+@broadcasting
 def strain_from_stress(
     stress: ArrayLike, *, youngs_modulus: ArrayLike, poisson: ArrayLike = 0.5
 ) -> Array:

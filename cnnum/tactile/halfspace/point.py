@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.errors import PhysicsError
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 from cnnum.tactile.halfspace import influence
 from cnnum.tactile.halfspace.influence import Integrals
 from cnnum.tactile.halfspace.material import energy_density
@@ -36,6 +36,7 @@ _DIRECTIONAL: dict[str, Callable[[Array, Array, Array, Array], Array]] = {
 }
 
 
+@broadcasting
 def displacement(
     x: ArrayLike,
     y: ArrayLike,
@@ -81,6 +82,7 @@ def displacement(
     )
 
 
+@broadcasting
 def stress(
     x: ArrayLike,
     y: ArrayLike,
@@ -115,6 +117,7 @@ def stress(
     return influence.stress_of(lambda names: point_functions(names, *place), load, ratio)
 
 
+@broadcasting
 def strain(
     x: ArrayLike,
     y: ArrayLike,
@@ -149,6 +152,7 @@ def strain(
     return influence.strain_of(lambda names: point_functions(names, *place), load, modulus, ratio)
 
 
+@broadcasting
 def strain_energy_density(
     x: ArrayLike,
     y: ArrayLike,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike
 
-from cnnum.errors import PhysicsError
+from cnnum.errors import ArrayError, PhysicsError
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
 from cnnum.tactile.halfspace import influence
@@ -229,7 +229,10 @@ def _checked(
     poisson: ArrayLike,
 ) -> tuple[tuple[Array, Array, Array], tuple[float, float], Array, Array]:
     place = checks.finite("x", x), checks.finite("y", y), checks.not_negative("z", z)
-    width_x, width_y = checks.positive("size", checks.vector("size", size, 2))
+    sides = checks.positive("size", checks.vector("size", size, 2))
+    if sides.ndim > 1:
+        raise ArrayError(f"'size': expected the two sides of one rectangle, got {sides.shape}.")
+    width_x, width_y = sides
     load = checks.vector("traction", traction)
     return place, (float(width_x), float(width_y)), load, checks.poisson_ratio(poisson)
 

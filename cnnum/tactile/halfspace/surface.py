@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.errors import ArrayError, UnknownNameError, name_error
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 from cnnum.tactile.grid import Grid, make_grid
 from cnnum.tactile.halfspace import influence
 from cnnum.tactile.halfspace.influence import AXES, COMPONENTS
@@ -193,6 +193,7 @@ def surface_load_stress(
     return _tensor(traction, spacing, depth, poisson, None)
 
 
+@broadcasting
 def surface_load_strain(
     traction: ArrayLike,
     *,

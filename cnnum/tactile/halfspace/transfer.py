@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 
 Complex = NDArray[np.complex128]
 
 
+@broadcasting
 def harmonic_extension(k: ArrayLike, depth: ArrayLike) -> Array:
     """Return e^{-kz}: how a harmonic field of wave number k fades with depth.
 
@@ -35,6 +36,7 @@ def harmonic_extension(k: ArrayLike, depth: ArrayLike) -> Array:
     return np.asarray(np.exp(-_reach(k, depth)))
 
 
+@broadcasting
 def low_pass(k: ArrayLike, depth: ArrayLike) -> Array:
     """Return (1 + kz) e^{-kz}: normal stress at depth over the pressure on the surface, times -1.
 
@@ -44,6 +46,7 @@ def low_pass(k: ArrayLike, depth: ArrayLike) -> Array:
     return np.asarray((1 + reach) * np.exp(-reach))
 
 
+@broadcasting
 def band_pass(k: ArrayLike, depth: ArrayLike) -> Array:
     """Return kz e^{-kz}: normal strain at depth over the pressure, times -2E/3, at ν = 0.5.
 
@@ -54,6 +57,7 @@ def band_pass(k: ArrayLike, depth: ArrayLike) -> Array:
     return np.asarray(reach * np.exp(-reach))
 
 
+@broadcasting
 def stress_transfer(kx: ArrayLike, ky: ArrayLike, depth: ArrayLike) -> Complex:
     """Return the factors from surface traction to the stress that taxels see.
 
@@ -91,6 +95,7 @@ def stress_transfer(kx: ArrayLike, ky: ArrayLike, depth: ArrayLike) -> Complex:
     return _matrix(rows, np.exp(-reach))
 
 
+@broadcasting
 def strain_transfer(
     kx: ArrayLike,
     ky: ArrayLike,

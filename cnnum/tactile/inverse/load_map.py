@@ -81,6 +81,8 @@ class LoadMap:
 
     def __post_init__(self) -> None:
         place = checks.vector("taxels", self.taxels, 2).reshape(-1, 2)
+        if not len(place):
+            raise ArrayError("'taxels': expected the places of one taxel or more, got none.")
         object.__setattr__(self, "taxels", place)
         if min(shear_and_normal(self.noise)) <= 0.0:
             raise PhysicsError(
@@ -146,7 +148,8 @@ class LoadMap:
         """
         target, lead = self._target(strain)
         amount = target @ self._left
-        outside = np.maximum(np.sum(target**2, axis=-1) - np.sum(amount**2, axis=-1), 0.0)
+        # not from sums of squares, whose difference is rounding where the noise is very small
+        outside = np.sum((target - amount @ self._left.T) ** 2, axis=-1)
         if regularisation is None:
             prior = self._likeliest(amount)
         else:

@@ -5,7 +5,7 @@ from numpy.typing import ArrayLike
 
 from cnnum.errors import ArrayError
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 
 _COLLINEAR = 1e-9  # spread across a line, as a share of that along it, that is rounding
 
@@ -75,6 +75,7 @@ def largest_spacing(depth: ArrayLike) -> Array:
     return np.asarray(np.sqrt(1.6) * checks.positive("depth", depth), dtype=np.float64)
 
 
+@broadcasting
 def sliding_force(
     moment: ArrayLike, offset: ArrayLike, *, depth: float, friction: ArrayLike, direction: ArrayLike
 ) -> Array:

@@ -3,6 +3,7 @@
 import numpy as np
 
 from cnnum.errors import PhysicsError
+from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
 
 Noise = float | tuple[float, float]
@@ -18,14 +19,15 @@ def shear_and_normal(noise: Noise) -> tuple[float, float]:
     Raises
     ------
     PhysicsError
-        If a noise is negative or not finite.
+        If a noise is negative or not finite, or there are neither one nor two.
     """
-    shear, normal = noise if isinstance(noise, tuple) else (noise, noise)
-    if not (0.0 <= shear < np.inf and 0.0 <= normal < np.inf):
+    values = checks.finite("noise", noise)
+    if values.shape not in ((), (2,)) or (values < 0.0).any():
         raise PhysicsError(
             f"'noise' must be an RMS of 0 or more, or a pair (shear, normal), got {noise}."
         )
-    return float(shear), float(normal)
+    shear, normal = np.broadcast_to(values, 2).tolist()
+    return shear, normal
 
 
 def radius_95(first: Array, second: Array) -> Array:

@@ -8,11 +8,12 @@ from scipy import special
 
 from cnnum.errors import name_error
 from cnnum.tactile import checks
-from cnnum.tactile.checks import Array
+from cnnum.tactile.checks import Array, broadcasting
 
 QUANTITIES = ("strain", "stress")
 
 
+@broadcasting
 def resolution_limit(
     depth: ArrayLike,
     signal_to_noise: ArrayLike,
@@ -53,9 +54,8 @@ def resolution_limit(
     if quantity not in QUANTITIES:
         raise name_error("quantity", quantity, QUANTITIES)
     z, spacing = checks.positive("depth", depth), checks.not_negative("pitch", pitch)
-    ratio = (
-        checks.positive("signal_to_noise - 1", checks.finite("snr", signal_to_noise) - 1.0) + 1.0
-    )
+    ratio = checks.finite("signal_to_noise", signal_to_noise)
+    checks.positive("signal_to_noise - 1", ratio - 1.0)
     lambert = cast(Any, special.lambertw(-1.0 / (np.e * ratio), k=-1))
     product = -np.real(np.asarray(lambert)).astype(np.float64)  # kz, or 1 + kz
     wave = product if quantity == "strain" else product - 1.0

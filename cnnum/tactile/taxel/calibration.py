@@ -29,7 +29,10 @@ def identity_of(text: str) -> str:
     """
     if not isinstance(cast(object, text), str):
         raise CalibrationError(f"A calibration is a text of TOML, got {type(text).__name__}.")
-    return hashlib.sha256(text.encode()).hexdigest()[:12]
+    try:
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+    except UnicodeEncodeError:
+        raise CalibrationError("A calibration is a text of UTF-8, got half a character.") from None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
