@@ -40,7 +40,9 @@ def test_limit_cycle_is_a_cycle_and_its_period_solves_the_piecewise_linear_syste
     orbit = limit_cycle(2.0, 2.0)
     phases = np.array([0.0, 1.0])
     ends = orbit.at(phases)
-    np.testing.assert_allclose(ends[:, 0], ends[:, 1], atol=1e-8)
+    # a step over one of the corners of f, four a period, is off by 1e-8 or so; the last bits of the
+    # processor decide which steps are
+    np.testing.assert_allclose(ends[:, 0], ends[:, 1], atol=1e-7)
     # the system turns by a quarter onto itself, so a quarter of the period turns the state
     quarter = orbit.at(np.array([0.1, 0.35]))
     np.testing.assert_allclose(quarter[:, 1], [-quarter[1, 0], quarter[0, 0]], atol=1e-5)
