@@ -174,14 +174,16 @@ def learn(
     if restarts < 1:
         raise TemplateError(f"Learning needs at least one start, got {restarts}.")
     loss, hard = Loss(lesson), lesson.form.output.name == "standard"
-    smooth = replace(lesson.form, output=output_function("tanh")) if hard else lesson.form
-    soft = Loss(replace(lesson, form=smooth)) if hard else None
+    soft: Loss | None = None  # made for the second start, which few lessons come to
     rng, best, evaluations = np.random.default_rng(seed), (np.inf, np.zeros(0)), 0
     for restart in range(restarts):
         start = 0.5 * rng.normal(size=len(loss.groups))
         if from_form and restart == 0:
             start = numbers_of(lesson.form, loss.groups)
-        if soft is not None and restart % 2:
+        if hard and restart % 2:
+            if soft is None:
+                smooth = replace(lesson.form, output=output_function("tanh"))
+                soft = Loss(replace(lesson, form=smooth))
             _, start, count = _descended(soft, start, iterations, 0.0)
             evaluations += count
         least, weights, count = _descended(loss, start, iterations, enough)

@@ -83,9 +83,10 @@ def groups_of(form: Template) -> tuple[Group, ...]:
     found, weights = list[Group](), weights_of(form)
     for part in sorted(weights):
         array = weights[part]
-        for value in np.unique(array[array != 0.0]):
-            places = tuple(tuple(place) for place in np.argwhere(array == value).tolist())
-            found.append((part, places))
+        equal = dict[float, list[tuple[int, ...]]]()
+        for place in np.argwhere(array != 0.0).tolist():
+            equal.setdefault(float(array[tuple(place)]), []).append(tuple(place))
+        found += [(part, tuple(equal[value])) for value in sorted(equal)]
     return tuple(found)
 
 
