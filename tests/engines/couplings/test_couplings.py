@@ -191,7 +191,7 @@ def test_couplings_that_do_not_fit_are_refused():
 def test_a_turn_of_a_swing_is_no_rest(engine, shape):
     """Cells swing for long before they rest; at each turn their rates are small for a step."""
     if shape[0] > 1 and engine.name == "reference":
-        pytest.skip("the reference engine takes minutes for so many cells")
+        pytest.skip("the reference engine takes minutes for an array of this size")
     template = delayed(centre(-0.85), delay=1.9, duration="settle")
     found = engine.run(template, state=np.full(shape, 0.2), rtol=1e-2, atol=2e-2)
     assert found.settled.all()
