@@ -124,7 +124,7 @@ class Transient:
     """A template's transient.
 
     Arguments: its inputs, its inputs before the start, state and bias (one a layer), and mask.
-    Where frames have templates of their own, a map follows that holds a frame's numbers first.
+    Where frames have templates of their own, maps follow whose cells hold a frame's numbers.
     """
 
     template: Template = field(compare=False)
@@ -134,7 +134,7 @@ class Transient:
     has_state: bool
     has_bias: bool
     has_mask: bool
-    has_weights: bool = False
+    weight_maps: int = 0
 
     def roles(self) -> tuple[tuple[str, int], ...]:
         """Return the roles of the arguments in their order, and how many maps each takes."""
@@ -145,13 +145,13 @@ class Transient:
             ("state", layers if self.has_state else 0),
             ("bias", layers if self.has_bias else 0),
             ("mask", 1 if self.has_mask else 0),
-            ("weights", 1 if self.has_weights else 0),
+            ("weights", self.weight_maps),
         )
 
     @property
     def weights(self) -> tuple[float, ...]:
         """The numbers of the template that stand for frames' own weights, in their order."""
-        return stand_ins(self.template) if self.has_weights else ()
+        return stand_ins(self.template) if self.weight_maps else ()
 
     def by_role(self, arguments: Sequence[Argument]) -> dict[str, tuple[Argument, ...]]:
         """Return the arguments by role; a role that is not given is an empty tuple."""

@@ -47,7 +47,7 @@ def transient(
     state: Field | Sequence[Field] | None = None,
     bias: Field | Sequence[Field] | None = None,
     mask: Field | None = None,
-    weights: Field | None = None,
+    weights: Sequence[Field] = (),
     spec: RunSpec | None = None,
 ) -> Applied:
     """Run a template inside a program and return all that can be read of it.
@@ -67,10 +67,9 @@ def transient(
         Space-variant bias added to z, one map a layer.
     mask : logic Field, optional
         Fixed-state mask: where it holds, the state keeps its value.
-    weights : Field, optional
-        A map whose first cells hold the numbers of each frame's own template, as
-        `cnnum.runs.many.lanes` packs them; those of the template say only where they are, and how
-        fast it may be.
+    weights : sequence of Field
+        Maps whose cells hold the numbers of each frame's own template, as `cnnum.runs.many.lanes`
+        packs them; those of the template say only where they are, and how fast it may be.
     spec : RunSpec, optional
         Duration, method and tolerances.
 
@@ -97,8 +96,7 @@ def transient(
         raise ProgramError(f"Template '{template.name}' needs {template.inputs} input map(s).")
     if mask is not None:
         given.append(mask)
-    if weights is not None:
-        given.append(weights)
+    given += weights
     graph = graph_of(given)
     if any(item.maps > 1 for item in given):
         raise ProgramError(f"Template '{template.name}' runs on single maps, not on a stack.")
@@ -110,7 +108,7 @@ def transient(
         has_state=state is not None,
         has_bias=bias is not None,
         has_mask=mask is not None,
-        has_weights=weights is not None,
+        weight_maps=len(weights),
     )
     node = graph.add(operation, *(as_field(graph, item).node for item in given))
     return _applied(graph, node, template.layers)

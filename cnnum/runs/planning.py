@@ -117,7 +117,7 @@ def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
     def role(name: str) -> list[Field] | None:
         return [frame.channel(c) for c in frame.channels if c.startswith(name)] or None
 
-    mask, weights = role("mask"), role("weights")
+    mask = role("mask")
     return transient(
         template,
         input=role("input"),
@@ -125,6 +125,6 @@ def _applied(frame: FrameFields, template: Template, spec: RunSpec) -> Applied:
         state=role("state"),
         bias=role("bias"),
         mask=mask[0] > 0.5 if mask else None,
-        weights=weights[0] if weights else None,
+        weights=role("weights") or (),
         spec=spec,
     )

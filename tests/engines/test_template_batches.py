@@ -77,6 +77,23 @@ def test_every_number_of_a_template_can_be_its_own(engine):
         assert np.abs(found.state[number] - alone.state).max() < 3e-3
 
 
+@pytest.mark.parametrize("shape", [(1, 1), (1, 3), (2, 2), (3, 4)])
+def test_arrays_smaller_than_their_templates_lie_in_lanes_too(shape, engine):
+    rng = np.random.default_rng(11)
+    form = Template("small", np.zeros((3, 3)), np.zeros((3, 3)), output="tanh", duration=1.5)
+    batch = TemplateBatch(
+        form, rng.normal(size=(40, 3, 3)), rng.normal(size=(40, 3, 3)), rng.normal(size=40)
+    )
+    pictures = rng.uniform(-1, 1, (40, *shape))
+    found = engine.run(batch, input=pictures)
+    if engine.name == "opencl":
+        assert "side by side" in found.reason
+    for number, template in enumerate(batch.templates()):
+        own = Engine("reference").run(template, input=pictures[number], rtol=1e-8, atol=1e-9)
+        # rtol 1e-4 a step of states up to 10
+        assert np.abs(found.state[number] - own.state).max() < 3e-3
+
+
 def alone(batch, **given):
     """Return the states of the templates one by one, at a tolerance far below those of lanes."""
     exact = Engine("numba", precision="float64")

@@ -20,7 +20,7 @@ from cnnum.runs.many.lane_rates import fastest, growth
 from cnnum.runs.result import Result, result_of
 from cnnum.runs.single import with_fallback
 from cnnum.templating.batch import TemplateBatch
-from cnnum.templating.batch_parts import LADDER, Parts, inner, own_parts, stand_ins
+from cnnum.templating.batch_parts import LADDER, Parts, inner, own_parts
 from cnnum.templating.couplings import DelayedCoupling
 from cnnum.templating.numbers import with_numbers
 from cnnum.templating.reads import jumps
@@ -38,18 +38,10 @@ Plans = Callable[[tuple[object, ...], Template, Shape, tuple[str, ...], RunSpec]
 
 def fits_lanes(batch: TemplateBatch, shape: Shape, asked: Mapping[str, Any]) -> bool:
     """Return whether the templates of a batch can be lanes of a launch."""
-    template, cells = batch.template, shape[0] * shape[1]
+    template = batch.template
     method, fixed = asked["method"], asked["dt"] is not None
     known = method in ("auto", BOGACKI_SHAMPINE.name, "euler") or (fixed and method in TABLEAUX)
-    if template.output.discrete or not known or cells > MOST_CELLS:
-        return False
-    standing = _standing(template, _patterns(batch), 1.0, 1.0)
-    return _count(standing) <= cells
-
-
-def _count(standing: Template) -> int:
-    """Return how many numbers a frame has of its own."""
-    return len(stand_ins(standing)) + standing.layers + 1 + (standing.delayed is not None)
+    return known and not template.output.discrete and shape[0] * shape[1] <= MOST_CELLS
 
 
 def run_lanes(
@@ -179,15 +171,17 @@ def _packed(
     at: NDArray[np.intp],
     shape: Shape,
 ) -> Floats:
-    """Return the numbers of frames as the first cells of maps."""
+    """Return the numbers of frames as the cells of as many maps as they need."""
     columns = [numbers[name][at][:, used] for name, used in patterns.items()]
     columns += [numbers["tau"][at], growth(template, numbers)[at, np.newaxis]]
     if template.delayed is not None:
         columns.append(numbers["delay"][at, np.newaxis])
     packed = np.concatenate(columns, axis=1)
-    maps = np.zeros((len(at), shape[0] * shape[1]))
+    cells = shape[0] * shape[1]
+    count = -(-packed.shape[1] // cells)
+    maps = np.zeros((len(at), count * cells))
     maps[:, : packed.shape[1]] = packed
-    return maps.reshape(-1, 1, *shape)
+    return maps.reshape(-1, count, *shape)
 
 
 def _standing(

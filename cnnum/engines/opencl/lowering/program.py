@@ -271,7 +271,8 @@ class Lowering:
             self.tables,
         )
         if text.operands.own is not None:
-            text.body += text.operands.own.declared(self._weights(node))
+            maps = [self.values.array_of(each) for each in node.arguments[-operation.weight_maps :]]
+            text.body += text.operands.own.declared([each for each in maps if each], text.cells)
         picks = self.users[node.index]
         scalars = [node for node in picks if node.scalar]
         self.body += [ir.declare(self.values.name_scalar(node)) for node in scalars]
@@ -297,14 +298,8 @@ class Lowering:
         roles = operation.by_role(values)
         mask = roles["mask"][0] if roles["mask"] else None
         weights = operation.weights
-        own = OwnNumbers.of(weights, operation.template) if operation.has_weights else None
+        own = OwnNumbers.of(weights, operation.template) if operation.weight_maps else None
         return Operands(roles["input"], roles["previous"], roles["state"], roles["bias"], mask, own)
-
-    def _weights(self, node: Node) -> ir.Name:
-        """Return the array that holds the weights of a transient's frames."""
-        array = self.values.array_of(node.arguments[-1])
-        assert array is not None
-        return array
 
     def _pick_map(self, node: Node, text: TransientBuilder) -> ir.Statement:
         assert isinstance(node.operation, Pick)

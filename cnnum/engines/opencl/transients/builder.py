@@ -58,11 +58,14 @@ class OwnNumbers:
         """One over τ of every layer."""
         return tuple(ir.Name(f"rate_{layer}") for layer in range(len(self.taus)))
 
-    def declared(self, packed: ir.Name) -> list[ir.Statement]:
-        """Return the statements that take them from the first cells of a map."""
+    def declared(self, packed: Sequence[ir.Name], cells: int) -> list[ir.Statement]:
+        """Return the statements that take them from the cells of maps."""
         names = (*self.weights.values(), *self.taus, self.growth)
         names += () if self.delay is None else (self.delay,)
-        taken = [ir.fixed(name, packed[ir.Integer(k)]) for k, name in enumerate(names)]
+        taken = [
+            ir.fixed(name, packed[k // cells][ir.Integer(k % cells)])
+            for k, name in enumerate(names)
+        ]
         pairs = zip(self.rates, self.taus, strict=True)
         return [*taken, *(ir.fixed(rate, ir.ONE / tau) for rate, tau in pairs)]
 
