@@ -1,32 +1,34 @@
 """Templates of slip and of twist learned from labelled scenes, a family left out at a time.
 
-`python docs/figures/learn_events.py slip` or `twist`: the read-outs of the programs are the inputs
-of a template of one cell, whose weights gradients set. With `maps` the inputs are the maps of the
-array, and their change over 80 ms; the mean over the cells is the strength. Each takes a minute.
+`python -m docs.figures.learn_events slip [--out FOLDER]` or `twist`: the read-outs of the programs
+are the inputs of a template of one cell, whose weights gradients set. `--out` keeps the template of
+all families, with its proof; its area is the mean over the families left out.
+
+With `maps` the inputs are the maps of the array, and their change over 80 ms; the mean over the
+cells is the strength. Each takes a minute.
 """
 
-import sys
-from collections.abc import Callable, Mapping, Sequence
+import argparse
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.design.decisions import decision_entry, unscaled
 from cnnum.design.learning import Lesson, learn, untied
 from cnnum.engine import Engine
 from cnnum.lab.scoring.families.arrays import Arrays
 from cnnum.lab.scoring.families.catalogue import FAMILIES
 from cnnum.lab.scoring.judged_programs import Answers, in_batches, side_by_side
+from cnnum.lab.scoring.measures import auc
 from cnnum.lab.scoring.trial import Trial
-from cnnum.programs import program
-from cnnum.programs.fields import Field
-from cnnum.programs.machine import FrameFields
-from cnnum.templates.tactile.shared.recent_loads import RecentLoads
-from cnnum.templates.tactile.twist import APART, read_outs
+from cnnum.templates.tactile.twist import APART
+from cnnum.templating.files import save_entry
 from cnnum.templating.template import Template
-from docs.figures.learned_weights import PHYSICAL, READS, strength
-from docs.figures.learned_weights import shows as slip_shows
+from docs.figures.learned_weights import PHYSICAL, READS, shows, strength
 
 SEEDS, FRAMES = (1, 2), 60
 """Scenes of a family, and frames of each that are learned from."""
@@ -78,44 +80,10 @@ JOBS = {
 }
 
 
-@program
-def twist_shows(
-    frame: FrameFields,
-    *,
-    push: float = -1.0,
-    shear_gain: float = 1.0,
-    pads: int = 1,
-    rate: float = 200.0,
-) -> Mapping[str, Field]:
-    """The fields that `twist` decides by, either sense alike."""
-    recent = frame.once(
-        RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=0.4, look=0.08,
-        floor=240.0,
-    )  # fmt: skip
-    signs = read_outs(frame, recent=recent, still=0.25)
-    return recent.shown(turned=abs(signs["turned"]), apart=signs["apart"])
-
-
 def turn_strength(reads: Answers) -> Floats:
     """Return the strength that `twist` holds against its level."""
     counts = reads["turned"] > reads["ratio"] + APART * reads["apart"]
     return np.asarray(np.where(counts, reads["turned"], 0.0))
-
-
-def area(scores: Floats, hits: Floats) -> float:
-    """Return the area under the curve: how often a frame with the event scores above another."""
-    order = np.argsort(np.argsort(scores)) + 1.0
-    found, others = int((hits > 0).sum()), int((hits <= 0).sum())
-    return float((order[hits > 0].sum() - found * (found + 1) / 2) / (found * others))
-
-
-def read(engine: Engine, trials: Sequence[Trial]) -> list[Answers]:
-    """Return the read-outs of slip and of twist of each trial."""
-    both = (
-        in_batches(trials, partial(side_by_side, engine, slip_shows, READS)),
-        in_batches(trials, partial(side_by_side, engine, twist_shows, TURNS)),
-    )
-    return [{**slips, **turns} for slips, turns in zip(*both, strict=True)]
 
 
 def seen(job: Job, trial: Trial, reads: Answers) -> Floats:
@@ -132,57 +100,104 @@ def seen(job: Job, trial: Trial, reads: Answers) -> Floats:
     return np.asarray(both / load)
 
 
-def taught(inputs: Floats, hits: Floats) -> tuple[Template, Callable[[Floats], Floats]]:
-    """Return the template that frames teach, and a function that scales its inputs."""
+@dataclass(frozen=True, slots=True)
+class Taught:
+    """A template that frames taught, with the scaling of its inputs: (inputs − middle) / width."""
+
+    template: Template
+    middle: Floats
+    width: Floats
+
+    def states(self, engine: Engine, inputs: Floats) -> Floats:
+        """Return the mean state of each frame, of inputs as they are."""
+        scaled = (inputs - self.middle) / self.width
+        return np.asarray(engine.run(self.template, input=scaled).state.mean(axis=(1, 2)))
+
+
+def taught(name: str, inputs: Floats, hits: Floats) -> Taught:
+    """Return the template that frames teach."""
     axes = (0, 2, 3)
     middle = inputs.mean(axes, keepdims=True)
     width = inputs.std(axes, keepdims=True) + 1e-9
-
-    def scaled(values: Floats) -> Floats:
-        return np.asarray((values - middle) / width)
-
     shape, size = (len(inputs), *inputs.shape[2:]), min(3, inputs.shape[-1])
-    form = untied("event", inputs=inputs.shape[1], size=size, output="tanh", duration=2.0)
+    form = untied(name, inputs=inputs.shape[1], size=size, output="tanh", duration=2.0)
     share = float(hits.mean())
     each: Floats = np.where(hits > 0, 0.5 / share, 0.5 / (1.0 - share))
     wanted, counts = (
         np.broadcast_to(one[:, np.newaxis, np.newaxis], shape) for one in (2.0 * hits - 1.0, each)
     )
     lesson = Lesson(
-        form, wanted, scaled(inputs), counts=counts, step=0.25, method="heun", shrink=1e-3
+        form,
+        wanted,
+        (inputs - middle) / width,
+        counts=counts,
+        step=0.25,
+        method="heun",
+        shrink=1e-3,
     )
     restarts, iterations = (2, 100) if shape[1] == 1 else MAPS
-    return learn(lesson, restarts=restarts, iterations=iterations).template, scaled
+    learned = learn(lesson, restarts=restarts, iterations=iterations)
+    return Taught(learned.template, middle, width)
+
+
+def keep(job: Job, made: Taught, frames: tuple[Floats, Floats], area: float, out: Path) -> Path:
+    """Write the record of a template with its proof, and return its path."""
+    flat = unscaled(made.template, made.middle.ravel(), made.width.ravel())
+    flat = replace(
+        flat,
+        description="Decides by the sign of its state after two time constants.",
+        source="learned from labelled scenes by gradients",
+    )
+    reads = f"ln(x + 0.001) of the read-outs {', '.join(job.reads)}"
+    entry = decision_entry(flat, *frames, Engine(), area=area, inputs_are=reads)
+    path = out / f"{flat.name.lower()}.toml"
+    save_entry(entry, path)
+    return path
 
 
 def main() -> None:
     """Print the area of each family, by the learned template and by the program's formula."""
-    job, engine, arrays = JOBS[sys.argv[1]], Engine(), Arrays()
+    words = argparse.ArgumentParser(description="Learn a template of slip or of twist.")
+    words.add_argument("event", choices=JOBS)
+    words.add_argument("--out", type=Path, help="folder of the template's record; not of maps")
+    given = words.parse_args()
+    job, engine, arrays = JOBS[given.event], Engine(), Arrays()
+    if given.out and not (job.reads and given.out.is_dir()):
+        words.error("--out needs a folder that exists, and the event 'slip' or 'twist'.")
     make = {family.name: family.make for family in FAMILIES}
     flat = [make[name](arrays, name, seed) for name in job.families for seed in SEEDS]
-    reads = read(engine, flat)
+    reads = in_batches(flat, partial(side_by_side, engine, shows, (*READS, *TURNS)))
     counted = [trial.scored & np.isfinite(trial.slips) for trial in flat]
     each = zip(flat, reads, counted, strict=True)
     inputs = [seen(job, trial, answers)[ok] for trial, answers, ok in each]
     labels = [job.truth(trial)[ok] for trial, ok in zip(flat, counted, strict=True)]
     formula = [job.formula(r)[ok] for r, ok in zip(reads, counted, strict=True)]
-    rng = np.random.default_rng(0)
-    for name in job.families:
-        own = [n for n, trial in enumerate(flat) if trial.family == name]
-        rest = [n for n in range(len(flat)) if n not in own]
-        some = {n: rng.choice(len(labels[n]), FRAMES) for n in rest}
-        template, scaled = taught(
-            np.concatenate([inputs[n][some[n]] for n in rest]),
-            np.concatenate([labels[n][some[n]] for n in rest]),
+    rng, name = np.random.default_rng(0), f"{given.event.upper()}_EVENT"
+
+    def frames_of(trials: Sequence[int]) -> tuple[Floats, Floats]:
+        some = {n: rng.choice(len(labels[n]), FRAMES) for n in trials}
+        return (
+            np.concatenate([inputs[n][some[n]] for n in trials]),
+            np.concatenate([labels[n][some[n]] for n in trials]),
         )
-        truth = np.concatenate([labels[n] for n in own])
-        values = scaled(np.concatenate([inputs[n] for n in own]))
-        state = engine.run(template, input=values).state.mean(axis=(1, 2))
-        if truth.any():
-            both = (area(state, truth), area(np.concatenate([formula[n] for n in own]), truth))
-            print(f"{name}: learned {both[0]:.3f}, formula {both[1]:.3f}", flush=True)
+
+    areas = list[float]()
+    for family in job.families:
+        own = [n for n, trial in enumerate(flat) if trial.family == family]
+        made = taught(name, *frames_of([n for n in range(len(flat)) if n not in own]))
+        state = made.states(engine, np.concatenate([inputs[n] for n in own]))
+        on = np.concatenate([labels[n] for n in own]) > 0
+        if on.any():
+            physical = np.concatenate([formula[n] for n in own])
+            areas.append(auc(state[on], state[~on]))
+            by_formula = auc(physical[on], physical[~on])
+            print(f"{family}: learned {areas[-1]:.3f}, formula {by_formula:.3f}", flush=True)
         else:
-            print(f"{name}: {100 * (state > 0).mean():.1f} % of frames without one reported")
+            print(f"{family}: {100 * (state > 0).mean():.1f} % of frames without one reported")
+    if given.out:
+        frames = frames_of(range(len(flat)))
+        path = keep(job, taught(name, *frames), frames, float(np.mean(areas)), given.out)
+        print(f"wrote {path}")
 
 
 if __name__ == "__main__":

@@ -39,6 +39,7 @@ from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.templates.tactile.shared.recent_loads import RecentLoads
 from cnnum.templates.tactile.slip import ALONG, LIES, STICKS, read_outs, trend
+from cnnum.templates.tactile.twist import read_outs as turns_of
 
 READS = ("moves", "loosens", "grows", "along", "lies", "sticks", "trend", "jolt", "ratio")
 WEIGHTS = {
@@ -69,12 +70,14 @@ def shows(
     pads: int = 1,
     rate: float = 200.0,
 ) -> Mapping[str, Field]:
-    """The fields that `slip` decides by."""
+    """The fields that `slip` and `twist` decide by, either sense of a turn alike."""
     recent = frame.once(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=0.4, look=0.08,
         floor=240.0,
     )  # fmt: skip
     more = {"trend": abs(trend(recent, 0.35)), "jolt": recent.jolt, "ratio": recent.ratio}
+    turns = turns_of(frame, recent=recent, still=0.25)
+    more |= {"turned": abs(turns["turned"]), "apart": turns["apart"]}
     return recent.shown(**read_outs(frame, recent=recent), **more)
 
 

@@ -11,7 +11,7 @@ from cnnum.errors import TemplateError
 from cnnum.templating.files.toml_values import number, table, text, whole, wrong
 
 REQUIRED = ("digest", "method", "examples", "margin", "relative_margin")
-KEYS = (*REQUIRED, "bound", "settle", "flips")
+KEYS = (*REQUIRED, "bound", "settle", "area", "flips")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,15 +50,17 @@ class Proof:
         Neighbourhoods that the weights were held to; of a search, templates that were run; of
         gradients, labelled cells.
     margin : float
-        Least drive of a cell, towards its right colour.
+        Least drive of a cell, towards its right colour; below 0 where an example is decided wrong.
     relative_margin : float
         The same over the sum of all weights that decide: no mismatch below it flips a cell.
     bound : float or None
         No weights have a larger relative margin; None where that is not known.
     settle : float or None
         Time constants until every cell of exact weights is black or white; None where cells wait
-        for each other.
+        for each other, or never are.
     flips : tuple of FlipRate
+    area : float or None
+        Of a learned decision: the area under the curve on examples that it did not learn from.
     """
 
     digest: str
@@ -69,6 +71,7 @@ class Proof:
     bound: float | None = None
     settle: float | None = None
     flips: tuple[FlipRate, ...] = ()
+    area: float | None = None
 
 
 def read_proof(file: str, key: str, value: object) -> Proof:
@@ -92,6 +95,7 @@ def read_proof(file: str, key: str, value: object) -> Proof:
         optional("bound"),
         optional("settle"),
         tuple(_flip(file, f"{key}.flips", row) for row in _rows(found.get("flips", []))),
+        optional("area"),
     )
 
 
@@ -105,7 +109,7 @@ def proof_toml(proof: Proof) -> list[str]:
         f"margin = {proof.margin:.9g}",
         f"relative_margin = {proof.relative_margin:.9g}",
     ]
-    optional = {"bound": proof.bound, "settle": proof.settle}
+    optional = {"bound": proof.bound, "settle": proof.settle, "area": proof.area}
     lines += [f"{key} = {value:.9g}" for key, value in optional.items() if value is not None]
     if proof.flips:
         rows = (

@@ -1,0 +1,90 @@
+"""Records of templates of one cell that decide, learned from labelled numbers.
+
+A lesson has its inputs scaled to a mean of 0 and a deviation of 1. The record takes them as they
+are: the scaling is part of its B and z.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from cnnum.arrays import Floats
+from cnnum.errors import TemplateError
+from cnnum.templating.batch import TemplateBatch
+from cnnum.templating.checks.intervals import wilson
+from cnnum.templating.checks.robustness import mismatched
+from cnnum.templating.checks.running import Engine
+from cnnum.templating.files.entry import About, Entry
+from cnnum.templating.files.proof import FlipRate, Proof
+from cnnum.templating.template import Template
+
+MISMATCHES = (0.0, 0.01, 0.05, 0.1)
+DRAWS = 1000
+
+
+def unscaled(template: Template, middle: Floats, width: Floats) -> Template:
+    """Return a template that takes inputs as they are, from one of (inputs − middle) / width.
+
+    Parameters
+    ----------
+    template : Template
+        One layer with kernels of one cell.
+    middle, width : (inputs,) float
+
+    Raises
+    ------
+    TemplateError
+        If a kernel of B has neighbours: the boundary has no such scaling.
+    """
+    if template.B.shape[-2:] != (1, 1):
+        raise TemplateError(f"The inputs of '{template.name}' have neighbours: scale them before.")
+    B = template.B / width[:, np.newaxis, np.newaxis]
+    return replace(template, B=B, z=template.z - (B[0, :, 0, 0] * middle).sum())
+
+
+def decision_entry(
+    template: Template,
+    inputs: Floats,
+    labels: Floats,
+    engine: Engine,
+    *,
+    area: float,
+    inputs_are: str,
+    seed: int = 0,
+) -> Entry:
+    """Return the record of a template that decides by the sign of its state.
+
+    Each draw of its flips is a template under mismatch with an example of its own.
+
+    Parameters
+    ----------
+    template : Template
+    inputs : (examples, inputs, 1, 1) float
+        Those that it learned from, as they are.
+    labels : (examples,) float
+        Above 0 where the event is on.
+    engine : Engine
+    area : float
+        Under the curve, on examples that it did not learn from.
+    inputs_are : str
+        The meaning of the inputs.
+    seed : int
+        Of the mismatch.
+    """
+    wanted = np.where(labels > 0, 1.0, -1.0)
+    state = np.asarray(engine.run(template, input=inputs).state)[:, 0, 0]
+    margin = float((wanted * state).min())
+    size = sum(float(np.abs(part).sum()) for part in (template.A, template.B, template.z))
+    rng = np.random.default_rng(seed)
+    rates = list[FlipRate]()
+    for mismatch in MISMATCHES:
+        some = rng.integers(len(wanted), size=DRAWS)
+        batch = TemplateBatch.of([mismatched(template, rng, mismatch) for _ in range(DRAWS)])
+        drawn = np.asarray(engine.run(batch, input=inputs[some]).state)[:, 0, 0]
+        wrong = int((wanted[some] * drawn <= 0.0).sum())
+        rates.append(FlipRate(mismatch, wrong / DRAWS, *wilson(wrong, DRAWS), DRAWS))
+    proof = Proof(
+        template.digest, "gradients", len(wanted), margin, margin / size, flips=tuple(rates),
+        area=area,
+    )  # fmt: skip
+    return Entry(template, about=About(input=inputs_are, tags=("designed",)), proof=proof)
