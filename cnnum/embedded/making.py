@@ -7,7 +7,8 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.c.files import Exported, exported
-from cnnum.embedded.c.program import c_text, size_of
+from cnnum.embedded.c.layout import bytes_of
+from cnnum.embedded.c.program import c_text
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
 from cnnum.embedded.formats import Precision
 from cnnum.embedded.lowering.schedules import lower
@@ -39,7 +40,7 @@ class Made:
     @property
     def memory_bytes(self) -> int:
         """Bytes of the kept arrays, and of those that a frame is worked in."""
-        return size_of(c_text(self.program).memory) + 4
+        return bytes_of(c_text(self.program).memory, memory=True)
 
     def inputs(self, frames: Floats) -> dict[str, Numbers]:
         """Return the channels of a batch of frames in their formats, (batch, cells) each.

@@ -1,11 +1,13 @@
 """The C99 of a program: no warning, clean under sanitizers, the emulator's numbers to the bit."""
 
 import os
+import shutil
 import subprocess
 
 import numpy as np
 import pytest
 
+from cnnum.embedded.c.files import in_the_way
 from cnnum.embedded.c.layout import packed, record_type
 from cnnum.embedded.emulator import cleared
 from cnnum.errors import NotSupportedError
@@ -95,6 +97,39 @@ def test_the_test_vector_fails_on_other_code(compiler, tmp_path):
     source.write_text(other)
     main = compiled(compiler, tmp_path, "twist", "vector.c")
     assert subprocess.run([main], check=False).returncode == 1
+
+
+def test_make_says_whether_the_vector_passes(compiler, tmp_path):
+    if shutil.which("make") is None:
+        pytest.skip("needs make")
+    made("twist", "q15").export(streams((8, 8))[:, 0]).write(tmp_path)
+    assert in_the_way(tmp_path, "twist") is None
+    assert in_the_way(tmp_path, "slip") == "vector.c"
+    command = ["make", "-C", tmp_path, f"CC={compiler}"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, "The test vector of twist passes." in done.stdout) == (0, True)
+    (tmp_path / "vector").write_text("#!/bin/sh\nexit 1\n")
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode != 0
+    assert "The answers differ from the test vector." in done.stderr
+
+
+@pytest.mark.parametrize("name", ["slip", "twist"])
+def test_sizes_are_those_of_the_compiler(name, compiler, tmp_path):
+    needs = ["slip_strength", "gross_slip"] if name == "slip" else None
+    exported = made(name, "q15", needs=needs).export(streams((8, 8))[:2, 0])
+    exported.write(tmp_path)
+    sizes = exported.memory_bytes, exported.input_bytes, exported.output_bytes
+    kinds = ("memory", "input", "output")
+    wrong = " || ".join(
+        f"sizeof({name}_{kind}) != {size}" for kind, size in zip(kinds, sizes, strict=True)
+    )
+    text = f'#include "{name}.h"\nint main(void) {{ return {wrong}; }}\n'
+    (tmp_path / "sizes.c").write_text(text)
+    main = compiled(compiler, tmp_path, name, "sizes.c")
+    assert subprocess.run([main], check=False).returncode == 0
+    for kind, size in zip(("kept and worked in", "one frame", "its answers"), sizes, strict=True):
+        assert f"{kind}: {size} bytes" in exported.files[f"{name}.h"], kind
 
 
 def test_no_memory_is_allocated_and_no_library_is_needed():

@@ -50,7 +50,7 @@ def command(
     from cnnum.lab.embedded.streams import made, vector_frames
 
     size = shape_of(shape)
-    require_room(out)
+    require_room(out, program)
     wanted = None if needs is None else tuple(name.strip() for name in needs.split(","))
     found = made(program, size, precision, method, wanted)
     about = (
@@ -83,17 +83,24 @@ def command(
     return 0
 
 
-def require_room(out: Path) -> None:
+def require_room(out: Path, program: str) -> None:
     """Refuse a folder that cannot be made or written, before the work of a minute.
 
     Raises
     ------
     click.UsageError
-        If a file is in its way, or its place takes no files.
+        If a file is in its way, its place takes no files, or it holds such files of other work.
     """
+    from cnnum.embedded.c.files import in_the_way
+
     there = next(place for place in (out, *out.absolute().parents) if place.exists())
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
         raise click.UsageError(f"'{out}' cannot be written: '{there}' takes no new files.")
+    if other := in_the_way(out, program):
+        raise click.UsageError(
+            f"'{out}' has a file '{other}' that no export of '{program}' wrote: choose another "
+            "folder."
+        )
 
 
 def shape_of(text: str) -> tuple[int, int]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from cnnum.embedded.c.layout import bytes_of
 from cnnum.embedded.c.program import (
     c_text,
     element_type,
@@ -43,9 +44,26 @@ class Exported:
             (folder / name).write_text(text, encoding="utf-8")
 
 
+OTHERS = ("vector.c", "stream.c", "Makefile", "ranges.txt")
+"""Files that have the same names in every export."""
+
+
 def identifier(name: str) -> str:
     """Return a name that C allows."""
     return re.sub(r"\W", "_", name)
+
+
+def in_the_way(folder: Path, program: str) -> str | None:
+    """Return a file that an export would replace, though no export of this program wrote it."""
+    name = identifier(program)
+    there = [one for one in (f"{name}.c", f"{name}.h", *OTHERS) if (folder / one).exists()]
+    makefile = folder / "Makefile"
+    own = makefile.is_file() and _rule(name) in makefile.read_bytes().decode("utf-8", "replace")
+    return there[0] if there and not own else None
+
+
+def _rule(name: str) -> str:
+    return f"vector: vector.c {name}.c {name}.h\n"
 
 
 def exported(
@@ -92,9 +110,9 @@ def exported(
     }
     return Exported(
         files,
-        size_of(text.memory) + 4,
-        size_of(inputs),
-        size_of(outputs),
+        bytes_of(text.memory, memory=True),
+        bytes_of(inputs),
+        bytes_of(outputs),
         size_of(text.tables),
     )
 
@@ -125,17 +143,17 @@ def structures(
     name: str, memory: Sequence[Array], inputs: Sequence[Array], outputs: Sequence[Array]
 ) -> list[str]:
     """Return the structures of inputs, outputs and memory."""
-    nothing = ["    uint8_t nothing;"]
+    nothing, kept = ["    uint8_t nothing;"], bytes_of(memory, memory=True)
     return [
-        f"typedef struct {{ /* one frame: {size_of(inputs)} bytes */",
+        f"typedef struct {{ /* one frame: {bytes_of(inputs)} bytes */",
         *(members(inputs) or nothing),
         f"}} {name}_input;",
         "",
-        f"typedef struct {{ /* its answers: {size_of(outputs)} bytes */",
+        f"typedef struct {{ /* its answers: {bytes_of(outputs)} bytes */",
         *(members(outputs) or nothing),
         f"}} {name}_output;",
         "",
-        f"typedef struct {{ /* what is kept, and what is worked in: {size_of(memory) + 4} bytes */",
+        f"typedef struct {{ /* what is kept and worked in: {kept} bytes */",
         "    int32_t started;",
         *members(memory),
         f"}} {name}_memory;",
@@ -158,8 +176,8 @@ def _header(
     ]
     lines = [
         f"/* Program '{program.name}' on {rows} x {cols} cells.",
-        f"   Memory {size_of(memory) + 4} bytes, frame {size_of(inputs)}, answers "
-        f"{size_of(outputs)}, tables {size_of(tables)}. */",
+        f"   Memory {bytes_of(memory, memory=True)} bytes, frame {bytes_of(inputs)}, answers "
+        f"{bytes_of(outputs)}, tables {size_of(tables)}. */",
         f"#ifndef {guard}",
         f"#define {guard}",
         "",
@@ -297,9 +315,10 @@ def _makefile(name: str, *, math: bool) -> str:
             "override CFLAGS += -std=c99 -Wall -Wextra -Wconversion -Werror",
             "",
             "check: vector",
-            "\t./vector",
+            "\t@./vector || { echo 'The answers differ from the test vector.' >&2; exit 1; }",
+            f"\t@echo 'The test vector of {name} passes.'",
             "",
-            f"vector: vector.c {name}.c {name}.h",
+            _rule(name).rstrip(),
             f"\t$(CC) $(CFLAGS) -o $@ vector.c {name}.c{libraries}",
             "",
             f"stream: stream.c {name}.c {name}.h",

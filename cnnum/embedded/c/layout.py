@@ -31,6 +31,11 @@ def record_type(arrays: Sequence[Array], *, memory: bool = False) -> np.dtype[An
     return np.dtype(members or [("nothing", "<u1")], align=True)
 
 
+def bytes_of(arrays: Sequence[Array], *, memory: bool = False) -> int:
+    """Return the size of a structure, with the bytes that C adds at its end."""
+    return record_type(arrays, memory=memory).itemsize
+
+
 def packed(
     arrays: Sequence[Array], values: Mapping[str, Numbers], batch: int, *, memory: bool = False
 ) -> NDArray[Any]:

@@ -81,6 +81,14 @@ def test_a_folder_that_cannot_be_made_is_refused_before_the_export(call, tmp_pat
     assert f"'{tmp_path / 'file'}' takes no new files" in said
 
 
+@pytest.mark.parametrize("name", ["Makefile", "twist.c", "vector.c"])
+def test_an_export_replaces_no_file_of_other_work(name, call, tmp_path):
+    (tmp_path / name).write_bytes(b"all:\n\techo \xff\n")
+    said = sentence(call("export", "twist", "--out", tmp_path))
+    assert f"'{tmp_path}' has a file '{name}' that no export of 'twist' wrote" in said
+    assert [one.name for one in tmp_path.iterdir()] == [name]
+
+
 def test_no_traceback_in_a_real_shell(shell):
     done = shell("run", "nowhere")
     assert (done.returncode, done.stdout) == (2, "")
