@@ -282,6 +282,11 @@ def sqrt(a: Field) -> Field:
     return combine(op.ROOT, a)
 
 
+def square(a: Field) -> Field:
+    """Return every cell times itself."""
+    return a * a
+
+
 def exp(a: Field) -> Field:
     """Return e to the power of every cell."""
     return combine(op.EXPONENTIAL, a)
@@ -317,17 +322,13 @@ def _raised(base: object, exponent: object) -> Field:
     return power(base, exponent)
 
 
-def _squared(a: Field) -> Field:
-    return a * a
-
-
 _UFUNCS: Mapping[np.ufunc, Callable[..., Field]] = {
     np.add: Field.__add__,
     np.subtract: Field.__sub__,
     np.multiply: Field.__mul__,
     np.divide: Field.__truediv__,
     np.power: Field.__pow__,
-    np.square: _squared,
+    np.square: square,
     np.negative: Field.__neg__,
     np.absolute: Field.__abs__,
     np.fabs: Field.__abs__,

@@ -55,6 +55,29 @@ class LocalMemory:
             )
         self._graph.memories[self._number] = Memory(memory.read, value.node)
 
+    def latch(self, sets: Field, stays: Field) -> Field:
+        """Store and return a flag or logic map: on with `sets`, and kept on while `stays` holds."""
+        return self._now(sets | (self.value & stays))
+
+    def hold(self, value: Field, when: Field) -> Field:
+        """Store and return a value while `when` holds, and afterwards its last one."""
+        return self._now(where(when, value, self.value))
+
+    def count(self, when: Field) -> Field:
+        """Store and return how many frames in a row `when` has held, this one included."""
+        return self._now(where(when, self.value + 1.0, 0.0))
+
+    def mean(self, value: Field, share: Field | float) -> Field:
+        """Store and return a mean in which this frame's value has a share.
+
+        A constant share makes a leaky mean, one of 1/n in the n-th frame the plain one.
+        """
+        return self._now(self.value + share * (value - self.value))
+
+    def _now(self, value: Field) -> Field:
+        self.store(value)
+        return value
+
 
 def _kind(node: Node) -> str:
     if node.scalar:
@@ -94,6 +117,11 @@ class FrameFields:
     def first(self) -> Field:
         """A flag that holds on the first frame of a stream."""
         return Field(self._graph, self._graph.add(FirstFrame(), scalar=True, logic=True))
+
+    @property
+    def age(self) -> Field:
+        """Number of frames before this one."""
+        return self.once(_age)
 
     @property
     def row(self) -> Field:
@@ -149,3 +177,9 @@ class FrameFields:
         memory = self.memory(scalar=value.scalar, logic=value.logic, maps=value.maps)
         memory.store(value)
         return where(self.first, value, memory.value)
+
+
+def _age(frame: FrameFields) -> Field:
+    memory = frame.memory("age", scalar=True)
+    memory.store(memory.value + 1.0)
+    return memory.value

@@ -3,10 +3,11 @@
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, sqrt, where
+from cnnum.programs.fields import Field, where
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.several import length
 from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
-from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of, square
+from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of
 from cnnum.templates.tactile.shared.pressure import Carries, pressed_of
 
 SHARE = 0.1
@@ -85,24 +86,17 @@ def contact_of(
     """Return the outputs of `contact` from the fields shared with other programs."""
     frame, load = loads.frame, pressed_of(loads, share, depth, reads, normal_gain)
     whole = load.weight.sum()
+    row, column = (frame.memory(f"{name} while touched", scalar=True) for name in ("row", "column"))
     touches = load.touched.any()
     normal, x, y = (where(touches, unit * part, 0.0) for part in (load.normal, load.x, load.y))
     return {
         "contact": loads.contact,
         "contact_map": load.touched,
         "contact_area": load.touched.count(),
-        "contact_row": _kept(loads, touches, (load.weight * frame.row).sum() / whole),
-        "contact_column": _kept(loads, touches, (load.weight * frame.column).sum() / whole),
+        "contact_row": row.hold((load.weight * frame.row).sum() / whole, touches),
+        "contact_column": column.hold((load.weight * frame.column).sum() / whole, touches),
         "load_x": x,
         "load_y": y,
         "load_normal": normal,
-        "friction_used": where(touches, sqrt(square(x) + square(y)) / normal, 0.0),
+        "friction_used": where(touches, length([x, y]) / normal, 0.0),
     }
-
-
-def _kept(loads: Loads, touches: Field, value: Field) -> Field:
-    """Return a number while something touches, and afterwards its last value."""
-    memory = loads.frame.memory("last while touched", scalar=True)
-    now = where(touches, value, memory.value)
-    memory.store(now)
-    return now

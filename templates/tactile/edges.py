@@ -22,6 +22,7 @@ import numpy as np
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.several import total
 from cnnum.programs.transients import apply, shift
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.cover_model.deconvolution import (
@@ -175,7 +176,7 @@ def _links(load: Field, inside: Field, least: Field, sharp: float) -> list[_Link
 def _decided(loads: Loads, links: list[_Link], peak: Field) -> Field:
     """Return where the links around say that there is an edge; links on the verge stay so."""
     memory = loads.frame.memory("edge", logic=True)
-    excess = sum((link.excess for link in links[1:]), start=links[0].excess)
+    excess = total(link.excess for link in links)
     # at the rim of the array no cell beyond is seen
     inner = np.pad(np.ones([side - 2 for side in loads.frame.shape]), 1)
     excess = excess * loads.frame.constant(inner)

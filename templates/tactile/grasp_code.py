@@ -6,20 +6,22 @@ in its own axes: x to the right, y down, z into that finger. Facing fingers mirr
 """
 
 from collections.abc import Mapping
+from itertools import product
 
-import numpy as np
-
-from cnnum.errors import ProgramError
 from cnnum.programs import program
+from cnnum.programs.blocks import Block, blocks
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.several import length, mean, total
 from cnnum.templates.tactile.shared.loads import LIFT, PUSH, Loads, loads_of
-from cnnum.templates.tactile.shared.loads import square as squared
 
 AGREE = 0.75
 """Least agreement of the signs with a motion's pattern, from −1 to 1. A straight pull is judged by
 the 8 bits of its stronger axis, of which one may be wrong; a twist or a squeeze by all 16, of which
 two may. By chance 27 % of all codes agree so far with one of the four."""
+
+PLACES = tuple(product((0, 1), repeat=3))
+"""Finger, row and column of every taxel, in the order of its bits."""
 
 MOTIONS = ("slip", "twist", "tilt", "squeeze")
 
@@ -63,13 +65,12 @@ def grasp_code(
     ProgramError
         If the frame cannot be divided into two fingers of 2×2 quarters.
     """
-    loads = loads_of(frame, push)
-    masks = _quarters(frame)
-    shears = (loads.shear_x, loads.shear_y)
-    sums = [[(shear * mask).sum() for shear in shears] for mask in masks]
+    loads, quarters = loads_of(frame, push), blocks(frame, 2, 4)
+    taxels = [quarters[4 * row + 2 * finger + column] for finger, row, column in PLACES]
+    sums = [[taxel.total(shear) for shear in (loads.shear_x, loads.shear_y)] for taxel in taxels]
     bits = [[component > 0.0 for component in pair] for pair in sums]
     signs = [[where(bit, 1.0, -1.0) for bit in pair] for pair in bits]
-    known = _known(loads, sums, masks)
+    known = _known(loads, sums, taxels)
     return {"grasp_code": _code(bits), "code_known": known, **_decoded(signs, known, agree)}
 
 
@@ -77,8 +78,8 @@ def _decoded(signs: list[list[Field]], known: Field, agree: float) -> Mapping[st
     """Return the motion whose pattern the signs follow best, and where it goes."""
     # the second finger faces the first: its x is the other's −x
     one, two = signs[:4], [[-x, y] for x, y in signs[4:]]
-    x1, y1 = (_mean([pair[k] for pair in one]) for k in (0, 1))
-    x2, y2 = (_mean([pair[k] for pair in two]) for k in (0, 1))
+    x1, y1 = (mean([pair[k] for pair in one]) for k in (0, 1))
+    x2, y2 = (mean([pair[k] for pair in two]) for k in (0, 1))
     together, apart = (x1 + x2, y1 + y2), (x1 - x2, y1 - y2)
     turns = [_turn(one), _turn(two, mirrored=True)]
     grows = [_grow(one), _grow(two, mirrored=True)]
@@ -87,7 +88,7 @@ def _decoded(signs: list[list[Field]], known: Field, agree: float) -> Mapping[st
     flags = _best(scores, known, agree)
     slip, twist, tilt, squeeze = flags
     along = tuple(where(slip, a, where(tilt, b, 0.0)) for a, b in zip(together, apart, strict=True))
-    size = sqrt(squared(along[0]) + squared(along[1]))
+    size = length(along)
     sense = where(twist, turn, where(squeeze, grow, 0.0))
     return {
         **{f"grasp_{name}": flag for name, flag in zip(MOTIONS, flags, strict=True)},
@@ -123,7 +124,7 @@ def _turn(signs: list[list[Field]], *, mirrored: bool = False) -> Field:
         where_y * pair[1] - row * pair[0]
         for (row, where_y), pair in zip(_corners(mirrored), signs, strict=True)
     ]
-    return _mean(parts) / 2.0
+    return mean(parts) / 2.0
 
 
 def _grow(signs: list[list[Field]], *, mirrored: bool = False) -> Field:
@@ -132,7 +133,7 @@ def _grow(signs: list[list[Field]], *, mirrored: bool = False) -> Field:
         col * pair[0] + row * pair[1]
         for (row, col), pair in zip(_corners(mirrored), signs, strict=True)
     ]
-    return _mean(parts) / 2.0
+    return mean(parts) / 2.0
 
 
 def _corners(mirrored: bool) -> list[tuple[float, float]]:
@@ -140,38 +141,17 @@ def _corners(mirrored: bool) -> list[tuple[float, float]]:
     return [(row, side * col) for row in (-1.0, 1.0) for col in (-1.0, 1.0)]
 
 
-def _known(loads: Loads, sums: list[list[Field]], masks: list[Field]) -> Field:
-    cells = float(loads.frame.shape[0] * loads.frame.shape[1]) / 8.0
-    least = LIFT * sqrt(loads.shear_noise * cells)
+def _known(loads: Loads, sums: list[list[Field]], taxels: list[Block]) -> Field:
+    least = LIFT * sqrt(loads.shear_noise * float(taxels[0].cells))
     known = loads.contact
     for pair in sums:
-        known = known & (sqrt(squared(pair[0]) + squared(pair[1])) > least)
-    for finger in (masks[:4], masks[4:]):
-        whole = sum(finger[1:], start=finger[0])
-        high = (loads.normal * whole).max()
+        known = known & (length(pair) > least)
+    for finger in (taxels[:4], taxels[4:]):
+        high = (loads.normal * sum(taxel.share for taxel in finger)).max()
         known = known & (high > LIFT * sqrt(loads.normal_noise))
     return known
 
 
 def _code(bits: list[list[Field]]) -> Field:
     flat = [bit for pair in bits for bit in pair]
-    parts = [where(bit, float(1 << number), 0.0) for number, bit in enumerate(flat)]
-    return sum(parts[1:], start=parts[0])
-
-
-def _quarters(frame: FrameFields) -> list[Field]:
-    """Return for each quarter of each finger the map that sums over it."""
-    rows, cols = frame.shape
-    if rows % 2 or cols % 4:
-        raise ProgramError(
-            f"Two fingers side by side need an even number of rows and four times as many "
-            f"columns as a quarter has, got {rows}×{cols}."
-        )
-    row = np.arange(rows)[:, None] // (rows // 2)
-    col = np.arange(cols)[None, :] // (cols // 4)
-    place = 4 * (col // 2) + 2 * row + col % 2
-    return [frame.constant((place == number).astype(np.float64)) for number in range(8)]
-
-
-def _mean(values: list[Field]) -> Field:
-    return sum(values[1:], start=values[0]) / float(len(values))
+    return total([where(bit, float(1 << number), 0.0) for number, bit in enumerate(flat)])

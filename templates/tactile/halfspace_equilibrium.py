@@ -8,6 +8,7 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
+from cnnum.programs.several import total
 from cnnum.programs.transients import Applied, apply, transient
 from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice, Form
 from cnnum.templates.tactile.cover_model.fields import depth_in_cells
@@ -101,8 +102,7 @@ def _read(
 
     def value(form: Form, factor: float = 1.0) -> Field:
         layers = dict.fromkeys((q, s) for q, s, _, _ in form.terms)
-        parts = [_weighed(relaxed.states[numbers[key]], form, key, factor) for key in layers]
-        return sum(parts[1:], start=parts[0])
+        return total([_weighed(relaxed.states[numbers[k]], form, k, factor) for k in layers])
 
     fields: dict[str, Field] = {}
     for axis in "xy":

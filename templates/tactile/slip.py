@@ -16,12 +16,14 @@ from math import exp
 
 from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
+from cnnum.programs.blocks import root_sum
 from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
+from cnnum.programs.several import length, mean, most
 from cnnum.programs.transients import apply, transient
 from cnnum.templates.tactile.shared.false_reports import SLIP, level_of
-from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads, length, mean, most
+from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads
 from cnnum.templating.library import get_template
 
 SPREAD = 4.0  # cells², diffusion time of the local mean of the shear
@@ -134,18 +136,18 @@ def _of_pad(recent: RecentLoads, pad: Pad, rests: list[Field], stick: Field) -> 
     now, old = recent.z / pad.load, recent.old_z / pad.before
     right, down = (apply(get_template(f"gradient_{axis}"), input=mean([now, old])) for axis in "xy")
     # read-outs
-    moves, size = length(pad.total, [now - old]), sqrt(pad.power + pad.even)
+    moves, size = root_sum(pad.total, [now - old]), sqrt(pad.power + pad.even)
     along = pad.inner((old - now) * (pad.x * right + pad.y * down))
     shear = pad.x * recent.shear[0] + pad.y * recent.shear[1]
     was = [pad.total(each) / pad.before for each in recent.old_shear]
     x, y = pad.ratio * pad.x - was[0], pad.ratio * pad.y - was[1]
     return {
         "moves": recent.per_s * moves * pad.load / size,
-        "loosens": length(pad.total, rests) / size,
+        "loosens": root_sum(pad.total, rests) / size,
         "sticks": pad.total(where(stick, recent.z, 0.0)) / pad.load,
-        "grows": recent.per_s * sqrt(x * x + y * y),
-        "along": along / (moves * length(pad.inner, [right, down])),
-        "lies": pad.total(recent.z * shear) / (sqrt(pad.power) * length(pad.total, [shear])),
+        "grows": recent.per_s * length([x, y]),
+        "along": along / (moves * root_sum(pad.inner, [right, down])),
+        "lies": pad.total(recent.z * shear) / (sqrt(pad.power) * root_sum(pad.total, [shear])),
     }
 
 
@@ -161,7 +163,5 @@ def weight(along: Field, lies: Field) -> Field:
 def trend(recent: RecentLoads, time: float) -> Field:
     """Return the relative growth of the load, 1/s, as remembered over a time."""
     memory, before = recent.frame.memory("trend", scalar=True), recent.frame.previous(recent.load)
-    growth = recent.rate * (recent.load - before) / recent.load
-    now = memory.value + (1.0 - exp(-1.0 / (recent.rate * time))) * (growth - memory.value)
-    memory.store(where(recent.resting, 0.0, now))
-    return now
+    growth = where(recent.resting, 0.0, recent.rate * (recent.load - before) / recent.load)
+    return memory.mean(growth, 1.0 - exp(-1.0 / (recent.rate * time)))

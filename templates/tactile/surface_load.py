@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from cnnum.errors import ProgramError
 from cnnum.graph.nodes import RunSpec
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, minimum, sqrt
+from cnnum.programs.fields import Field, maximum, minimum, sqrt, square
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
+from cnnum.programs.several import length, total
 from cnnum.programs.transients import transient
 from cnnum.templates.tactile.cover_model.load_network import LoadNetwork
 
@@ -107,7 +108,7 @@ def surface_load(
     if rounds:
         load = _pushing(load, least, holds)
     left = _left(network, strain, load)
-    residual = sqrt(sum((s * s for s in left[1:]), start=left[0] * left[0]).mean() * (1.0 / 3.0))
+    residual = sqrt(total(map(square, left)).mean() * (1.0 / 3.0))
     x, y, normal = (
         each * float(size) for each, size in zip(load, network.likely_loads, strict=True)
     )
@@ -133,5 +134,5 @@ def _pushing(load: list[Field], least: float, holds: float) -> list[Field]:
     """
     x, y, normal = load
     held = maximum(normal - least, 0.0) * holds
-    share = minimum(held / maximum(sqrt(x * x + y * y), least), 1.0)
+    share = minimum(held / maximum(length([x, y]), least), 1.0)
     return [x * share, y * share, maximum(normal, 0.0)]

@@ -4,10 +4,11 @@ from collections.abc import Mapping
 
 from cnnum.errors import ProgramError
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.fields import Field, maximum, sqrt, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
-from cnnum.templates.tactile.shared.loads import PUSH, loads_of, square
+from cnnum.programs.several import length
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 
 WINDOW = 128
 """T of the dissertation: 128 frames of 15 ms."""
@@ -61,7 +62,7 @@ def texture(
     refuse_outside(window=(window, 1, 10_000), ratio=(ratio, 1e-30, 1e30))
     loads = loads_of(frame, push)
     rubbed = loads.contact & (loads.normal > CLEAR * sqrt(loads.normal_noise))
-    shear = sqrt(square(loads.shear_x) + square(loads.shear_y))
+    shear = length([loads.shear_x, loads.shear_y])
     now = where(rubbed, shear / (ratio * loads.normal), 0.0)
     values, marks = _last(frame, now, rubbed, window)
     count = _sum(marks)

@@ -10,9 +10,10 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field, where
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.several import most
 from cnnum.programs.transients import apply
 from cnnum.templates.tactile.shared.false_reports import TWIST, level_of
-from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads, most
+from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads
 from cnnum.templating.library import get_template
 
 APART = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
@@ -95,6 +96,4 @@ def _over_load(recent: RecentLoads, pad: Pad, slope: Field) -> Field:
 def _since(recent: RecentLoads, name: str, value: Field, changes: Field) -> Field:
     """Return a number less its value at the load's last change."""
     memory = recent.frame.memory(f"{name} at last change", scalar=True)
-    then = where(recent.resting | changes, value, memory.value)
-    memory.store(then)
-    return value - then
+    return value - memory.hold(value, recent.resting | changes)

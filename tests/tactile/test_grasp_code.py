@@ -109,5 +109,5 @@ def test_noise_and_one_finger_have_no_code(fast, run):
 
 
 def test_frames_that_are_no_two_fingers_are_refused():
-    with pytest.raises(ProgramError, match="fingers"):
+    with pytest.raises(ProgramError, match="does not divide into 2×4 equal blocks"):
         grasp_code.trace((3, 4))

@@ -153,7 +153,7 @@ def test_the_wave_of_loose_cells_ends_alike_by_steps_and_by_the_usual_method(fas
 
 
 def test_columns_that_pads_cannot_share(fast, run):
-    with pytest.raises(ProgramError, match="7 columns cannot be divided among 'pads' = 2"):
+    with pytest.raises(ProgramError, match="4×7 cells does not divide into 1×2 equal blocks"):
         run(fast, both(pads=2), np.zeros((1, 4, 7, 3)))
 
 

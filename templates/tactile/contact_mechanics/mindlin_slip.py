@@ -9,12 +9,13 @@ from collections.abc import Mapping
 from math import pi
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.fields import Field, maximum, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
+from cnnum.programs.several import length
 from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
-from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of, square
+from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of
 from cnnum.templates.tactile.shared.pressure import Pressed, pressed_of
 from cnnum.templates.tactile.slip import slip
 
@@ -84,12 +85,10 @@ def mindlin_slip(
     pressed = pressed_of(loads, SHARE, depth, reads, 1.0)
     slides = slip.bind(push=push, rate=rate, rest=rest, false_reports=false_reports)(frame)
     gross = slides["gross_slip"]
-    pull = sqrt(square(pressed.x) + square(pressed.y))
+    pull = length([pressed.x, pressed.y])
     used = where(loads.contact, pull / (friction * maximum(pressed.normal, 1e-30)), 0.0)
     fitted = frame.memory("frames that fit", scalar=True)
-    fits = where(loads.contact & _hertz(loads, pressed), fitted.value + 1.0, 0.0)
-    fitted.store(fits)
-    steady = fits > STEADY * rate
+    steady = fitted.count(loads.contact & _hertz(loads, pressed)) > STEADY * rate
     holds = steady & ~_contradicted(frame, used, gross, steady)
     sticks = where(holds, maximum(1.0 - used, 0.0) ** (1 / 3), 1.0)
     return {
@@ -123,10 +122,7 @@ def _contradicted(frame: FrameFields, used: Field, gross: Field, steady: Field) 
     """
     memory = frame.memory("contradicted", scalar=True, logic=True)
     peak = frame.memory("largest pull of the slide", scalar=True)
-    highest = where(gross, maximum(peak.value, used), 0.0)
+    peak.store(where(gross, maximum(peak.value, used), 0.0))
     over = frame.previous(gross) & ~gross
     known = where(over, abs(peak.value - 1.0), where(steady & (used > 1.0 + OFF), used, 0.0))
-    now = (memory.value & ~(over & (known < OFF))) | (known > OFF)
-    peak.store(highest)
-    memory.store(now)
-    return now
+    return memory.latch(known > OFF, ~(over & (known < OFF)))

@@ -7,8 +7,9 @@ slowly, so that an offset or its drift never becomes a load; while something tou
 from dataclasses import dataclass
 
 from cnnum.frame import FORCE_AXES
-from cnnum.programs.fields import Field, maximum, sqrt, where
+from cnnum.programs.fields import Field, maximum, sqrt, square, where
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.several import total
 from cnnum.programs.transients import apply
 from cnnum.templating.library import get_template
 
@@ -86,9 +87,7 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
         Factor from a channel's sign to that of a load: −1 for strain and stress, which count
         tension as positive, +1 for signals and counts that rise under a push.
     """
-    age = frame.memory("age", scalar=True)
-    count = age.value + 1.0
-    age.store(count)
+    count = frame.age + 1.0
     touched = frame.memory("touched", scalar=True, logic=True)
     rest = {name: frame.memory(f"{name} at rest") for name in FORCE_AXES}
     shear, normal = _Noise(frame, ("shear_x", "shear_y")), _Noise(frame, ("normal",))
@@ -98,21 +97,14 @@ def loads_of(frame: FrameFields, push: float) -> Loads:
     aside = abs(rest["shear_x"].value) + abs(rest["shear_y"].value)
     peak = where(sound, above, 0.0).max()
     high = (count > float(SETTLE)) & (square(peak) > TOUCH**2 * normal.held)
-    contact = (high & frame.previous(high)) | (
-        touched.value & (square(peak) > LIFT**2 * normal.held)
-    )
-    touched.store(contact)
+    begins = high & frame.previous(high)
+    contact = touched.latch(begins, square(peak) > LIFT**2 * normal.held)
     # a first touch must not become part of rest, nor its jump of the noise
     free = ~(high | touched.value)
     rate = where(free, maximum(1.0 / count, 1.0 / FORGET), 0.0)
 
-    def load(name: str) -> Field:
-        channel, memory = frame.channel(name), rest[name]
-        now = memory.value + rate * (channel - memory.value)
-        memory.store(now)
-        return push * (channel - now)
-
-    x, y, z = (load(name) for name in FORCE_AXES)
+    given = {name: frame.channel(name) for name in FORCE_AXES}
+    x, y, z = (push * (given[name] - rest[name].mean(given[name], rate)) for name in FORCE_AXES)
     return Loads(
         frame=frame,
         shear_x=x,
@@ -139,22 +131,15 @@ def _broken(frame: FrameFields, touched: Field, normal: "_Noise", above: Field) 
     One is broken until it reads as at rest again while nothing touches.
     """
     lasts = frame.memory("frames of contact", scalar=True)
-    latch = frame.memory("broken", logic=True)
-    lasts.store(where(touched, lasts.value + 1.0, 0.0))
+    broken = frame.memory("broken", logic=True)
+    lasts.count(touched)
     change = normal.change / maximum(normal.held, TINY)
     size = sqrt(change)
     around = (apply(get_template("smooth"), input=size) - 0.25 * size) / 0.75
     alone = change > BREAK * (square(around) + 1.0)
-    new = alone & normal.healthy & (lasts.value > float(SETTLE)) & ~latch.value
+    new = alone & normal.healthy & (lasts.value > float(SETTLE)) & ~broken.value
     back = ~touched & (above < LIFT * sqrt(normal.held))
-    broken = new | (latch.value & ~back)
-    latch.store(broken)
-    return broken
-
-
-def square(value: Field) -> Field:
-    """Return the value times itself."""
-    return value * value
+    return broken.latch(new, ~back)
 
 
 class _Noise:
@@ -173,7 +158,7 @@ class _Noise:
     def __init__(self, frame: FrameFields, names: tuple[str, ...]) -> None:
         channels = [frame.channel(name) for name in names]
         changes = [square(channel - frame.previous(channel)) for channel in channels]
-        self.change = sum(changes[1:], start=changes[0]) / (2.0 * len(channels))
+        self.change = total(changes) / (2.0 * len(channels))
         of = " and ".join(names)
         self._variance = frame.memory(f"variance of {of}")
         self._seen = frame.memory(f"frames in the variance of {of}", scalar=True)
@@ -189,10 +174,8 @@ class _Noise:
         news = free & (self.change.max() > 0.0)
         count = self._seen.value + where(news, 1.0, 0.0)
         rate = where(news, maximum(1.0 / count, 1.0 / FORGET), 0.0)
-        now = self._variance.value + rate * (self.change - self._variance.value)
-        self._variance.store(now)
         self._seen.store(count)
-        return self._typical(now)
+        return self._typical(self._variance.mean(self.change, rate))
 
     def _typical(self, variance: Field) -> Field:
         sound = where(self.healthy, variance, 0.0)

@@ -6,7 +6,8 @@ from typing import Literal, get_args
 import numpy as np
 
 from cnnum.errors import name_error
-from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
+from cnnum.programs.fields import Field, maximum, minimum, sqrt, square, where
+from cnnum.programs.several import total
 from cnnum.programs.transients import apply
 from cnnum.tactile.deconvolution import left_kernel
 from cnnum.tactile.indenters import Reads
@@ -16,7 +17,7 @@ from cnnum.templates.tactile.cover_model.deconvolution import (
     noise_gain,
     surface_load,
 )
-from cnnum.templates.tactile.shared.loads import LIFT, Loads, square
+from cnnum.templates.tactile.shared.loads import LIFT, Loads
 from cnnum.templating.library import get_template
 
 Carries = Literal["strain", "stress", "force"]
@@ -172,7 +173,7 @@ def _pulled(
             text = f"Gives the normal {reads} of a pull along {axis}."
             template = filter_template(f"{name} {axis} {depth:g}", kernel, text)
             parts.append(apply(template, input=pull * spread))
-    return sum(parts[1:], start=parts[0])
+    return total(parts)
 
 
 def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Field, Field]:

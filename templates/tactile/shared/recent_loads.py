@@ -1,22 +1,19 @@
 """Loads above rest, now and a moment ago, and latches, shared by `slip` and `twist`."""
 
-from collections.abc import Callable
 from math import ceil, exp
 from typing import NamedTuple
 
-import numpy as np
-
-from cnnum.errors import ProgramError
+from cnnum.programs.blocks import Block, Sums, blocks
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
+from cnnum.programs.several import length, mean
 from cnnum.programs.transients import apply
 from cnnum.templating.library import get_template
 
 FAST = 0.02  # s, time constant of the smoothing
 HOLD = 0.5  # share of its level below which a report may end
 ROUNDING, LEAST_LOAD = 1e-6, 1e-12  # least noise over the reading at rest; least load, in its unit
-Sums = Callable[[Field], Field]
 
 
 class Pad(NamedTuple):
@@ -41,11 +38,9 @@ class RecentLoads:
         rate: float, rest: float, look: float, floor: float,
     ) -> None:  # fmt: skip
         refuse_outside(rate=(rate, 1e-3, 1e6), rest=(rest, 0.0, 1e6), look=(look, 1e-6, 1e6))
-        age = frame.memory("age", scalar=True)
-        age.store(age.value + 1.0)
-        self.frame, self.rate, self._age = frame, rate, age.value
+        self.frame, self.rate = frame, rate
         self._quiet = max(4, ceil(round(rest * rate, 6)))
-        self.resting = age.value < float(self._quiet)
+        self.resting = frame.age < float(self._quiet)
         # templates: above rest, smoothed, delayed
         z, x, y = map(self._above_rest, (frame.normal, frame.shear_x, frame.shear_y))
         above = maximum(push * z, 0.0), push * shear_gain * x, push * shear_gain * y
@@ -54,7 +49,7 @@ class RecentLoads:
         self.per_s = rate * (1.0 - exp(-1.0 / (rate * look)))  # of a change by 1 since then
         # read-outs
         self.noise = maximum(self._noise(frame.normal), ROUNDING * abs(frame.normal - z).max())
-        self.pads = [self._pad(floor * self.noise, *sums) for sums in _sums(frame, pads)]
+        self.pads = [self._pad(floor * self.noise, block) for block in blocks(frame, 1, pads)]
         self.load, before = mean([p.load for p in self.pads]), mean([p.before for p in self.pads])
         self.ratio = mean([pad.ratio for pad in self.pads])
         self.jolt = self.per_s * abs(self.load - before) / self.load  # 1/s
@@ -64,19 +59,16 @@ class RecentLoads:
         on = self.frame.memory("flag", scalar=True, logic=True)
         low = self.frame.memory("frames below its level", scalar=True)
         low.store(where(value > HOLD * level, 0.0, low.value + 1.0))
-        stays = on.value & ((value > HOLD * level) | (low.value < hold_time * self.rate - 0.5))
-        on.store(~self.resting & ((value > level) | stays))
-        return ~self.resting & ((value > level) | stays)
+        stays = (value > HOLD * level) | (low.value < hold_time * self.rate - 0.5)
+        return on.latch(~self.resting & (value > level), stays)
 
     def shown(self, **outputs: Field) -> dict[str, Field]:
         """Return outputs that are 0 during the rest."""
         return {name: where(self.resting, 0.0, value) for name, value in outputs.items()}
 
     def _above_rest(self, channel: Field) -> Field:
-        memory, step = self.frame.memory("rest"), where(self.resting, 1.0 / (self._age + 1.0), 0.0)
-        rest = memory.value + step * (channel - memory.value)
-        memory.store(rest)
-        return channel - rest
+        share = where(self.resting, 1.0 / (self.frame.age + 1.0), 0.0)
+        return channel - self.frame.memory("rest").mean(channel, share)
 
     def _leaky(self, value: Field, time: float) -> tuple[Field, Field]:
         """Return a map that follows another one with a time constant, and its value before."""
@@ -94,43 +86,10 @@ class RecentLoads:
         memory.store(power)
         return sqrt(power)
 
-    def _pad(self, noise: Field, cells: int, total: Sums, inner: Sums) -> Pad:
+    def _pad(self, noise: Field, block: Block) -> Pad:
+        cells, _, total, inner = block
         least, power = maximum(noise * cells**0.5, LEAST_LOAD), total(self.z * self.z)
         load, before = total(self.z) + least, total(self.old_z) + least
         x, y = (total(shear) for shear in self.shear)
-        force, even = sqrt(x * x + y * y), least * least / cells
+        force, even = length([x, y]), least * least / cells
         return Pad(total, inner, load, before, power, even, force / load, x / force, y / force)
-
-
-def mean(values: list[Field]) -> Field:
-    """Return the mean of the pads' numbers."""
-    return sum(values[1:], values[0]) / len(values)
-
-
-def length(total: Sums, maps: list[Field]) -> Field:
-    """Return the root of a sum of the maps' squares."""
-    return sqrt(total(sum((each * each for each in maps[1:]), maps[0] * maps[0])))
-
-
-def most(values: list[tuple[Field, ...]]) -> tuple[Field, ...]:
-    """Return the tuple whose first number is the largest."""
-    best = values[0]
-    for each in values[1:]:
-        best = tuple(where(each[0] > best[0], a, b) for a, b in zip(each, best, strict=True))
-    return best
-
-
-def _sums(frame: FrameFields, pads: int) -> list[tuple[int, Sums, Sums]]:
-    """Return for each pad its cells, a sum over them, and one without those next to another pad."""
-    rows, cols = frame.shape
-    if pads < 1 or cols % pads:
-        raise ProgramError(f"{cols} columns cannot be divided among 'pads' = {pads}.")
-    pad = np.pad(np.arange(cols) * pads // cols, 1, mode="edge")
-    alone = pad[2:] == pad[:-2]
-
-    def over(share: np.ndarray) -> Sums:
-        weight = np.broadcast_to(1.0 * share, (rows, cols))
-        return Field.sum if weight.all() else lambda map_: (map_ * frame.constant(weight)).sum()
-
-    shares = [pad[1:-1] == number for number in range(pads)]
-    return [(rows * cols // pads, over(share), over(share & alone)) for share in shares]

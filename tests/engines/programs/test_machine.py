@@ -154,6 +154,45 @@ def test_memory_outlives_frames_of_a_stream(engine):
         stream.push(frames[0, 0])
 
 
+def test_memories_latch_hold_count_and_average(engine):
+    """Each rule against the same one in Python, frame by frame and cell by cell."""
+
+    @cnnum.program
+    def kept(frame):
+        p, flag = frame.picture, frame.picture.max() > 3.0
+        return {
+            "latched": frame.memory(logic=True).latch(p > 5.0, p > 0.0),
+            "held": frame.memory().hold(p, p > 2.0),
+            "last": frame.memory(scalar=True).hold(p.sum(), flag),
+            "counted": frame.memory().count(p > -4.0),
+            "leaky": frame.memory().mean(p, 0.25),
+            "plain": frame.memory().mean(p, 1.0 / (frame.age + 1.0)),
+            "age": frame.age,
+            "older": frame.age + 1.0,
+        }
+
+    frames = np.random.default_rng(7).integers(-9, 10, (40, 2, 3)).astype(float)
+    plan = engine.compile(kept, (2, 3), **PICTURE)
+    stream = plan.stream()
+    latched, held, last, counted, leaky = np.zeros((2, 3), dtype=bool), 0.0, 0.0, 0, 0.0
+    for number, p in enumerate(frames):
+        got = stream.push(p)
+        latched = (p > 5) | (latched & (p > 0))
+        held, last = np.where(p > 2, p, held), p.sum() if p.max() > 3 else last
+        counted = np.where(p > -4, counted + 1, 0)
+        leaky = leaky + 0.25 * (p - leaky)
+        np.testing.assert_array_equal(got["latched"].astype(bool), latched)
+        np.testing.assert_array_equal(got["held"], held)
+        np.testing.assert_array_equal(got["last"], last)
+        np.testing.assert_array_equal(got["counted"], counted)
+        # rounding of single precision, on values up to 9
+        np.testing.assert_allclose(got["leaky"], leaky, atol=1e-5)
+        np.testing.assert_allclose(got["plain"], frames[: number + 1].mean(axis=0), atol=1e-5)
+        assert got["age"] == number
+        assert got["older"] == number + 1
+    assert len(kept.trace((2, 3), ("picture",)).memories) == 7  # one for both ages
+
+
 def test_memories_hand_on_what_they_held(engine):
     """A line of memories, each of which stores the map of the one before it, in both orders."""
 
