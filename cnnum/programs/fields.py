@@ -10,6 +10,7 @@ from cnnum.errors import ArrayError, ProgramError
 from cnnum.graph import elementwise as op
 from cnnum.graph.graph import Graph
 from cnnum.graph.nodes import ConstantMap, Node
+from cnnum.safety.values import expect
 
 
 class Field:
@@ -261,7 +262,14 @@ def combine(function: op.ElementOp, *operands: object) -> Field:
 
 
 def where(condition: Field, yes: object, no: object) -> Field:
-    """Return `yes` in the cells where `condition` holds, `no` elsewhere."""
+    """Return `yes` in the cells where `condition` holds, `no` elsewhere.
+
+    Raises
+    ------
+    ProgramError
+        If the condition is no logic field.
+    """
+    expect("condition", condition, Field, ProgramError)
     if not condition.logic:
         raise ProgramError("cnnum.where needs a logic condition; compare the values first.")
     return combine(op.SELECT, condition, yes, no)

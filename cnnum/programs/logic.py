@@ -2,6 +2,7 @@
 
 from cnnum.errors import ProgramError
 from cnnum.programs.fields import Field
+from cnnum.safety.values import expect
 
 
 def logic(table: str, a: Field, b: Field) -> Field:
@@ -17,10 +18,12 @@ def logic(table: str, a: Field, b: Field) -> Field:
     Raises
     ------
     ProgramError
-        If the table is not four of 0 and 1.
+        If the table is not four of 0 and 1, or a or b is no logic field.
     """
+    for name, value, kind in (("table", table, str), ("a", a, Field), ("b", b, Field)):
+        expect(name, value, kind, ProgramError)
     if len(table) != 4 or set(table) - {"0", "1"}:
-        raise ProgramError(f"A logic table is four of 0 and 1, such as '0110', got '{table}'.")
+        raise ProgramError(f"A logic table is four of 0 and 1, such as '0110', got {table!r:.60}.")
     minterms = [~a & ~b, ~a & b, a & ~b, a & b]
     wanted = [term for term, value in zip(minterms, table, strict=True) if value == "1"]
     total = a & ~a

@@ -3,12 +3,14 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from numbers import Integral
+from typing import cast
 
 from cnnum.errors import ProgramError
 from cnnum.graph.graph import Graph
 from cnnum.graph.nodes import Loop, Node, Parameter, Pick
 from cnnum.graph.passes import reached
 from cnnum.programs.fields import Field, as_field, graph_of
+from cnnum.safety.values import expect
 
 LONGEST_LOOP = 2**31 - 1
 """Rounds that kernels can count."""
@@ -87,6 +89,7 @@ def branch(flag: Field, body: Body, *values: Field) -> tuple[Field, ...]:
     ProgramError
         If the flag is not one logic value a frame, or the body does not fit the values.
     """
+    expect("flag", flag, Field, ProgramError)
     if not (flag.scalar and flag.logic):
         raise ProgramError("A branch needs a flag: one logic value a frame.")
     graph = graph_of((flag, *values))
@@ -113,6 +116,12 @@ def _loop(
             f"A loop's limit must be a whole number from 1 to {LONGEST_LOOP}, got {limit!r:.60}."
         )
     inner = graph.body()
+    for name, function in (("body", body), ("until", until)):
+        if not (callable(function) or (function is None and name == "until")):
+            raise ProgramError(
+                f"'{name}' of a loop must be a function of its carried fields, got "
+                f"{type(function).__name__}."
+            )
     parameters = [Field(inner, inner.like(v.node, Parameter(k))) for k, v in enumerate(values)]
     results = _results(inner, body(*parameters), values)
     again = _again(inner, until, results)
@@ -133,10 +142,11 @@ def _again(inner: Graph, until: Until | None, results: list[Field]) -> Node | No
 
 
 def _results(inner: Graph, returned: Field | Sequence[Field], values: list[Field]) -> list[Field]:
-    fields = [returned] if isinstance(returned, Field) else list(returned)
-    if len(fields) != len(values):
+    fields = [returned] if isinstance(returned, Field) else returned
+    if not isinstance(cast(object, fields), Sequence) or len(fields) != len(values):
         raise ProgramError(
-            f"The body of a loop must return its {len(values)} carried value(s), got {len(fields)}."
+            f"The body of a loop must return its {len(values)} carried value(s), got "
+            f"{_in_words(fields)}."
         )
     results = [as_field(inner, item) for item in fields]
     for was, becomes in zip(values, results, strict=True):
@@ -145,6 +155,12 @@ def _results(inner: Graph, returned: Field | Sequence[Field], values: list[Field
                 "A carried value of a loop must stay a map, a stack of as many, or one number."
             )
     return results
+
+
+def _in_words(returned: object) -> str:
+    if isinstance(returned, Sequence):
+        return str(len(cast("Sequence[object]", returned)))
+    return f"one object of the type {type(returned).__name__}"
 
 
 def _thinned(inner: Graph, results: list[Node], again: Node | None) -> tuple[Node, ...]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Integral
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from cnnum.errors import ProgramError
 from cnnum.graph.graph import Graph
 from cnnum.graph.nodes import Node, Pick, RunSpec, Transient
 from cnnum.programs.fields import Field, as_field, graph_of, maximum, minimum
+from cnnum.safety.values import expect
 from cnnum.templating.template import Duration, Template
 
 
@@ -76,8 +78,9 @@ def transient(
     Raises
     ------
     ProgramError
-        If the number of maps is not the template's.
+        If the number of maps is not the template's, or an argument is of another type.
     """
+    _expect_template(template)
     if template.inputs == 0 and template.initial == "input" and state is None:
         state, input = input, None
     if template.output.limited:
@@ -95,8 +98,13 @@ def transient(
     if template.inputs and input is None:
         raise ProgramError(f"Template '{template.name}' needs {template.inputs} input map(s).")
     if mask is not None:
+        expect("mask", mask, Field, ProgramError)
+        if not mask.logic:
+            raise ProgramError("A mask is a logic map: compare the values first.")
         given.append(mask)
-    given += weights
+    given += _fields("weights", weights)
+    if spec is not None:
+        expect("spec", spec, RunSpec, ProgramError)
     graph = graph_of(given)
     if any(item.maps > 1 for item in given):
         raise ProgramError(f"Template '{template.name}' runs on single maps, not on a stack.")
@@ -148,12 +156,19 @@ def _several(
 ) -> list[Field]:
     if value is None:
         return []
-    fields = [value] if isinstance(value, Field) else list(value)
+    fields = _fields(role, [value] if isinstance(value, Field) else value)
     if len(fields) != count:
         raise ProgramError(
             f"Template '{template.name}' takes {count} map(s) as {role}, got {len(fields)}."
         )
     return fields
+
+
+def _fields(role: str, value: Sequence[Field]) -> list[Field]:
+    expect(role, value, Sequence, ProgramError)
+    for field in value:
+        expect(role, field, Field, ProgramError)
+    return list(value)
 
 
 def apply(
@@ -172,8 +187,9 @@ def apply(
     Raises
     ------
     ProgramError
-        If the template has several layers.
+        If the template has several layers, or an argument is of another type.
     """
+    _expect_template(template)
     if template.layers != 1:
         raise ProgramError(
             f"Template '{template.name}' has {template.layers} layers: use cnnum.transient, "
@@ -185,6 +201,14 @@ def apply(
     return run.outputs[0]
 
 
+def _expect_template(template: object) -> None:
+    if not isinstance(template, Template):
+        raise ProgramError(
+            f"A program runs a Template, got {type(template).__name__}: cnnum.get_template(name) "
+            "gives one of the library's."
+        )
+
+
 def shift(field: Field, rows: int = 0, columns: int = 0, *, boundary: float | str = 0.0) -> Field:
     """Return a map moved by whole cells: down by `rows`, to the right by `columns`.
 
@@ -194,7 +218,21 @@ def shift(field: Field, rows: int = 0, columns: int = 0, *, boundary: float | st
     rows, columns : int
     boundary : float, "zero-flux" or "periodic"
         The value that moves in from beyond the rim.
+
+    Raises
+    ------
+    ProgramError
+        If it is no field, or not moved by whole cells within the array.
     """
+    expect("field", field, Field, ProgramError)
+    for name, cells, most in zip(
+        ("rows", "columns"), (rows, columns), field.graph.shape, strict=True
+    ):
+        if not isinstance(cells, Integral) or abs(cells) > most:
+            raise ProgramError(
+                f"'{name}' of a shift must be a whole number of cells, at most the {most} of the "
+                f"array, got {cells!r:.60}."
+            )
     radius = max(abs(rows), abs(columns))
     kernel = np.zeros((2 * radius + 1, 2 * radius + 1))
     kernel[radius - rows, radius - columns] = 1.0

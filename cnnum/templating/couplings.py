@@ -2,14 +2,14 @@
 
 import operator
 from dataclasses import dataclass
-from typing import Literal, SupportsIndex
+from typing import Literal, SupportsIndex, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, finite, frozen
 from cnnum.errors import NotSupportedError, TemplateError
-from cnnum.safety.values import is_real
+from cnnum.safety.values import expect, is_real
 from cnnum.templating.function_tables import Table
 from cnnum.templating.pair_functions import PairFunction
 
@@ -91,6 +91,11 @@ class NonlinearCoupling:
                 raise TemplateError(f"A coupling reads 'x', 'y' or 'u', got {quantity!r:.60}.")
         for part in ("to", "source", "centre_source"):
             object.__setattr__(self, part, place(part, getattr(self, part)))
+        if not isinstance(cast(object, self.function), Table | PairFunction):
+            raise TemplateError(
+                "The function of a nonlinear coupling is a Table or a PairFunction, got "
+                f"{type(self.function).__name__}."
+            )
         flags = self.times_argument or self.reversed_sign
         if isinstance(self.function, PairFunction) and (self.centre is None or flags):
             raise TemplateError(
@@ -225,5 +230,6 @@ class Gain:
     table: Table
 
     def __post_init__(self) -> None:
+        expect("table", self.table, Table, TemplateError)
         for part in ("to", "source"):
             object.__setattr__(self, part, place(part, getattr(self, part)))

@@ -9,7 +9,7 @@ and, where a template has them, nonlinear couplings, delayed couplings, and gain
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Floats, digest, finite, frozen
 from cnnum.errors import TemplateError
 from cnnum.safety.names import checked_name
-from cnnum.safety.values import is_real
+from cnnum.safety.values import expect, is_real
 from cnnum.sharing import html
 from cnnum.templating.boundary import Boundary, parse_boundary
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
@@ -25,6 +25,7 @@ from cnnum.templating.output_functions import OutputFunction, output_function
 
 Duration = float | Literal["settle"]
 Initial = float | Literal["input"]
+Record = TypeVar("Record")
 
 
 LEAST_TAU = 1e-150
@@ -80,7 +81,7 @@ class Template:
     Raises
     ------
     TemplateError
-        If the parts do not fit together.
+        If the parts do not fit together, or one is of another type.
     UnknownNameError
         If there is no such output function.
     """
@@ -132,10 +133,11 @@ class Template:
                 f"columns for {layers} layers."
             )
         state_boundary = parse_boundary(boundary)
+        coupled = _records(name, "nonlinear", nonlinear, NonlinearCoupling)
         parts: dict[str, object] = {
             "name": name,
             "A": feedback,
-            "B": _control(name, _all_inputs(B, layers, nonlinear), layers),
+            "B": _control(name, _all_inputs(B, layers, coupled), layers),
             "z": _per_layer(name, "z", z, layers),
             "tau": _positive(name, _per_layer(name, "tau", tau, layers)),
             "boundary": state_boundary,
@@ -145,13 +147,17 @@ class Template:
             "initial": _initial(name, initial),
             "duration": _duration(name, duration),
             "output": output_function(output),
-            "nonlinear": tuple(nonlinear),
+            "nonlinear": coupled,
             "delayed": delayed,
-            "gains": tuple(gains),
+            "gains": _records(name, "gains", gains, Gain),
             "description": description,
             "source": source,
             "check": check,
         }
+        kinds = {"delayed": DelayedCoupling, "description": str, "source": str, "check": Check}
+        for key, kind in kinds.items():
+            if not (parts[key] is None and key in ("delayed", "check")):
+                expect(key, parts[key], kind, TemplateError)
         for key, value in parts.items():
             object.__setattr__(self, key, value)
         self._check_couplings()
@@ -299,6 +305,17 @@ def _all_inputs(
     if value is not None or not read:
         return value
     return np.zeros((layers, max(read) + 1, 1, 1))
+
+
+def _records(template: str, part: str, value: object, kind: type[Record]) -> tuple[Record, ...]:
+    if not isinstance(value, Sequence):
+        raise TemplateError(
+            f"Template '{template}': {part} must be a sequence of {kind.__name__}, got "
+            f"{type(value).__name__}."
+        )
+    for item in cast("Sequence[object]", value):
+        expect(part, item, kind, TemplateError)
+    return tuple(cast("Sequence[Record]", value))
 
 
 def _control(template: str, value: ArrayLike | None, layers: int) -> Floats:

@@ -2,7 +2,7 @@
 
 import importlib
 import inspect
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -12,6 +12,7 @@ from hypothesis.extra.numpy import arrays
 
 import cnnum
 from cnnum.errors import CalibrationError, DeviceError, MethodError, UnknownNameError
+from cnnum.graph.graph import Graph
 from cnnum.tactile.taxel.calibration import identity_of
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.function_tables import Table
@@ -52,6 +53,24 @@ def compiled(**options: Any) -> object:
     return plan(options.pop("frame"))
 
 
+def traced(name: str, **options: Any) -> Graph:
+    """One of the functions of programs, on an array of 4×4 cells."""
+
+    def function(frame: Any) -> dict[str, Any]:
+        fields = {"$map": frame.normal, "$logic": frame.normal > 0.1, "$flag": frame.first}
+        values = {k: fields.get(v, v) if isinstance(v, str) else v for k, v in options.items()}
+        carried = [values.pop(key) for key in ("flag", "body", "first") if key in values]
+        found = getattr(cnnum, name)(*carried, **values)
+        several = getattr(found, "values", getattr(found, "outputs", found))
+        return {"found": several[0] if isinstance(several, tuple) else several}
+
+    return cnnum.Program(function, "traced").trace((4, 4))
+
+
+def same(x: object) -> object:
+    return x
+
+
 def made(**options: Any) -> object:
     """A template of these parts, and a run of it where it is one."""
     template = cnnum.Template(**options)
@@ -62,6 +81,7 @@ MATHS = {"input": PICTURE, "state": PICTURE, "duration": 1.0, "method": "auto", 
 MATHS |= {"atol": 1e-5, "at": None, "bias": None, "mask": None, "dt": None}
 PARTS = {"name": "mine", "A": EYE, "B": EYE, "z": 0.5, "tau": 1.0, "boundary": 0.0}
 PARTS |= {"input_boundary": None, "initial": 0.0, "duration": 1.0, "output": "standard"}
+PARTS |= {"nonlinear": (), "delayed": None, "gains": (), "check": None, "source": ""}
 LINES = Table("linear", ((0.0, 0.0), (1.0, 1.0)))
 CALLS: dict[str, tuple[Any, dict[str, Any]]] = {
     "Engine": (cnnum.Engine, {"name": "reference", "device": None, "precision": None}),
@@ -119,6 +139,26 @@ CALLS: dict[str, tuple[Any, dict[str, Any]]] = {
         },
     ),
 }
+IN_PROGRAMS: dict[str, dict[str, Any]] = {
+    "where": {"condition": "$logic", "yes": "$map", "no": 0.0},
+    "logic": {"table": "0110", "a": "$logic", "b": "$flag"},
+    "maximum": {"a": "$map", "b": 1.0},
+    "sqrt": {"a": "$map"},
+    "branch": {"flag": "$flag", "body": same, "first": "$map"},
+    "loop": {"body": same, "first": "$map", "limit": 3, "until": None},
+    "shift": {"field": "$map", "rows": 1, "columns": 0, "boundary": 0.0},
+    "apply": {"template": cnnum.get_template("EDGE"), "input": "$map", "state": None, "bias": None},
+    "transient": {
+        "template": cnnum.get_template("HERRING"),
+        "input": "$map",
+        "previous": "$map",
+        "mask": "$logic",
+        "weights": (),
+        "spec": None,
+    },
+}
+"""Those that take fields; "$map", "$logic" and "$flag" stand for fields of the frame."""
+CALLS |= {name: (partial(traced, name), base) for name, base in IN_PROGRAMS.items()}
 ROOMS = ("contact", "cover", "halfspace", "inverse", "taxel")
 FORMS = {"x": 1e-3, "y": 0.0, "z": 2e-3, "force": [0.0, 0.0, 1.0], "poisson": 0.4}
 
@@ -162,6 +202,12 @@ def test_calls_answer_or_are_refused(name, fuzz, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)  # some write files
     call, base = CALLS[name]
     fuzz(changes(base), lambda options: call(**options))
+
+
+@pytest.mark.parametrize("name", IN_PROGRAMS)
+def test_calls_in_programs_are_traced(name):
+    """Unless they are, those with changed arguments would be refused for another reason."""
+    assert "found" in traced(name, **IN_PROGRAMS[name]).outputs
 
 
 @pytest.mark.parametrize("room", ROOMS)

@@ -104,6 +104,41 @@ def test_bad_programs_are_refused_with_one_sentence(function, error, words):
         traced(function)
 
 
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda f: cnnum.where(True, f, 0.0), "'condition' must be of the type Field, got bool"),
+        (lambda f: cnnum.logic(None, f > 0.0, f > 1.0), "'table' must be of the type str"),
+        (lambda f: cnnum.logic("0110", f > 0.0, True), "'b' must be of the type Field, got bool"),
+        (lambda f: cnnum.branch(True, lambda x: x, f), "'flag' must be of the type Field"),
+        (lambda f: cnnum.loop(None, f, limit=2), "'body' of a loop must be a function"),
+        (lambda f: cnnum.loop(lambda x: x, f, limit=2, until=1.0), "'until' of a loop must be"),
+        (lambda f: cnnum.loop(lambda x: None, f, limit=2), "got one object of the type NoneType"),
+        (lambda f: cnnum.apply("EDGE", input=f), "A program runs a Template, got str"),
+        (lambda f: cnnum.transient(None, input=f), "A program runs a Template, got NoneType"),
+        (lambda f: cnnum.apply(EDGE, input=1.0), "'input' must be of the type Sequence, got float"),
+        (lambda f: cnnum.apply(EDGE, input=[1.0]), "'input' must be of the type Field, got float"),
+        (lambda f: cnnum.apply(EDGE, input=f, mask=True), "'mask' must be of the type Field"),
+        (lambda f: cnnum.apply(EDGE, input=f, mask=f), "A mask is a logic map"),
+        (lambda f: cnnum.transient(EDGE, input=f, weights=1.0), "'weights' must be of the type"),
+        (lambda f: cnnum.transient(EDGE, input=f, weights=[1.0]), "the type Field, got float"),
+        (lambda f: cnnum.transient(EDGE, input=f, spec=1.0), "'spec' must be of the type RunSpec"),
+        (lambda f: cnnum.shift(1.0, 1), "'field' must be of the type Field, got float"),
+        (lambda f: cnnum.shift(f, 1.5), "'rows' of a shift must be a whole number"),
+        (lambda f: cnnum.shift(f, 0, 10**9), "at most the 4 of the array, got 1000000000"),
+    ],
+)
+def test_arguments_of_other_types_are_refused(call, words):
+    with pytest.raises(ProgramError, match=re.escape(words)):
+        traced(lambda frame: {"a": call(frame.normal)})
+
+
+def test_a_shift_by_the_whole_array_leaves_the_boundary():
+    program = cnnum.Program(lambda f: {"a": cnnum.shift(f.normal, -4, boundary=0.5)}, "gone")
+    found = cnnum.Engine("reference").compile(program, (4, 4))(np.ones((4, 4, 3)))
+    np.testing.assert_array_equal(found["a"], 0.5)
+
+
 def test_memory_is_stored_once_and_of_its_kind():
     def twice(frame):
         memory = frame.memory()

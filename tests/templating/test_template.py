@@ -105,6 +105,12 @@ def test_digest_depends_on_all_that_changes_a_run_and_on_nothing_else() -> None:
         ({"A": CENTRE, "duration": -1.0}, "duration must be a number of time constants"),
         ({"A": CENTRE, "duration": "long"}, "duration must be a number of time constants"),
         ({"A": CENTRE, "boundary": "open"}, "Unknown boundary 'open'"),
+        ({"A": CENTRE, "nonlinear": None}, "nonlinear must be a sequence of NonlinearCoupling"),
+        ({"A": CENTRE, "nonlinear": [1]}, "'nonlinear' must be of the type NonlinearCoupling"),
+        ({"A": CENTRE, "gains": 3}, "gains must be a sequence of Gain, got int"),
+        ({"A": CENTRE, "delayed": 1.0}, "'delayed' must be of the type DelayedCoupling"),
+        ({"A": CENTRE, "check": "rule"}, "'check' must be of the type Check, got str"),
+        ({"A": CENTRE, "source": 7}, "'source' must be of the type str, got int"),
         (
             {"A": two_layers(), "B": np.ones((2, 1, 1, 1)), "initial": "input"},
             "needs one input a layer, got 1 inputs for 2 layers",
