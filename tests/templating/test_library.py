@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import cnnum.templating.library as library
@@ -94,3 +95,16 @@ def test_hole_and_component_templates_have_a_white_frame() -> None:
     for name in ("HOLE", "RECALL", "CCD_HOR", "CCD_VERT", "CCD_DIAG", "SHADOW", "CONNECTI"):
         assert library.get_template(name).boundary.constant == -1.0
         assert library.get_entry(name).about.published_boundary in ("0", "zero-flux")
+
+
+def test_figrec_and_recall_differ_as_their_files_do() -> None:
+    """FIGREC.tem and RECALL.tem have the same couplings; their currents are 3 and 2.5."""
+    figrec, recall = library.get_template("FIGREC"), library.get_template("RECALL")
+    around, centre = np.full((3, 3), 0.5), np.zeros((3, 3))
+    around[1, 1] = centre[1, 1] = 4.0
+    for template, current in ((figrec, 3.0), (recall, 2.5)):
+        np.testing.assert_array_equal(template.A[0, 0], around)
+        np.testing.assert_array_equal(template.B[0, 0], centre)
+        assert template.z.tolist() == [current]
+    assert figrec.digest != recall.digest
+    assert library.get_template("FigureReconstructor") is recall
