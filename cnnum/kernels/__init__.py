@@ -29,6 +29,7 @@ from cnnum.kernels.expressions import (
     after,
     call,
     clip,
+    names,
     pick,
     real,
     shifted,
@@ -66,6 +67,6 @@ __all__ = [
     "Constant", "Counted", "Declare", "Element", "Expression", "Integer", "Load", "Loop", "Name",
     "Negative",
     "Note", "Number", "Operand", "Statement", "Store", "StripSteps", "Sweep", "Verbatim", "While",
-    "add", "after", "block", "call", "clip", "declare", "fixed", "grid", "pick", "real", "shifted",
-    "size", "sweep", "total",
+    "add", "after", "block", "call", "clip", "declare", "fixed", "grid", "names", "pick", "real",
+    "shifted", "size", "sweep", "total",
 ]  # fmt: skip

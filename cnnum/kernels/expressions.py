@@ -86,6 +86,11 @@ class Name(Expression):
         return Element(self, operand(at))
 
 
+def names(words: str) -> list[Name]:
+    """Return the variables of these names, with blanks between them."""
+    return [Name(word) for word in words.split()]
+
+
 @dataclass(frozen=True, slots=True)
 class Constant(Expression):
     """A word of every kernel, such as `ONE`, or a literal as it is written."""

@@ -25,15 +25,16 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import (
 from cnnum.engines.opencl.large_arrays.strip_pair import BEGINS, LENGTH, MOVED, pair_cases
 from cnnum.engines.opencl.large_arrays.strip_rows import Rows
 from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.chebyshev_steps import STAGES, count_stages
 from cnnum.engines.opencl.transients.step_control import ACCEPT, TIME, Attempt, H
-from cnnum.integrators.chebyshev import MAX_STAGES
-from cnnum.integrators.schemes import AdaptiveSteps
+from cnnum.integrators.chebyshev import MAX_STAGES, coefficients
+from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps
 
 CONTROL_ARRAY, MAXIMA_ARRAY = "strip_control", "strip_maxima"
 CONTROLS, MAXIMA = ir.Name(CONTROL_ARRAY), ir.Name(MAXIMA_ARRAY)
 """The registers between the plan's body and the strips."""
 
-STAGES, LEVELS, AT = ir.Name("stages"), ir.Name("levels"), ir.Name("at")
+LEVELS, AT = ir.names("levels at")
 """Of a step; a variable of loops."""
 
 
@@ -56,15 +57,9 @@ def pair_attempts(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     )
 
 
-def chebyshev_attempts(text: TransientBuilder, table: int) -> Attempt:
-    """Return the statements of Chebyshev's steps, and keep their kernel with the tables.
-
-    Parameters
-    ----------
-    text : TransientBuilder
-    table : int
-        Where in the data the methods' rows begin.
-    """
+def chebyshev_attempts(text: TransientBuilder, scheme: ChebyshevSteps) -> Attempt:
+    """Return the statements of Chebyshev's steps, and keep their kernel with the tables."""
+    table = text.tables.data(coefficients())
     rows, size = _rows(text, ARRAYS, CONTROL), CONTROL - ROWS
     control, distance = rows.at(CONTROL_ARRAY), rows.at(ARRAYS[1])
     stages = f"(int)x[{control} + {STAGES_AT}]"
@@ -77,7 +72,8 @@ def chebyshev_attempts(text: TransientBuilder, table: int) -> Attempt:
     )
     row = text.tables.number_at(ir.Integer(table) + STAGES * size + AT)
     next_row = ir.Assign(CONTROLS[ir.Integer(ROWS) + AT], row)
-    settings: list[ir.Statement] = [
+    settings = [
+        *count_stages(scheme),
         ir.Assign(CONTROLS[STEP], H),
         ir.Assign(CONTROLS[STAGES_AT], ir.Cast("real", STAGES)),
         # a loop of this kind is no sweep, which would be a launch of its own

@@ -25,9 +25,8 @@ rates, and of stages of even and odd number; then the method's rows of 4 numbers
 PLACES = ("state", "rates", "odd", "now", "old", "before")
 """Variables that hold how far the arrays of these are from the first."""
 
-OWN, BACK1, BACK2, WEIGHT, START_WEIGHT, BEGIN = (
-    ir.Name(name) for name in ("own", "back1", "back2", "weight", "start_weight", "begin")
-)
+OWN, BACK1, BACK2, WEIGHT = ir.names("own back1 back2 weight")
+START_WEIGHT, BEGIN = ir.names("start_weight begin")
 """Variables that hold a stage's weights in all lanes."""
 
 CONTROL = ROWS + 4 * MAX_STAGES

@@ -24,9 +24,7 @@ from cnnum.templating.couplings import Quantity
 from cnnum.templating.network import Tap, taps
 from cnnum.templating.reads import delays_outputs
 
-FROM, PAST, NEXT, PART, STATES = (
-    ir.Name(name) for name in ("from", "past", "next", "part", "states")
-)
+FROM, PAST, NEXT, PART, STATES = ir.names("from past next part states")
 """Variables of the kernel: the outputs of the level before; those a delay before it, those of the
 step after them, and how far between both the level is; and the states of the level before."""
 

@@ -16,7 +16,7 @@ FIGURES = ("worst", "added", "speed", "change")
 """The findings of a step: the largest of each in all cells."""
 
 
-A, B, FOUND, PIECE = (ir.Name(name) for name in ("a", "b", "found", "piece"))
+A, B, FOUND, PIECE = ir.names("a b found piece")
 
 
 def judged(rows: Rows, each: Sequence[ir.Statement]) -> list[ir.Statement]:

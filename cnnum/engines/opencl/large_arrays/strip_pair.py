@@ -9,8 +9,7 @@ from cnnum.engines.opencl.large_arrays.strip_couplings import coupled
 from cnnum.engines.opencl.large_arrays.strip_error import A, B, figures, judged, magnitude
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows, constant, vector
 from cnnum.engines.opencl.large_arrays.strip_times import gain_lines
-from cnnum.engines.opencl.transients.runge_kutta_steps import rates_of
-from cnnum.engines.opencl.transients.step_control import H
+from cnnum.engines.opencl.transients.step_control import H, rates_of
 from cnnum.integrators.schemes import AdaptiveSteps
 from cnnum.integrators.tableau import Pair, Row
 

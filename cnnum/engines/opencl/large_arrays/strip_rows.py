@@ -17,7 +17,7 @@ HELD = "strip_held"
 NEW_STATES = "new_states"
 """The variable that says where states go that couplings read of neighbours."""
 
-X, TO, P, START = (ir.Name(name) for name in ("x", "to", "p", "start"))
+X, TO, P, START = ir.names("x to p start")
 """The arrays of states and of new outputs, and the places of a vector and of a row's first."""
 
 ONES = ir.Name("one")

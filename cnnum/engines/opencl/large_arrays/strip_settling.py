@@ -32,7 +32,7 @@ takes, in how many strips, and how many steps came before."""
 
 CONTROLS, SEEN = ir.Name(CONTROL), ir.Name(CHANGES)
 
-TAKEN, LEVELS, AT, K, ANY = (ir.Name(name) for name in ("taken", "levels", "at", "k", "changes"))
+TAKEN, LEVELS, AT, K, ANY = ir.names("taken levels at k changes")
 """Steps and levels of a launch; of its steps the first without a change, and whether any is."""
 
 

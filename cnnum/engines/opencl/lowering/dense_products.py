@@ -12,7 +12,7 @@ SUMS = 6
 COLUMNS = 4
 """Columns of a matrix that are added at a time to the sums of a single frame."""
 
-J, K, V = ir.Name("j"), ir.Name("k"), ir.Name("v")
+J, K, V = ir.names("j k v")
 
 
 def product(
@@ -38,7 +38,7 @@ def _by_rows(
 ) -> list[ir.Statement]:
     """Each number of a matrix meets many frames: sums stay in registers."""
     cells, constant = operation.constant.size, ir.Integer(tables.data(operation.constant))
-    block = _divisor(cells, SUMS)
+    block = largest_divisor(cells, SUMS)
     sums = [ir.Name(f"sum{m}") for m in range(block)]
     body: list[ir.Statement] = [
         ir.declare(sum, tables.number_at(constant + K + m)) for m, sum in enumerate(sums)
@@ -59,7 +59,7 @@ def _by_columns(
 ) -> list[ir.Statement]:
     """Only one frame: compilers vectorise along the cells."""
     cells, constant = operation.constant.size, ir.Integer(tables.data(operation.constant))
-    columns = _divisor(cells, COLUMNS)
+    columns = largest_divisor(cells, COLUMNS)
     values = [ir.Name(f"v{m}") for m in range(columns)]
     lines: list[ir.Statement] = [
         ir.Loop(K, cells, (ir.Assign(slot[K], tables.number_at(constant + K)),))
@@ -79,5 +79,6 @@ def _by_columns(
     return lines
 
 
-def _divisor(number: int, most: int) -> int:
+def largest_divisor(number: int, most: int) -> int:
+    """Return the largest divisor that is not larger than `most`."""
     return max(n for n in range(1, most + 1) if number % n == 0)

@@ -30,7 +30,7 @@ from cnnum.kernels.uses import Uses, uses
 PIECE = 1024
 """Values that a work item takes of a sweep that does not go by rows."""
 
-AT, BEGIN, END, K, PARTIALS = (ir.Name(name) for name in ("piece", "begin", "end", "k", "partials"))
+AT, BEGIN, END, K, PARTIALS = ir.names("piece begin end k partials")
 """The piece that a work item takes of a sweep, its ends, and where its part of a sum is kept."""
 
 

@@ -29,10 +29,10 @@ from cnnum.graph.nodes import (
 from cnnum.graph.schedule import Schedule
 from cnnum.kernels.formulas import formula
 
-FRAME, LAST = ir.Name("frame"), ir.Name("last")
+FRAME, LAST = ir.names("frame last")
 """The first frame of a work item, and the batch's last."""
 
-INPUT, MEMORY, FIRST = ir.Name("input"), ir.Name("memory"), ir.Name("first")
+INPUT, MEMORY, FIRST = ir.names("input memory first")
 """Buffers, and whether the frame is the first of its stream."""
 
 K = ir.Name("k")

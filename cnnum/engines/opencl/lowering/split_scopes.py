@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from cnnum import kernels as ir
 
-BATCH, FRAME, REGISTERS = ir.Name("batch"), ir.Name("frame"), ir.Name("registers")
+BATCH, FRAME, REGISTERS = ir.names("batch frame registers")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,10 @@
 """The base that all parts of a transient's lowering share: sizes, arrays, loops and rims."""
 
-from collections.abc import Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Concatenate, ParamSpec
+
+import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import Arena, Tables
@@ -17,7 +19,9 @@ from cnnum.templating.template import Template
 ROW, COL, RIM = ir.ROW, ir.COL, ir.Name("q")
 """Variables of loops: rows, columns, and cells of rims."""
 
-SUM, NOW = ir.Name("sum"), ir.Name("now")
+SUM, NOW = ir.names("sum now")
+
+P = ParamSpec("P")
 
 VECTORISE = "#pragma clang loop vectorize(assume_safety)"
 """With many neighbours compilers cannot prove that no round writes a cell that others read."""
@@ -157,16 +161,26 @@ class TransientBuilder:
         """Return f(state)."""
         return formula(self.template.output.opencl, x=state)
 
+    def rim_output(self) -> float:
+        """Return the output of the virtual cells of a fixed boundary."""
+        state = np.asarray(self.template.boundary.constant)
+        return float(self.template.output.numpy(state))
+
     def array(self, name: ir.Name, length: int) -> None:
         """Declare an array of the block."""
         self.body.append(self.arena.array(name.text, length))
 
-    @contextmanager
-    def aside(self) -> Generator[list[ir.Statement]]:
-        """Collect the statements of the block instead of appending them."""
+    def aside(
+        self,
+        append: Callable[Concatenate["TransientBuilder", P], object],
+        *args: P.args,
+        **kwargs: P.kwargs,
+    ) -> list[ir.Statement]:
+        """Return the statements that a function appends, instead of keeping them."""
         kept, self.body = self.body, []
-        yield self.body
-        self.body = kept
+        append(self, *args, **kwargs)
+        found, self.body = self.body, kept
+        return found
 
     def over_cells(self, body: Sequence[ir.Statement]) -> None:
         """Run the body for every cell `i`."""
@@ -209,6 +223,11 @@ class TransientBuilder:
         """Return a weight: a number, or the variable that the number stands for."""
         own = self.operands.own
         return (own and own.weights.get(weight)) or ir.Number(weight)
+
+    def unless_held(self, value: ir.Expression, held: ir.Expression) -> ir.Expression:
+        """Return a value, and another one in cells that a mask holds."""
+        mask = self.operands.mask
+        return value if mask is None else ir.pick(mask.differs(ir.ZERO), held, value)
 
     def rate(self, layer: int) -> ir.Expression:
         """Return one over τ of a layer."""

@@ -16,13 +16,8 @@ from cnnum.integrators.propagator import Decay, Propagator, rounded_gain
 from cnnum.integrators.solver import Linear
 from cnnum.integrators.spectral import Spectral
 
-LARGEST, X0, HALFWAY, MODES = (
-    ir.Name("largest"),
-    ir.Name("x0"),
-    ir.Name("halfway"),
-    ir.Name("modes"),
-)
-J, K, V = ir.Name("j"), ir.Name("k"), ir.Name("v")
+LARGEST, X0, HALFWAY, MODES = ir.names("largest x0 halfway modes")
+J, K, V = ir.names("j k v")
 
 
 def exact(text: TransientBuilder, scheme: Linear) -> Figures:
@@ -60,8 +55,7 @@ def _decay(text: TransientBuilder, scheme: Decay) -> float:
     for layer in range(text.layers):
         kept, to, origin = float(scheme.kept[layer]), drive_of(text, layer), start_of(text, layer)
         value = to if kept == 0.0 else to + ir.Number(kept) * (origin - to)
-        if text.operands.mask is not None:
-            value = ir.pick(text.operands.mask.differs(ir.ZERO), origin, value)
+        value = text.unless_held(value, origin)
         body += [ir.Assign(X[text.at(layer)], value), _largest(to), _largest(origin)]
     text.over_cells(body)
     return float(np.count_nonzero(text.template.B)) + 4.0

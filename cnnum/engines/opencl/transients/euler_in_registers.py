@@ -5,6 +5,7 @@ memory, and read back at another place, between the steps.
 """
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,19 +14,21 @@ from cnnum import kernels as ir
 from cnnum.engines.opencl.text import fill
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive
-from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
+from cnnum.engines.opencl.transients.fixed_steps import StepWeights, fixed_figures
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.choice import FixedSteps
 from cnnum.templating.network import Tap, taps
-from cnnum.templating.output_functions import OutputFunction
 
 WIDTHS = (4, 8, 16)
 MOST_ROWS = 20
 """Vectors of all layers' rows: more do not fit the registers."""
 
 MOST_STATEMENTS = 700
+
+CLIPS = {"standard": True, "full-range": True, "linear": False}
+"""Whether f clips, False where f(x) = x, by the name of f; others have no form for rows."""
 
 SHARED = 4
 """Equal weights that are worth a sum before the product: pairs took a tenth longer with it, fours
@@ -37,7 +40,7 @@ def width(cols: int) -> int | None:
     return next((n for n in WIDTHS if n >= cols), None)
 
 
-def fits_rows(text: TransientBuilder, scheme: FixedSteps) -> bool:
+def fits_rows(text: TransientBuilder) -> bool:
     """Return whether a single frame's steps can be written with rows as vectors."""
     rows, cols = text.shape
     work = rows * (int(np.count_nonzero(text.template.A)) + 2 * text.radius * text.layers)
@@ -47,29 +50,19 @@ def fits_rows(text: TransientBuilder, scheme: FixedSteps) -> bool:
         and rows * text.layers <= MOST_ROWS
         and work <= MOST_STATEMENTS
         and text.operands.mask is None
-        and _clips(text.template.output) is not None
+        and text.template.output.name in CLIPS
     )
-
-
-def _clips(output: OutputFunction) -> bool | None:
-    """Return whether f clips, False where f(x) = x, None where it is something else."""
-    return {"standard": True, "full-range": True, "linear": False}.get(output.name)
 
 
 def row_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
-    scalar = "double" if text.tables.dtype == np.float64 else "float"
-    vector = width(text.shape[1])
-    text.tables.types["rows"] = fill("rows", row=f"{scalar}{vector}")
-    with text.aside() as step:
-        _step(text, scheme)
+    vector = f"{text.tables.printer.numbers.scalar}{width(text.shape[1])}"
+    text.tables.types["rows"] = fill("rows", row=vector)
+    weights, about = StepWeights(text, scheme), f"{scheme.count} steps of {scheme.step:g}"
     text.body += [
-        ir.Note(
-            f"// {scheme.name}: {scheme.count} steps of {scheme.step:g}, "
-            "the array in registers, a row a vector"
-        ),
-        *_begin(text, scheme),
-        ir.Counted(ir.ROUND, 0, scheme.count, None, tuple(step)),
+        ir.Note(f"// {scheme.name}: {about}, the array in registers, a row a vector"),
+        *_begin(text, weights),
+        ir.Counted(ir.ROUND, 0, scheme.count, None, tuple(_step(text, weights))),
         *_end(text),
     ]
     return fixed_figures(text, scheme.count, settle=False)
@@ -84,22 +77,16 @@ def _row(array: str, layer: int, row: int) -> ir.Name:
     return ir.Name(f"{array}{layer}_{row}")
 
 
-def _begin(text: TransientBuilder, scheme: FixedSteps) -> list[ir.Statement]:
+def _begin(text: TransientBuilder, weights: StepWeights) -> list[ir.Statement]:
     """Return the rows of states and of the scaled drive."""
-    lines: list[ir.Statement] = [
-        ir.declare(_row("x", layer, r), _gathered(text, X, layer, r), of="row")
-        for layer, r in _each(text)
-    ]
+    each = _each(text)
+    lines = [ir.declare(_row("x", *at), _gathered(text, X, *at), of="row") for at in each]
     if constant_drive(text) is None:
         lines += [
-            ir.fixed(
-                _row("w", layer, r),
-                _number(text, scheme, layer) * _gathered(text, W, layer, r),
-                of="row",
-            )
-            for layer, r in _each(text)
+            ir.fixed(_row("w", *at), weights.number(at[0]) * _gathered(text, W, *at), of="row")
+            for at in each
         ]
-    return lines
+    return [*lines]
 
 
 def _gathered(text: TransientBuilder, array: ir.Name, layer: int, row: int) -> ir.Expression:
@@ -114,37 +101,23 @@ def _vector(text: TransientBuilder, cells: Sequence[ir.Expression]) -> ir.Call:
     return ir.call("(row)", *cells, *(ir.ZERO for _ in range(rest)))
 
 
-def _number(
-    text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0
-) -> ir.Number:
-    return ir.Number(factor * scheme.move(layer, float(text.template.tau[layer])))
-
-
-def _step(text: TransientBuilder, scheme: FixedSteps) -> None:
-    output = text.template.output
+def _step(text: TransientBuilder, weights: StepWeights) -> list[ir.Statement]:
+    output, constant, lines = text.template.output, constant_drive(text), list[ir.Statement]()
+    for at in _each(text):
+        state = _row("x", *at)
+        shown = ir.call("clip_row", state) if CLIPS[output.name] and not output.limited else state
+        lines += [ir.fixed(_row("y", *at), shown, of="row"), *_moved(text, *at)]
     for layer, r in _each(text):
-        state = _row("x", layer, r)
-        shown = ir.call("clip_row", state) if _clips(output) and not output.limited else state
-        text.body.append(ir.fixed(_row("y", layer, r), shown, of="row"))
-        _moved(text, layer, r)
-    constant = constant_drive(text)
-    for layer, r in _each(text):
-        kept = ir.Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
         drive: ir.Expression = _row("w", layer, r)
         if constant is not None:
-            drive = ir.call("(row)", _number(text, scheme, layer, constant[layer]))
-        terms = [drive, kept * _row("x", layer, r), *_weighted(text, scheme, layer, r)]
-        text.body.append(ir.declare(_row("s", layer, r), ir.total(terms), of="row"))
-    for layer, r in _each(text):
-        new = _row("s", layer, r)
-        value = ir.call("clip_row", new) if output.limited else new
-        text.body.append(ir.Assign(_row("x", layer, r), value))
-
-
-def _columns(text: TransientBuilder) -> set[int]:
-    """Return the column offsets that any weight has."""
-    places = np.argwhere(text.template.A)
-    return {int(place[3]) - text.template.A.shape[-1] // 2 for place in places} - {0}
+            drive = ir.call("(row)", weights.number(layer, constant[layer]))
+        kept = weights.kept(layer) * _row("x", layer, r)
+        total = ir.total([drive, kept, *_weighted(text, weights, layer, r)])
+        lines.append(ir.declare(_row("s", layer, r), total, of="row"))
+    for at in _each(text):
+        new = _row("s", *at)
+        lines.append(ir.Assign(_row("x", *at), ir.call("clip_row", new) if output.limited else new))
+    return lines
 
 
 def _sources(text: TransientBuilder, count: int) -> NDArray[np.int64]:
@@ -160,25 +133,26 @@ def _seen(layer: int, row: int, column: int) -> ir.Name:
     return ir.Name(f"y{layer}_{row}_{column}")
 
 
-def _moved(text: TransientBuilder, layer: int, row: int) -> None:
-    """Append a row of outputs as each column offset sees it."""
+def _moved(text: TransientBuilder, layer: int, row: int) -> list[ir.Statement]:
+    """Return a row of outputs as each column offset that any weight has sees it."""
     cols, radius = text.shape[1], text.radius
     source, outputs = _sources(text, cols), _row("y", layer, row)
-    for offset in sorted(_columns(text)):
+    columns = np.unique(np.argwhere(text.template.A)[:, 3]) - text.template.A.shape[-1] // 2
+    lines: list[ir.Statement] = []
+    for offset in columns[columns != 0].tolist():
         seen = source[radius + offset : radius + offset + cols].tolist()
         cells = [ir.Component(outputs, at) if at >= 0 else _rim(text) for at in seen]
         name = _seen(layer, row, radius + offset)
-        text.body.append(ir.fixed(name, _vector(text, cells), of="row"))
+        lines.append(ir.fixed(name, _vector(text, cells), of="row"))
+    return lines
 
 
 def _rim(text: TransientBuilder) -> ir.Number:
-    """Return the output of virtual cells of a fixed boundary."""
-    value = text.template.output.numpy(np.asarray(text.template.boundary.constant))
-    return ir.Number(float(value))
+    return ir.Number(text.rim_output())
 
 
 def _weighted(
-    text: TransientBuilder, scheme: FixedSteps, layer: int, row: int
+    text: TransientBuilder, weights: StepWeights, layer: int, row: int
 ) -> list[ir.Expression]:
     source = _sources(text, text.shape[0])
 
@@ -186,13 +160,10 @@ def _weighted(
         at = int(source[text.radius + row + tap.row])
         if at < 0:
             return _rim(text)
-        return (
-            _seen(tap.source, at, text.radius + tap.col) if tap.col else _row("y", tap.source, at)
-        )
+        seen = _seen(tap.source, at, text.radius + tap.col)
+        return seen if tap.col else _row("y", tap.source, at)
 
-    def number(weight: float) -> ir.Number:
-        return _number(text, scheme, layer, weight)
-
+    number = partial(weights.number, layer)
     return weighted_terms(taps(text.template.A, layer), number, output, SHARED)
 
 

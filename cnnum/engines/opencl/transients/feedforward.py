@@ -9,7 +9,7 @@ from cnnum.engines.opencl.transients.nonlinear_couplings import nonlinear
 from cnnum.templating.network import taps
 from cnnum.templating.reads import delays_inputs, moving_inputs, reads_inputs, reads_inputs_around
 
-U, W, LATER = ir.Name("u"), ir.Name("w"), ir.Name("later")
+U, W, LATER = ir.names("u w later")
 """Padded inputs, the drive of the cells, and its change when a delay is over."""
 
 THEN = ir.Name("then")

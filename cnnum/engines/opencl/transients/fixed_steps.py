@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
@@ -17,6 +18,7 @@ from cnnum.engines.opencl.transients.step_control import (
 )
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.schemes import FixedSteps
+from cnnum.templating.network import taps
 from cnnum.templating.reads import lag
 
 
@@ -103,6 +105,54 @@ def _settling(
             ),
         ),
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class StepWeights:
+    """The numbers of Euler's step of linear couplings, each with h/τ of a layer in it."""
+
+    text: TransientBuilder
+    scheme: FixedSteps
+
+    def declared(self) -> list[ir.Statement]:
+        """Return statements that scale frames' own numbers: h/τ, 1 − h/τ, and each weight."""
+        lines, text = list[ir.Statement](), self.text
+        for layer in range(text.layers if text.operands.own else 0):
+            move, kept = _move(layer), ir.Name(f"kept_{layer}")
+            lines += [
+                ir.fixed(move, ir.Number(self.scheme.move(layer, 1.0)) * text.rate(layer)),
+                ir.fixed(kept, ir.ONE - move),
+            ]
+            own = [text.number(tap.weight) for tap in taps(text.template.A, layer)]
+            lines += [ir.fixed(_scaled(n), move * n) for n in own if isinstance(n, ir.Name)]
+        return lines
+
+    def _share(self, layer: int) -> float:
+        return self.scheme.move(layer, float(self.text.template.tau[layer]))
+
+    def number(self, layer: int, factor: float = 1.0) -> ir.Expression:
+        """Return a number times h/τ."""
+        if self.text.operands.own is not None:
+            return ir.Number(factor) * _move(layer)
+        return ir.Number(factor * self._share(layer))
+
+    def weight(self, layer: int, weight: float) -> ir.Expression:
+        """Return a weight times h/τ."""
+        own = self.text.number(weight)
+        return _scaled(own) if isinstance(own, ir.Name) else self.number(layer, weight)
+
+    def kept(self, layer: int) -> ir.Expression:
+        """Return the share of a state that a step leaves."""
+        own = self.text.operands.own
+        return ir.Number(1.0 - self._share(layer)) if own is None else ir.Name(f"kept_{layer}")
+
+
+def _move(layer: int) -> ir.Name:
+    return ir.Name(f"move_{layer}")
+
+
+def _scaled(weight: ir.Name) -> ir.Name:
+    return ir.Name(f"{weight.text}_h")
 
 
 def fixed_figures(text: TransientBuilder, count: int, *, settle: bool) -> Figures:

@@ -8,20 +8,22 @@ that it is a neighbour of.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.arrays import Floats
+from cnnum.engines.opencl.lowering.dense_products import largest_divisor
 from cnnum.engines.opencl.transients.builder import COL, ROW, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive
-from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
+from cnnum.engines.opencl.transients.fixed_steps import StepWeights, fixed_figures
 from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.state_equation import Y
 from cnnum.engines.opencl.transients.stencil_sums import shares_products, weighted_terms
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.choice import FixedSteps
-from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import Tap, taps
 
 BLOCK_COLUMNS = 10
@@ -33,10 +35,10 @@ REGISTERS_FROM = 64
 A sum waits four cycles for each of its products. Two rows side by side have as many sums as the
 processor can work on. In one row it must look ahead, and takes a third longer."""
 
-Z, SCALED, FROM, TO = ir.Name("z"), ir.Name("wh"), ir.Name("from"), ir.Name("to")
+Z, SCALED, FROM, TO = ir.names("z wh from to")
 """The second array of outputs, the scaled drive, and the outputs before and after a step."""
 
-V, B = ir.Name("v"), ir.Name("b")
+V, B = ir.names("v b")
 
 SWAP = "real *const swap = from; from = to; to = swap;"
 
@@ -49,9 +51,9 @@ def fuses(text: TransientBuilder, scheme: FixedSteps) -> bool:
 
 def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
-    _declare(text, scheme)
-    with text.aside() as step:
-        _sweep(text, scheme)
+    weights = StepWeights(text, scheme)
+    _declare(text, weights)
+    step = text.aside(_sweep, weights)
     text.body += [
         ir.Note(f"// {scheme.name}: {scheme.count} steps of {scheme.step:g}, each one sweep"),
         ir.Verbatim(("real *from = y, *to = z;",)),
@@ -60,175 +62,163 @@ def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     return fixed_figures(text, scheme.count, settle=False)
 
 
-def _declare(text: TransientBuilder, scheme: FixedSteps) -> None:
+def _declare(text: TransientBuilder, weights: StepWeights) -> None:
     """Append the second array of outputs, the first values of both, and the scaled drive."""
-    text.body += _own_numbers(text, scheme)
+    text.body += weights.declared()
     boundary = text.template.boundary
     text.array(Z, text.layers * text.padded)
     if boundary.constant is not None:
-        value = float(text.template.output.numpy(np.asarray(boundary.constant)))
         for name in (Y, Z):
-            text.fill_rims(name, text.layers, boundary, value)
+            text.fill_rims(name, text.layers, boundary, text.rim_output())
     if constant_drive(text) is None:
         text.array(SCALED, text.states)
-        scaled = [
-            ir.Assign(SCALED[text.at(m)], _number(text, scheme, m) * W[text.at(m)])
-            for m in range(text.layers)
-        ]
-        text.over_cells(scaled)
+        pairs = enumerate(zip(text.each(SCALED), text.each(W), strict=True))
+        text.over_cells([ir.Assign(to, weights.number(m) * w) for m, (to, w) in pairs])
     states = enumerate(text.each(X))
     text.over_grid([ir.Assign(Y[text.padded_at(m)], text.output(state)) for m, state in states])
     if boundary.constant is None:
         text.fill_rims(Y, text.layers, boundary, None)
 
 
-def _own_numbers(text: TransientBuilder, scheme: FixedSteps) -> list[ir.Statement]:
-    """Return statements that scale frames' own numbers: h/τ, 1 − h/τ, and each weight."""
-    lines: list[ir.Statement] = []
-    for layer in range(text.layers if text.operands.own else 0):
-        move, kept = _move(layer), ir.Name(f"kept_{layer}")
-        lines += [
-            ir.fixed(move, ir.Number(scheme.move(layer, 1.0)) * text.rate(layer)),
-            ir.fixed(kept, ir.ONE - move),
-        ]
-        own = [text.number(tap.weight) for tap in taps(text.template.A, layer)]
-        lines += [ir.fixed(_scaled(name), move * name) for name in own if isinstance(name, ir.Name)]
-    return lines
-
-
-def _move(layer: int) -> ir.Name:
-    return ir.Name(f"move_{layer}")
-
-
-def _scaled(weight: ir.Name) -> ir.Name:
-    return ir.Name(f"{weight.text}_h")
-
-
-def _number(
-    text: TransientBuilder, scheme: FixedSteps, layer: int, factor: float = 1.0
-) -> ir.Expression:
-    """Return a number times h/τ of a layer."""
-    if text.operands.own is not None:
-        return ir.Number(factor) * _move(layer)
-    return ir.Number(factor * scheme.move(layer, float(text.template.tau[layer])))
-
-
-def _weight(text: TransientBuilder, scheme: FixedSteps, layer: int, weight: float) -> ir.Expression:
-    """Return a weight times h/τ of a layer."""
-    own = text.number(weight)
-    return _scaled(own) if isinstance(own, ir.Name) else _number(text, scheme, layer, weight)
-
-
-def _block(text: TransientBuilder) -> int:
-    """Return how many columns are unrolled: a divisor of the columns."""
-    cols = text.shape[1]
-    taps = max(1, int(np.count_nonzero(text.template.A)))
-    most = max(1, min(BLOCK_COLUMNS, BLOCK_STATEMENTS // (taps * _together(text))))
-    return max(n for n in range(1, cols + 1) if cols % n == 0 and n <= most)
-
-
-def _together(text: TransientBuilder) -> int:
-    """Return how many rows are swept side by side."""
-    vector = text.tables.lanes * text.tables.dtype.itemsize
-    fits = vector >= REGISTERS_FROM and text.shape[0] % 2 == 0 and not _gathers(text)
-    return 2 if fits else 1
-
-
-def _gathers(text: TransientBuilder) -> bool:
-    """Return whether outputs of equal weights are added up before they are weighted."""
-    return any(shares_products(taps(text.template.A, layer)) for layer in range(text.layers))
-
-
-def _sweep(text: TransientBuilder, scheme: FixedSteps) -> None:
+def _sweep(text: TransientBuilder, weights: StepWeights) -> None:
     """Append one step of all cells."""
-    rows, cols = text.shape
-    block, together = _block(text), _together(text)
+    (rows, cols), block = text.shape, _Block.of(text, weights)
     places = ir.Declare(
         "int", ((ir.CELL, ROW * cols + B), (ir.PLACE, ROW * text.pitch + B)), fixed=True
     )
-    with text.aside() as body:
-        _block_of_columns(text, scheme, block, together)
-    columns = ir.Loop(B, cols, (places, *body), step=block)
-    text.body.append(ir.Loop(ROW, rows, (columns,), step=together))
+    columns = ir.Loop(B, cols, (places, *block.statements()), step=block.columns)
+    text.body.append(ir.Loop(ROW, rows, (columns,), step=block.rows))
     if text.template.boundary.constant is None:
-        text.body.append(ir.Loop(ROW, rows, tuple(_rim_columns(text, text.template.boundary))))
-        _rim_rows(text)
+        text.body += [_rim_columns(text), *_rim_rows(text)]
 
 
-def _block_of_columns(
-    text: TransientBuilder, scheme: FixedSteps, block: int, together: int
-) -> None:
-    """Append one step of the columns `b` to `b + block` of a number of rows.
+@dataclass(frozen=True, slots=True)
+class _Block:
+    """The columns from `b` on, of some rows, that are unrolled.
 
-    Where weights are equal, loaded values are kept and added up before they are weighted. Else they
-    are added to all sums at once, which takes fewer registers.
+    Attributes
+    ----------
+    text : TransientBuilder
+    weights : StepWeights
+    rows, columns : int
+    gathers : bool
+        Whether loaded values are kept, and those of equal weights added up before they are
+        weighted. Else they are added to all sums at once, which takes fewer registers.
     """
-    gathers = _gathers(text)
-    for column in range(block + 2 * text.radius):
-        done = column - 2 * text.radius
-        if column < block:
-            for row in range(together):
-                _begin(text, scheme, row, column)
-        if gathers:
-            _load(text, column)
-        else:
-            _scatter(text, scheme, column, block, together)
-        if gathers and done >= 0:
-            _gather(text, scheme, done)
-        if done >= 0:
-            for row in range(together):
-                _end(text, scheme, row, done)
 
+    text: TransientBuilder
+    weights: StepWeights
+    rows: int
+    columns: int
+    gathers: bool
 
-def _driven(
-    text: TransientBuilder, scheme: FixedSteps, layer: int, state: ir.Element
-) -> ir.Expression:
-    """Return the scaled drive of a cell, by its state."""
-    constant = constant_drive(text)
-    if constant is None:
-        return SCALED[state.at]
-    return _number(text, scheme, layer, constant[layer])
+    @classmethod
+    def of(cls, text: TransientBuilder, weights: StepWeights) -> "_Block":
+        """Return the block of a template: columns are a divisor of the array's."""
+        gathers = any(shares_products(taps(text.template.A, m)) for m in range(text.layers))
+        vector = text.tables.lanes * text.tables.dtype.itemsize
+        pairs = vector >= REGISTERS_FROM and text.shape[0] % 2 == 0 and not gathers
+        rows = 2 if pairs else 1
+        work = max(1, int(np.count_nonzero(text.template.A))) * rows
+        most = max(1, min(BLOCK_COLUMNS, BLOCK_STATEMENTS // work))
+        return cls(text, weights, rows, largest_divisor(text.shape[1], most), gathers)
 
+    def statements(self) -> list[ir.Statement]:
+        """Return one step of the block."""
+        lines: list[ir.Statement] = []
+        for column in range(self.columns + 2 * self.text.radius):
+            done = column - 2 * self.text.radius
+            if column < self.columns:
+                lines += [self._begun(*cell, column) for cell in self._cells]
+            lines += self._load(column) if self.gathers else self._scatter(column)
+            if done >= 0:
+                lines += self._gather(done) if self.gathers else []
+                lines += [line for at in self._cells for line in self._end(*at, done)]
+        return lines
 
-def _state(text: TransientBuilder, layer: int, row: int, column: int) -> ir.Element:
-    return X[ir.Integer(layer * text.cells + row * text.shape[1] + column) + ir.CELL]
+    @property
+    def _cells(self) -> list[tuple[int, int]]:
+        """Layers and rows of the cells of a column."""
+        return [(layer, row) for row in range(self.rows) for layer in range(self.text.layers)]
+
+    def _state(self, layer: int, row: int, column: int) -> ir.Element:
+        at = layer * self.text.cells + row * self.text.shape[1] + column
+        return X[ir.Integer(at) + ir.CELL]
+
+    def _begun(self, layer: int, row: int, column: int) -> ir.Statement:
+        """Return the sum of a cell, begun with the part that is not neighbours'."""
+        state, constant = self._state(layer, row, column), constant_drive(self.text)
+        driven = (
+            SCALED[state.at] if constant is None else self.weights.number(layer, constant[layer])
+        )
+        return ir.declare(_sum(layer, row, column), driven + self.weights.kept(layer) * state)
+
+    def _scatter(self, column: int) -> list[ir.Statement]:
+        """Return the outputs of a column, each added to all sums of the block that it reaches."""
+        text, lines, feedback = self.text, list[ir.Statement](), self.text.template.A
+        span = feedback.shape[-1]
+        for source in range(text.layers):
+            for row in range(span + self.rows - 1):
+                adds = [
+                    ir.add(_sum(to, k, cell), self.weights.weight(to, weight) * V)
+                    for k in range(max(0, row - span + 1), min(self.rows, row + 1))
+                    for to, cell, weight in self._reached(feedback[:, source, row - k], column)
+                ]
+                if adds:
+                    output = _output_at(text, source, row + text.radius - span // 2, column)
+                    lines.append(ir.block(ir.fixed(V, output), *adds))
+        return lines
+
+    def _reached(self, weights: Floats, column: int) -> Iterator[tuple[int, int, float]]:
+        """Yield (layer, cell, weight) of each sum that takes an output of a column."""
+        span = weights.shape[-1]
+        for to, col in np.argwhere(weights).tolist():
+            cell = column - self.text.radius - (col - span // 2)
+            if 0 <= cell < self.columns:
+                yield to, cell, float(weights[to, col])
+
+    def _load(self, column: int) -> list[ir.Statement]:
+        """Return the loads of a padded column."""
+        text, reach = self.text, self.text.template.A.shape[-1] // 2
+        around = range(text.radius - reach, text.radius + reach + 1)
+        return [
+            ir.fixed(_loaded(source, row, column), _output_at(text, source, row, column))
+            for source in range(text.layers)
+            for row in around
+        ]
+
+    def _gather(self, column: int) -> list[ir.Statement]:
+        """Return the sums of a column's cells, equal weights together."""
+        radius = self.text.radius
+
+        def output(tap: Tap) -> ir.Name:
+            return _loaded(tap.source, radius + tap.row, radius + tap.col + column)
+
+        return [
+            ir.add(_sum(layer, 0, column), term)
+            for layer in range(self.text.layers)
+            for term in weighted_terms(
+                taps(self.text.template.A, layer), partial(self.weights.weight, layer), output
+            )
+        ]
+
+    def _end(self, layer: int, row: int, column: int) -> list[ir.Statement]:
+        """Return the statements that turn a cell's finished sum into its new state."""
+        text, lines = self.text, list[ir.Statement]()
+        new, old = _sum(layer, row, column), self._state(layer, row, column)
+        if text.template.output.limited:
+            lines.append(ir.Assign(new, ir.clip(new)))
+        if text.operands.mask is not None:
+            offset = row * text.shape[1] + column
+            mask = ir.shifted(text.operands.mask, offset) if offset else text.operands.mask
+            lines.append(ir.Assign(new, ir.pick(mask.differs(ir.ZERO), old, new)))
+        at = (text.radius + row) * text.pitch + text.radius + column
+        place = ir.Integer(layer * text.padded + at) + ir.PLACE
+        return [*lines, ir.Assign(old, new), ir.Assign(TO[place], text.output(new))]
 
 
 def _sum(layer: int, row: int, column: int) -> ir.Name:
     return ir.Name(f"s{layer}_{row}_{column}")
-
-
-def _begin(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) -> None:
-    """Append the sums of a cell of the block, begun with the part that is not neighbours'."""
-    for layer in range(text.layers):
-        state = _state(text, layer, row, column)
-        begun = _driven(text, scheme, layer, state) + _kept(text, scheme, layer) * state
-        text.body.append(ir.declare(_sum(layer, row, column), begun))
-
-
-def _kept(text: TransientBuilder, scheme: FixedSteps, layer: int) -> ir.Expression:
-    """Return the share of a state that a step leaves."""
-    if text.operands.own is not None:
-        return ir.Name(f"kept_{layer}")
-    return ir.Number(1.0 - scheme.move(layer, float(text.template.tau[layer])))
-
-
-def _scatter(
-    text: TransientBuilder, scheme: FixedSteps, column: int, block: int, together: int
-) -> None:
-    """Append the outputs of a column, each added to all sums of the block that it reaches."""
-    feedback = text.template.A
-    span = feedback.shape[-1]
-    for source in range(text.layers):
-        for row in range(span + together - 1):
-            adds = [
-                ir.add(_sum(to, k, cell), _weight(text, scheme, to, float(weight)) * V)
-                for k in range(max(0, row - span + 1), min(together, row + 1))
-                for to, cell, weight in _reached(text, feedback[:, source, row - k], column, block)
-            ]
-            if adds:
-                output = _output_at(text, source, row + text.radius - span // 2, column)
-                text.body.append(ir.Block((ir.fixed(V, output), *adds)))
 
 
 def _output_at(text: TransientBuilder, source: int, row: int, column: int) -> ir.Element:
@@ -236,87 +226,35 @@ def _output_at(text: TransientBuilder, source: int, row: int, column: int) -> ir
     return FROM[ir.Integer(source * text.padded + row * text.pitch + column) + ir.PLACE]
 
 
-def _load(text: TransientBuilder, column: int) -> None:
-    """Append the loads of a padded column."""
-    span, rim = text.template.A.shape[-1], text.radius - text.template.A.shape[-1] // 2
-    for source in range(text.layers):
-        for row in range(rim, rim + span):
-            output = _output_at(text, source, row, column)
-            text.body.append(ir.fixed(_loaded(source, row, column), output))
-
-
 def _loaded(source: int, row: int, column: int) -> ir.Name:
     return ir.Name(f"v{source}_{row}_{column}")
 
 
-def _gather(text: TransientBuilder, scheme: FixedSteps, column: int) -> None:
-    """Append the sums of a column's cells, equal weights together."""
-    for layer in range(text.layers):
-
-        def number(weight: float, to: int = layer) -> ir.Expression:
-            return _weight(text, scheme, to, weight)
-
-        def output(tap: Tap) -> ir.Name:
-            return _loaded(tap.source, text.radius + tap.row, text.radius + tap.col + column)
-
-        terms = weighted_terms(taps(text.template.A, layer), number, output)
-        text.body += [ir.add(_sum(layer, 0, column), term) for term in terms]
+def _rim_copies(text: TransientBuilder, length: int) -> list[tuple[int, int]]:
+    """Return the padded places of virtual cells of a line, each with the place that it shows."""
+    radius = text.radius
+    source = np.pad(np.arange(length), radius, mode=text.template.boundary.pad_mode)
+    places = (*range(radius), *range(length + radius, length + 2 * radius))
+    return [(place, int(source[place]) + radius) for place in places]
 
 
-def _reached(
-    text: TransientBuilder, weights: Floats, column: int, block: int
-) -> Iterator[tuple[int, int, float]]:
-    """Yield (layer, cell of the block, weight) of each sum that takes an output of a column."""
-    span, radius = weights.shape[-1], text.radius
-    for to in range(text.layers):
-        for col in range(span):
-            cell = column - radius - (col - span // 2)
-            if weights[to, col] and 0 <= cell < block:
-                yield to, cell, float(weights[to, col])
+def _rim_columns(text: TransientBuilder) -> ir.Statement:
+    """Return the loop over rows `r` that fills the rim left and right of each."""
+    heads = [
+        ir.Integer(layer * text.padded) + (ROW + text.radius) * text.pitch
+        for layer in range(text.layers)
+    ]
+    copies = _rim_copies(text, text.shape[1])
+    lines = [ir.Assign(TO[head + to], TO[head + at]) for head in heads for to, at in copies]
+    return ir.Loop(ROW, text.shape[0], tuple(lines))
 
 
-def _end(text: TransientBuilder, scheme: FixedSteps, row: int, column: int) -> None:
-    """Append the statements that turn a cell's finished sums into its new state."""
-    for layer in range(text.layers):
-        new, old = _sum(layer, row, column), _state(text, layer, row, column)
-        if text.template.output.limited:
-            text.body.append(ir.Assign(new, ir.clip(new)))
-        if text.operands.mask is not None:
-            offset = row * text.shape[1] + column
-            mask = ir.shifted(text.operands.mask, offset) if offset else text.operands.mask
-            text.body.append(ir.Assign(new, ir.pick(mask.differs(ir.ZERO), old, new)))
-        at = (text.radius + row) * text.pitch + text.radius + column
-        place = ir.Integer(layer * text.padded + at) + ir.PLACE
-        text.body += [ir.Assign(old, new), ir.Assign(TO[place], text.output(new))]
-
-
-def _rim_columns(text: TransientBuilder, boundary: Boundary) -> list[ir.Statement]:
-    """Return statements that fill the rim left and right of row `r`."""
-    cols, radius = text.shape[1], text.radius
-    source = np.pad(np.arange(cols), radius, mode=boundary.pad_mode)
-    places = [*range(radius), *range(cols + radius, cols + 2 * radius)]
-    lines: list[ir.Statement] = []
-    for layer in range(text.layers):
-        head = ir.Integer(layer * text.padded) + (ROW + radius) * text.pitch
-        lines += [
-            ir.Assign(TO[head + place], TO[head + (int(source[place]) + radius)])
-            for place in places
-        ]
-    return lines
-
-
-def _rim_rows(text: TransientBuilder) -> None:
-    """Append the rim above and below, copied from whole rows."""
-    rows, radius = text.shape[0], text.radius
-    source = np.pad(np.arange(rows), radius, mode=text.template.boundary.pad_mode)
+def _rim_rows(text: TransientBuilder) -> list[ir.Statement]:
+    """Return the loop that fills the rim above and below, copied from whole rows."""
 
     def at(layer: int, row: int) -> ir.Element:
         return TO[ir.Integer(layer * text.padded + row * text.pitch) + COL]
 
-    copies = [
-        ir.Assign(at(layer, place), at(layer, int(source[place]) + radius))
-        for layer in range(text.layers)
-        for place in (*range(radius), *range(rows + radius, rows + 2 * radius))
-    ]
-    if copies:
-        text.body.append(ir.Loop(COL, text.pitch, tuple(copies)))
+    copies = _rim_copies(text, text.shape[0])
+    lines = [ir.Assign(at(m, to), at(m, row)) for m in range(text.layers) for to, row in copies]
+    return [ir.Loop(COL, text.pitch, tuple(lines))] if lines else []

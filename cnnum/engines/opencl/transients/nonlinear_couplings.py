@@ -19,7 +19,7 @@ ARRAYS = {"x": ir.Name("xp"), "y": ir.Name("y"), "u": ir.Name("u")}
 Reads = Callable[[Quantity, int, int, int], ir.Expression]
 """A quantity of a layer, or input, in a cell some rows and columns away."""
 
-V, OWN, SINCE = ir.Name("v"), ir.Name("own"), ir.Name("since")
+V, OWN, SINCE = ir.names("v own since")
 
 
 def table(function: Table, argument: ir.Name) -> ir.Expression:

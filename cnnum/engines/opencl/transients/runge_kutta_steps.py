@@ -1,7 +1,7 @@
 """Explicit Runge–Kutta methods as sweeps over all cells, fixed and adaptive."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 from cnnum import kernels as ir
@@ -13,10 +13,11 @@ from cnnum.engines.opencl.transients.state_equation import (
     PART,
     RATE,
     Instant,
+    Past,
     Y,
+    into,
     outputs,
     rates,
-    rates_once,
     watch_change,
 )
 from cnnum.engines.opencl.transients.step_control import (
@@ -27,20 +28,15 @@ from cnnum.engines.opencl.transients.step_control import (
     Figures,
     H,
     advance,
-    controlled,
     judged,
+    rates_of,
 )
 from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
 from cnnum.integrators.tableau import Explicit, Pair, Row
 from cnnum.templating.batch_parts import LADDER
 from cnnum.templating.reads import delays_outputs, lag
 
-RING, NOW_AT, THEN_AT, NEXT_AT = (
-    ir.Name("ring"),
-    ir.Name("now_at"),
-    ir.Name("then_at"),
-    ir.Name("next_at"),
-)
+RING, NOW_AT, THEN_AT, NEXT_AT = ir.names("ring now_at then_at next_at")
 """Outputs of the last steps, and where this one's and those of a delay ago stand among them."""
 
 SPAN = ir.Name("span")
@@ -50,28 +46,18 @@ SLIVER = 0.01
 """Share of a step below which the last one is a rounding."""
 
 
-def rates_of(stage: int) -> ir.Name:
-    """Return the array of a stage's rates."""
-    return ir.Name(f"k{stage}")
-
-
-def _combination(weights: Row, at: ir.Expression) -> ir.Expression:
+def combination(weights: Row, at: ir.Expression) -> ir.Expression:
+    """Return the weighted sum of the stages' rates at a place."""
     return ir.total(
         [ir.Number(float(weight)) * rates_of(n)[at] for n, weight in enumerate(weights) if weight]
     )
 
 
 def _stage(
-    text: TransientBuilder,
-    tableaux: Sequence[Explicit | Pair],
-    stage: int,
-    instant: Instant,
+    text: TransientBuilder, tableaux: Sequence[Explicit | Pair], stage: int, instant: Instant
 ) -> None:
     """Append one stage of step `h`: outputs at its state, then its rates in k."""
-
-    def keep(at: ir.Expression, _: int) -> list[ir.Statement]:
-        return [ir.Assign(rates_of(stage)[at], RATE)]
-
+    keep = into(rates_of(stage))
     if stage == 0:
         outputs(text, text.each(X))
         _remember(text)
@@ -79,7 +65,7 @@ def _stage(
         return
     places = [text.at(layer) for layer in range(text.layers)]
     states = [
-        X[at] + H * _combination(one.a[stage], at) for at, one in zip(places, tableaux, strict=True)
+        X[at] + H * combination(one.a[stage], at) for at, one in zip(places, tableaux, strict=True)
     ]
     outputs(text, states, keep=XS)
     rates(text, XS, keep, instant)
@@ -88,31 +74,25 @@ def _stage(
 # delays: a ring of the outputs of the last steps
 
 
+def _ring_at(text: TransientBuilder, slot: ir.Name, at: ir.Expression) -> ir.Element:
+    return RING[ir.after(slot * text.states, at)]
+
+
 def _remember(text: TransientBuilder) -> None:
     """Append statements that keep this step's outputs in the ring."""
     if delays_outputs(text.template):
-        text.over_grid(
-            [
-                ir.Assign(
-                    RING[ir.after(NOW_AT * text.states, text.at(layer))], Y[text.padded_at(layer)]
-                )
-                for layer in range(text.layers)
-            ]
-        )
+        pairs = [(text.at(layer), text.padded_at(layer)) for layer in range(text.layers)]
+        text.over_grid([ir.Assign(_ring_at(text, NOW_AT, at), Y[place]) for at, place in pairs])
 
 
-def _past(text: TransientBuilder, c: float) -> Callable[[ir.Expression], ir.Expression] | None:
+def _past(text: TransientBuilder, c: float) -> Past | None:
     """Return the outputs a delay ago, at the start or the end of a step."""
     if not delays_outputs(text.template):
         return None
 
     def past(at: ir.Expression) -> ir.Expression:
-        first = RING[ir.after(THEN_AT * text.states, at)]
-        return (
-            first
-            if c == 0.0
-            else first + PART * (RING[ir.after(NEXT_AT * text.states, at)] - first)
-        )
+        first = _ring_at(text, THEN_AT, at)
+        return first if c == 0.0 else first + PART * (_ring_at(text, NEXT_AT, at) - first)
 
     return past
 
@@ -130,9 +110,7 @@ def _ring(text: TransientBuilder, scheme: FixedSteps) -> list[ir.Statement]:
             ir.fixed(PART, _share(text, scheme)),
         ]
     if text.has_history:
-        with text.aside() as change:
-            arrive(text)
-        lines.append(ir.Branch(ir.ROUND.equals(late), tuple(change)))
+        lines.append(ir.Branch(ir.ROUND.equals(late), tuple(text.aside(arrive))))
     return lines
 
 
@@ -175,25 +153,25 @@ def _length(text: TransientBuilder, scheme: FixedSteps) -> ir.Expression:
 
 def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append steps of a fixed length and return the figures of the run."""
-    stages = scheme.stages
-    if stages > 1:
-        for name in (*(rates_of(stage) for stage in range(stages)), XS):
-            text.array(name, text.states)
+    if scheme.stages > 1:
+        _declare_stages(text, scheme.stages, 0)
     if delays_outputs(text.template):
         text.array(RING, (lag(text.template, scheme.step) + 1) * text.states)
     if (delay := _own_delay(text)) is not None:
         scheme = _own_steps(text, scheme, delay)
     head = _ring(text, scheme)
-    with text.aside() as body:
-        if stages == 1:
-            _euler_step(text, scheme)
-        else:
-            _several_stages(text, scheme)
+    body = text.aside(_euler_step if scheme.stages == 1 else _several_stages, scheme)
     figures = repeated(text, scheme, _length(text, scheme), [*head, *body])
     if _own_delay(text) is not None and not scheme.settle:
         taken = ir.Number(text.solver.duration) / SPAN - ir.Number(SLIVER)
         figures["steps"] = ir.call("ceil", taken)
     return figures
+
+
+def _declare_stages(text: TransientBuilder, stages: int, first: int) -> None:
+    """Append the arrays of the rates from one stage on, and of the states at stages."""
+    for name in (*(rates_of(stage) for stage in range(first, stages)), XS):
+        text.array(name, text.states)
 
 
 def _limited(text: TransientBuilder, state: ir.Expression) -> ir.Expression:
@@ -217,8 +195,7 @@ def _several_stages(text: TransientBuilder, scheme: FixedSteps) -> None:
     tableaux = [scheme.of(layer) for layer in range(text.layers)]
     for stage in range(scheme.stages):
         c = float(sum(tableaux[0].a[stage]))
-        with text.aside() as lines:
-            _stage(text, tableaux, stage, _instant(text, scheme, c))
+        lines = text.aside(_stage, tableaux, stage, _instant(text, scheme, c))
         text.body.append(ir.Block(tuple(lines)))
     body: list[ir.Statement] = []
     for layer, tableau in enumerate(tableaux):
@@ -228,45 +205,30 @@ def _several_stages(text: TransientBuilder, scheme: FixedSteps) -> None:
         end: ir.Expression = X[at]
         if tableau.carried:
             end = end + ir.Number(tableau.carried) * (XS[at] - X[at])
-        body.append(ir.Assign(X[at], _limited(text, end + H * _combination(tableau.b, at))))
+        body.append(ir.Assign(X[at], _limited(text, end + H * combination(tableau.b, at))))
     text.over_cells(body)
 
 
 def sweeps(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     """Return a step's statements as sweeps over all cells, a stage after the other."""
-    tableau = scheme.tableau
     tableaux = tuple(scheme.of(layer) for layer in range(text.layers))
-    for name in (*(rates_of(stage) for stage in range(1, tableau.stages)), XS):
-        text.array(name, text.states)
+    _declare_stages(text, scheme.tableau.stages, 1)
     stages: list[ir.Statement] = []
-    for stage in range(1, tableau.stages):
-        c = ir.Number(float(sum(tableau.a[stage])))
-        with text.aside() as lines:
-            _stage(text, tableaux, stage, Instant(TIME + c * H))
+    for stage in range(1, scheme.tableau.stages):
+        c = ir.Number(float(sum(scheme.tableau.a[stage])))
+        lines = text.aside(_stage, tableaux, stage, Instant(TIME + c * H))
         stages.append(ir.Block(tuple(lines)))
-    taken = advance(text, rates_of(tableau.stages - 1))
-    return Attempt(stages, judge(text, tableaux), taken)
+    return taken_over(text, tableaux, stages)
 
 
-def adaptive(
-    text: TransientBuilder,
-    scheme: AdaptiveSteps,
-    attempts: Callable[[TransientBuilder, AdaptiveSteps], Attempt] = sweeps,
-) -> Figures:
-    """Append steps that follow the error estimate and return the figures of the run."""
-    text.array(K0, text.states)
-    attempt = attempts(text, scheme)
-    with text.aside() as first_rates:
-        rates_once(text, X, lambda at, _: [ir.Assign(K0[at], RATE)], Instant(TIME))
-    return controlled(text, scheme, attempt, first_rates)
-
-
-def judge(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> list[ir.Statement]:
-    """Return statements that find the worst error of a step, and the change at its end."""
+def taken_over(
+    text: TransientBuilder, tableaux: tuple[Pair, ...], stages: Sequence[ir.Statement]
+) -> Attempt:
+    """Return a step of these stages, with its judgement: the worst error, the change at its end."""
     last, body = rates_of(tableaux[0].stages - 1), list[ir.Statement]()
     for layer, tableau in enumerate(tableaux):
         at = text.at(layer)
-        left_out = ir.total([ir.size(H * _combination(d, at)) for d in tableau.truncation])
-        error = H * _combination(tableau.error, at)
+        left_out = ir.total([ir.size(H * combination(d, at)) for d in tableau.truncation])
+        error = H * combination(tableau.error, at)
         body.append(ir.block(*judged(text, at, error, left_out, last)))
-    return [ir.sweep(ir.CELL, text.cells, body)]
+    return Attempt(stages, [ir.sweep(ir.CELL, text.cells, body)], advance(text, last))

@@ -11,13 +11,13 @@ import numpy as np
 from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
-from cnnum.engines.opencl.transients.runge_kutta_steps import judge, rates_of
+from cnnum.engines.opencl.transients.runge_kutta_steps import taken_over
 from cnnum.engines.opencl.transients.state_equation import RATE, Instant, outputs, rates
-from cnnum.engines.opencl.transients.step_control import TIME, XS, Attempt, H, advance
+from cnnum.engines.opencl.transients.step_control import TIME, XS, Attempt, H, rates_of
 from cnnum.integrators.choice import AdaptiveSteps
 from cnnum.integrators.tableau import Pair
 
-LATER_RATES, STAGE = ir.Name("later"), ir.Name("stage")
+LATER_RATES, STAGE = ir.names("later stage")
 """The rates of all stages but the first, one after the other; the stage at hand."""
 
 
@@ -34,17 +34,13 @@ def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
     text.array(XS, n)
     names = [f"*const k{stage} = later + {(stage - 1) * n}" for stage in range(1, stages)]
     text.body.append(ir.Verbatim((f"__private real {', '.join(names)};",)))
-    with text.aside() as stage:
-        _stage(text, tableaux)
+    once = "__attribute__((opencl_unroll_hint(1)))"
     body: list[ir.Statement] = [
         # rates that a refused step left may be infinite, and are multiplied by 0
         ir.sweep(ir.CELL, (stages - 1) * n, [ir.Assign(LATER_RATES[ir.CELL], ir.ZERO)]),
-        ir.Counted(
-            STAGE, 1, stages, None, tuple(stage), hint="__attribute__((opencl_unroll_hint(1)))"
-        ),
+        ir.Counted(STAGE, 1, stages, None, tuple(text.aside(_stage, tableaux)), hint=once),
     ]
-    taken = advance(text, rates_of(stages - 1))
-    return Attempt(body, judge(text, tableaux), taken)
+    return taken_over(text, tableaux, body)
 
 
 def _stage(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> None:
@@ -63,8 +59,8 @@ def _stage(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> None:
         terms = [weight * rates_of(m)[place] for m, weight in enumerate(weights)]
         states.append(X[place] + H * ir.total(terms))
     outputs(text, states, keep=XS)
-    times = np.array([float(sum(row)) for row in tableaux[0].a])
     time: ir.Expression = ir.ZERO
+    times = np.array([float(sum(row)) for row in tableaux[0].a])
     if text.template.gains:
         time = TIME + text.tables.constant(times, STAGE) * H
 

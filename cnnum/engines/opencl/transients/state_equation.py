@@ -3,8 +3,6 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import drive_of
@@ -13,13 +11,22 @@ from cnnum.graph.parts import has_feedback
 from cnnum.templating.network import taps
 from cnnum.templating.reads import delays_outputs, moving_inputs, reads_states
 
-Y, PADDED_STATES, DELAYED = ir.Name("y"), ir.Name("xp"), ir.Name("yd")
+Y, PADDED_STATES, DELAYED = ir.names("y xp yd")
 """Padded outputs, states, and outputs a delay ago."""
 
-RATE, CHANGE, PART = ir.Name("rate"), ir.Name("change"), ir.Name("part")
+RATE, CHANGE, PART = ir.names("rate change part")
 
 Then = Callable[[ir.Expression, int], Sequence[ir.Statement]]
 """Statements on `rate`, by the cell's place among the stacked states and by its layer."""
+
+
+Past = Callable[[ir.Expression], ir.Expression]
+"""The output a delay ago of the cell at a place in stacked order."""
+
+
+def into(array: ir.Name) -> Then:
+    """Return the statements that keep rates in an array of stacked ones."""
+    return lambda at, _: [ir.Assign(array[at], RATE)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,18 +37,12 @@ class Instant:
     ----------
     time : Expression
         Time since the start.
-    past : callable or None
-        The output a delay ago of the cell at a place in stacked order; None where the template
-        has no delayed A.
+    past : Past or None
+        None where the template has no delayed A.
     """
 
     time: ir.Expression = ir.ZERO
-    past: Callable[[ir.Expression], ir.Expression] | None = None
-
-    def before(self, place: ir.Expression) -> ir.Expression:
-        """Return the output a delay ago."""
-        assert self.past is not None
-        return self.past(place)
+    past: Past | None = None
 
 
 def declare_outputs(text: TransientBuilder) -> None:
@@ -52,9 +53,8 @@ def declare_outputs(text: TransientBuilder) -> None:
     for name in names:
         text.array(name, text.layers * text.padded)
         if boundary.constant is not None:
-            state = np.asarray(boundary.constant)
-            value = state if name == PADDED_STATES else text.template.output.numpy(state)
-            text.fill_rims(name, text.layers, boundary, float(value))
+            value = boundary.constant if name == PADDED_STATES else text.rim_output()
+            text.fill_rims(name, text.layers, boundary, value)
 
 
 def outputs(
@@ -63,7 +63,9 @@ def outputs(
     """Append y = f(state), the state given by one expression a layer; keep it in an array."""
     template, body = text.template, list[ir.Statement]()
     for layer, expression in enumerate(state):
-        inner: list[ir.Statement] = [ir.declare(NOW, expression), *_limits(text)]
+        inner: list[ir.Statement] = [ir.declare(NOW, expression)]
+        if template.output.limited:
+            inner.append(ir.Assign(NOW, ir.clip(NOW)))
         if keep is not None:
             inner.append(ir.Assign(keep[text.at(layer)], NOW))
         if reads_states(text.template):
@@ -77,14 +79,10 @@ def outputs(
             text.fill_rims(PADDED_STATES, text.layers, template.boundary, None)
 
 
-def _limits(text: TransientBuilder) -> list[ir.Statement]:
-    return [ir.Assign(NOW, ir.clip(NOW))] if text.template.output.limited else []
-
-
 def rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) -> None:
     """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it."""
     _delayed_outputs(text, instant)
-    _gains(text, instant)
+    text.body += gains(text, instant.time)
     text.over_grid(_rate_lines(text, state, then, lambda layer: _couplings(text, layer)))
 
 
@@ -93,17 +91,13 @@ def rates_once(text: TransientBuilder, state: ir.Name, then: Then, instant: Inst
 
     The statements of `then` may not change values that other cells see.
     """
-    if _sees(text):
+    # couplings see anything that changes, or any input
+    if has_feedback(text.template) or moving_inputs(text.template):
         outputs(text, text.each(state))
         rates(text, state, then, instant)
     else:
-        _gains(text, instant)
+        text.body += gains(text, instant.time)
         text.over_cells(_rate_lines(text, state, then, lambda _: []))
-
-
-def _sees(text: TransientBuilder) -> bool:
-    """Return whether couplings see anything that changes, or any input."""
-    return has_feedback(text.template) or bool(moving_inputs(text.template))
 
 
 def _rate_lines(
@@ -123,9 +117,7 @@ def _rate_lines(
             inwards = ir.pick(now * RATE > ir.ZERO, ir.ZERO, RATE)
             body.append(ir.Assign(RATE, ir.pick(ir.size(now) >= ir.ONE, inwards, RATE)))
         if text.operands.mask is not None:
-            body.append(
-                ir.Assign(RATE, ir.pick(text.operands.mask.differs(ir.ZERO), ir.ZERO, RATE))
-            )
+            body.append(ir.Assign(RATE, text.unless_held(RATE, ir.ZERO)))
         body += then(text.at(layer), layer)
     return body
 
@@ -146,19 +138,11 @@ def _couplings(text: TransientBuilder, layer: int) -> list[ir.Statement]:
     return lines
 
 
-def _gains(text: TransientBuilder, instant: Instant) -> None:
-    text.body += gains(text, instant.time)
-
-
 def _delayed_outputs(text: TransientBuilder, instant: Instant) -> None:
-    if not delays_outputs(text.template):
+    if instant.past is None or not delays_outputs(text.template):
         return
-    text.over_grid(
-        [
-            ir.Assign(DELAYED[text.padded_at(layer)], instant.before(text.at(layer)))
-            for layer in range(text.layers)
-        ]
-    )
+    past = [instant.past(text.at(layer)) for layer in range(text.layers)]
+    text.over_grid([ir.Assign(DELAYED[text.padded_at(m)], output) for m, output in enumerate(past)])
     if text.template.boundary.constant is None:
         text.fill_rims(DELAYED, text.layers, text.template.boundary, None)
 

@@ -1,7 +1,8 @@
 """Steps that may be refused: their length and their error, by the figures of each attempt."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -9,28 +10,26 @@ from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import UNFINISHED
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.initial_state import X
-from cnnum.engines.opencl.transients.state_equation import CHANGE
+from cnnum.engines.opencl.transients.state_equation import CHANGE, Instant, into, rates_once
 from cnnum.integrators.estimate import LOST, ROUNDINGS, SMALLEST_RATE, error_growth
 from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
 
 LARGEST_EXPONENT = 80.0
 """e to this is a number of single precision."""
 
-K0, XS = ir.Name("k0"), ir.Name("xs")
+K0, XS = ir.names("k0 xs")
 """The rates at a step's start, and the states at its stages, in the end at its end."""
 
-H, TIME, STEPS, SETTLED = ir.Name("h"), ir.Name("time"), ir.Name("steps"), ir.Name("settled")
+H, TIME, STEPS, SETTLED = ir.names("h time steps settled")
 STILL = ir.Name("still")
 """Steps in a row in which nothing changed."""
 
-ERROR, RUNNING, ACCEPT = ir.Name("error"), ir.Name("running"), ir.Name("accept")
-WORST, ADDED, SPEED = ir.Name("worst"), ir.Name("added"), ir.Name("speed")
+ERROR, RUNNING, ACCEPT = ir.names("error running accept")
+WORST, ADDED, SPEED = ir.names("worst added speed")
 """Of an attempt: its error over the tolerance, its part of the error, the largest rate."""
 
-SPEED_BEFORE, BEHIND, AHEAD, REACHED = (
-    ir.Name("speed_before"), ir.Name("behind"), ir.Name("ahead"), ir.Name("reached"),
-)  # fmt: skip
-FASTER, GROWN, E = ir.Name("faster"), ir.Name("grown"), ir.Name("e")
+SPEED_BEFORE, BEHIND, AHEAD, REACHED = ir.names("speed_before behind ahead reached")
+FASTER, GROWN, E = ir.names("faster grown e")
 
 Figures = dict[str, ir.Expression]
 """Of a run: time, steps, settled, error."""
@@ -60,16 +59,26 @@ class Attempt:
     end: Sequence[ir.Statement] = ()
 
 
+Controlled = AdaptiveSteps | ChebyshevSteps
+
+
+def rates_of(stage: int) -> ir.Name:
+    """Return the array of a stage's rates."""
+    return ir.Name(f"k{stage}")
+
+
 def controlled(
     text: TransientBuilder,
-    scheme: AdaptiveSteps | ChebyshevSteps,
-    attempt: Attempt,
-    first_rates: Sequence[ir.Statement],
+    scheme: Controlled,
+    attempts: Callable[[TransientBuilder, Any], Attempt],
 ) -> Figures:
-    """Append the steps of attempts, and return the figures of the run.
+    """Append steps that follow the error estimate, and return the figures of the run.
 
-    A pair's steps carry the part of the time that rounding leaves out. `first_rates` set `k0`.
+    A pair's steps carry the part of the time that rounding leaves out.
     """
+    text.array(K0, text.states)
+    attempt = attempts(text, scheme)
+    first_rates = text.aside(rates_once, X, into(K0), Instant(TIME))
     pair, longest = isinstance(scheme, AdaptiveSteps), ir.Number(scheme.control.longest)
     duration = ir.Number(text.solver.duration)
     zeros = [TIME, STEPS, SETTLED, ERROR]
@@ -142,7 +151,7 @@ def _followed(text: TransientBuilder) -> list[ir.Statement]:
     ]
 
 
-def _next(scheme: AdaptiveSteps | ChebyshevSteps, duration: ir.Expression) -> list[ir.Statement]:
+def _next(scheme: Controlled, duration: ir.Expression) -> list[ir.Statement]:
     """Return statements that set the length of the next step, and whether there is one."""
     rests = (ACCEPT * ir.Number(float(scheme.settle))).differs(ir.ZERO) & (CHANGE <= ir.ONE)
     ends = (TIME >= duration * ir.Number(1.0 - 1e-6)) | SETTLED.differs(ir.ZERO)

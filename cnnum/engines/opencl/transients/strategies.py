@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.strip_adaptive import pair_attempts
+from cnnum.engines.opencl.large_arrays.strip_adaptive import chebyshev_attempts, pair_attempts
 from cnnum.engines.opencl.large_arrays.strip_steps import (
     state_strips,
     states_suffice,
@@ -13,13 +13,13 @@ from cnnum.engines.opencl.large_arrays.strip_steps import (
     strips_fit,
 )
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.chebyshev_steps import chebyshev, chebyshev_in_strips
+from cnnum.engines.opencl.transients.chebyshev_steps import chebyshev_sweeps
 from cnnum.engines.opencl.transients.closed_form import exact
 from cnnum.engines.opencl.transients.euler_in_registers import fits_rows, row_steps
 from cnnum.engines.opencl.transients.feedforward import drive
 from cnnum.engines.opencl.transients.fused_euler import fused_euler, fuses
 from cnnum.engines.opencl.transients.initial_state import X, start
-from cnnum.engines.opencl.transients.runge_kutta_steps import adaptive, fixed_steps
+from cnnum.engines.opencl.transients.runge_kutta_steps import fixed_steps, sweeps
 from cnnum.engines.opencl.transients.stage_loop import rolled, rolls
 from cnnum.engines.opencl.transients.state_equation import (
     CHANGE,
@@ -28,7 +28,7 @@ from cnnum.engines.opencl.transients.state_equation import (
     rates_once,
     watch_change,
 )
-from cnnum.engines.opencl.transients.step_control import Figures
+from cnnum.engines.opencl.transients.step_control import Attempt, Figures, controlled
 from cnnum.engines.opencl.transients.uncoupled_cells import separate
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.propagator import Decay, Propagator
@@ -36,10 +36,11 @@ from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
 
+Lower = Callable[[TransientBuilder, Any], Figures]
+"""Appends the statements of a scheme, from and to the states `x`, and returns the figures."""
 
-def _always(text: TransientBuilder, scheme: Any) -> bool:
-    del text, scheme
-    return True
+Fits = Callable[[TransientBuilder, Any], bool]
+"""Whether a scheme can run so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +54,8 @@ class Strategy:
         Why it is taken where it fits.
     schemes : tuple of type
         The schemes that a solver may ask for.
-    lower : callable
-        Appends the statements of a scheme, from and to the states `x`, and returns the figures.
-    fits : callable
-        Whether a scheme of these can run so.
+    lower : Lower
+    fits : Fits
     own_weights : bool
         Whether frames can have weights of their own.
     starts : bool
@@ -68,12 +67,20 @@ class Strategy:
     name: str
     reason: str
     schemes: tuple[type, ...]
-    lower: Callable[[TransientBuilder, Any], Figures]
-    fits: Callable[[TransientBuilder, Any], bool] = _always
+    lower: Lower
+    fits: Fits = lambda text, scheme: True
     starts: bool = True
     own_weights: bool = False
     pads: bool = True
 
+
+def _followed(attempts: Callable[[TransientBuilder, Any], Attempt]) -> Lower:
+    """Return the lowering of steps that may be refused."""
+    return lambda text, scheme: controlled(text, scheme, attempts)
+
+
+STAGES_STAY = "all stages of a few rows stay in the cache"
+LAST = "every scheme runs so"
 
 STRATEGIES = (
     Strategy(
@@ -96,7 +103,7 @@ STRATEGIES = (
         "strips of states",
         "an output costs less to make again than to keep",
         (FixedSteps,),
-        lambda text, scheme: state_strips(text, scheme),
+        state_strips,
         lambda text, scheme: strips_fit(text, scheme) and states_suffice(text, scheme),
         pads=False,
     ),
@@ -104,30 +111,18 @@ STRATEGIES = (
         "strips",
         "several steps of a few rows stay in the cache",
         (FixedSteps,),
-        lambda text, scheme: strip_steps(text, scheme),
-        lambda text, scheme: strips_fit(text, scheme),
+        strip_steps,
+        strips_fit,
         pads=False,
     ),
-    Strategy(
-        "strips",
-        "all stages of a few rows stay in the cache",
-        (ChebyshevSteps,),
-        chebyshev_in_strips,
-        lambda text, scheme: strips_fit(text, scheme),
-    ),
-    Strategy(
-        "strips",
-        "all stages of a few rows stay in the cache",
-        (AdaptiveSteps,),
-        lambda text, scheme: adaptive(text, scheme, pair_attempts),
-        lambda text, scheme: strips_fit(text, scheme),
-    ),
+    Strategy("strips", STAGES_STAY, (ChebyshevSteps,), _followed(chebyshev_attempts), strips_fit),
+    Strategy("strips", STAGES_STAY, (AdaptiveSteps,), _followed(pair_attempts), strips_fit),
     Strategy(
         "rows in registers",
         "a row of a single frame fits a vector, and all rows fit the registers",
         (FixedSteps,),
         row_steps,
-        lambda text, scheme: fuses(text, scheme) and fits_rows(text, scheme),
+        lambda text, scheme: fuses(text, scheme) and fits_rows(text),
     ),
     Strategy(
         "fused sweeps",
@@ -141,12 +136,12 @@ STRATEGIES = (
         "rolled stages",
         "a loop over the stages of a single small frame is built quickly",
         (AdaptiveSteps,),
-        lambda text, scheme: adaptive(text, scheme, rolled),
+        _followed(rolled),
         lambda text, _: rolls(text),
     ),
-    Strategy("sweeps", "every scheme runs so", (FixedSteps,), fixed_steps, own_weights=True),
-    Strategy("sweeps", "every scheme runs so", (ChebyshevSteps,), chebyshev),
-    Strategy("sweeps", "every scheme runs so", (AdaptiveSteps,), adaptive, own_weights=True),
+    Strategy("sweeps", LAST, (FixedSteps,), fixed_steps, own_weights=True),
+    Strategy("sweeps", LAST, (ChebyshevSteps,), _followed(chebyshev_sweeps)),
+    Strategy("sweeps", LAST, (AdaptiveSteps,), _followed(sweeps), own_weights=True),
 )
 
 

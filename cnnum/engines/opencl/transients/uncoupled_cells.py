@@ -13,17 +13,13 @@ from cnnum.engines.opencl.transients.initial_state import X, start_of
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.separate import STEEPEST, Separate, growth, moved, roundings
 
-FROM, TO, DRIVE, S, E, EDGE, AWAY = (
-    ir.Name(name) for name in ("from", "to", "drive", "s", "e", "edge", "away")
-)
+FROM, TO, DRIVE, S, E, EDGE, AWAY = ir.names("from to drive s e edge away")
 """Start and end; the piece, where it pulls, when a cell leaves it, and whether it never does."""
 
-G, B, AT_B, CROSSES, OVER, BETWEEN, LEFT, ENDS = (
-    ir.Name(name) for name in ("g", "b", "at_b", "crosses", "over", "between", "left", "ends")
-)
+G, B, AT_B, CROSSES, OVER, BETWEEN, LEFT, ENDS = ir.names("g b at_b crosses over between left ends")
 """In the middle piece: its rate and the edge ahead, the rate there, whether and how it leaves."""
 
-SEEN, AFTER, GROWN, SIZES = (ir.Name(name) for name in ("seen", "after", "grown", "sizes"))
+SEEN, AFTER, GROWN, SIZES = ir.names("seen after grown sizes")
 
 
 def separate(text: TransientBuilder, scheme: Separate) -> Figures:
@@ -39,9 +35,7 @@ def _cell(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.State
     own, time = float(scheme.own[layer]), float(scheme.time[layer])
     a, slope, d = ir.Number(own), ir.Number(own - 1.0), ir.Number(math.exp(-time))
     inside = ir.pick(CROSSES.differs(ir.ZERO), OVER, BETWEEN)
-    to: ir.Expression = ir.pick(AWAY.differs(ir.ZERO), E + d * (FROM - E), inside)
-    if text.operands.mask is not None:
-        to = ir.pick(text.operands.mask.differs(ir.ZERO), FROM, to)
+    to = text.unless_held(ir.pick(AWAY.differs(ir.ZERO), E + d * (FROM - E), inside), FROM)
     begun = ((FROM, start_of(text, layer)), (DRIVE, drive_of(text, layer)))
     return [
         ir.Declare("real", begun, fixed=True),
