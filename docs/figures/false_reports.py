@@ -1,7 +1,7 @@
 """False reports of `slip` and `twist` by their level: `python docs/figures/false_reports.py`.
 
 It plays the families of `cnnum score` without slip, but for rolling, and counts reports by level.
-`templates/tactile/shared/false_reports.py` has the bounds that came out.
+`LEVELS` of `templates/tactile/slip.py` and `twist.py` are the bounds that came out.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from cnnum.lab.scoring.judged_programs import in_batches, reports, side_by_side
 from cnnum.lab.scoring.measures import per_ten_minutes
 from cnnum.lab.scoring.trial import runs
 from cnnum.programs.library import get_program
-from cnnum.templates.tactile.shared.false_reports import TWIST
+from cnnum.templates.tactile.twist import LEVELS as TWIST
 
 LEVELS = (0.20, 0.25, 0.28, 0.32, 0.36, 0.40, 0.45, 0.50, 0.55, 0.60)
 

@@ -38,7 +38,7 @@ from cnnum.programs import program
 from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.templates.tactile.shared.recent_loads import RecentLoads
-from cnnum.templates.tactile.slip import ALONG, LIES, STICKS, read_outs, trend
+from cnnum.templates.tactile.slip import ALONG, LIES, STICKS, read_outs
 from cnnum.templates.tactile.twist import read_outs as turns_of
 
 READS = ("moves", "loosens", "grows", "along", "lies", "sticks", "trend", "jolt", "ratio")
@@ -75,10 +75,12 @@ def shows(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=0.4, look=0.08,
         floor=240.0,
     )  # fmt: skip
-    more = {"trend": abs(trend(recent, 0.35)), "jolt": recent.jolt, "ratio": recent.ratio}
-    turns = turns_of(frame, recent=recent, still=0.25)
-    more |= {"turned": abs(turns["turned"]), "apart": turns["apart"]}
-    return recent.shown(**read_outs(frame, recent=recent), **more)
+    signs, turns = (
+        read_outs(frame, recent=recent, load=0.35),
+        turns_of(frame, recent=recent, still=0.25),
+    )
+    signs |= {"trend": abs(signs["trend"]), "jolt": recent.jolt, "ratio": recent.ratio}
+    return recent.shown(**signs, turned=abs(turns["turned"]), apart=turns["apart"])
 
 
 def strength(reads: Answers, logs: Floats, axes: bool) -> Floats:

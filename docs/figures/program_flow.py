@@ -128,7 +128,8 @@ def slip_flow() -> tuple[Traced, list[Drawn]]:
     """Return the boxes of `slip`."""
     traced = Traced.of(slip_file.slip)
     recent, (pad,) = traced.recent, traced.recent.pads
-    made = recent.frame.once(slip_file.read_outs, recent=recent)
+    load = inspect.signature(slip_file.slip.function).parameters["load"].default
+    made = recent.frame.once(slip_file.read_outs, recent=recent, load=load)
     shows = {name: [field.node] for name, field in made.items()}
     changes = [*nodes_of([recent.jolt]), *traced.memory("trend")]
     return traced, [

@@ -7,7 +7,7 @@ from cnnum.programs.fields import Field, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.several import length
 from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
-from cnnum.templates.tactile.shared.loads import PUSH, Loads, loads_of
+from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 from cnnum.templates.tactile.shared.pressure import Carries, pressed_of
 
 SHARE = 0.1
@@ -64,27 +64,8 @@ def contact(
     UnknownNameError
         If `reads` is unknown.
     """
-    return contact_of(
-        loads_of(frame, push),
-        share=share,
-        depth=depth,
-        reads=reads,
-        normal_gain=normal_gain,
-        unit=unit,
-    )
-
-
-def contact_of(
-    loads: Loads,
-    *,
-    share: float = SHARE,
-    depth: float = DEPTH,
-    reads: Carries = READS,
-    normal_gain: float = 1.0,
-    unit: float = 1.0,
-) -> Mapping[str, Field]:
-    """Return the outputs of `contact` from the fields shared with other programs."""
-    frame, load = loads.frame, pressed_of(loads, share, depth, reads, normal_gain)
+    loads = frame.once(loads_of, push=push)
+    load = pressed_of(loads, share, depth, reads, normal_gain)
     whole = load.weight.sum()
     row, column = (frame.memory(f"{name} while touched", scalar=True) for name in ("row", "column"))
     touches = load.touched.any()

@@ -107,14 +107,8 @@ def edges(
     UnknownNameError
         If `reads` is unknown.
     """
-    return edges_of(loads_of(frame, push), depth=depth, reads=reads, sharp=sharp)
-
-
-def edges_of(
-    loads: Loads, *, depth: float = DEPTH, reads: Reads = READS, sharp: float = SHARP
-) -> Mapping[str, Field]:
-    """Return the outputs of `edges` from the fields shared with other programs."""
-    frame, noise = loads.frame, sqrt(loads.normal_noise)
+    loads = frame.once(loads_of, push=push)
+    noise = sqrt(loads.normal_noise)
     load = surface_load(_whole(loads), depth, reads)
     peak = load.max()
     surround = apply(get_template("tactile_diffusion"), input=load, duration=SPREAD)

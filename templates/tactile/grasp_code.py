@@ -65,7 +65,7 @@ def grasp_code(
     ProgramError
         If the frame cannot be divided into two fingers of 2×2 quarters.
     """
-    loads, quarters = loads_of(frame, push), blocks(frame, 2, 4)
+    loads, quarters = frame.once(loads_of, push=push), blocks(frame, 2, 4)
     taxels = [quarters[4 * row + 2 * finger + column] for finger, row, column in PLACES]
     sums = [[taxel.total(shear) for shear in (loads.shear_x, loads.shear_y)] for taxel in taxels]
     bits = [[component > 0.0 for component in pair] for pair in sums]

@@ -5,14 +5,14 @@ from typing import get_args
 
 import numpy as np
 
-from cnnum.errors import ProgramError, name_error
+from cnnum.errors import name_error
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.transients import transient
 from cnnum.tactile.bump_loads import Taxels, bump_inverse
-from cnnum.templates.tactile.shared.loads import LIFT, PUSH, Loads, loads_of
+from cnnum.templates.tactile.shared.loads import LIFT, PUSH, loads_of
 from cnnum.templates.tactile.shared.patches import patches_of
 from cnnum.templating.template import Template
 
@@ -78,33 +78,14 @@ def localize(
         bump_spacing=(bump_spacing, 1e-6, 1e6),
         unit=(unit, 1e-30, 1e30),
     )
-    return localize_of(
-        loads_of(frame, push),
-        taxels=taxels,
-        spacing=(bump_pitch, bump_depth, bump_spacing),
-        share=share,
-        unit=unit,
-    )
-
-
-def localize_of(
-    loads: Loads,
-    *,
-    taxels: Taxels = "strain",
-    spacing: tuple[float, float, float] = (PITCH, DEPTH, SPACING),
-    share: float = SHARE,
-    unit: float = 1.0,
-) -> Mapping[str, Field]:
-    """Return the outputs of `localize` from the fields shared with other programs."""
-    if not unit > 0.0:
-        raise ProgramError(f"'unit' must be above 0, got {unit}.")
-    alone = unmix(taxels, *spacing)
+    loads = frame.once(loads_of, push=push)
+    alone = unmix(taxels, bump_pitch, bump_depth, bump_spacing)
     own = transient(alone, input=[loads.shear_x, loads.shear_y, loads.normal]).outputs
     x, y, normal = (unit * part for part in own)
     gain = unit * np.sqrt((alone.B[2, 2] ** 2).sum())
     noise = float(gain) * sqrt(loads.normal_noise)
     touched = loads.contact & (normal > maximum(share * normal.max(), LIFT * noise))
-    patches = patches_of(loads.frame, touched, normal)
+    patches = patches_of(frame, touched, normal)
     return {
         "bump_contact": touched,
         "bump_count": touched.count(),

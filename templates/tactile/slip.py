@@ -20,9 +20,9 @@ from cnnum.programs.blocks import root_sum
 from cnnum.programs.fields import Field, maximum, minimum, sqrt, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
+from cnnum.programs.reports import level_of, report
 from cnnum.programs.several import length, mean, most
 from cnnum.programs.transients import apply, transient
-from cnnum.templates.tactile.shared.false_reports import SLIP, level_of
 from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads
 from cnnum.templating.library import get_template
 
@@ -33,6 +33,12 @@ TOUCHED, STICKS = 0.1, 0.5  # load of a cell in contact, over the largest; share
 ALONG = 0.75  # weight of a motion over 1 plus its cosine to the shear: 1 at a third
 WAVE = RunSpec(method="euler")  # of a time constant: no cell turns back, so the picture is the same
 LIES = 0.3  # cosine of the shear's map to the load's, from which a shear can be that of a slip
+LEVELS = (
+    (0.5, 0.60), (1.2, 0.50), (2.0, 0.40), (3.2, 0.36), (4.7, 0.32), (5.9, 0.28), (6.4, 0.25),
+    (11.6, 0.20),
+)  # fmt: skip
+"""False reports in ten minutes, and the level of the strength that leads to them: upper bounds
+(90 %) from simulated hands without slip or rolling (`docs/figures/false_reports.py`)."""
 
 
 @program
@@ -88,29 +94,34 @@ def slip(
         RecentLoads, push=push, shear_gain=shear_gain, pads=pads, rate=rate, rest=rest, look=look,
         floor=floor,
     )  # fmt: skip
-    shows = frame.once(read_outs, recent=recent)
+    shows = frame.once(read_outs, recent=recent, load=load)
+    _, x, y = most([(pad.ratio * pad.load, pad.x, pad.y) for pad in recent.pads])
     # decision
-    explained = abs(trend(recent, load)) + swing * recent.jolt + pull * shows["grows"]
+    explained = abs(shows["trend"]) + swing * recent.jolt + pull * shows["grows"]
     strength = (shows["moves"] * shows["moves"] * shows["loosens"]) ** (1 / 3) * recent.ratio
     strength = where(shows["sticks"] < STICKS, strength / (still + explained), 0.0)
-    strength = strength * weight(shows["along"], shows["lies"]) if axes else strength
-    _, x, y = most([(pad.ratio * pad.load, pad.x, pad.y) for pad in recent.pads])
-    return {
-        "gross_slip": recent.latch(strength, level_of(false_reports, SLIP), hold_time),
-        **recent.shown(slip_x=x, slip_y=y, slip_strength=strength),
-    }
+    if axes:  # an object slides along its shear, which is μ times the load
+        counts = ALONG * maximum(1.0 + shows["along"], 0.0)
+        strength = strength * (counts * counts * minimum(maximum(shows["lies"], 0.0) / LIES, 1.0))
+    shown = recent.shown(slip_x=x, slip_y=y, slip_strength=strength)
+    level, frames = level_of(false_reports, LEVELS), hold_time * rate
+    return {"gross_slip": report(frame, shown["slip_strength"], level, frames), **shown}
 
 
-def read_outs(_: FrameFields, *, recent: RecentLoads) -> dict[str, Field]:
-    """Return the signs of slip, means over the pads."""
+def read_outs(frame: FrameFields, *, recent: RecentLoads, load: float) -> dict[str, Field]:
+    """Return the signs of slip, means over the pads, and the load's trend, 1/s."""
     # templates: the change of the shear, its local mean, and the region that sticks
     changes = [recent.per_s * (s - o) for s, o in zip(recent.shear, recent.old_shear, strict=True)]
     spreads = get_template("tactile_diffusion")
     around = [apply(spreads, input=each, duration=SPREAD) for each in changes]
     rests = [each - local for each, local in zip(changes, around, strict=True)]
     stick = stick_region(recent, rests, around)
-    shows = [_of_pad(recent, pad, rests, stick) for pad in recent.pads]
-    return {name: mean([each[name] for each in shows]) for name in shows[0]}
+    # read-outs
+    pads = [_of_pad(recent, pad, rests, stick) for pad in recent.pads]
+    growth = recent.rate * (recent.load - frame.previous(recent.load)) / recent.load
+    growth, share = where(recent.resting, 0.0, growth), 1.0 - exp(-1.0 / (recent.rate * load))
+    trend = frame.memory("trend", scalar=True).mean(growth, share)
+    return {"trend": trend, **{name: mean([each[name] for each in pads]) for name in pads[0]}}
 
 
 def stick_region(recent: RecentLoads, rests: list[Field], around: list[Field]) -> Field:
@@ -149,19 +160,3 @@ def _of_pad(recent: RecentLoads, pad: Pad, rests: list[Field], stick: Field) -> 
         "along": along / (moves * root_sum(pad.inner, [right, down])),
         "lies": pad.total(recent.z * shear) / (sqrt(pad.power) * root_sum(pad.total, [shear])),
     }
-
-
-def weight(along: Field, lies: Field) -> Field:
-    """Return the weight of a motion: an object slides along its shear, which is μ times the load.
-
-    Parameters are the cosines of the motion to the shear, and of the shear's map to the load's.
-    """
-    counts = ALONG * maximum(1.0 + along, 0.0)
-    return counts * counts * minimum(maximum(lies, 0.0) / LIES, 1.0)
-
-
-def trend(recent: RecentLoads, time: float) -> Field:
-    """Return the relative growth of the load, 1/s, as remembered over a time."""
-    memory, before = recent.frame.memory("trend", scalar=True), recent.frame.previous(recent.load)
-    growth = where(recent.resting, 0.0, recent.rate * (recent.load - before) / recent.load)
-    return memory.mean(growth, 1.0 - exp(-1.0 / (recent.rate * time)))

@@ -7,11 +7,11 @@ from cnnum.programs.fields import Field
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.tactile.indenters import Reads
-from cnnum.templates.tactile.contact import contact_of
+from cnnum.templates.tactile.contact import contact
 from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
-from cnnum.templates.tactile.edges import edges_of
-from cnnum.templates.tactile.localize import localize_of
-from cnnum.templates.tactile.shared.loads import PUSH, loads_of
+from cnnum.templates.tactile.edges import edges
+from cnnum.templates.tactile.localize import localize
+from cnnum.templates.tactile.shared.loads import PUSH
 from cnnum.templates.tactile.slip import slip
 from cnnum.templates.tactile.twist import twist
 
@@ -48,12 +48,12 @@ def tactile(
         All outputs of `contact`, `slip`, `twist`, `edges` and `localize`.
     """
     refuse_outside(depth=(depth, 1e-6, 1e6))
-    loads = loads_of(frame, push)
-    skin = {"push": push, "rate": rate, "rest": rest}
+    cover = {"push": push, "depth": depth, "reads": reads}
+    times = {"push": push, "rate": rate, "rest": rest}
     return {
-        **contact_of(loads, depth=depth, reads=reads, unit=unit),
-        **slip.bind(**skin, false_reports=slip_false_reports)(frame),
-        **twist.bind(**skin, false_reports=twist_false_reports)(frame),
-        **edges_of(loads, depth=depth, reads=reads),
-        **localize_of(loads),
+        **contact.bind(**cover, unit=unit)(frame),
+        **slip.bind(**times, false_reports=slip_false_reports)(frame),
+        **twist.bind(**times, false_reports=twist_false_reports)(frame),
+        **edges.bind(**cover)(frame),
+        **localize.bind(push=push)(frame),
     }

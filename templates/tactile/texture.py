@@ -60,7 +60,7 @@ def texture(
             f"'window' must be 1 frame or more and 'ratio' above 0, got {window} and {ratio}."
         )
     refuse_outside(window=(window, 1, 10_000), ratio=(ratio, 1e-30, 1e30))
-    loads = loads_of(frame, push)
+    loads = frame.once(loads_of, push=push)
     rubbed = loads.contact & (loads.normal > CLEAR * sqrt(loads.normal_noise))
     shear = length([loads.shear_x, loads.shear_y])
     now = where(rubbed, shear / (ratio * loads.normal), 0.0)

@@ -10,13 +10,15 @@ from collections.abc import Mapping
 from cnnum.programs import program
 from cnnum.programs.fields import Field, where
 from cnnum.programs.machine import FrameFields
+from cnnum.programs.reports import level_of, report
 from cnnum.programs.several import most
 from cnnum.programs.transients import apply
-from cnnum.templates.tactile.shared.false_reports import TWIST, level_of
 from cnnum.templates.tactile.shared.recent_loads import Pad, RecentLoads
 from cnnum.templating.library import get_template
 
 APART = 0.2  # curl at least, over the divergence, beyond the ratio of shear to normal load
+LEVELS = ((0.3, 0.1), (0.5, 0.03), (0.7, 0.02), (5.0, 0.01))
+"""As in `slip`."""
 
 
 @program
@@ -60,8 +62,9 @@ def twist(
     row, column = ((weight * place).sum() / weight.sum() for place in (frame.row, frame.column))
     # decision
     strength, turned = abs(shows["turned"]), shows["turned"]
-    counts = where(strength > recent.ratio + APART * shows["apart"], strength, 0.0)
-    flag = recent.latch(counts, level_of(false_reports, TWIST), hold_time)
+    counts = ~recent.resting & (strength > recent.ratio + APART * shows["apart"])
+    level, frames = level_of(false_reports, LEVELS), hold_time * rate
+    flag = report(frame, where(counts, strength, 0.0), level, frames)
     return {
         "twist": flag,
         "twist_sense": where(flag, where(turned > 0.0, 1.0, -1.0), 0.0),

@@ -188,33 +188,6 @@ def test_recorded_grasps(fast, run):
     assert len(reports["02-21-17-22-56"]) <= 2
 
 
-def test_a_report_ends_once_its_strength_was_low_for_a_time(fast, run):
-    """Swings of a strength are one report where they come sooner than the time to hold."""
-
-    @program
-    def latched(frame):
-        recent = frame.once(
-            RecentLoads,
-            push=1.0,
-            shear_gain=1.0,
-            pads=1,
-            rate=100.0,
-            rest=0.04,
-            look=0.08,
-            floor=1.0,
-        )
-        return {"on": recent.latch(frame.normal.max(), 1.0, 0.05)}
-
-    high, middle, low = 1.2, 0.7, 0.2
-    strengths = [0, 0, 0, 0, middle, high, *5 * [low], middle, *5 * [low], low, high, *6 * [low]]
-    frames = np.zeros((len(strengths), 2, 2, 3))
-    frames[..., 2] = np.array(strengths)[:, None, None]
-    on = run(fast, latched, frames)["on"]
-    # on at the level only, kept for five low frames and by half the level, off at the sixth
-    expected = [0, 0, 0, 0, 0, 1, *5 * [1], 1, *5 * [1], 0, 1, *5 * [1], 0]
-    assert on.tolist() == expected
-
-
 @program
 def start(frame):
     """The fields that slip and twist start from."""

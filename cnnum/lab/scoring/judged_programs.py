@@ -17,9 +17,8 @@ from cnnum.lab.scoring.measures import latched
 from cnnum.lab.scoring.trial import Flags, Trial
 from cnnum.programs import Program
 from cnnum.programs.library import get_program
-from cnnum.templates.tactile.shared.false_reports import SLIP as SLIP_LEVELS
-from cnnum.templates.tactile.shared.false_reports import level_of
-from cnnum.templates.tactile.shared.recent_loads import HOLD
+from cnnum.programs.reports import HOLD, level_of
+from cnnum.templates.tactile.slip import LEVELS
 
 SLIP, TWIST = "slip", "twist"
 """Programs that report slip and twist."""
@@ -42,7 +41,7 @@ def default(name: str) -> float:
 
 def shipped_level() -> float:
     """Return the level of `slip_strength` from which the shipped program reports slip."""
-    return level_of(default("false_reports"), SLIP_LEVELS)
+    return level_of(default("false_reports"), LEVELS)
 
 
 def reports(strength: Floats, level: float, rate: float) -> Flags:

@@ -75,7 +75,7 @@ def body_fit(
         If the modulus is not positive.
     """
     refuse_outside(modulus=(modulus, 1e-12, 1e15))
-    loads = loads_of(frame, push)
+    loads = frame.once(loads_of, push=push)
     weight = pressed_of(loads, SHARE, depth, reads, 1.0).weight
     load = maximum(weight.sum(), 1e-30)
     row, column = (weight * frame.row).sum() / load, (weight * frame.column).sum() / load

@@ -81,7 +81,7 @@ def mindlin_slip(
         If the friction is not positive.
     """
     refuse_outside(friction=(friction, 1e-6, 1e6))
-    loads = loads_of(frame, push)
+    loads = frame.once(loads_of, push=push)
     pressed = pressed_of(loads, SHARE, depth, reads, 1.0)
     slides = slip.bind(push=push, rate=rate, rest=rest, false_reports=false_reports)(frame)
     gross = slides["gross_slip"]

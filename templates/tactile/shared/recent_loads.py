@@ -1,4 +1,4 @@
-"""Loads above rest, now and a moment ago, and latches, shared by `slip` and `twist`."""
+"""Loads above rest, now and a moment ago, shared by `slip` and `twist`."""
 
 from math import ceil, exp
 from typing import NamedTuple
@@ -12,7 +12,6 @@ from cnnum.programs.transients import apply
 from cnnum.templating.library import get_template
 
 FAST = 0.02  # s, time constant of the smoothing
-HOLD = 0.5  # share of its level below which a report may end
 ROUNDING, LEAST_LOAD = 1e-6, 1e-12  # least noise over the reading at rest; least load, in its unit
 
 
@@ -53,14 +52,6 @@ class RecentLoads:
         self.load, before = mean([p.load for p in self.pads]), mean([p.before for p in self.pads])
         self.ratio = mean([pad.ratio for pad in self.pads])
         self.jolt = self.per_s * abs(self.load - before) / self.load  # 1/s
-
-    def latch(self, value: Field, level: float, hold_time: float) -> Field:
-        """Return a flag, on at a level, and off when below a share of it for longer than a time."""
-        on = self.frame.memory("flag", scalar=True, logic=True)
-        low = self.frame.memory("frames below its level", scalar=True)
-        low.store(where(value > HOLD * level, 0.0, low.value + 1.0))
-        stays = (value > HOLD * level) | (low.value < hold_time * self.rate - 0.5)
-        return on.latch(~self.resting & (value > level), stays)
 
     def shown(self, **outputs: Field) -> dict[str, Field]:
         """Return outputs that are 0 during the rest."""

@@ -1,12 +1,16 @@
-"""The levels of slip and twist, from rates of false reports."""
+"""Levels from rates of false reports, and the flags that they set."""
 
 from itertools import pairwise
 
+import numpy as np
 import pytest
 
 from cnnum.errors import ProgramError
+from cnnum.programs import program
 from cnnum.programs.library import get_program
-from cnnum.templates.tactile.shared.false_reports import SLIP, TWIST, level_of
+from cnnum.programs.reports import level_of, report
+from cnnum.templates.tactile.slip import LEVELS as SLIP
+from cnnum.templates.tactile.twist import LEVELS as TWIST
 
 
 @pytest.mark.parametrize("levels", [SLIP, TWIST])
@@ -30,3 +34,19 @@ def test_a_rate_may_have_a_unit():
     assert dict(slip.bind(false_reports="2 /10min").parameters)["false_reports"] == 2.0
     with pytest.raises(ProgramError, match="false reports in ten minutes"):
         slip.bind(false_reports="2 /day")
+
+
+def test_a_report_ends_once_its_strength_was_low_for_a_time(fast):
+    """Swings of a strength are one report where they come sooner than the time to hold."""
+
+    @program
+    def reported(frame):
+        return {"on": report(frame, frame.normal.max(), 1.0, 5.0)}
+
+    high, middle, low = 1.2, 0.7, 0.2
+    strengths = [0, 0, 0, 0, middle, high, *5 * [low], middle, *5 * [low], low, high, *6 * [low]]
+    stream = fast.compile(reported, (2, 2), channels=("normal",)).stream()
+    on = [float(stream.push(np.full((2, 2), float(strength)))["on"]) for strength in strengths]
+    # on at the level only, kept for five low frames and by half the level, off at the sixth
+    expected = [0, 0, 0, 0, 0, 1, *5 * [1], 1, *5 * [1], 0, 1, *5 * [1], 0]
+    assert on == expected
