@@ -42,6 +42,16 @@ FLUSH = "-cl-denorms-are-zero"
 on Intel's processors steps of float64 between denormals take 20 to 100 times as long."""
 
 
+@contextmanager
+def _finished(queue: cl.CommandQueue) -> Generator[None]:
+    """Wait for the queue after Ctrl-C, so that no memory is freed that a kernel still writes to."""
+    try:
+        yield
+    except BaseException:
+        queue.finish()
+        raise
+
+
 @dataclass(slots=True, eq=False)
 class _Built:
     """A kernel that is the whole plan, or its parts; the program is kept, or Intel's is lost."""
@@ -192,7 +202,28 @@ class OpenCLExecutable:
         assert isinstance(memory, SharedArray)
         refuse_after_fork()
         with self._guarded():
-            return self._run(frames, memory, first=first)
+            batch = frames.shape[0]
+            lanes, queue = self.lanes_for(batch), self.queue_for(batch)
+            built = self._kernel(lanes, alone=queue is self.own)
+            arrays = self._arrays_for(batch, built)
+            if frames.size:
+                # large arrays go channel by channel
+                given = np.moveaxis(frames, -1, 1) if built.text.scratch else frames
+                np.copyto(arrays.input.host.reshape(given.shape), given, casting="same_kind")
+                arrays.input.push(queue)
+            self._bind(built, arrays, memory, batch, first=first)
+            with _finished(queue):
+                if built.kernel is not None:
+                    cl.enqueue_nd_range_kernel(queue, built.kernel, (-(-batch // lanes),), (1,))
+                elif built.parted is not None and arrays.between is not None:
+                    built.parted.run(arrays.scratch, arrays.between, batch)
+                arrays.output.pull(queue)
+            result = arrays.output.host.reshape(batch, -1)
+            refuse_unfinished(result[:, -1])
+            return {
+                name: result[:, at].astype(np.float64).reshape(batch, *shape)
+                for name, (at, shape) in built.text.outputs.items()
+            }
 
     def run_large(
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
@@ -200,7 +231,23 @@ class OpenCLExecutable:
         """Let kernels read and write the host's arrays where the device can, None elsewhere."""
         refuse_after_fork()
         with self._guarded():
-            return self._run_large(maps, lead)
+            if self._text(1).parts is None or not exchanges(self.queue.device):
+                return None
+            built, batch = self._kernel(1, alone=False), math.prod(lead)
+            arrays = self._arrays_for(batch, built)
+            assert built.parted is not None
+            assert arrays.between is not None
+            with _finished(self.queue):
+                if not built.exchange.take(maps, lead, arrays.input):
+                    return None
+                memory = self.new_memory(batch)
+                assert isinstance(memory, SharedArray)
+                self._bind(built, arrays, memory, batch, first=True)
+                built.parted.run(arrays.scratch, arrays.between, batch)
+                text = built.text
+                given = built.exchange.give(arrays.output, text.output_size, text.outputs, batch)
+            refuse_unfinished(arrays.output.host.reshape(batch, -1)[:, -1])
+            return given
 
     @contextmanager
     def _guarded(self) -> Generator[None]:
@@ -210,54 +257,6 @@ class OpenCLExecutable:
                 yield
             except cl.Error as error:
                 raise run_failure(error, self.queue) from error
-
-    def _run(
-        self, frames: NDArray[np.floating], memory: SharedArray, *, first: bool
-    ) -> dict[str, Floats]:
-        batch = frames.shape[0]
-        lanes, queue = self.lanes_for(batch), self.queue_for(batch)
-        built = self._kernel(lanes, alone=queue is self.own)
-        arrays = self._arrays_for(batch, built)
-        if frames.size:
-            # large arrays go channel by channel
-            given = np.moveaxis(frames, -1, 1) if built.text.scratch else frames
-            np.copyto(arrays.input.host.reshape(given.shape), given, casting="same_kind")
-            arrays.input.push(queue)
-        self._bind(built, arrays, memory, batch, first=first)
-        try:
-            if built.kernel is not None:
-                cl.enqueue_nd_range_kernel(queue, built.kernel, (-(-batch // lanes),), (1,))
-            elif built.parted is not None and arrays.between is not None:
-                built.parted.run(arrays.scratch, arrays.between, batch)
-            arrays.output.pull(queue)
-        except BaseException:
-            queue.finish()  # after Ctrl-C no memory is freed that a kernel still writes to
-            raise
-        return self._unpack(built.text, arrays.output.host.reshape(batch, -1))
-
-    def _run_large(
-        self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
-    ) -> tuple[dict[str, Floats], bool] | None:
-        if self._text(1).parts is None or not exchanges(self.queue.device):
-            return None
-        built, batch = self._kernel(1, alone=False), math.prod(lead)
-        assert built.parted is not None
-        arrays, text = self._arrays_for(batch, built), built.text
-        assert arrays.between is not None
-        exchange = built.exchange
-        try:
-            if not exchange.take(maps, lead, arrays.input):
-                return None
-            memory = self.new_memory(batch)
-            assert isinstance(memory, SharedArray)
-            self._bind(built, arrays, memory, batch, first=True)
-            built.parted.run(arrays.scratch, arrays.between, batch)
-            given = exchange.give(arrays.output, text.output_size, text.outputs, batch)
-        except BaseException:
-            self.queue.finish()
-            raise
-        refuse_unfinished(arrays.output.host.reshape(batch, -1)[:, -1])
-        return given
 
     def _bind(
         self, built: _Built, arrays: _Arrays, memory: SharedArray, batch: int, *, first: bool
@@ -274,13 +273,6 @@ class OpenCLExecutable:
         elif built.parted is not None and arrays.between is not None:
             built.parted.bind((*given, arrays.scratch), arrays.between, batch, first=first)
         self._bound = bound
-
-    def _unpack(self, text: KernelSource, result: NDArray[np.floating]) -> dict[str, Floats]:
-        refuse_unfinished(result[:, -1])
-        return {
-            name: result[:, at].astype(np.float64).reshape(len(result), *shape)
-            for name, (at, shape) in text.outputs.items()
-        }
 
     def _text(self, lanes: int) -> KernelSource:
         if lanes not in self._texts:

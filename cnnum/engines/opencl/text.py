@@ -1,7 +1,7 @@
 """Filling kernel texts: real OpenCL C in `kernels/*.cl` with `$names`, filled strictly."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from functools import cache
 from importlib import resources
 from string import Template as Text
@@ -17,27 +17,10 @@ def _kernel_text(name: str) -> Text:
     return Text((resources.files("cnnum.engines.opencl") / "kernels" / f"{name}.cl").read_text())
 
 
-def fill(name: str, **values: object) -> str:
-    """Return the kernel text of that file with its names filled in.
-
-    Raises
-    ------
-    KeyError
-        If a name of the text gets no value.
-    ValueError
-        If a value has no place in the text.
-    """
-    _check_places(name, values)
-    return _kernel_text(name).substitute({key: str(value) for key, value in values.items()})
+Value = str | int | ir.Expression | Sequence[ir.Statement]
 
 
-def _check_places(name: str, values: Mapping[str, object]) -> None:
-    unused = set(values) - set(_kernel_text(name).get_identifiers())
-    if unused:
-        raise ValueError(f"Kernel text '{name}.cl' has no place for {sorted(unused)}.")
-
-
-def filled(name: str, **values: str | int | ir.Expression | Sequence[ir.Statement]) -> ir.Verbatim:
+def filled(name: str, **values: Value) -> ir.Verbatim:
     """Return the kernel text of that file with records in the places of its names.
 
     Raises
@@ -47,9 +30,11 @@ def filled(name: str, **values: str | int | ir.Expression | Sequence[ir.Statemen
     ValueError
         If a value has no place in the text.
     """
-    _check_places(name, values)
+    text, at = _kernel_text(name), 0
+    unused = set(values) - set(text.get_identifiers())
+    if unused:
+        raise ValueError(f"Kernel text '{name}.cl' has no place for {sorted(unused)}.")
     pieces: list[str | ir.Expression | tuple[ir.Statement, ...]] = []
-    at, text = 0, _kernel_text(name)
     for place in text.pattern.finditer(text.template):
         value = values[place["named"] or place["braced"]]
         pieces.append(text.template[at : place.start()])
@@ -59,6 +44,11 @@ def filled(name: str, **values: str | int | ir.Expression | Sequence[ir.Statemen
             pieces.append(value if isinstance(value, ir.Expression) else tuple(value))
         at = place.end()
     return ir.Verbatim((*pieces, text.template[at:]))
+
+
+def fill(name: str, **values: str | int) -> str:
+    """Return the kernel text of that file with its names filled in; errors as of `filled`."""
+    return "".join(map(str, filled(name, **values).pieces))
 
 
 def comment(words: str) -> ir.Note:

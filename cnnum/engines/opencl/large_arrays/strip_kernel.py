@@ -152,7 +152,7 @@ def strip_kernel(rows: Rows, own: StripText, count: int) -> Strips:
     first, *_ = rows.offsets
     periodic = text.template.boundary.pad_mode == "wrap"
     name = f"advance_{len(text.tables.strips)}"
-    names: dict[str, object] = {
+    names: dict[str, str | int] = {
         "kernel": name,
         "lanes": lane_text(text, layout),
         "width": layout.width,

@@ -37,6 +37,10 @@ Adaptive steps of 256×256 cells took a third to half of their time in parts so.
 thirds; of 512×512 cells they took as long."""
 
 
+Places = dict[str, tuple[slice, tuple[int, ...]]]
+"""Where each output stands among a frame's numbers, and its shape."""
+
+
 @dataclass(frozen=True, slots=True)
 class Form:
     """The kinds of a plan's kernels.
@@ -71,12 +75,7 @@ FORMS = (
         "more launches cost more than other cores save",
         lambda cells: cells <= WHOLE_CELLS,
     ),
-    Form(
-        "kernels of many work items",
-        "all cores share each sweep",
-        lambda cells: cells > WHOLE_CELLS,
-        split=True,
-    ),
+    Form("kernels of many work items", "all cores share each sweep", lambda _: True, split=True),
 )
 """In their order: the first that fits is taken."""
 
@@ -97,8 +96,8 @@ class KernelSource:
         Constant numbers.
     output_size, memory_size : int
         Numbers a frame.
-    outputs : dict of str to (slice, shape)
-        Where each output stands within a frame's numbers; the last number is `unfinished`.
+    outputs : Places
+        The last number of a frame, after them, is `unfinished`.
     scratch : int
         Values of global scratch a work item needs (0: everything is private).
     strategies : mapping of int to str
@@ -113,7 +112,7 @@ class KernelSource:
     data: NDArray[np.floating]
     output_size: int
     memory_size: int
-    outputs: dict[str, tuple[slice, tuple[int, ...]]]
+    outputs: Places
     scratch: int
     strategies: Mapping[int, str]
     private: int
@@ -122,18 +121,19 @@ class KernelSource:
 
 def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     """Return the kernel text of a schedule, with tables that hold nothing yet."""
-    lanes = tables.lanes
     form = form_of(schedule.cells)
     arena = Arena(private=form.private)
-    size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
-    whole = not form.split
+    outputs, size = _places(schedule)
     tables.split = form.split
-    placed = {} if whole else _placed(schedule)
+    placed: dict[int, int] = {}
+    for name, node in schedule.outputs.items():
+        if form.split and not node.scalar:  # of equal outputs, the first
+            placed.setdefault(node.index, outputs[name][0].start)
     # parts of a plan read out their own pieces, and a GPU's private arrays are far
-    in_chains = arena.private and whole and tables.by_vectors
+    in_chains = arena.private and tables.by_vectors
     lowering = Lowering(schedule, solvers, tables, arena, Values(tables, placed), in_chains)
     lowering.lower()
-    outputs, writes = _write_outputs(lowering)
+    writes = _write_outputs(lowering, outputs, size)
     arena.keep_all()
     slots = [
         arena.array(slot_name(k).text, maps * schedule.cells)
@@ -146,15 +146,16 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     body: list[ir.Statement] = [*slots, *lowering.body, *writes]
     parts = None
     own = "\n".join([tables.text, *dict.fromkeys(tables.strips)])
-    if not whole:
+    if form.split:
         parts = split_kernels(body, schedule.shape[0], tables.printer)
         kernels = f"{own}\n{parts.text}\n{exchange_text(tables.printer.numbers)}"
     else:
         if not arena.private:
             body.insert(0, _MINE)
         kernels = fill("plan", tables=own, body="\n".join(tables.printer.lines(body, 1)))
+    prelude = _prelude(tables.lanes, tables.printer.numbers)
     return KernelSource(
-        f"{_prelude(lanes, tables.printer.numbers)}\n#define FRAME_SIZE {arena.size}\n{kernels}",
+        f"{prelude}\n#define FRAME_SIZE {arena.size}\n{kernels}",
         tables.buffer(),
         size,
         lowering.memory_size,
@@ -169,23 +170,19 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     )
 
 
-def _placed(schedule: Schedule) -> dict[int, int]:
-    """Return where maps stand among a frame's outputs, by node; of equal outputs, the first."""
-    places: dict[int, int] = {}
+def _places(schedule: Schedule) -> tuple[Places, int]:
+    """Return where each output stands among a frame's numbers, and how many these are."""
+    places: Places = {}
     at = 0
-    for node in schedule.outputs.values():
-        if not node.scalar:
-            places.setdefault(node.index, at)
-        at += schedule.size_of(node)
-    return places
+    for name, node in schedule.outputs.items():
+        begin, at = at, at + schedule.size_of(node)
+        places[name] = slice(begin, at), schedule.shape_of(node)
+    return places, at + 1
 
 
-def _write_outputs(
-    lowering: Lowering,
-) -> tuple[dict[str, tuple[slice, tuple[int, ...]]], list[ir.Statement]]:
+def _write_outputs(lowering: Lowering, places: Places, size: int) -> list[ir.Statement]:
+    """Return the statements that write outputs, and the new values of memories."""
     schedule, values = lowering.schedule, lowering.values
-    size = sum(schedule.size_of(node) for node in schedule.outputs.values()) + 1
-    places: dict[str, tuple[slice, tuple[int, ...]]] = {}
     numbers: list[ir.Statement] = []
     maps: dict[int, list[ir.Statement]] = {}
 
@@ -200,19 +197,12 @@ def _write_outputs(
             store = scattered(base + at + ir.CELL, stride, value)
             maps.setdefault(schedule.size_of(node), []).append(store)
 
-    at = 0
     for name, node in schedule.outputs.items():
-        write(node, OUTPUT, at, size)
-        after = at + schedule.size_of(node)
-        places[name] = slice(at, after), schedule.shape_of(node)
-        at = after
-    numbers.append(scattered(OUTPUT + at, size, UNFINISHED))
+        write(node, OUTPUT, places[name][0].start, size)
+    numbers.append(scattered(OUTPUT + (size - 1), size, UNFINISHED))
     for number, memory in schedule.memories.items():
         write(memory.store, MEMORY, lowering.memory_at[number], lowering.memory_size)
-    return places, [
-        *(ir.sweep(ir.CELL, length, stores) for length, stores in maps.items()),
-        *numbers,
-    ]
+    return [*(ir.sweep(ir.CELL, length, stores) for length, stores in maps.items()), *numbers]
 
 
 def _prelude(lanes: int, numbers: NumberType) -> str:

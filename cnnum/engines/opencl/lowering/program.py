@@ -101,31 +101,27 @@ class Lowering:
 
     def _node(self, node: Node) -> None:
         operation = node.operation
-        if isinstance(operation, Apply | Reduce) and not self._alone(node):
-            self._join(node)
-            return
-        if isinstance(operation, Apply):
+        if isinstance(operation, Apply) and node.scalar:
             self._scalar(node, operation)
             return
+        if isinstance(operation, Apply | Reduce):
+            self._join(node)
+            return
+        if isinstance(operation, Transient | Loop | Product):
+            self._flush()
         if isinstance(operation, Input | Read):
             self._load(node, operation)
         elif isinstance(operation, FirstFrame):
             self.values.alias(node, FIRST)
         elif isinstance(operation, Transient):
-            self._flush()
             self._transient(node, operation)
         elif isinstance(operation, Loop):
-            self._flush()
             lower_loop(self, node, operation, self.users[node.index])
         elif isinstance(operation, Product):
-            self._flush()
             sources = [self.values.read(argument) for argument in node.arguments]
             slot = self.values.take_slot(node)
             self.body += product(self.tables, operation, sources, slot)
         self._free_after(node)
-
-    def _alone(self, node: Node) -> bool:
-        return isinstance(node.operation, Apply) and node.scalar
 
     def _free_after(self, node: Node) -> None:
         for argument in node.arguments:
