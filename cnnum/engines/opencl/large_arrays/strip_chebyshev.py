@@ -9,11 +9,21 @@ which. An array that the plan's body sets holds that, the number of stages and t
 from dataclasses import replace
 
 from cnnum import kernels as ir
+from cnnum.engines.opencl.large_arrays.strip_adaptive import (
+    CONTROL,
+    attempt_rows,
+    first_rates,
+    strip_attempt,
+)
 from cnnum.engines.opencl.large_arrays.strip_couplings import coupled
 from cnnum.engines.opencl.large_arrays.strip_error import A, B, figures, judged, magnitude
+from cnnum.engines.opencl.large_arrays.strip_kernel import StripText
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows, constant, vector
-from cnnum.engines.opencl.transients.step_control import H
-from cnnum.integrators.chebyshev import MAX_STAGES
+from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.chebyshev_steps import STAGES, count_stages
+from cnnum.engines.opencl.transients.step_control import ACCEPT, Attempt, H
+from cnnum.integrators.chebyshev import MAX_STAGES, coefficients
+from cnnum.integrators.schemes import ChebyshevSteps
 
 ARRAYS = ("strip_0", "strip_1", "strip_2", "strip_3")
 """The arrays of states and rates: at first x, k0, then the stages."""
@@ -29,18 +39,67 @@ OWN, BACK1, BACK2, WEIGHT = ir.names("own back1 back2 weight")
 START_WEIGHT, BEGIN = ir.names("start_weight begin")
 """Variables that hold a stage's weights in all lanes."""
 
-CONTROL = ROWS + 4 * MAX_STAGES
+SIZE = ROWS + 4 * MAX_STAGES
 """Numbers of it."""
 
+LEVELS, AT = ir.names("levels at")
+"""Levels of a step; a variable of loops."""
 
-def chebyshev_cases(rows: Rows, block: int) -> list[ir.Case]:
+
+def chebyshev_attempts(text: TransientBuilder, scheme: ChebyshevSteps) -> Attempt:
+    """Return the statements of Chebyshev's steps, and keep their kernel with the tables."""
+    table = text.tables.data(coefficients())
+    rows, size = attempt_rows(text, ARRAYS, SIZE), SIZE - ROWS
+    control, distance = rows.at(CONTROL.text), rows.at(ARRAYS[1])
+    stages = f"(int)x[{control} + {STAGES_AT}]"
+    own = StripText(
+        f"number == 0 ? 0 : number < {stages} ? 1 : 2",
+        lambda block: _chebyshev_cases(rows, block),
+        rest=first_rates(rows, ARRAYS[1]),
+        end=f"(int)x[{control} + {STATE}] * {distance}",
+        count=f"min(most, {stages} + 1 - done)",
+    )
+    row = text.tables.number_at(ir.Integer(table) + STAGES * size + AT)
+    next_row = ir.Assign(CONTROL[ir.Integer(ROWS) + AT], row)
+    settings = [
+        *count_stages(scheme),
+        ir.Assign(CONTROL[STEP], H),
+        ir.Assign(CONTROL[STAGES_AT], ir.Cast("real", STAGES)),
+        # a loop of this kind is no sweep, which would be a launch of its own
+        ir.declare(AT, 0, of="int"),
+        ir.While(AT < size, (next_row, ir.Assign(AT, ir.Integer(1), "+="))),
+        ir.fixed(LEVELS, STAGES + 1, of="int"),
+    ]
+    attempt = strip_attempt(rows, own, MAX_STAGES + 1, settings, LEVELS)
+    begin = [
+        ir.Assign(CONTROL[place], ir.real(n)) for n, place in enumerate((STATE, RATES, EVEN, ODD))
+    ]
+    return replace(attempt, begin=[*begin, *attempt.begin], advance=_changed_places())
+
+
+def _changed_places() -> list[ir.Statement]:
+    """Return the statements that take a step over: its end is the begin of the next."""
+    state, rates, even, odd = (ir.Name(name) for name in ("state", "rates", "even", "odd"))
+    changed = (STAGES % 2).differs(0)
+    taken = (
+        ir.Declare("real", ((state, CONTROL[STATE]), (rates, CONTROL[RATES])), fixed=True),
+        ir.Declare("real", ((even, CONTROL[EVEN]), (odd, CONTROL[ODD])), fixed=True),
+        ir.Assign(CONTROL[STATE], ir.pick(changed, odd, even)),
+        ir.Assign(CONTROL[RATES], ir.pick(changed, even, odd)),
+        ir.Assign(CONTROL[EVEN], state),
+        ir.Assign(CONTROL[ODD], rates),
+    )
+    return [ir.Branch(ACCEPT.differs(ir.ZERO), taken)]
+
+
+def _chebyshev_cases(rows: Rows, block: int) -> list[ir.Case]:
     """Return all levels of a number of rows."""
     offsets = rows.offsets[ARRAYS[1]]
     rows = replace(rows, offsets={**rows.offsets, **{name: name for name in PLACES}})
     every, own = rows.block(block), tuple(-scale for scale in rows.scales)
     places = {"state": STATE, "rates": RATES, "even": EVEN, "odd": ODD}
     head = [
-        f"__global const scalar *const control = x + {rows.offsets['strip_control']};",
+        f"__global const scalar *const control = x + {rows.offsets[CONTROL.text]};",
         f"__global const scalar *const row = control + {ROWS} + 4 * number;",
         f"const scalar h = control[{STEP}];",
         *(f"const int {name} = (int)control[{n}] * {offsets};" for name, n in places.items()),
@@ -83,7 +142,7 @@ def _next(rows: Rows, at: At) -> ir.Block:
 
 def _judge(rows: Rows, at: At) -> ir.Block:
     # Sommeijer, Shampine & Verwer 1998, section 2.2
-    rate = rows.free(at, at.sum, ONES - ONES) if rows.masked else at.sum
+    rate = rows.free(at, at.sum, ONES - ONES)
     k1, error = ir.Name("k1"), ir.Name("e")
     states = rows.array("state", at), rows.array("now", at)
     offsets = ir.Number(0.8) * (states[0] - states[1])

@@ -9,6 +9,9 @@ from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, START, P, Rows, X, constant, vector
 from cnnum.engines.opencl.transients.step_control import rounding
 
+MAXIMA = ir.Name("strip_maxima")
+"""The array of the findings of strips."""
+
 CELLS = "strip_cells"
 """The array whose cells are numbers of a row."""
 
@@ -21,7 +24,7 @@ A, B, FOUND, PIECE = ir.names("a b found piece")
 
 def judged(rows: Rows, each: Sequence[ir.Statement]) -> list[ir.Statement]:
     """Return statements `each` on a vector of cells that takes part in the figures."""
-    size, first, most = rows.layout.width, rows.at("strip_maxima"), rows.size[1]
+    size, first, most = rows.layout.width, rows.at(MAXIMA.text), rows.size[1]
     places = {
         ir.Name(name): X + (first + n * most * size) + PIECE * size
         for n, name in enumerate(FIGURES)

@@ -4,12 +4,22 @@ The first stage takes over the step before, if it was accepted, and makes the fi
 one finds the worst of the error in a strip, and leaves the step to be judged.
 """
 
+from dataclasses import replace
+
 from cnnum import kernels as ir
+from cnnum.engines.opencl.large_arrays.strip_adaptive import (
+    CONTROL,
+    attempt_rows,
+    first_rates,
+    strip_attempt,
+)
 from cnnum.engines.opencl.large_arrays.strip_couplings import coupled
 from cnnum.engines.opencl.large_arrays.strip_error import A, B, figures, judged, magnitude
+from cnnum.engines.opencl.large_arrays.strip_kernel import StripText
 from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows, constant, vector
 from cnnum.engines.opencl.large_arrays.strip_times import gain_lines
-from cnnum.engines.opencl.transients.step_control import H, rates_of
+from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.step_control import ACCEPT, TIME, Attempt, H, rates_of
 from cnnum.integrators.schemes import AdaptiveSteps
 from cnnum.integrators.tableau import Pair, Row
 
@@ -19,11 +29,30 @@ LENGTH, MOVED, BEGINS = range(3)
 MOVED_NOW = ir.Name("moved")
 
 
-def pair_cases(rows: Rows, scheme: AdaptiveSteps, block: int) -> list[ir.Case]:
+def pair_attempts(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
+    """Return the statements of a pair's steps, and keep their kernel with the tables."""
+    stages = scheme.tableau.stages
+    rows = attempt_rows(text, ("strip_x", "strip_xs", *(f"strip_k{n}" for n in range(stages))), 3)
+    own = StripText(
+        f"number % {stages}",
+        lambda block: _pair_cases(rows, scheme, block),
+        rest=first_rates(rows, "strip_k0"),
+        end=f"(x[{rows.at(CONTROL.text)} + {MOVED}] != 0 ? {rows.at('strip_xs')} : 0)",
+    )
+    settings = [ir.Assign(CONTROL[LENGTH], H), ir.Assign(CONTROL[BEGINS], TIME)]
+    attempt = strip_attempt(rows, own, stages, settings, None)
+    return replace(
+        attempt,
+        begin=[ir.Assign(CONTROL[MOVED], ir.ZERO), *attempt.begin],
+        advance=[ir.Assign(CONTROL[MOVED], ACCEPT)],
+    )
+
+
+def _pair_cases(rows: Rows, scheme: AdaptiveSteps, block: int) -> list[ir.Case]:
     """Return all stages of a number of rows."""
     last = scheme.tableau.stages - 1
     every, own = rows.block(block), tuple(-scale for scale in rows.scales)
-    control = rows.offsets["strip_control"]
+    control = rows.offsets[CONTROL.text]
     length = f"x[{control} + {LENGTH}]"
     head = [f"const vec h = (vec)({length});"]
 
@@ -74,10 +103,8 @@ def _rate(rows: Rows, stage: int, at: At) -> list[ir.Statement]:
     rate: ir.Expression = at.sum
     if rows.text.template.output.limited:
         rate = ir.call("inwards", at.sum, rows.array("strip_xs", at), ONES)
-    if rows.masked:
-        rate = rows.free(at, rate, ONES - ONES)
     k = rates_of(stage)
-    return [constant(k, rate), rows.store(f"strip_k{stage}", at, k)]
+    return [constant(k, rows.free(at, rate, ONES - ONES)), rows.store(f"strip_k{stage}", at, k)]
 
 
 def _loaded(rows: Rows, weights: list[Row], stage: int, at: At) -> list[ir.Statement]:

@@ -133,8 +133,8 @@ class Rows:
         return [f"to_lanes(x + p + {to}, mine + {held} + at, 1);"] if self.masked else []
 
     def free(self, at: At, value: ir.Expression, held: ir.Expression) -> ir.Expression:
-        """Return a value where no mask holds the cells, else another one."""
-        return ir.Choice(self.array(HELD, at) < ONES, value, held)
+        """Return a value, and another one where a mask holds the cells."""
+        return ir.Choice(self.array(HELD, at) < ONES, value, held) if self.masked else value
 
     def place(self, array: ir.Expression, at: At) -> ir.Expression:
         """Return the place of a row's cells in an array."""

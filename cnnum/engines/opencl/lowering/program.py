@@ -9,8 +9,7 @@ from cnnum.engines.opencl.lowering.dense_products import product
 from cnnum.engines.opencl.lowering.program_loops import lower_loop
 from cnnum.engines.opencl.lowering.read_outs import begun, chained, chains, rounds, step, taken_in
 from cnnum.engines.opencl.lowering.storage import Arena, Tables, Values
-from cnnum.engines.opencl.transients.builder import Operands, OwnNumbers, TransientBuilder
-from cnnum.engines.opencl.transients.initial_state import X
+from cnnum.engines.opencl.transients.builder import Operands, OwnNumbers, TransientBuilder, X
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.strategies import Strategy, run, settled_now, strategy_of
 from cnnum.graph.nodes import (

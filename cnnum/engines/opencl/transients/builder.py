@@ -19,7 +19,8 @@ from cnnum.templating.template import Template
 ROW, COL, RIM = ir.ROW, ir.COL, ir.Name("q")
 """Variables of loops: rows, columns, and cells of rims."""
 
-SUM, NOW = ir.names("sum now")
+X, SUM, NOW = ir.names("x sum now")
+"""The states; a sum and a value at hand."""
 
 P = ParamSpec("P")
 
@@ -165,6 +166,19 @@ class TransientBuilder:
         """Return the output of the virtual cells of a fixed boundary."""
         state = np.asarray(self.template.boundary.constant)
         return float(self.template.output.numpy(state))
+
+    def start_of(self, layer: int) -> ir.Expression:
+        """Return the initial state in cell `i` of a layer."""
+        if self.operands.states:
+            return self.operands.states[layer]
+        initial = self.template.initial
+        return self.operands.inputs[layer] if initial == "input" else ir.Number(float(initial))
+
+    def start(self, name: ir.Name = X) -> None:
+        """Append the array of states, set to where they start."""
+        self.array(name, self.states)
+        states = enumerate(self.each(name))
+        self.over_cells([ir.Assign(state, self.start_of(layer)) for layer, state in states])
 
     def array(self, name: ir.Name, length: int) -> None:
         """Declare an array of the block."""

@@ -1,8 +1,7 @@
 """Runge–Kutta–Chebyshev steps: as many stages as a step's length needs."""
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.initial_state import X
+from cnnum.engines.opencl.transients.builder import TransientBuilder, X
 from cnnum.engines.opencl.transients.state_equation import (
     RATE,
     Instant,

@@ -8,9 +8,8 @@ import numpy as np
 from cnnum import kernels as ir
 from cnnum.arrays import Floats
 from cnnum.engines.opencl.text import comment
-from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientBuilder
+from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientBuilder, X
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive, drive_of
-from cnnum.engines.opencl.transients.initial_state import X, start, start_of
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.propagator import Decay, Propagator, rounded_gain
 from cnnum.integrators.solver import Linear
@@ -53,7 +52,7 @@ def _decay(text: TransientBuilder, scheme: Decay) -> float:
     text.array(X, text.states)
     body: list[ir.Statement] = []
     for layer in range(text.layers):
-        kept, to, origin = float(scheme.kept[layer]), drive_of(text, layer), start_of(text, layer)
+        kept, to, origin = float(scheme.kept[layer]), drive_of(text, layer), text.start_of(layer)
         value = to if kept == 0.0 else to + ir.Number(kept) * (origin - to)
         value = text.unless_held(value, origin)
         body += [ir.Assign(X[text.at(layer)], value), _largest(to), _largest(origin)]
@@ -90,7 +89,7 @@ def _propagate(text: TransientBuilder, scheme: Propagator) -> float:
         matrices.append(matrix)
 
     if scheme.state.any():
-        start(text, X0)
+        text.start(X0)
         multiply(scheme.state, X0)
     if _drives(text):
         multiply(scheme.drive, W)
@@ -123,7 +122,7 @@ def _spectral(text: TransientBuilder, scheme: Spectral) -> float:
     (rows, cols), n = text.shape, text.states
     parts: list[tuple[ir.Name, Floats]] = []
     if scheme.state.any():
-        start(text, X0)
+        text.start(X0)
         parts.append((X0, scheme.state))
     if _drives(text):
         parts.append((W, scheme.drive))

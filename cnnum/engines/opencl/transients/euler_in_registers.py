@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.text import fill
-from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.builder import TransientBuilder, X
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive
 from cnnum.engines.opencl.transients.fixed_steps import StepWeights, fixed_figures
-from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.choice import FixedSteps

@@ -16,10 +16,9 @@ import numpy as np
 from cnnum import kernels as ir
 from cnnum.arrays import Floats
 from cnnum.engines.opencl.lowering.dense_products import largest_divisor
-from cnnum.engines.opencl.transients.builder import COL, ROW, TransientBuilder
+from cnnum.engines.opencl.transients.builder import COL, ROW, TransientBuilder, X
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive
 from cnnum.engines.opencl.transients.fixed_steps import StepWeights, fixed_figures
-from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.state_equation import Y
 from cnnum.engines.opencl.transients.stencil_sums import shares_products, weighted_terms
 from cnnum.engines.opencl.transients.step_control import Figures

@@ -5,10 +5,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.builder import TransientBuilder, X
 from cnnum.engines.opencl.transients.feedforward import arrive
 from cnnum.engines.opencl.transients.fixed_steps import last_number, repeated
-from cnnum.engines.opencl.transients.initial_state import X
 from cnnum.engines.opencl.transients.state_equation import (
     PART,
     RATE,

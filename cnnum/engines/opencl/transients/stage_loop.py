@@ -9,8 +9,7 @@ others of the multiply-adds, which round otherwise.
 import numpy as np
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.initial_state import X
+from cnnum.engines.opencl.transients.builder import TransientBuilder, X
 from cnnum.engines.opencl.transients.runge_kutta_steps import taken_over
 from cnnum.engines.opencl.transients.state_equation import RATE, Instant, outputs, rates
 from cnnum.engines.opencl.transients.step_control import TIME, XS, Attempt, H, rates_of

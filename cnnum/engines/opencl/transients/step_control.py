@@ -8,8 +8,7 @@ import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import UNFINISHED
-from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.initial_state import X
+from cnnum.engines.opencl.transients.builder import TransientBuilder, X
 from cnnum.engines.opencl.transients.state_equation import CHANGE, Instant, into, rates_once
 from cnnum.integrators.estimate import LOST, ROUNDINGS, SMALLEST_RATE, error_growth
 from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps

@@ -5,20 +5,20 @@ from dataclasses import dataclass
 from typing import Any
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.strip_adaptive import chebyshev_attempts, pair_attempts
+from cnnum.engines.opencl.large_arrays.strip_chebyshev import chebyshev_attempts
+from cnnum.engines.opencl.large_arrays.strip_pair import pair_attempts
 from cnnum.engines.opencl.large_arrays.strip_steps import (
     state_strips,
     states_suffice,
     strip_steps,
     strips_fit,
 )
-from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.builder import TransientBuilder, X
 from cnnum.engines.opencl.transients.chebyshev_steps import chebyshev_sweeps
 from cnnum.engines.opencl.transients.closed_form import exact
 from cnnum.engines.opencl.transients.euler_in_registers import fits_rows, row_steps
 from cnnum.engines.opencl.transients.feedforward import drive
 from cnnum.engines.opencl.transients.fused_euler import fused_euler, fuses
-from cnnum.engines.opencl.transients.initial_state import X, start
 from cnnum.engines.opencl.transients.runge_kutta_steps import fixed_steps, sweeps
 from cnnum.engines.opencl.transients.stage_loop import rolled, rolls
 from cnnum.engines.opencl.transients.state_equation import (
@@ -164,7 +164,7 @@ def run(text: TransientBuilder, strategy: Strategy) -> Figures:
     """
     drive(text)
     if strategy.starts:
-        start(text)
+        text.start()
     if strategy.pads:
         declare_outputs(text)
     figures = strategy.lower(text, text.solver.scheme)

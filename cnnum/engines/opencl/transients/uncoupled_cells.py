@@ -6,10 +6,9 @@ The formulas, and the meaning of d, stand in `cnnum.integrators.separate`.
 import math
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import NOW, TransientBuilder
+from cnnum.engines.opencl.transients.builder import NOW, TransientBuilder, X
 from cnnum.engines.opencl.transients.closed_form import LARGEST, begin_exact, exact_figures
 from cnnum.engines.opencl.transients.feedforward import drive_of
-from cnnum.engines.opencl.transients.initial_state import X, start_of
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.integrators.separate import STEEPEST, Separate, growth, moved, roundings
 
@@ -36,7 +35,7 @@ def _cell(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.State
     a, slope, d = ir.Number(own), ir.Number(own - 1.0), ir.Number(math.exp(-time))
     inside = ir.pick(CROSSES.differs(ir.ZERO), OVER, BETWEEN)
     to = text.unless_held(ir.pick(AWAY.differs(ir.ZERO), E + d * (FROM - E), inside), FROM)
-    begun = ((FROM, start_of(text, layer)), (DRIVE, drive_of(text, layer)))
+    begun = ((FROM, text.start_of(layer)), (DRIVE, drive_of(text, layer)))
     return [
         ir.Declare("real", begun, fixed=True),
         ir.fixed(S, ir.pick(FROM > ir.ONE, ir.ONE, ir.pick(FROM < -ir.ONE, -ir.ONE, ir.ZERO))),
