@@ -5,8 +5,11 @@ from dataclasses import dataclass, field
 
 from cnnum.embedded.formats import REGISTER, Format, Precision, fitting
 
-STORED, REGISTERS = 1.25, 4.0
-"""Room above the largest value seen: a word has few bits, and a register many."""
+STORED, KEPT, REGISTERS = 1.25, 4.0, 16.0
+"""Room above the largest value seen: a word has few bits, a memory more, and a register many."""
+
+SHORT = 16
+"""Bits of a word up to which a stored map has little room; a longer one has a memory's."""
 
 EARLY = 64.0
 """Factor that the first frames may add to a register's range: memories are empty then, and
@@ -37,11 +40,12 @@ class Sizes:
 
     def stored(self, name: str) -> Format:
         """Return the format of a map that ends with the frame."""
-        return self.precision.stored(STORED * self._seen(name))
+        room = STORED if self.precision.word <= SHORT else KEPT
+        return self.precision.stored(room * self._seen(name))
 
     def kept(self, name: str) -> Format:
         """Return the format of a map that outlives the frame, or of a sum on the way."""
-        return self.precision.kept(REGISTERS * self._ever(name))
+        return self.precision.kept(KEPT * self._ever(name))
 
     def _ever(self, name: str) -> float:
         later, early = self._seen(name), self.early.get(name, 0.0)

@@ -1,13 +1,16 @@
 """The question about costs: the cheapest configuration within bounds, or the nearest one."""
 
 from dataclasses import replace
+from math import isnan
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from cnnum.cli.commands.bench_embedded import Wanted
 from cnnum.lab.bench.charts import CHARTS
 from cnnum.lab.bench.records import as_row
-from cnnum.lab.embedded import costs
+from cnnum.lab.embedded import costs, scores
 from cnnum.lab.embedded.answer import Bounds, answers, front
 from cnnum.lab.embedded.cortex_m import missing_tools
 from cnnum.lab.embedded.costs import CostRow
@@ -15,8 +18,8 @@ from cnnum.lab.embedded.scores import Loss
 from tests.embedded.conftest import made, streams, too_long
 
 ROW = CostRow(
-    "slip", (8, 8), "q15", "auto", "m4", 65_000, 8_000, 17_000, 300, 168e6 / 65_000, 168e6,
-    1e-2, "slip_strength", 0.0, 1.0, float("nan"), 0.0, 0,
+    "slip", (8, 8), "q15", "auto", "m4", 65_000, 8_000, 17_000, 1e-2, "slip_strength",
+    0.0, 1.0, float("nan"), 0.0, 0.0, 168e6 / 65_000, 168e6, 300, 0,
 )  # fmt: skip
 ROWS = [
     ROW,
@@ -79,7 +82,18 @@ def test_amounts_have_suffixes():
 def test_a_picture_shows_every_configuration():
     figure = CHARTS["embedded"]([as_row(row) for row in ROWS])
     (legend,) = [axes.get_legend() for axes in figure.axes if axes.get_legend()]
-    assert len(legend.get_texts()) == len(ROWS)
+    # the front, too
+    assert len(legend.get_texts()) == len(ROWS) + 1
+    left = figure.axes[0]
+    points = {line.get_label(): line.get_color() for line in left.lines}
+    assert len(set(points.values())) == len(ROWS) + 1
+
+
+def test_both_methods_of_a_precision_have_its_colour():
+    rows = [ROW, replace(ROW, method="euler", instructions=90_000), ROWS[1]]
+    lines = CHARTS["embedded"]([as_row(row) for row in rows]).axes[0].lines
+    q15, euler, q7 = (line.get_color() for line in lines if "m4" in line.get_label())
+    assert q15 == euler != q7
 
 
 @pytest.mark.skipif(bool(missing_tools()), reason="needs the extra 'embedded'")
@@ -103,3 +117,36 @@ def test_what_has_no_form_is_left_out_with_the_reason(monkeypatch):
     (sentence,) = costs.measure_costs([case], 168e6, 0)
     assert sentence.startswith("patient on 8×8 in q15 by auto: ")
     assert "at most 100,000 are written" in sentence
+
+
+def test_flags_that_differ_are_a_share_of_those_that_are_up():
+    one, other = ({"flag": np.array(some)} for some in ([1, 1, 0, 0, 0], [1, 0, 1, 0, 0]))
+    assert scores._unlike(one, other, ["flag"]) == pytest.approx(2 / 3)
+    assert scores._unlike(one, one, ["flag"]) == 0.0
+    assert isnan(scores._unlike({"flag": np.zeros(3)}, {"flag": np.zeros(3)}, ["flag"]))
+
+
+def test_reports_are_compared_with_those_of_float32(monkeypatch):
+    """A twist of 40 frames, which is seen 10 frames later; frames after the scene do not count."""
+    sense = np.zeros(100)
+    sense[50:90] = 1.0
+    scene = SimpleNamespace(
+        frames=np.zeros((100, 2, 2, 3)), seconds=0.5, sense=sense, scored=np.ones(100, dtype=bool)
+    )
+    longer = SimpleNamespace(**vars(scene) | {"frames": np.zeros((120, 2, 2, 3))})
+    longer.sense, longer.scored = np.zeros(120), np.ones(120, dtype=bool)
+    monkeypatch.setattr(scores, "trials", lambda *given: (scene, longer))
+
+    def program(start):
+        flags = np.zeros((120, 2))
+        flags[start:90, 0] = flags[100:, 0] = 1.0
+        return SimpleNamespace(
+            program=SimpleNamespace(name="delayed", outputs=("twist",)),
+            run=lambda frames: {"twist": flags, "twist_sense": flags},
+        )
+
+    monkeypatch.setattr(scores, "made_program", lambda *given: program(50))
+    found = scores.events(program(60), (2, 2), 1)
+    assert found.reports_differ == pytest.approx(10 / 40)
+    assert (found.twist_recall, found.false_reports) == (1.0, 0.0)
+    assert isnan(found.slip_recall)

@@ -32,6 +32,13 @@ HEADINGS = {
     "ordinary_seconds": "ordinary time, s",
     "spread": "spread, s",
     "tail": "p99 over median",
+    "instructions": "instructions a frame",
+    "ram_bytes": "RAM, bytes",
+    "false_reports": "false reports in ten minutes",
+    "reports_differ": "report frames that differ",
+    "clock_hz": "clock, Hz",
+    "gnu_instructions": "instructions by GCC and QEMU",
+    "gnu_flash_bytes": "flash by GCC, bytes",
     "beside_one_template": "over one template’s rate",
 }
 """Columns whose name in the data is no heading."""
@@ -132,6 +139,8 @@ def cell(value: object) -> str:
         return "–"
     if isinstance(value, float):
         return f"{value:,.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
+    if isinstance(value, int) and not isinstance(value, bool):
+        return f"{value:,}"
     if isinstance(value, list | tuple):
         return "×".join(str(item) for item in value)  # pyright: ignore[reportUnknownVariableType, reportUnknownArgumentType]
     return str(value)

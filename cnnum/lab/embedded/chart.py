@@ -10,7 +10,10 @@ Row = Mapping[str, object]
 Axes = Any
 Picture = Any
 
-MARKERS = {"q15": "o", "q7": "s", "q23": "v", "float32": "D"}
+STYLES = {"q15": ("o", "C0"), "q7": ("s", "C1"), "q23": ("v", "C2"), "float32": ("D", "C3")}
+OTHER = ("^", "C4")
+"""Marker and colour of a precision; a method of Euler's steps is hollow."""
+
 LEAST = 1e-9
 """A smaller error is drawn there: the axis is logarithmic."""
 
@@ -39,14 +42,14 @@ def _front(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
 def _panel(axes: Axes, rows: Sequence[Row], cost: str, first: bool) -> None:
     for row in rows:
         name = f"{row['precision']} {row['method']}, {row['core']}"
-        marker = MARKERS.get(str(row["precision"]), "^")
+        marker, colour = STYLES.get(str(row["precision"]), OTHER)
         filled = row["method"] == "auto"
         axes.plot(
-            [_number(row, cost)], [_number(row, "error")], marker, label=name,
-            markerfacecolor=None if filled else "none", markersize=6, linestyle="none",
+            [_number(row, cost)], [_number(row, "error")], marker, label=name, color=colour,
+            markerfacecolor=colour if filled else "none", markersize=6, linestyle="none",
         )  # fmt: skip
     x, y = zip(*_front([(_number(r, cost), _number(r, "error")) for r in rows]), strict=True)
-    axes.step(x, y, where="post", color="0.6", linewidth=1, zorder=0)
+    axes.step(x, y, where="post", color="0.6", linewidth=1, zorder=0, label="Pareto front")
     axes.set(xscale="log", yscale="log", xlabel=COSTS[cost])
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.xaxis.set_major_formatter("{x:,.0f}")

@@ -35,19 +35,23 @@ class CostRow:
     precision, method, core : str
     instructions : int
         Of the longest frame: counted, not timed, and no cycles.
-    ram_bytes, flash_bytes, stack_bytes : int
+    ram_bytes, flash_bytes : int
         From the ELF file; RAM with frame, answers and the deepest stack.
-    frames_per_s : float
-        At most, at the clock, if an instruction took a cycle.
-    clock_hz : float
     error : float
         Against the reference engine, of the output with the largest.
     output : str
         Its name.
     flags_differ : float
-        Share of flags that are not those of the reference engine.
+        Share of the flags up here or on the reference engine that are not up on both.
     slip_recall, twist_recall, false_reports : float
         Of reports; false ones in ten minutes.
+    reports_differ : float
+        Share of the frames with a report here or in float32 that lack it in one of them.
+    frames_per_s : float
+        At most, at the clock, if an instruction took a cycle.
+    clock_hz : float
+    stack_bytes : int
+        The deepest stack.
     wrong : int
         Numbers that differ from the emulator's: 0.
     gnu_instructions, gnu_flash_bytes : int or None
@@ -62,15 +66,16 @@ class CostRow:
     instructions: int
     ram_bytes: int
     flash_bytes: int
-    stack_bytes: int
-    frames_per_s: float
-    clock_hz: float
     error: float
     output: str
     flags_differ: float
     slip_recall: float
     twist_recall: float
     false_reports: float
+    reports_differ: float
+    frames_per_s: float
+    clock_hz: float
+    stack_bytes: int
     wrong: int
     gnu_instructions: int | None = None
     gnu_flash_bytes: int | None = None
@@ -140,24 +145,25 @@ def _row(
     if found.precision.integer and not missing_gnu_tools():
         gnu = gnu_counted(found, frames, core)
     return CostRow(
-        program,
-        shape,
-        precision,
-        method,
-        core,
-        counted.worst,
-        counted.ram_bytes,
-        counted.flash_bytes,
-        counted.stack_bytes,
-        counted.frames_per_second(clock),
-        clock,
-        lost.error,
-        lost.output,
-        lost.flags_differ,
-        scored.slip_recall,
-        scored.twist_recall,
-        scored.false_reports,
-        counted.wrong + (0 if gnu is None else gnu.wrong),
-        None if gnu is None else max(gnu.instructions),
-        None if gnu is None else gnu.flash_bytes,
+        case=program,
+        shape=shape,
+        precision=precision,
+        method=method,
+        core=core,
+        instructions=counted.worst,
+        ram_bytes=counted.ram_bytes,
+        flash_bytes=counted.flash_bytes,
+        error=lost.error,
+        output=lost.output,
+        flags_differ=lost.flags_differ,
+        slip_recall=scored.slip_recall,
+        twist_recall=scored.twist_recall,
+        false_reports=scored.false_reports,
+        reports_differ=scored.reports_differ,
+        frames_per_s=counted.frames_per_second(clock),
+        clock_hz=clock,
+        stack_bytes=counted.stack_bytes,
+        wrong=counted.wrong + (0 if gnu is None else gnu.wrong),
+        gnu_instructions=None if gnu is None else max(gnu.instructions),
+        gnu_flash_bytes=None if gnu is None else gnu.flash_bytes,
     )
