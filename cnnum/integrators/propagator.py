@@ -113,6 +113,16 @@ def rounded_gain(matrices: Sequence[Floats], passes: Sequence[Floats]) -> float:
     return float(np.max(rows))
 
 
+def passes_in_fours(columns: int) -> Floats:
+    """Return how often a column is rounded by the additions from its own on.
+
+    The sums of four columns at a time are added, then those that are left one by one.
+    """
+    alone = columns % 4
+    fours = np.repeat(np.arange(columns // 4, 0, -1) + alone, 4)
+    return np.concatenate([fours, np.arange(alone, 0, -1)]).astype(np.float64)
+
+
 def decay(template: Template, duration: float) -> Decay:
     """Return the exact answer of uncoupled cells after `duration` (infinite: equilibrium)."""
     with np.errstate(under="ignore"):

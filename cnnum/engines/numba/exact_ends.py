@@ -13,7 +13,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.engines.numba.cells import add
 from cnnum.engines.numba.compiling import ROOM, kept
 from cnnum.engines.numba.records import Real, Reals
-from cnnum.integrators.propagator import Decay, Propagator, rounded_gain
+from cnnum.integrators.propagator import Decay, Propagator, passes_in_fours, rounded_gain
 from cnnum.integrators.separate import Separate, evaluate, roundings
 from cnnum.integrators.solver import Exact
 from cnnum.integrators.spectral import Spectral
@@ -161,15 +161,13 @@ def _roundings(template: Template, shape: Shape, scheme: Exact) -> float:
 
 def _of_products(template: Template, scheme: Propagator) -> float:
     """Return the same of products that are added up as `add_products` does it."""
-    n = len(scheme.constant)
-    alone = n % 4
-    # from a column on: the sums of four columns at a time, then columns alone
-    sums = np.concatenate([np.repeat(np.arange(n // 4, 0, -1) + alone, 4), np.arange(alone, 0, -1)])
+    sums = passes_in_fours(len(scheme.constant))
+    added = float(sums.max(initial=0.0))
     own = 1.0 + 2.0 + 2.0  # the product, its sum of four, and matrix and state as they are held
     control = np.count_nonzero(template.B) / template.layers + 2.0
-    later = own + sums.astype(np.float64)
+    later = own + sums
     parts, times = [scheme.drive], [later + control]
     if scheme.state.any():
-        parts, times = [scheme.state, *parts], [later + n // 4 + alone, *times]
-    rim = np.abs(scheme.constant).max(initial=0.0) * (2.0 * (n // 4 + alone) + 2.0)
+        parts, times = [scheme.state, *parts], [later + added, *times]
+    rim = np.abs(scheme.constant).max(initial=0.0) * (2.0 * added + 2.0)
     return 0.5 * (max(rounded_gain(parts, times), 1.0) + float(rim))

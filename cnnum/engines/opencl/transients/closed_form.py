@@ -11,7 +11,7 @@ from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients.builder import COL, ROW, SUM, TransientBuilder, X
 from cnnum.engines.opencl.transients.feedforward import W, constant_drive, drive_of
 from cnnum.engines.opencl.transients.step_control import Figures
-from cnnum.integrators.propagator import Decay, Propagator, rounded_gain
+from cnnum.integrators.propagator import Decay, Propagator, passes_in_fours, rounded_gain
 from cnnum.integrators.solver import Linear
 from cnnum.integrators.spectral import Spectral
 
@@ -76,15 +76,17 @@ def _drives(text: TransientBuilder) -> bool:
 
 def _propagate(text: TransientBuilder, scheme: Propagator) -> float:
     n, matrices = text.states, list[Floats]()
-    offset, products, seen = (
-        text.tables.data(scheme.constant),
-        list[ir.Statement](),
-        list[ir.Statement](),
-    )
+    offset, seen = text.tables.data(scheme.constant), list[ir.Statement]()
+    fours, alone = list[ir.Statement](), list[ir.Statement]()
 
     def multiply(matrix: Floats, array: ir.Name) -> None:
-        at = ir.Integer(text.tables.data(matrix)) + ir.CELL * n + J
-        products.append(ir.add(SUM, text.tables.number_at(at) * array[J]))
+        row = ir.Integer(text.tables.data(matrix)) + ir.CELL * n
+        one, two, three, four = (
+            text.tables.number_at(row + (J + k)) * array[J + k] for k in range(4)
+        )
+        # the sums of four wait for no other product, and are rounded by a quarter of the additions
+        fours.append(ir.add(SUM, (one + two) + (three + four)))
+        alone.append(ir.add(SUM, text.tables.number_at(row + J) * array[J]))
         seen.append(_largest(array[ir.CELL]))
         matrices.append(matrix)
 
@@ -96,7 +98,8 @@ def _propagate(text: TransientBuilder, scheme: Propagator) -> float:
     text.array(X, n)
     body = [
         ir.declare(SUM, text.tables.number_at(ir.Integer(offset) + ir.CELL)),
-        ir.Loop(J, n, tuple(products)),
+        ir.Loop(J, n - n % 4, tuple(fours), step=4),
+        *([ir.Loop(J, n, tuple(alone), start=n - n % 4)] if n % 4 else []),
         ir.Assign(X[ir.CELL], SUM),
         *seen,
     ]
@@ -105,10 +108,10 @@ def _propagate(text: TransientBuilder, scheme: Propagator) -> float:
 
 
 def _of_products(text: TransientBuilder, scheme: Propagator, matrices: list[Floats]) -> float:
-    """Return how many roundings sums of products hold that are added up column by column."""
-    later = float(len(matrices)) * np.arange(len(scheme.constant), 0, -1, dtype=np.float64)
-    # the product, matrix and state as they are held, and the sum of what drives a cell
-    own = 3.0 + np.count_nonzero(text.template.B) / text.layers + 2.0
+    """Return how many roundings sums of products hold that are added up in fours of columns."""
+    later = float(len(matrices)) * passes_in_fours(len(scheme.constant))
+    # the product, its sum of four, matrix and state as they are held, and the sum of a cell's drive
+    own = 5.0 + np.count_nonzero(text.template.B) / text.layers + 2.0
     rim = 0.0
     if scheme.constant.any():
         text.body.append(ir.Assign(LARGEST, ir.call("fmax", LARGEST, ir.ONE)))
