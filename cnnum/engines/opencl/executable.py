@@ -183,17 +183,10 @@ class OpenCLExecutable:
         with self._guarded():
             queue, built = self.queue_for(1), self._kernel(1, alone=True)
             arrays, schedule = self._new_arrays(1, built, queue), self.schedule
-        return OneFrame(
-            queue,
-            cl.Kernel(built.program, "plan"),
-            arrays.input,
-            arrays.output,
-            memory,
-            built.data,
-            arrays.scratch,
-            (*schedule.shape, len(schedule.channels_read)),
-            built.text.outputs,
-        )
+        kernel, given, taken = cl.Kernel(built.program, "plan"), arrays.input, arrays.output
+        buffers = (given.argument, taken.argument, memory.argument, built.data, arrays.scratch)
+        shape = (*schedule.shape, len(schedule.channels_read))
+        return OneFrame(queue, kernel, given, taken, buffers, shape, built.text.outputs)
 
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool

@@ -5,9 +5,12 @@ An output that is loaded serves all the cells of the block that it is a neighbou
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import product
+from operator import eq
 
 from cnnum import kernels as ir
+from cnnum.engines.opencl.large_arrays.lane_rows import inputs_of
 from cnnum.engines.opencl.large_arrays.strip_rows import (
     ONES,
     START,
@@ -27,11 +30,6 @@ from cnnum.templating.reads import delays_outputs
 FROM, PAST, NEXT, PART, STATES = ir.names("from past next part states")
 """Variables of the kernel: the outputs of the level before; those a delay before it, those of the
 step after them, and how far between both the level is; and the states of the level before."""
-
-
-def inputs_of(source: int) -> str:
-    """Return the name of the array that holds an input in lanes."""
-    return f"lane_u{source}"
 
 
 Value = Callable[[int, int, int], ir.Expression]
@@ -149,7 +147,8 @@ def coupled(
         for at in block
     ]
     for through in _throughs(rows, between, kept):
-        lines.append(_added(rows, block, through))
+        shares = any(shares_products(found) for found in through.taps)
+        lines.append(ir.block(*(_gather if shares else _scatter)(rows, block, through)))
     for at in block:
         for coupling in rows.text.template.nonlinear:
             if not coupling.static and coupling.to == at.layer:
@@ -158,32 +157,23 @@ def coupled(
     return lines
 
 
-def _added(rows: Rows, block: list[At], through: Through) -> ir.Block:
-    shares = any(shares_products(found) for found in through.taps)
-    return ir.block(*(_gather if shares else _scatter)(rows, block, through))
-
-
 def _throughs(rows: Rows, between: bool, kept: Kept | None) -> list[Through]:
     """Return the linear couplings: the steady ones, those that vary in time, those that delay."""
     text = rows.text
-    layers, gains = range(text.layers), text.template.gains
-    varied = {(gain.to, gain.source) for gain in gains}
+    layers = range(text.layers)
+    varied = [(gain.to, gain.source) for gain in text.template.gains]
     every = tuple(taps(text.template.A, layer) for layer in layers)
     now = kept.value if kept else _loaded(rows, FROM)
 
-    def chosen(to: int, source: int) -> tuple[tuple[Tap, ...], ...]:
+    def some(wanted: Callable[[tuple[int, int]], bool]) -> tuple[tuple[Tap, ...], ...]:
         return tuple(
-            tuple(tap for tap in every[layer] if layer == to and tap.source == source)
-            for layer in layers
+            tuple(tap for tap in every[layer] if wanted((layer, tap.source))) for layer in layers
         )
 
-    steady = tuple(
-        tuple(tap for tap in every[layer] if (layer, tap.source) not in varied) for layer in layers
-    )
-    found = [Through(now, None, steady)]
+    found = [Through(now, None, some(lambda pair: pair not in varied))]
     found += [
-        Through(now, ir.call("(vec)", gain_name(k)), chosen(gain.to, gain.source))
-        for k, gain in enumerate(gains)
+        Through(now, ir.call("(vec)", gain_name(k)), some(partial(eq, pair)))
+        for k, pair in enumerate(varied)
     ]
     if text.template.delayed is not None and delays_outputs(text.template):
         past = _mixed(rows) if between else _loaded(rows, PAST)
@@ -241,13 +231,12 @@ def _gather(rows: Rows, block: list[At], through: Through) -> list[ir.Statement]
     lines: list[ir.Statement] = [constant(name(*at), through.value(*at)) for at in sorted(places)]
     for at in block:
 
-        def number(weight: float, layer: int = at.layer) -> ir.Expression:
-            return _weight(rows, through, layer, weight)
-
         def output(tap: Tap, row: int = at.row) -> ir.Expression:
             return name(tap.source, row + tap.row, tap.col)
 
-        terms = weighted_terms(through.taps[at.layer], number, output)
+        terms = weighted_terms(
+            through.taps[at.layer], partial(_weight, rows, through, at.layer), output
+        )
         lines += [ir.add(at.sum, term) for term in terms]
     return lines
 

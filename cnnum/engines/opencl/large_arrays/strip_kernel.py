@@ -8,6 +8,7 @@ from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.large_arrays.lane_rows import (
     BLOCK_ROWS,
     OWN,
+    inputs_of,
     lane_text,
     row_layout,
     size_of,
@@ -20,7 +21,6 @@ from cnnum.engines.opencl.large_arrays.strip_boundary import (
     reads,
     rim_texts,
 )
-from cnnum.engines.opencl.large_arrays.strip_couplings import inputs_of
 from cnnum.engines.opencl.large_arrays.strip_rows import HELD, Rows
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented, owned
 from cnnum.engines.opencl.transients.builder import TransientBuilder

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit
-from cnnum.engines.opencl.large_arrays.strip_euler import keeps_states, state_steps
+from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS
+from cnnum.engines.opencl.large_arrays.strip_couplings import FROM, Kept, coupled
 from cnnum.engines.opencl.large_arrays.strip_kernel import (
     SHOWN,
     StripText,
@@ -12,6 +13,7 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import (
     strip_kernel,
     strip_rows,
 )
+from cnnum.engines.opencl.large_arrays.strip_rows import ONES, TO, At, Rows
 from cnnum.engines.opencl.large_arrays.strip_settling import BEFORE, watch
 from cnnum.engines.opencl.large_arrays.strip_stage_sums import array_of, sum_cases
 from cnnum.engines.opencl.large_arrays.strip_times import Moments
@@ -21,6 +23,9 @@ from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
 from cnnum.engines.opencl.transients.step_control import STEPS, Figures
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps, Stages, stages_of
 from cnnum.templating.function_tables import Table
+
+BARE = ("standard", "linear", "full-range")
+"""Outputs that cost less to make than to keep."""
 
 Steps = FixedSteps | AdaptiveSteps | ChebyshevSteps
 
@@ -49,15 +54,50 @@ def _layers(text: TransientBuilder, scheme: FixedSteps) -> tuple[Stages, ...]:
 
 
 def states_suffice(text: TransientBuilder, scheme: FixedSteps) -> bool:
-    """Return whether steps need nothing but states."""
-    layers = _layers(text, scheme)
-    return keeps_states(text, Moments(text, scheme, len(layers[0].stages)), layers)
+    """Return whether steps of a scheme that strips take need nothing but states."""
+    template, stages = text.template, _layers(text, scheme)[0].stages
+    moments = Moments(text, scheme, len(stages))
+    plain = not (moments.uneven or moments.keeps or text.has_history or scheme.settle)
+    linear = all(coupling.static for coupling in template.nonlinear)
+    bare = template.output.name in BARE
+    return plain and linear and bare and len(stages) == 1 and stages[0].whole
 
 
 def state_strips(text: TransientBuilder, scheme: FixedSteps) -> Figures:
-    """Append steps that keep states alone, and return the figures of the run."""
-    state_steps(text, scheme, tuple(one.scale for one in _layers(text, scheme)))
+    """Append Euler's steps that keep states alone, and return the figures of the run.
+
+    Outputs are made as states are read. A step then reads and writes half as much. Neighbours of a
+    vector in the rows of a block stay in registers from one vector to the next. So each state is
+    read, and its output made, once.
+    """
+    scales = tuple(one.scale for one in _layers(text, scheme))
+    rows, moments = strip_rows(text, (), scales), Moments(text, scheme, 1)
+    own = StripText(
+        "0",
+        lambda block: [_state_case(rows, moments, block)],
+        rest=rows.set_held(),
+        end=f"({scheme.count & 1} ? {rows.at(OUTPUTS[1])} : 0)",
+    )
+    text.body.append(ir.StripSteps(strip_kernel(rows, own, scheme.count)))
     return fixed_figures(text, scheme.count, settle=False)
+
+
+def _state_case(rows: Rows, moments: Moments, block: int) -> ir.Case:
+    every, kept = rows.block(block), Kept(rows, block)
+    own = tuple(1.0 - scale for scale in rows.scales)
+    each = [*kept.load, *coupled(rows, every, own, "from", kept=kept)]
+    for at in every:
+        each += _state_end(rows, at)
+    return rows.case(0, [*each, *kept.move], [*moments.head(0), *kept.begin])
+
+
+def _state_end(rows: Rows, at: At) -> list[ir.Statement]:
+    state, lines = at.sum, list[ir.Statement]()
+    if rows.masked:
+        lines.append(ir.Assign(state, rows.free(at, state, rows.cells(FROM, at))))
+    if rows.text.template.output.limited:
+        lines.append(ir.Assign(state, ir.call("shown", state, ONES)))
+    return [*lines, ir.Store(rows.place(TO, at), state)]
 
 
 def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:

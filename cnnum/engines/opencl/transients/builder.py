@@ -222,6 +222,11 @@ class TransientBuilder:
         ]
         self.body.append(ir.sweep(RIM, count, body))
 
+    def copy_rims(self, array: ir.Name) -> None:
+        """Fill the rims of outputs, or states, with copies of cells, unless they are fixed."""
+        if self.template.boundary.constant is None:
+            self.fill_rims(array, self.layers, self.template.boundary, None)
+
     def neighbour(self, array: ir.Name, tap: Tap) -> ir.Element:
         """Return a neighbour of cell `p`."""
         return array[ir.PLACE + (tap.source * self.padded + tap.row * self.pitch + tap.col)]

@@ -1,8 +1,7 @@
 """The drive of the cells from outside: w = B∗u + z + bias, once a frame."""
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit
-from cnnum.engines.opencl.large_arrays.strip_inputs import keep_rows
+from cnnum.engines.opencl.large_arrays.lane_rows import keep_rows, lanes_fit
 from cnnum.engines.opencl.text import comment
 from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
 from cnnum.engines.opencl.transients.nonlinear_couplings import nonlinear

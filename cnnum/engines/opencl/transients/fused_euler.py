@@ -75,8 +75,7 @@ def _declare(text: TransientBuilder, weights: StepWeights) -> None:
         text.over_cells([ir.Assign(to, weights.number(m) * w) for m, (to, w) in pairs])
     states = enumerate(text.each(X))
     text.over_grid([ir.Assign(Y[text.padded_at(m)], text.output(state)) for m, state in states])
-    if boundary.constant is None:
-        text.fill_rims(Y, text.layers, boundary, None)
+    text.copy_rims(Y)
 
 
 def _sweep(text: TransientBuilder, weights: StepWeights) -> None:

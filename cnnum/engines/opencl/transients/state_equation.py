@@ -68,15 +68,14 @@ def outputs(
             inner.append(ir.Assign(NOW, ir.clip(NOW)))
         if keep is not None:
             inner.append(ir.Assign(keep[text.at(layer)], NOW))
-        if reads_states(text.template):
+        if reads_states(template):
             inner.append(ir.Assign(PADDED_STATES[text.padded_at(layer)], NOW))
         inner.append(ir.Assign(Y[text.padded_at(layer)], text.output(NOW)))
         body.append(ir.block(*inner))
     text.over_grid(body)
-    if template.boundary.constant is None:
-        text.fill_rims(Y, text.layers, template.boundary, None)
-        if reads_states(text.template):
-            text.fill_rims(PADDED_STATES, text.layers, template.boundary, None)
+    text.copy_rims(Y)
+    if reads_states(template):
+        text.copy_rims(PADDED_STATES)
 
 
 def rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) -> None:
@@ -143,8 +142,7 @@ def _delayed_outputs(text: TransientBuilder, instant: Instant) -> None:
         return
     past = [instant.past(text.at(layer)) for layer in range(text.layers)]
     text.over_grid([ir.Assign(DELAYED[text.padded_at(m)], output) for m, output in enumerate(past)])
-    if text.template.boundary.constant is None:
-        text.fill_rims(DELAYED, text.layers, text.template.boundary, None)
+    text.copy_rims(DELAYED)
 
 
 def watch_change(text: TransientBuilder, state: ir.Expression) -> ir.Accumulate:
