@@ -6,6 +6,8 @@ Names are imported when they are first used, so that `import cnnum` is quick and
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from cnnum.version import __version__
+
 if TYPE_CHECKING:
     from cnnum import tactile
     from cnnum.drivers.recording_file import load_recording
@@ -33,8 +35,6 @@ if TYPE_CHECKING:
     from cnnum.templating.files import load_template, save_template
     from cnnum.templating.library import get_template, template_names
     from cnnum.templating.template import Check, Template
-
-__version__ = "0.1.0"
 
 _HOME = {
     "as_picture": "cnnum.pictures",

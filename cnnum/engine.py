@@ -22,7 +22,7 @@ from cnnum.integrators.schemes import FixedSteps
 from cnnum.plan import Plan
 from cnnum.programs import Program
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
-from cnnum.runs.chip import Chip, chip_backend, run_on_chip
+from cnnum.runs.chip import Chip, run_on_chip
 from cnnum.runs.delays import by_halving, delay_of, frames_of, halved
 from cnnum.runs.linear_range import as_linear, stays_linear
 from cnnum.runs.many.batches import run_batch
@@ -163,7 +163,11 @@ class Engine:
         asked: dict[str, Any] = {"method": method, "rtol": rtol, "atol": atol, "dt": dt}
         asked = {name: value for name, value in asked.items() if value is not None}
         graph = program.trace(shape, channels)
-        backend = self._backend if chip is None else chip_backend(chip, self.name, self.precision)
+        backend = self._backend
+        if chip is not None:
+            from cnnum.runs.chip_programs import chip_backend  # with SciPy, which takes its time
+
+            backend = chip_backend(chip, self.name, self.precision)
         if like is not None:
             backend = measuring(backend, like, (*graph.shape, len(channels)))
         about = (program.name, graph, channels, needs)

@@ -19,7 +19,7 @@ from cnnum.arrays import (
     number_type,
     numbers,
 )
-from cnnum.engines.backend import Backend, Executable, Solvers
+from cnnum.engines.backend import Backend, Executable
 from cnnum.engines.fallback import FallbackExecutable
 from cnnum.errors import ArrayError, FrameError, MethodError
 from cnnum.graph.nodes import Transient
@@ -27,6 +27,7 @@ from cnnum.graph.parts import Parts, parts_of
 from cnnum.graph.schedule import LeftOut, Schedule
 from cnnum.graph.tracing import TraceStep, everything_kept, trace_steps
 from cnnum.integrators.cost import operation_flops, work
+from cnnum.integrators.solver import Solvers
 from cnnum.sharing import html
 from cnnum.stream import Stream
 

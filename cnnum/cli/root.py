@@ -17,9 +17,9 @@ from typing import Any, cast
 
 import click
 
-from cnnum import __version__
 from cnnum.cli.registry import COMMANDS
 from cnnum.errors import CnnumError, RecordingWarning
+from cnnum.version import __version__
 
 CHECKS_FAILED, WRONG_INPUT, OUR_FAULT, STOPPED, PIPE_CLOSED = 1, 2, 70, 130, 141
 """Exit codes: 70 is EX_SOFTWARE of ``sysexits.h``, the last two are those of a shell for a command

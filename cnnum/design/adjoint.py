@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, Shape, finite
-from cnnum.design.adjoint_steps import LINEAR, STANDARD, TANH, apply, back, march, products, spread
+from cnnum.design.adjoint_steps import LINEAR, STANDARD, TANH, back, couple, march, products, spread
 from cnnum.errors import SizeError, TemplateError
 from cnnum.integrators.tableau import EULER, HEUN, RK4, ButcherTableau
 from cnnum.templating.boundary import Boundary, halo_sources
@@ -196,7 +196,7 @@ class Adjoint:
         if pictures.bias is not None:
             drive += pictures.bias
         if pictures.input is not None:
-            apply(_own(numbers.B), pictures.input, pictures.count, drive)
+            couple(_own(numbers.B), pictures.input, pictures.count, drive, False)
         kept = (pictures.steps, len(pictures.b), *start.shape)
         self._states, self._rates = np.empty(kept), np.empty(kept)
         self._end = start.copy()

@@ -82,24 +82,8 @@ def dot(one: Any, other: Any) -> float:
 
 
 @_compiled
-def apply(kernels: Any, y: Any, count: int, total: Any) -> None:
-    """Add the sums over neighbours to `total`."""
-    layers, sources, size, _ = kernels.shape
-    rows, width = total.shape[1:]
-    for layer in range(layers):
-        for source in range(sources):
-            for r in range(size):
-                for c in range(size):
-                    weight = kernels[layer, source, r, c]
-                    if weight != 0.0:
-                        for row in range(rows):
-                            near = y[source, row + r, c * count : c * count + width]
-                            add(total[layer, row], weight, near)
-
-
-@_compiled
-def transposed(kernels: Any, sums: Any, count: int, total: Any) -> None:
-    """Add to `total`, with virtual cells, the adjoints of the sources of sums."""
+def couple(kernels: Any, y: Any, count: int, sums: Any, back: bool) -> None:
+    """Add to `sums` those over neighbours; or `back` to y, with virtual cells, the adjoint."""
     layers, sources, size, _ = kernels.shape
     rows, width = sums.shape[1:]
     for layer in range(layers):
@@ -109,8 +93,11 @@ def transposed(kernels: Any, sums: Any, count: int, total: Any) -> None:
                     weight = kernels[layer, source, r, c]
                     if weight != 0.0:
                         for row in range(rows):
-                            near = total[source, row + r, c * count : c * count + width]
-                            add(near, weight, sums[layer, row])
+                            near = y[source, row + r, c * count : c * count + width]
+                            if back:
+                                add(near, weight, sums[layer, row])
+                            else:
+                                add(sums[layer, row], weight, near)
 
 
 @_compiled
@@ -171,7 +158,7 @@ def march(
             spread(rim, count, y)
             combined(rate, 0.0, w, 1.0)
             combined(rate, 1.0, at, -1.0)
-            apply(kernels, y, count, rate)
+            couple(kernels, y, count, rate, False)
             divided(rate, tau)
         for i in range(stages):
             combined(x, 1.0, rates[step, i], h * b[i])
@@ -232,7 +219,7 @@ def back(
             products(v, y, count, by_kernels)
             combined(by_drive, 1.0, v, 1.0)
             fill(fed, 0.0)
-            transposed(kernels, v, count, fed)
+            couple(kernels, fed, count, v, True)
             folded(rim, count, fed)
             step_back(kind, states[step, i], y, fed, v, count, pulled[i])
         for i in range(stages):

@@ -18,16 +18,7 @@ from cnnum.arrays import digest
 from cnnum.errors import TemplateError
 from cnnum.runs.chip import MOST_BITS
 from cnnum.templating.checks.registry import form_of
-from cnnum.templating.files.toml_values import (
-    number,
-    number_or_text,
-    read_table,
-    refuse_unknown,
-    table,
-    text,
-    whole,
-    wrong,
-)
+from cnnum.templating.files import toml_values as toml
 from cnnum.templating.library import get_template
 from cnnum.templating.template import Duration, Template
 
@@ -120,9 +111,9 @@ class Experiment:
                 f"{self.duration!r:.40}."
             )
         form_of(self.base)  # refuses a template without a check
-        if not self.base.plain and (wrong := self.axes.keys() & set(COARSE)):
+        if not self.base.plain and (own := self.axes.keys() & set(COARSE)):
             raise TemplateError(
-                f"The axis '{min(wrong)}' is of chips, which have linear couplings, at once and "
+                f"The axis '{min(own)}' is of chips, which have linear couplings, at once and "
                 f"constant in time: '{self.base.name}' has others."
             )
 
@@ -194,19 +185,20 @@ def load_experiment(path: str | PathLike[str]) -> Experiment:
         If the file cannot be read, or a key is missing, unknown or wrong.
     """
     source = Path(path)
-    return _experiment(str(source), read_table("experiment", source))
+    return _experiment(str(source), toml.read_table("experiment", source))
 
 
 def _experiment(file: str, content: dict[str, object]) -> Experiment:
-    readers = {"template": text, "draws": whole, "pictures": whole, "seed": whole}
-    readers |= {"duration": number_or_text, "engine": text, "chunk": whole}
-    refuse_unknown(file, content, (*readers, "axes"))
+    readers = {"template": toml.text, "draws": toml.whole, "pictures": toml.whole}
+    readers |= {"seed": toml.whole, "duration": toml.number_or_text, "engine": toml.text}
+    readers |= {"chunk": toml.whole}
+    toml.refuse_unknown(file, content, (*readers, "axes"))
     if "template" not in content:
         raise TemplateError(f"'{file}': the key 'template' is missing; a sweep needs one.")
     values: dict[str, Any] = {
         key: read(file, key, content[key]) for key, read in readers.items() if key in content
     }
-    axes = table(file, "axes", content.get("axes", {}))
+    axes = toml.table(file, "axes", content.get("axes", {}))
     values["axes"] = {name: _values(file, f"axes.{name}", value) for name, value in axes.items()}
     return Experiment(**values)
 
@@ -216,17 +208,17 @@ def _values(file: str, key: str, value: object) -> tuple[Value, ...]:
     if isinstance(value, list):
         return tuple(_value(file, key, one) for one in cast("list[object]", value))
     if not isinstance(value, dict):
-        raise wrong(file, key, "a list, or a table with from, to and count", value)
-    given = table(file, key, cast(object, value))
+        raise toml.wrong(file, key, "a list, or a table with from, to and count", value)
+    given = toml.table(file, key, cast(object, value))
     if set(given) != {"from", "to", "count"}:
-        raise wrong(file, key, "a list, or a table with from, to and count", given)
-    start, stop = (number(file, key, given[end]) for end in ("from", "to"))
-    values: list[float] = np.linspace(start, stop, whole(file, key, given["count"])).tolist()
+        raise toml.wrong(file, key, "a list, or a table with from, to and count", given)
+    start, stop = (toml.number(file, key, given[end]) for end in ("from", "to"))
+    values: list[float] = np.linspace(start, stop, toml.whole(file, key, given["count"])).tolist()
     return tuple(values)
 
 
 def _value(file: str, key: str, value: object) -> Value:
-    return value if isinstance(value, str) else number(file, key, value)
+    return value if isinstance(value, str) else toml.number(file, key, value)
 
 
 def _check_values(name: str, values: Sequence[Value]) -> None:

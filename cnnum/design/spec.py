@@ -14,18 +14,7 @@ from cnnum.errors import TemplateError
 from cnnum.safety.names import checked_name
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST, parse_toml
-from cnnum.templating.files.toml_values import (
-    flag,
-    names,
-    number,
-    number_or_text,
-    read_table,
-    refuse_unknown,
-    table,
-    text,
-    whole,
-    wrong,
-)
+from cnnum.templating.files import toml_values as toml
 from cnnum.templating.template import Initial
 
 SIGNS: Mapping[str, float] = {"#": 1.0, "o": -1.0, ".": 0.0}
@@ -126,44 +115,54 @@ def is_spec(path: str | PathLike[str]) -> bool:
 def load_spec(path: str | PathLike[str]) -> Spec:
     """Return the specification that a file holds; it raises as `load_experiment`."""
     source = Path(path)
-    return _spec(str(source), read_table("design", source))
+    return _spec(str(source), toml.read_table("design", source))
 
 
 def _spec(file: str, content: dict[str, object]) -> Spec:
-    refuse_unknown(file, content, TOP)
+    toml.refuse_unknown(file, content, TOP)
     if "name" not in content:
         raise TemplateError(f"'{file}': the key 'name' is missing; every template needs it.")
-    asked = table(file, "design", content.get("design", {}))
-    refuse_unknown(file, asked, (*DESIGN, *PROOF))
-    values: dict[str, object] = {"name": text(file, "name", content["name"])}
-    readers = {"rule": text, "avoid": text, "state": text, "boundary": number_or_text}
-    readers |= {"initial": number_or_text, "margin": number, "split": flag, "draws": whole}
+    asked = toml.table(file, "design", content.get("design", {}))
+    toml.refuse_unknown(file, asked, (*DESIGN, *PROOF))
+    values: dict[str, object] = {"name": toml.text(file, "name", content["name"])}
+    readers = {
+        "rule": toml.text,
+        "avoid": toml.text,
+        "state": toml.text,
+        "boundary": toml.number_or_text,
+    }
+    readers |= {
+        "initial": toml.number_or_text,
+        "margin": toml.number,
+        "split": toml.flag,
+        "draws": toml.whole,
+    }
     values |= {
         key: read(file, f"design.{key}", asked[key])
         for key, read in readers.items()
         if key in asked
     }
     if "description" in content:
-        values["description"] = text(file, "description", content["description"])
+        values["description"] = toml.text(file, "description", content["description"])
     if "until" in asked:
         values["still"] = _until(file, asked["until"])
     if "mismatch" in asked:
         values["mismatch"] = _numbers(file, "design.mismatch", asked["mismatch"])
     for key, keys in (("search", SEARCH), ("learn", LEARN)):
         if key in content:
-            values[key] = _options(file, key, keys, table(file, key, content[key]))
+            values[key] = _options(file, key, keys, toml.table(file, key, content[key]))
     listed = content.get("example", [])
     rows = cast("list[object]", listed) if isinstance(listed, list) else [listed]
-    values["examples"] = tuple(_example(file, table(file, "example", row)) for row in rows)
+    values["examples"] = tuple(_example(file, toml.table(file, "example", row)) for row in rows)
     return Spec(**values)  # type: ignore[arg-type]
 
 
 def _options(
     file: str, job: str, keys: Sequence[str], found: dict[str, object]
 ) -> dict[str, object]:
-    refuse_unknown(file, found, keys)
-    measures = dict.fromkeys(("mismatch", "step", "duration", "enough"), number)
-    readers = dict.fromkeys(keys, whole) | {"like": text} | measures
+    toml.refuse_unknown(file, found, keys)
+    measures = dict.fromkeys(("mismatch", "step", "duration", "enough"), toml.number)
+    readers = dict.fromkeys(keys, toml.whole) | {"like": toml.text} | measures
     if "like" not in found:
         raise TemplateError(f"'{file}': the key '{job}.like' is missing: name a form's template.")
     return {key: readers[key](file, f"{job}.{key}", value) for key, value in found.items()}
@@ -171,17 +170,17 @@ def _options(
 
 def _until(file: str, value: object) -> bool:
     if value not in ("once", "still"):
-        raise wrong(file, "design.until", "'once' or 'still'", value)
+        raise toml.wrong(file, "design.until", "'once' or 'still'", value)
     return value == "still"
 
 
 def _numbers(file: str, key: str, value: object) -> tuple[float, ...]:
     rows = cast("list[object]", value) if isinstance(value, list) else [value]
-    return tuple(number(file, key, row) for row in rows)
+    return tuple(toml.number(file, key, row) for row in rows)
 
 
 def _example(file: str, found: dict[str, object]) -> tuple[Floats, Floats | None, Floats]:
-    refuse_unknown(file, found, ("input", "state", "output"))
+    toml.refuse_unknown(file, found, ("input", "state", "output"))
     for key in ("input", "output"):
         if key not in found:
             raise TemplateError(f"'{file}': an [[example]] needs the key '{key}'.")
@@ -192,7 +191,7 @@ def _example(file: str, found: dict[str, object]) -> tuple[Floats, Floats | None
 
 
 def _picture(file: str, key: str, value: object) -> Floats:
-    rows = names(file, key, value)
+    rows = toml.names(file, key, value)
     if len({len(row) for row in rows}) != 1 or set("".join(rows)) - SIGNS.keys() or not rows[0]:
-        raise wrong(file, key, "rows of '#', 'o' and '.', of one length", value)
+        raise toml.wrong(file, key, "rows of '#', 'o' and '.', of one length", value)
     return np.array([[SIGNS[sign] for sign in row] for row in rows])

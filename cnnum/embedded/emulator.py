@@ -7,27 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum import kernels as ir
 from cnnum.embedded.arithmetic.primitives import BY_SIGN, PRIMITIVES
 from cnnum.embedded.program import IntegerProgram
-from cnnum.kernels import (
-    Accumulate,
-    Assign,
-    Binary,
-    Call,
-    Cast,
-    Choice,
-    Counted,
-    Declare,
-    Element,
-    Expression,
-    Integer,
-    Loop,
-    Name,
-    Negative,
-    Number,
-    Statement,
-    Sweep,
-)
 
 Numbers = NDArray[Any]
 _FOLDS: dict[str, Any] = {"+": np.sum, "maximum": np.max, "minimum": np.min}
@@ -112,49 +94,49 @@ class Emulator:
             return value.astype(np.float32).astype(np.float64)
         return value
 
-    def _block(self, body: tuple[Statement, ...]) -> None:
+    def _block(self, body: tuple[ir.Statement, ...]) -> None:
         for statement in body:
             _RUN[type(statement)](self, statement)
 
-    def value(self, expression: Expression) -> Numbers:
+    def value(self, expression: ir.Expression) -> Numbers:
         """Return the value of an expression, (batch or 1, 1 or cells)."""
         found: Numbers = _VALUES[type(expression)](self, expression)
         return found
 
-    def literal(self, one: Integer | Number) -> Numbers:
+    def literal(self, one: ir.Integer | ir.Number) -> Numbers:
         """Return a number that is written out."""
         return np.asarray(one.value)
 
-    def name(self, one: Name) -> Numbers:
+    def name(self, one: ir.Name) -> Numbers:
         """Return a variable."""
         return self.values[one.text]
 
-    def element(self, one: Element) -> Numbers:
+    def element(self, one: ir.Element) -> Numbers:
         """Return numbers of an array."""
         at = np.atleast_1d(self.value(one.at))
         return np.take(self.values[one.array.text], at, axis=-1)
 
-    def call(self, one: Call) -> Numbers:
+    def call(self, one: ir.Call) -> Numbers:
         """Return the result of a function."""
         return self._applied(PRIMITIVES[one.function].numpy, *one.arguments)
 
-    def binary(self, one: Binary) -> Numbers:
+    def binary(self, one: ir.Binary) -> Numbers:
         """Return the result of a sign."""
         return self._applied(BY_SIGN[one.sign].numpy, one.left, one.right)
 
-    def negative(self, one: Negative) -> Numbers:
+    def negative(self, one: ir.Negative) -> Numbers:
         """Return a number with the other sign."""
         return self._applied(np.negative, one.value)
 
-    def choice(self, one: Choice) -> Numbers:
+    def choice(self, one: ir.Choice) -> Numbers:
         """Return one of two."""
         return self._applied(PRIMITIVES["pick"].numpy, one.condition, one.yes, one.no)
 
-    def cast(self, one: Cast) -> Numbers:
+    def cast(self, one: ir.Cast) -> Numbers:
         """Return whole numbers as real ones."""
         return self._applied(PRIMITIVES["to_real"].numpy, one.value)
 
-    def _applied(self, function: Callable[..., Any], *operands: Expression) -> Numbers:
+    def _applied(self, function: Callable[..., Any], *operands: ir.Expression) -> Numbers:
         return self._rounded(np.asarray(function(*map(self.value, operands))))
 
     def _note(self, name: str, value: Numbers) -> None:
@@ -162,7 +144,7 @@ class Emulator:
             size = float(np.abs(value).max(initial=0.0))
             self.sizes[name] = max(size, self.sizes.get(name, 0.0))
 
-    def declare(self, statement: Declare) -> None:
+    def declare(self, statement: ir.Declare) -> None:
         """Make variables."""
         for name, value in statement.variables:
             assert value is not None
@@ -170,10 +152,10 @@ class Emulator:
             if statement.type == "real":
                 self._note(name.text, self.values[name.text])
 
-    def assign(self, statement: Assign) -> None:
+    def assign(self, statement: ir.Assign) -> None:
         """Set, or change, a variable or numbers of an array."""
         target, new = statement.target, self.value(statement.value)
-        if isinstance(target, Element):
+        if isinstance(target, ir.Element):
             self._store(target, new)
             return
         old = self.values.get(target.text, new)
@@ -185,7 +167,7 @@ class Emulator:
         self.values[target.text] = np.broadcast_to(new, np.broadcast_shapes(new.shape, old.shape))
         self._note(target.text, new)
 
-    def _store(self, target: Element, new: Numbers) -> None:
+    def _store(self, target: ir.Element, new: Numbers) -> None:
         """Store numbers of an array."""
         name = target.array.text
         array, at = self.values[name], np.atleast_1d(self.value(target.at))
@@ -196,7 +178,7 @@ class Emulator:
         self.values[name] = array
         self._note(name, new)
 
-    def accumulate(self, statement: Accumulate) -> None:
+    def accumulate(self, statement: ir.Accumulate) -> None:
         """Take in a value of each cell."""
         name, value = statement.target.text, self.value(statement.value)
         whole = np.broadcast_to(value, np.broadcast_shapes(value.shape, (1, self._cells)))
@@ -204,7 +186,7 @@ class Emulator:
         self.values[name] = _PAIRS[statement.how](self.values[name], folded)
         self._note(name, self.values[name])
 
-    def loop(self, statement: Loop) -> None:
+    def loop(self, statement: ir.Loop) -> None:
         """Run rounds that add terms up; only the sums are noted."""
         sizes, self.sizes = self.sizes, None
         assert isinstance(statement.start, int)
@@ -216,11 +198,11 @@ class Emulator:
         for name in added_in(statement):
             self._note(name, self.values[name])
 
-    def sweep(self, statement: Sweep) -> None:
+    def sweep(self, statement: ir.Sweep) -> None:
         """Run a loop over cells, or over rows of cells, all at once."""
         count, body, name = statement.count, statement.body, statement.variable.text
         inner = body[0]
-        if isinstance(inner, Sweep):
+        if isinstance(inner, ir.Sweep):
             rows, cols = np.divmod(np.arange(count * inner.count), inner.count)
             self.values |= {name: rows, inner.variable.text: cols}
             count, body = count * inner.count, inner.body
@@ -229,7 +211,7 @@ class Emulator:
         self._cells = count
         self._block(body)
 
-    def counted(self, statement: Counted) -> None:
+    def counted(self, statement: ir.Counted) -> None:
         """Run rounds while a flag holds; frames that have stopped keep their values."""
         assert isinstance(statement.end, int)
         outer, flag = self._running, statement.running
@@ -244,33 +226,33 @@ class Emulator:
         self._running = outer
 
 
-def added_in(loop: Loop) -> set[str]:
+def added_in(loop: ir.Loop) -> set[str]:
     """Return the sums of a loop, and of loops within it."""
     found = set[str]()
     for one in loop.body:
-        if isinstance(one, Loop):
+        if isinstance(one, ir.Loop):
             found |= added_in(one)
-        elif isinstance(one, Assign) and isinstance(one.target, Name):
+        elif isinstance(one, ir.Assign) and isinstance(one.target, ir.Name):
             found.add(one.target.text)
     return found
 
 
 _VALUES: dict[type, Any] = {
-    Integer: Emulator.literal,
-    Number: Emulator.literal,
-    Name: Emulator.name,
-    Element: Emulator.element,
-    Call: Emulator.call,
-    Binary: Emulator.binary,
-    Negative: Emulator.negative,
-    Choice: Emulator.choice,
-    Cast: Emulator.cast,
+    ir.Integer: Emulator.literal,
+    ir.Number: Emulator.literal,
+    ir.Name: Emulator.name,
+    ir.Element: Emulator.element,
+    ir.Call: Emulator.call,
+    ir.Binary: Emulator.binary,
+    ir.Negative: Emulator.negative,
+    ir.Choice: Emulator.choice,
+    ir.Cast: Emulator.cast,
 }
 _RUN: dict[type, Any] = {
-    Declare: Emulator.declare,
-    Assign: Emulator.assign,
-    Accumulate: Emulator.accumulate,
-    Loop: Emulator.loop,
-    Sweep: Emulator.sweep,
-    Counted: Emulator.counted,
+    ir.Declare: Emulator.declare,
+    ir.Assign: Emulator.assign,
+    ir.Accumulate: Emulator.accumulate,
+    ir.Loop: Emulator.loop,
+    ir.Sweep: Emulator.sweep,
+    ir.Counted: Emulator.counted,
 }

@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from cnnum import kernels as ir
 from cnnum.arrays import Shape
 from cnnum.embedded.formats import Format
-from cnnum.kernels import Bounds, Statement
 
 
 def array_name(prefix: str, name: str) -> str:
@@ -49,7 +49,7 @@ class Array:
     logic: bool = False
 
     @property
-    def bounds(self) -> Bounds | None:
+    def bounds(self) -> ir.Bounds | None:
         """The interval of its numbers."""
         if self.logic:
             return 0, 1
@@ -78,7 +78,7 @@ class IntegerProgram:
     name: str
     shape: Shape
     arrays: dict[str, Array]
-    body: tuple[Statement, ...]
+    body: tuple[ir.Statement, ...]
     outputs: dict[str, str]
     fractions: dict[str, int] = field(default_factory=dict[str, int])
 

@@ -8,23 +8,10 @@ before a shift among them, fits in 64 bits, or lowering refuses the program.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from cnnum import kernels as ir
 from cnnum.embedded.arithmetic.primitives import LOGIC
 from cnnum.embedded.emulator import added_in
 from cnnum.embedded.program import IntegerProgram
-from cnnum.kernels import (
-    Accumulate,
-    Assign,
-    Binary,
-    Bounds,
-    Call,
-    Counted,
-    Declare,
-    Element,
-    Expression,
-    Loop,
-    Statement,
-    Sweep,
-)
 from cnnum.kernels.expressions import operands
 
 
@@ -47,7 +34,7 @@ class Range:
     """
 
     name: str
-    bounds: Bounds
+    bounds: ir.Bounds
     fraction: int
     bits: int
     saturates: bool
@@ -68,41 +55,41 @@ def ranges(program: IntegerProgram) -> list[Range]:
     return found
 
 
-def _all(body: Sequence[Statement]) -> Iterator[tuple[str, Bounds | None, Expression]]:
+def _all(body: Sequence[ir.Statement]) -> Iterator[tuple[str, ir.Bounds | None, ir.Expression]]:
     """Yield the targets of statements, with their bounds and their values; sums once."""
-    sums = {name for one in body if isinstance(one, Loop) for name in added_in(one)}
+    sums = {name for one in body if isinstance(one, ir.Loop) for name in added_in(one)}
     for statement in body:
-        if isinstance(statement, Declare) and statement.type == "real":
+        if isinstance(statement, ir.Declare) and statement.type == "real":
             for name, value in statement.variables:
                 if value is not None and name.text not in sums:
                     yield name.text, name.bounds, value
-        elif isinstance(statement, Assign | Accumulate):
+        elif isinstance(statement, ir.Assign | ir.Accumulate):
             target, value = statement.target, statement.value
-            name = target.array if isinstance(target, Element) else target
-            adds = isinstance(statement, Assign) and statement.sign == "+="
+            name = target.array if isinstance(target, ir.Element) else target
+            adds = isinstance(statement, ir.Assign) and statement.sign == "+="
             yield name.text, target.bounds if adds else value.bounds, value
-        elif isinstance(statement, Sweep | Loop | Counted):
+        elif isinstance(statement, ir.Sweep | ir.Loop | ir.Counted):
             yield from _all(statement.body)
 
 
-def _bits(bounds: Bounds) -> int:
+def _bits(bounds: ir.Bounds) -> int:
     return max((-bounds[0] - 1).bit_length() if bounds[0] < 0 else 0, bounds[1].bit_length()) + 1
 
 
-def widest(value: Expression) -> int:
+def widest(value: ir.Expression) -> int:
     """Return the bits of the widest whole number on the way to a value."""
     inner = max((widest(one) for one in operands(value)), default=0)
-    if isinstance(value, Binary) and value.bounds == LOGIC:
+    if isinstance(value, ir.Binary) and value.bounds == LOGIC:
         return inner
-    if isinstance(value, Element):
+    if isinstance(value, ir.Element):
         return inner
-    own = [value.bounds, value.within] if isinstance(value, Call) else [value.bounds]
+    own = [value.bounds, value.within] if isinstance(value, ir.Call) else [value.bounds]
     return max([inner, *(_bits(one) for one in own if one is not None)])
 
 
-def saturating(value: Expression) -> bool:
+def saturating(value: ir.Expression) -> bool:
     """Return whether a value, or a part of it, is limited."""
-    limits = isinstance(value, Call) and value.function == "limit"
+    limits = isinstance(value, ir.Call) and value.function == "limit"
     return limits or any(saturating(one) for one in operands(value))
 
 

@@ -13,11 +13,8 @@ from cnnum.engines.notices import say_once
 from cnnum.engines.opencl_advice import how_to_get_opencl
 from cnnum.errors import NoOpenCLError, name_error
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.choice import Solver
+from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
-
-Solvers = Mapping[int, Solver]
-"""How each transient runs, by the index of its node."""
 
 
 class OneFrame(Protocol):

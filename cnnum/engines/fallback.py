@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.engines.backend import Backend, Executable, OneFrame, Solvers, open_backend
+from cnnum.engines.backend import Backend, Executable, OneFrame, open_backend
 from cnnum.engines.notices import say_once
 from cnnum.errors import DeviceError, NoOpenCLError, SizeError, name_error
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Solver
+from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
 
 FALLBACKS = ("numba",)

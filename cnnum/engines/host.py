@@ -9,7 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.graph.nodes import FirstFrame, Input, Node, Pick, Read
+from cnnum.graph.nodes import (
+    Apply,
+    Constant,
+    ConstantMap,
+    FirstFrame,
+    Input,
+    Node,
+    Pick,
+    Read,
+    Reduce,
+)
 from cnnum.graph.schedule import Schedule
 
 Values = NDArray[np.floating[Any]]
@@ -151,6 +161,19 @@ class HostExecutable(OnHost, ABC):
     def _output(self, node: Node, value: Values, batch: int) -> Floats:
         whole = np.broadcast_to(value, (batch, *value.shape[1:]))
         return whole.reshape(batch, *self.schedule.shape_of(node)).astype(np.float64)
+
+
+def local(operation: object, arguments: Sequence[Values]) -> Values:
+    """Return the value of a constant, of arithmetic cell by cell, or of a read-out."""
+    if isinstance(operation, Constant):
+        return np.full((1, 1, 1), operation.value)
+    if isinstance(operation, ConstantMap):
+        return operation.values[np.newaxis]
+    if isinstance(operation, Apply):
+        return operation.function.numpy(*arguments)
+    assert isinstance(operation, Reduce)
+    reduced = operation.function.numpy(arguments[0].astype(np.float64, copy=False))
+    return np.asarray(reduced)[:, np.newaxis, np.newaxis]
 
 
 def picks(node: Node, what: str, nodes: Sequence[Node]) -> bool:

@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from cnnum.engines.backend import Solvers
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.choice import Solver
+from cnnum.integrators.solver import Solvers
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,5 +1,6 @@
 """How one transient runs: the exact answers, the ways to step, and the choice among them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cnnum.integrators.propagator import Circulant, Decay, Propagator
@@ -49,3 +50,7 @@ class Solver:
     atol: float
     asked: bool = False
     forced: bool = False
+
+
+Solvers = Mapping[int, Solver]
+"""How each transient runs, by the index of its node."""

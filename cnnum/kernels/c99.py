@@ -4,21 +4,9 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-from cnnum.kernels.expressions import (
-    Binary,
-    Bounds,
-    Call,
-    Cast,
-    Choice,
-    Element,
-    Expression,
-    Integer,
-    Negative,
-    Number,
-)
+from cnnum import kernels as ir
 from cnnum.kernels.number_types import INT32, WholeNumbers
 from cnnum.kernels.printer import CHOICE, PRIMARY, RANKS, UNARY, Printer, Ranked
-from cnnum.kernels.statements import Accumulate, Assign, Counted, Declare
 
 COMPARISONS = ("==", ">", ">=")
 BITS = ("&", "|", "^")
@@ -47,16 +35,16 @@ class C99Printer(Printer):
 
     # expressions
 
-    def integer(self, number: Integer) -> Ranked:
+    def integer(self, number: ir.Integer) -> Ranked:
         """Write a whole number."""
         return self.whole.literal(number.value), PRIMARY
 
-    def number(self, number: Number) -> Ranked:
+    def number(self, number: ir.Number) -> Ranked:
         """Write a number of single precision."""
         text = self.numbers.digits(number.value)
         return (f"({text})" if text[0] == "-" else text), PRIMARY
 
-    def call(self, call: Call) -> Ranked:
+    def call(self, call: ir.Call) -> Ranked:
         """Write the result of a function of the width that its numbers need."""
         result = [bounds for bounds in (call.within, call.bounds) if bounds is not None]
         wide = self._wide(call.arguments, result)
@@ -66,7 +54,7 @@ class C99Printer(Printer):
         )
         return self._narrowed((f"{name}({inner})", PRIMARY), call, wide=wide)
 
-    def binary(self, both: Binary) -> Ranked:
+    def binary(self, both: ir.Binary) -> Ranked:
         """Write two operands and their sign."""
         logic = both.sign in COMPARISONS or both.sign in BITS
         operands = both.left, both.right
@@ -77,18 +65,18 @@ class C99Printer(Printer):
         text = f"{left} {both.sign} {right}", RANKS[both.sign]
         return text if logic else self._narrowed(text, both, wide=wide)
 
-    def negative(self, negative: Negative) -> Ranked:
+    def negative(self, negative: ir.Negative) -> Ranked:
         """Write an operand with the other sign."""
         wide = self._wide([negative.value], [negative.bounds] if negative.bounds else [])
         inner = self._widened(negative.value, PRIMARY) if wide else None
         text = f"-({inner})" if inner else f"-{self.within(negative.value, PRIMARY)}"
         return self._narrowed((text, UNARY), negative, wide=wide)
 
-    def cast(self, cast: Cast) -> Ranked:
+    def cast(self, cast: ir.Cast) -> Ranked:
         """Write a whole number as a real one."""
         return f"({self.numbers.scalar}){self.within(cast.value, UNARY)}", UNARY
 
-    def choice(self, choice: Choice) -> Ranked:
+    def choice(self, choice: ir.Choice) -> Ranked:
         """Write one of two."""
         both = choice.yes, choice.no
         wide = self._wide(both, [choice.bounds] if choice.bounds else [])
@@ -96,27 +84,27 @@ class C99Printer(Printer):
         condition = self.within(choice.condition, UNARY)
         return self._narrowed((f"{condition} ? {yes} : {no}", CHOICE), choice, wide=wide)
 
-    def _wide(self, operands: Sequence[Expression], others: Sequence[Bounds]) -> bool:
+    def _wide(self, operands: Sequence[ir.Expression], others: Sequence[ir.Bounds]) -> bool:
         """Return whether an operation takes the wider type: any of its whole numbers needs it."""
         known = [one.bounds for one in operands if one.bounds is not None]
         whole = len(known) == len(operands)
         return whole and any(self.whole.needs_wide(bounds) for bounds in (*known, *others))
 
-    def _widened(self, one: Expression, least: int) -> str:
+    def _widened(self, one: ir.Expression, least: int) -> str:
         """Return the text of an operand of the wider type."""
         fits = one.bounds is not None and not self.whole.needs_wide(one.bounds)
-        if not fits or isinstance(one, Integer):
+        if not fits or isinstance(one, ir.Integer):
             return self.within(one, least)
         return f"({self.whole.wide}){self.within(one, UNARY)}"
 
-    def _narrowed(self, text: Ranked, value: Expression, *, wide: bool) -> Ranked:
+    def _narrowed(self, text: Ranked, value: ir.Expression, *, wide: bool) -> Ranked:
         """Return the result of an operation as the type that its bounds allow."""
         if not wide or value.bounds is None or self.whole.needs_wide(value.bounds):
             return text
         inner = text[0] if text[1] >= UNARY else f"({text[0]})"
         return f"({self.whole.narrow}){inner}", UNARY
 
-    def _function(self, name: str, arguments: Sequence[Expression], *, wide: bool) -> str:
+    def _function(self, name: str, arguments: Sequence[ir.Expression], *, wide: bool) -> str:
         """Return the name of a function for these arguments, which may have one width alone."""
         real = any(one.bounds is None for one in arguments)
         width = "_real" if real else "64" if wide else "32"
@@ -125,16 +113,16 @@ class C99Printer(Printer):
 
     # statements
 
-    def assign(self, assign: Assign) -> list[str]:
+    def assign(self, assign: ir.Assign) -> list[str]:
         """Write an assignment; numbers of arrays have types of their own."""
         target = assign.target
-        array = target.array if isinstance(target, Element) else target
+        array = target.array if isinstance(target, ir.Element) else target
         kind = self.elements.get(array.text, "")
         if kind in ("", self.whole.narrow, self.numbers.scalar):
             return Printer.assign(self, assign)
         return [f"{self.expression(target)} = ({kind}){self.within(assign.value, PRIMARY)};"]
 
-    def declare(self, new: Declare) -> list[str]:
+    def declare(self, new: ir.Declare) -> list[str]:
         """Write new variables: their bounds give the type."""
         lines = list[str]()
         for name, value in new.variables:
@@ -144,11 +132,11 @@ class C99Printer(Printer):
             lines.append(f"{constant}{kind} {name.text} = {self.expression(value)};")
         return lines
 
-    def type_of(self, bounds: Bounds | None) -> str:
+    def type_of(self, bounds: ir.Bounds | None) -> str:
         """Return the type of a variable."""
         return self.numbers.scalar if bounds is None else self.whole.type_of(bounds)
 
-    def accumulate(self, taken: Accumulate) -> list[str]:
+    def accumulate(self, taken: ir.Accumulate) -> list[str]:
         """Write that a variable takes in a value."""
         if taken.how == "+":
             return Printer.accumulate(self, taken)
@@ -156,7 +144,7 @@ class C99Printer(Printer):
         how = self._function(taken.how, [value], wide=self._wide([value], []))
         return [f"{target} = {how}({target}, {self.expression(value)});"]
 
-    def counted(self, loop: Counted) -> list[str]:
+    def counted(self, loop: ir.Counted) -> list[str]:
         """Write rounds one after the other."""
         v = loop.variable.text
         goes_on = f"{v} < {loop.end}" + (

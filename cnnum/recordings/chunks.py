@@ -9,11 +9,11 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import Channel, Chunk, Header, MessageIndex, Schema
 
-from cnnum import __version__
 from cnnum.errors import RecordingError
 from cnnum.frame import Frame
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.mcap_records import MAGIC, PREFIX, built
+from cnnum.version import __version__
 
 CHANNEL = 1
 TOPIC = "/taxels"

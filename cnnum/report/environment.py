@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
-from cnnum import __version__
 from cnnum.engines.processor import processor
+from cnnum.version import __version__
 
 _PACKAGES = ("numpy", "scipy", "pyopencl", "pocl-binary-distribution")
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from cnnum.arrays import Floats, Shape, finite, largest
-from cnnum.engines.backend import Backend
 from cnnum.errors import MethodError, NotSupportedError
 from cnnum.runs.arguments import maps_by_role
 from cnnum.runs.raw_pictures import ROLES
@@ -206,27 +205,6 @@ def run_on_chip(
     result = run(own, **{role: _plain(array) for role, array in maps.items()})
     bits = f"chip of {chip.weight_bits}-bit weights and {chip.state_bits}-bit maps"
     return replace(result, output=chip.read(result.output), reason=f"{bits}; {result.reason}")
-
-
-def chip_backend(chip: Chip, engine: str, precision: str) -> Backend:
-    """Return the builder of programs on a chip.
-
-    Raises
-    ------
-    MethodError
-        If it is no chip.
-    NotSupportedError
-        If the engine is another than the reference in real numbers.
-    """
-    expect("chip", chip, Chip, MethodError)
-    if (engine, precision) != ("reference", "float64"):
-        raise NotSupportedError(
-            "A program runs on a chip by Engine('reference'), whose feedback may differ from cell "
-            f"to cell, got the engine '{engine}' in {precision}."
-        )
-    from cnnum.runs.chip_programs import ChipBackend  # with SciPy, which takes its time
-
-    return ChipBackend(chip)
 
 
 def _plain(array: Floats) -> Floats:

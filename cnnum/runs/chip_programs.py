@@ -7,12 +7,13 @@ from itertools import count
 import numpy as np
 
 from cnnum.arrays import Floats, Shape, largest
-from cnnum.engines.backend import Solvers
 from cnnum.engines.reference import ReferenceBackend, ReferenceExecutable
+from cnnum.errors import MethodError, NotSupportedError
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Solver
+from cnnum.integrators.solver import Solver, Solvers
 from cnnum.runs.chip import Chip
+from cnnum.safety.values import expect
 from cnnum.templating.boundary import halo_sources
 from cnnum.templating.network import taps
 from cnnum.templating.numbers import on_grid
@@ -81,6 +82,25 @@ class ChipBackend(ReferenceBackend):
             assert isinstance(node.operation, Transient)
             self._chip.programmed(node.operation.template)
         return ChipExecutable(schedule, np.dtype(np.float64), solvers, self._chip)
+
+
+def chip_backend(chip: Chip, engine: str, precision: str) -> ChipBackend:
+    """Return the builder of programs on a chip.
+
+    Raises
+    ------
+    MethodError
+        If it is no chip.
+    NotSupportedError
+        If the engine is another than the reference in real numbers.
+    """
+    expect("chip", chip, Chip, MethodError)
+    if (engine, precision) != ("reference", "float64"):
+        raise NotSupportedError(
+            "A program runs on a chip by Engine('reference'), whose feedback may differ from cell "
+            f"to cell, got the engine '{engine}' in {precision}."
+        )
+    return ChipBackend(chip)
 
 
 def scaled(chip: Chip, values: Floats) -> Floats:

@@ -12,7 +12,7 @@ PAGE, PICTURE = ROOT / "docs" / "architecture.md", ROOT / "docs" / "house.svg"
 
 # A room may import from rooms on its own floor or below, never from above.
 FLOORS: list[dict[str, str]] = [
-    {"errors": "every error, one sentence each"},
+    {"errors": "every error, one sentence each", "version": "the version of the package"},
     {"arrays": "number types, and the check of arrays from outside"},
     {"kernels": "kernels as records, and their printers: OpenCL C and C99"},
     {"safety": "checked names and expressions, memory at hand, files written whole"},

@@ -2,11 +2,11 @@
 
 from collections.abc import Sequence
 
+from cnnum import kernels as ir
 from cnnum.embedded.arithmetic.fixed import Fixed, Quantity
 from cnnum.embedded.arithmetic.reals import Reals
 from cnnum.embedded.arithmetic.whole import call, opposite
 from cnnum.errors import NotSupportedError
-from cnnum.kernels import Expression, Integer
 
 Arithmetic = Fixed | Reals
 
@@ -65,6 +65,6 @@ def _of_two(arithmetic: Arithmetic, name: str, a: Quantity, b: Quantity, finest:
     return arithmetic.power(a, b.exact.limit_denominator(10**9), finest)
 
 
-def _logic(one: Quantity) -> Expression:
+def _logic(one: Quantity) -> ir.Expression:
     """Return a flag as 0 or 1."""
-    return one.value if one.exact is None else Integer(int(one.exact != 0))
+    return one.value if one.exact is None else ir.Integer(int(one.exact != 0))

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil, floor, log2
 
+from cnnum import kernels as ir
 from cnnum.embedded.arithmetic.whole import call, limited, magnitude, shifted, total
 from cnnum.embedded.formats import FINEST, Format
 from cnnum.errors import NotSupportedError
-from cnnum.kernels import Expression, Integer, Number
 
 ROOM = 62
 """Bits of a magnitude before a division or a root."""
@@ -37,14 +37,14 @@ class Quantity:
         Of a constant: the number itself, which each operation rounds for itself.
     """
 
-    value: Expression
+    value: ir.Expression
     fraction: int = 0
     exact: Fraction | None = None
 
 
 def constant(number: float) -> Quantity:
     """Return a constant."""
-    return Quantity(Number(number), 0, Fraction(number))
+    return Quantity(ir.Number(number), 0, Fraction(number))
 
 
 def nearest(number: Fraction) -> int:
@@ -77,10 +77,10 @@ class Fixed:
 
     weight: int
 
-    def brought(self, one: Quantity, fraction: int) -> Expression:
+    def brought(self, one: Quantity, fraction: int) -> ir.Expression:
         """Return the whole numbers of a quantity at another fraction."""
         if one.exact is not None:
-            return Integer(nearest(one.exact * Fraction(2) ** fraction))
+            return ir.Integer(nearest(one.exact * Fraction(2) ** fraction))
         return shifted(one.value, fraction - one.fraction)
 
     def common(self, some: Sequence[Quantity], finest: int) -> int:
@@ -100,7 +100,7 @@ class Fixed:
         value = limited(self.brought(one, fraction), format.least, format.largest)
         return Quantity(value, fraction)
 
-    def stored(self, one: Quantity, format: Format) -> Expression:
+    def stored(self, one: Quantity, format: Format) -> ir.Expression:
         """Return the whole numbers that a format holds of a quantity."""
         return limited(self.brought(one, format.fraction), format.least, format.largest)
 
@@ -125,7 +125,7 @@ class Fixed:
         if one.exact is None:
             return one
         whole, fraction = significant(one.exact, 31)
-        return Quantity(Integer(whole), min(fraction, FINEST))
+        return Quantity(ir.Integer(whole), min(fraction, FINEST))
 
     def multiply(self, a: Quantity, b: Quantity, finest: int) -> Quantity:
         """Return a · b; a factor that is a power of two only moves the point."""
@@ -137,7 +137,7 @@ class Fixed:
             if abs(whole) == 1:
                 value = a.value if whole == 1 else call("negate", a.value)
                 return Quantity(value, a.fraction + fraction)
-            other: Expression = Integer(whole)
+            other: ir.Expression = ir.Integer(whole)
         else:
             other, fraction = b.value, b.fraction
         fraction += a.fraction
@@ -175,7 +175,7 @@ class Fixed:
         if exponent == Fraction(1, 2):
             return self.root(a, finest)
         if exponent.denominator == 1 and 1 <= exponent <= 4:
-            positive = Quantity(call("maximum", a.value, Integer(0)), a.fraction)
+            positive = Quantity(call("maximum", a.value, ir.Integer(0)), a.fraction)
             found = positive
             for _ in range(int(exponent) - 1):
                 found = self.multiply(found, positive, finest)
@@ -243,14 +243,14 @@ class Fixed:
     def weighted(self, terms: Sequence[tuple[float, Quantity]], finest: int) -> Quantity:
         """Return a sum of quantities with weights that share a fraction."""
         whole, fraction = self.weights([weight for weight, _ in terms])
-        sums: dict[int, list[Expression]] = {}
+        sums: dict[int, list[ir.Expression]] = {}
         for weight, (_, one) in zip(whole, terms, strict=True):
             if not weight:
                 continue
-            term = one.value if weight == 1 else call("multiply", one.value, Integer(weight))
+            term = one.value if weight == 1 else call("multiply", one.value, ir.Integer(weight))
             sums.setdefault(one.fraction, []).append(term)
         if not sums:
-            return Quantity(Integer(0), 0)
+            return Quantity(ir.Integer(0), 0)
         products = {at: total(each) for at, each in sorted(sums.items())}
         rooms = (at + SUMMED - magnitude(one).bit_length() for at, one in products.items())
         met = min(max(sums), min(sums) + SPREAD, *rooms)

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from cnnum.kernels import Bounds
+from cnnum import kernels as ir
 
-Intervals = Sequence[Bounds]
+Intervals = Sequence[ir.Bounds]
 LOGIC = (0, 1)
 
 
@@ -35,48 +35,48 @@ class Primitive:
         The interval of the result for all arguments: of logic.
     """
 
-    bounds: Callable[[Intervals], Bounds]
+    bounds: Callable[[Intervals], ir.Bounds]
     numpy: Callable[..., Any]
     sign: str = ""
-    within: Callable[[Intervals], Bounds] | None = None
-    always: Bounds | None = None
+    within: Callable[[Intervals], ir.Bounds] | None = None
+    always: ir.Bounds | None = None
 
 
-def _none(_: Intervals) -> Bounds:
+def _none(_: Intervals) -> ir.Bounds:
     raise AssertionError("a primitive of reals has no interval")
 
 
-def _corners(function: Callable[[int, int], int]) -> Callable[[Intervals], Bounds]:
+def _corners(function: Callable[[int, int], int]) -> Callable[[Intervals], ir.Bounds]:
     """Return the interval of a function that is monotonic in each of two arguments."""
 
-    def bounds(given: Intervals) -> Bounds:
+    def bounds(given: Intervals) -> ir.Bounds:
         found = [function(a, b) for a, b in product(*given)]
         return min(found), max(found)
 
     return bounds
 
 
-def _negated(given: Intervals) -> Bounds:
+def _negated(given: Intervals) -> ir.Bounds:
     ((low, high),) = given
     return -high, -low
 
 
-def _size(given: Intervals) -> Bounds:
+def _size(given: Intervals) -> ir.Bounds:
     ((low, high),) = given
     return max(low, -high, 0), max(-low, high)
 
 
-def _limits(given: Intervals) -> Bounds:
+def _limits(given: Intervals) -> ir.Bounds:
     (low, high), (least, _), (most, _) = given
     return min(max(low, least), most), max(min(high, most), least)
 
 
-def _either(given: Intervals) -> Bounds:
+def _either(given: Intervals) -> ir.Bounds:
     _, (low, high), (least, most) = given
     return min(low, least), max(high, most)
 
 
-def _quotient_bounds(given: Intervals) -> Bounds:
+def _quotient_bounds(given: Intervals) -> ir.Bounds:
     (low, high), (least, most) = given
     nearest = least if least > 0 else -most if most < 0 else 1
     size = (2 * max(-low, high) + nearest) // (2 * nearest)
@@ -84,7 +84,7 @@ def _quotient_bounds(given: Intervals) -> Bounds:
     return (0 if positive and low >= 0 else -size), size
 
 
-def _quotient_within(given: Intervals) -> Bounds:
+def _quotient_within(given: Intervals) -> ir.Bounds:
     (low, high), (least, most) = given
     return 0, max(-low, high) + max(-least, most)
 
@@ -117,12 +117,12 @@ def cube_root(a: Any) -> Any:
     return guess + ((guess + 1) * (guess + 1) * (guess + 1) <= positive)
 
 
-def _root_bounds(given: Intervals) -> Bounds:
+def _root_bounds(given: Intervals) -> ir.Bounds:
     ((low, high),) = given
     return isqrt(max(low, 0)), isqrt(max(high, 0))
 
 
-def _cube_root_bounds(given: Intervals) -> Bounds:
+def _cube_root_bounds(given: Intervals) -> ir.Bounds:
     ((_low, high),) = given
     return 0, int(cube_root(high))
 

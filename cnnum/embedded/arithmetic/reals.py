@@ -7,17 +7,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from cnnum import kernels as ir
 from cnnum.embedded.arithmetic.fixed import Quantity
 from cnnum.embedded.arithmetic.whole import call, total
 from cnnum.embedded.formats import Format
-from cnnum.kernels import Expression, Number
 
 
 @dataclass(frozen=True, slots=True)
 class Reals:
     """Reals; fractions and formats are of no meaning."""
 
-    def brought(self, one: Quantity, fraction: int) -> Expression:
+    def brought(self, one: Quantity, fraction: int) -> ir.Expression:
         """Return the number itself."""
         return one.value
 
@@ -25,7 +25,7 @@ class Reals:
         """Return the number itself."""
         return one
 
-    def stored(self, one: Quantity, format: Format | None) -> Expression:
+    def stored(self, one: Quantity, format: Format | None) -> ir.Expression:
         """Return the number itself."""
         return one.value
 
@@ -55,7 +55,7 @@ class Reals:
 
     def power(self, a: Quantity, exponent: Fraction, finest: int) -> Quantity:
         """Return a to a power; 0 where a is not above 0."""
-        return Quantity(call("power", _real(a), Number(float(exponent))))
+        return Quantity(call("power", _real(a), ir.Number(float(exponent))))
 
     def exponential(self, a: Quantity, finest: int) -> Quantity:
         """Return e to the power of a."""
@@ -82,11 +82,11 @@ class Reals:
 
     def weighted(self, terms: Sequence[tuple[float, Quantity]], finest: int) -> Quantity:
         """Return a sum of quantities with weights."""
-        known = [call("multiply", _real(one), Number(weight)) for weight, one in terms if weight]
-        return Quantity(total(known) if known else Number(0.0))
+        known = [call("multiply", _real(one), ir.Number(weight)) for weight, one in terms if weight]
+        return Quantity(total(known) if known else ir.Number(0.0))
 
 
-def _real(one: Quantity) -> Expression:
+def _real(one: Quantity) -> ir.Expression:
     """Return the number, of a logic value as a real one."""
     return one.value if one.value.bounds is None else call("to_real", one.value)
 

@@ -7,25 +7,14 @@ enough. A value that could leave 64 bits is refused where the expression is made
 from collections.abc import Sequence
 from functools import reduce
 
+from cnnum import kernels as ir
 from cnnum.embedded.arithmetic.primitives import LOGIC, PRIMITIVES
 from cnnum.errors import NotSupportedError
-from cnnum.kernels import (
-    Binary,
-    Bounds,
-    Call,
-    Cast,
-    Choice,
-    Element,
-    Expression,
-    Integer,
-    Name,
-    Negative,
-)
 
 WIDEST = (1 << 63) - 1
 
 
-def call(primitive: str, *arguments: Expression) -> Expression:
+def call(primitive: str, *arguments: ir.Expression) -> ir.Expression:
     """Return a primitive on arguments.
 
     Raises
@@ -37,7 +26,9 @@ def call(primitive: str, *arguments: Expression) -> Expression:
     given = [one.bounds for one in arguments if one.bounds is not None]
     if known.always is not None:
         decided = _decided(primitive, given) if len(given) == len(arguments) else None
-        return _record(primitive, arguments, known.always) if decided is None else Integer(decided)
+        return (
+            _record(primitive, arguments, known.always) if decided is None else ir.Integer(decided)
+        )
     if len(given) < len(arguments) or primitive == "to_real":
         return _record(primitive, arguments, None)
     within = known.within(given) if known.within else None
@@ -50,11 +41,11 @@ def call(primitive: str, *arguments: Expression) -> Expression:
             "precision with fewer bits, or narrower ranges."
         )
     if bounds[0] == bounds[1]:  # expressions do nothing else than have a value
-        return Integer(bounds[0])
+        return ir.Integer(bounds[0])
     return _record(primitive, arguments, bounds, within)
 
 
-def _decided(primitive: str, given: Sequence[Bounds]) -> int | None:
+def _decided(primitive: str, given: Sequence[ir.Bounds]) -> int | None:
     """Return the result of a comparison that intervals decide, of which compilers would warn."""
     (low, high), (least, most) = given
     if primitive == "equal":
@@ -68,63 +59,63 @@ def _decided(primitive: str, given: Sequence[Bounds]) -> int | None:
 
 def _record(
     primitive: str,
-    arguments: tuple[Expression, ...],
-    bounds: Bounds | None,
-    within: Bounds | None = None,
-) -> Expression:
+    arguments: tuple[ir.Expression, ...],
+    bounds: ir.Bounds | None,
+    within: ir.Bounds | None = None,
+) -> ir.Expression:
     a, *others = arguments
     if sign := PRIMITIVES[primitive].sign:
-        return Binary(sign, a, others[0], bounds)
+        return ir.Binary(sign, a, others[0], bounds)
     if primitive == "negate":
-        return Negative(a, bounds)
+        return ir.Negative(a, bounds)
     if primitive == "pick":
-        return Choice(a, others[0], others[1], bounds)
+        return ir.Choice(a, others[0], others[1], bounds)
     if primitive == "to_real":
-        return Cast("real", a)
-    return Call(primitive, arguments, bounds, within)
+        return ir.Cast("real", a)
+    return ir.Call(primitive, arguments, bounds, within)
 
 
-def opposite(flag: Expression) -> Expression:
+def opposite(flag: ir.Expression) -> ir.Expression:
     """Return 1 − a flag."""
-    return Binary("-", Integer(1), flag, LOGIC)
+    return ir.Binary("-", ir.Integer(1), flag, LOGIC)
 
 
-def item(array: str, at: Expression, bounds: Bounds | None) -> Element:
+def item(array: str, at: ir.Expression, bounds: ir.Bounds | None) -> ir.Element:
     """Return a number of an array."""
-    return Element(Name(array), at, bounds)
+    return ir.Element(ir.Name(array), at, bounds)
 
 
 CHAIN = 32
 """Terms of a sum that are added one after the other; longer ones are sums of such sums."""
 
 
-def total(terms: Sequence[Expression]) -> Expression:
+def total(terms: Sequence[ir.Expression]) -> ir.Expression:
     """Return the sum of terms, of which there is at least one."""
     while len(terms) > CHAIN:
         terms = [total(terms[at : at + CHAIN]) for at in range(0, len(terms), CHAIN)]
     return reduce(lambda a, b: call("add", a, b), terms)
 
 
-def limited(value: Expression, low: int, high: int) -> Expression:
+def limited(value: ir.Expression, low: int, high: int) -> ir.Expression:
     """Return a value kept within limits; the value itself where it cannot leave them."""
     assert value.bounds is not None
     if low <= value.bounds[0] and value.bounds[1] <= high:
         return value
-    return call("limit", value, Integer(low), Integer(high))
+    return call("limit", value, ir.Integer(low), ir.Integer(high))
 
 
-def shifted(value: Expression, places: int) -> Expression:
+def shifted(value: ir.Expression, places: int) -> ir.Expression:
     """Return a value times 2^places; halves are rounded up."""
     if not places:
         return value
     if places > 0:
-        return call("multiply", value, Integer(1 << places))
+        return call("multiply", value, ir.Integer(1 << places))
     if places < -62:
-        return Integer(0)
-    return call("shift", call("add", value, Integer(1 << (-places - 1))), Integer(-places))
+        return ir.Integer(0)
+    return call("shift", call("add", value, ir.Integer(1 << (-places - 1))), ir.Integer(-places))
 
 
-def magnitude(value: Expression) -> int:
+def magnitude(value: ir.Expression) -> int:
     """Return the largest magnitude that a whole value can have."""
     assert value.bounds is not None
     return max(-value.bounds[0], value.bounds[1], 1)

@@ -220,13 +220,10 @@ def _vector(name: str, program: IntegerProgram, frames: Sequence[Mapping[str, Nu
     for one in outputs:
         lines += _rows(f"wanted_{one.name}", one, [answer[one.name] for answer in answers])
     lines += [
-        f"static {name}_memory memory;",
-        f"static {name}_input input;",
-        f"static {name}_output output;",
+        *_kept(name),
         *(_NEAR if single else []),
         "",
-        "int main(void)",
-        "{",
+        *_MAIN,
         "    int wrong = 0;",
         f"    {name}_reset(&memory);",
         f"    for (int n = 0; n < {len(frames)}; ++n) {{",
@@ -241,6 +238,12 @@ def _vector(name: str, program: IntegerProgram, frames: Sequence[Mapping[str, Nu
     return "\n".join(lines)
 
 
+def _kept(name: str) -> list[str]:
+    """Return the static variables of a main program."""
+    return [f"static {name}_{one} {one};" for one in ("memory", "input", "output")]
+
+
+_MAIN = ["int main(void)", "{"]
 _NEAR = [
     "",
     "static int far(float a, float b)",
@@ -285,12 +288,9 @@ def _stream(name: str) -> str:
             "",
             "#include <stdio.h>",
             "",
-            f"static {name}_memory memory;",
-            f"static {name}_input input;",
-            f"static {name}_output output;",
+            *_kept(name),
             "",
-            "int main(void)",
-            "{",
+            *_MAIN,
             f"    {name}_reset(&memory);",
             "    while (fread(&input, sizeof input, 1, stdin) == 1) {",
             f"        {name}_step(&memory, &input, &output);",

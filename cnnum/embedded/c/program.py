@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cnnum import kernels as ir
 from cnnum.embedded.c.helpers import HELPERS
 from cnnum.embedded.program import Array, IntegerProgram
-from cnnum.kernels import Number
 from cnnum.kernels.c99 import C99Printer
 from cnnum.kernels.live import live
 from cnnum.kernels.number_types import FLOAT32, INT32
@@ -73,7 +73,7 @@ def element_type(array: Array) -> str:
 def literal(array: Array, value: float) -> str:
     """Return a number of an array as C writes it."""
     if array.format is None and not array.logic:
-        return C99Printer(FLOAT32).expression(Number(value))
+        return C99Printer(FLOAT32).expression(ir.Number(value))
     return INT32.literal(int(value))
 
 

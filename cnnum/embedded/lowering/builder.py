@@ -1,12 +1,14 @@
 """The store that lowering writes into: arrays, statements of a frame, known quantities."""
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from cnnum import kernels as ir
 from cnnum.arrays import Shape
 from cnnum.embedded.arithmetic.elements import Arithmetic
 from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, nearest
@@ -14,21 +16,10 @@ from cnnum.embedded.arithmetic.whole import item
 from cnnum.embedded.formats import Format
 from cnnum.embedded.program import Array, Kind
 from cnnum.embedded.sizes import Formats
-from cnnum.kernels import (
-    Assign,
-    Expression,
-    Integer,
-    Name,
-    Number,
-    Statement,
-    fixed,
-    grid,
-    sweep,
-)
 
-CELL = Name("i", (0, 1 << 16))
-PLACE = Name("p", (0, 1 << 16))
-ROW, COLUMN = Name("r", (0, 1 << 16)), Name("c", (0, 1 << 16))
+CELL = ir.Name("i", (0, 1 << 16))
+PLACE = ir.Name("p", (0, 1 << 16))
+ROW, COLUMN = ir.Name("r", (0, 1 << 16)), ir.Name("c", (0, 1 << 16))
 FINE = 40
 """Fraction that is asked for where a format follows at once."""
 
@@ -52,7 +43,7 @@ class Builder:
     shape: Shape
     arithmetic: Arithmetic
     formats: Formats
-    body: list[Statement] = field(default_factory=list[Statement])
+    body: list[ir.Statement] = field(default_factory=list[ir.Statement])
     arrays: dict[str, Array] = field(default_factory=dict[str, Array])
     fractions: dict[str, int] = field(default_factory=dict[str, int])
 
@@ -102,50 +93,59 @@ class Builder:
         self.arrays[name] = made
         return made
 
-    def item(self, array: Array, at: Expression = CELL) -> Quantity:
+    def item(self, array: Array, at: ir.Expression = CELL) -> Quantity:
         """Return a number of an array."""
         fraction = 0 if array.format is None else array.format.fraction
         return Quantity(item(array.name, at, array.bounds), fraction)
 
     def let(self, name: str, one: Quantity) -> Quantity:
         """Return a quantity by a new name."""
-        made = Name(name, one.value.bounds)
-        self.body.append(fixed(made, one.value))
+        made = ir.Name(name, one.value.bounds)
+        self.body.append(ir.fixed(made, one.value))
         self.fractions[name] = one.fraction
         return Quantity(made, one.fraction)
 
-    def stored(self, one: Quantity, array: Array) -> Expression:
+    def stored(self, one: Quantity, array: Array) -> ir.Expression:
         """Return the expression that an array holds for a quantity."""
         if array.logic:
-            return one.value if one.exact is None else Integer(int(one.exact != 0))
+            return one.value if one.exact is None else ir.Integer(int(one.exact != 0))
         if array.format is None:
             return one.value
         assert isinstance(self.arithmetic, Fixed)
         return self.arithmetic.stored(one, array.format)
 
-    def store(self, array: Array, one: Quantity, at: Expression = CELL) -> None:
+    def store(self, array: Array, one: Quantity, at: ir.Expression = CELL) -> None:
         """Store a quantity in an array."""
         self.body.append(self.store_to(array, self.stored(one, array), at))
 
-    def store_to(self, array: Array, value: Expression, at: Expression = CELL) -> Assign:
+    def store_to(self, array: Array, value: ir.Expression, at: ir.Expression = CELL) -> ir.Assign:
         """Return the statement that stores a number of an array."""
-        return Assign(item(array.name, at, array.bounds), value)
+        return ir.Assign(item(array.name, at, array.bounds), value)
 
-    def zero(self) -> Expression:
+    def zero(self) -> ir.Expression:
         """Return 0."""
-        return Integer(0) if self.integer else Number(0.0)
+        return ir.Integer(0) if self.integer else ir.Number(0.0)
 
-    def whole(self, value: float, array: Array) -> Expression:
+    def whole(self, value: float, array: Array) -> ir.Expression:
         """Return a constant as an array holds it."""
         if array.format is None:
-            return Number(value)
+            return ir.Number(value)
         from fractions import Fraction
 
         found = nearest(Fraction(value) * Fraction(2) ** array.format.fraction)
-        return Integer(max(array.format.least, min(array.format.largest, found)))
+        return ir.Integer(max(array.format.least, min(array.format.largest, found)))
 
-    def loop(self, body: Sequence[Statement], *, cols: bool = False, halo: int = 0) -> None:
+    @contextmanager
+    def within(self) -> Generator[list[ir.Statement]]:
+        """Let statements go into the body of a loop, which is written later."""
+        outer, self.body = self.body, []
+        try:
+            yield self.body
+        finally:
+            self.body = outer
+
+    def loop(self, body: Sequence[ir.Statement], *, cols: bool = False, halo: int = 0) -> None:
         """Write a loop over cells."""
         if body:
-            over = grid(*self.shape, halo, body) if cols else sweep(CELL, self.cells, body)
+            over = ir.grid(*self.shape, halo, body) if cols else ir.sweep(CELL, self.cells, body)
             self.body.append(over)

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from cnnum import kernels as ir
 from cnnum.arrays import Floats
 from cnnum.embedded.arithmetic.fixed import Quantity
 from cnnum.embedded.arithmetic.whole import call, item
 from cnnum.embedded.lowering.builder import CELL, PLACE, Builder
 from cnnum.embedded.program import Array
-from cnnum.kernels import Expression, Integer, sweep
 from cnnum.templating.boundary import Boundary, halo_sources
 
 
@@ -79,14 +79,14 @@ class Padded:
         to_name, from_name = self._rim_tables()
         at, seen = (item(one.name, CELL, one.bounds) for one in (to_name, from_name))
         copy = self.to.store_to(self.array, item(self.array.name, seen, self.array.bounds), at)
-        self.to.body.append(sweep(CELL, to_name.length, [copy]))
+        self.to.body.append(ir.sweep(CELL, to_name.length, [copy]))
 
     def at(self, row: int, col: int) -> Quantity:
         """Return the neighbour that many rows below and columns to the right."""
         width = self.to.shape[1] + 2 * self.halo
         place = CELL if not self.halo else PLACE
         distance = row * width + col
-        at: Expression = call("add", place, Integer(distance)) if distance else place
+        at: ir.Expression = call("add", place, ir.Integer(distance)) if distance else place
         return self.to.item(self.array, at)
 
     def _constant_rim(self, value: float) -> None:
@@ -95,7 +95,7 @@ class Padded:
         places, _ = self._rim_tables()
         at = item(places.name, CELL, places.bounds)
         store = self.to.store_to(self.array, self.to.whole(value, self.array), at)
-        self.to.body.append(sweep(CELL, places.length, [store]))
+        self.to.body.append(ir.sweep(CELL, places.length, [store]))
 
     def _rim_tables(self) -> tuple[Array, Array]:
         """Return where the rim is, and which place of the padded map each of it copies."""

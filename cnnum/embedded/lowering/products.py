@@ -2,32 +2,29 @@
 
 from collections.abc import Sequence
 from math import prod
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cnnum import kernels as ir
 from cnnum.arrays import Floats
 from cnnum.embedded.arithmetic.fixed import Quantity
 from cnnum.embedded.arithmetic.whole import call
 from cnnum.embedded.lowering.builder import CELL, COLUMN, FINE, ROW
+from cnnum.embedded.lowering.transient_work import TransientWork
 from cnnum.embedded.program import Array
 from cnnum.integrators.propagator import Circulant, Propagator
 from cnnum.integrators.spectral import Spectral
-from cnnum.kernels import Expression, Integer, Loop, Name, Statement, add, declare
 
-if TYPE_CHECKING:
-    from cnnum.embedded.lowering.transients import TransientWork
-
-J = Name("j", (0, 1 << 16))
-DOWN = Name("d", (0, 1 << 16))
+J = ir.Name("j", (0, 1 << 16))
+DOWN = ir.Name("d", (0, 1 << 16))
 
 
-def _place(row: Expression, width: int, col: Expression) -> Expression:
-    return call("add", call("multiply", row, Integer(width)), col)
+def _place(row: ir.Expression, width: int, col: ir.Expression) -> ir.Expression:
+    return call("add", call("multiply", row, ir.Integer(width)), col)
 
 
 def _total(
-    work: "TransientWork", name: str, over: Sequence[tuple[Name, int]], a: Quantity, b: Quantity
+    work: TransientWork, name: str, over: Sequence[tuple[ir.Name, int]], a: Quantity, b: Quantity
 ) -> Quantity:
     """Write a sum of products over counts, the last one innermost; return it."""
     count = prod(number for _, number in over)
@@ -35,28 +32,27 @@ def _total(
     bounds = None
     if term.bounds is not None:
         bounds = min(0, count * term.bounds[0]), max(0, count * term.bounds[1])
-    sum, nothing = Name(name, bounds), work.to.zero()
-    inner: Statement = add(sum, term)
+    sum, nothing = ir.Name(name, bounds), work.to.zero()
+    inner: ir.Statement = ir.add(sum, term)
     for variable, number in reversed(over):
-        inner = Loop(variable, number, (inner,))
-    work.to.body += [declare(sum, nothing), inner]
+        inner = ir.Loop(variable, number, (inner,))
+    work.to.body += [ir.declare(sum, nothing), inner]
     return Quantity(sum, a.fraction + b.fraction)
 
 
-def _sources(work: "TransientWork") -> list[tuple[str, int, Array]]:
+def _sources(work: TransientWork) -> list[tuple[str, int, Array]]:
     """Write drives and starts that are not 0; return them with their kind and layer."""
     found = list[tuple[str, int, Array]]()
     work.prepare()
     to, template = work.to, work.template
     for layer in range(template.layers):
-        outer, to.body = to.body, []
-        terms = work.drive_terms(layer, 1.0)
-        if terms:
-            name = f"w{work.index}_{layer}"
-            array = to.array(name, "work", to.cells, to.formats.stored(name), "drive")
-            to.store(array, to.arithmetic.weighted(terms, FINE))
-            found.append(("drive", layer, array))
-        body, to.body = to.body, outer
+        with to.within() as body:
+            terms = work.drive_terms(layer, 1.0)
+            if terms:
+                name = f"w{work.index}_{layer}"
+                array = to.array(name, "work", to.cells, to.formats.stored(name), "drive")
+                to.store(array, to.arithmetic.weighted(terms, FINE))
+                found.append(("drive", layer, array))
         to.loop(body, cols=work.halo > 0, halo=work.halo)
         start = _start(work, layer)
         if start is not None:
@@ -64,7 +60,7 @@ def _sources(work: "TransientWork") -> list[tuple[str, int, Array]]:
     return found
 
 
-def _start(work: "TransientWork", layer: int) -> Array | None:
+def _start(work: TransientWork, layer: int) -> Array | None:
     to, given = work.to, work.given
     known = given["state"] or (given["input"] if work.template.initial == "input" else [])
     if known and isinstance(known[layer], Array):
@@ -76,14 +72,13 @@ def _start(work: "TransientWork", layer: int) -> Array | None:
         return None
     name = f"s{work.index}_{layer}"
     array = to.array(name, "work", to.cells, to.formats.stored(name), "start")
-    outer, to.body = to.body, []
-    to.store(array, start)
-    body, to.body = to.body, outer
+    with to.within() as body:
+        to.store(array, start)
     to.loop(body)
     return array
 
 
-def propagated(work: "TransientWork", scheme: Propagator) -> dict[int, Array]:
+def propagated(work: TransientWork, scheme: Propagator) -> dict[int, Array]:
     """Write x(t) = state · x₀ + drive · w + constant."""
     to, n = work.to, work.to.cells
     sources = _sources(work)
@@ -91,23 +86,24 @@ def propagated(work: "TransientWork", scheme: Propagator) -> dict[int, Array]:
     found = dict[int, Array]()
     for layer in work.layers:
         rows = slice(layer * n, (layer + 1) * n)
-        outer, to.body = to.body, []
-        parts = list[Quantity]()
-        for kind, source, array in sources:
-            block = matrices[kind][rows, source * n : (source + 1) * n]
-            if np.any(block):
-                table, _ = to.table(f"k{work.index}_{kind}_{layer}_{source}", block, "propagator")
-                a = to.item(table, _place(CELL, n, J))
-                parts.append(
-                    _total(work, f"s_{kind}_{layer}_{source}", [(J, n)], a, to.item(array, J))
-                )
-        found |= work.answers(layer, _sum(work, parts, scheme.constant[rows], layer))
-        body, to.body = to.body, outer
+        with to.within() as body:
+            parts = list[Quantity]()
+            for kind, source, array in sources:
+                block = matrices[kind][rows, source * n : (source + 1) * n]
+                if np.any(block):
+                    table, _ = to.table(
+                        f"k{work.index}_{kind}_{layer}_{source}", block, "propagator"
+                    )
+                    a = to.item(table, _place(CELL, n, J))
+                    parts.append(
+                        _total(work, f"s_{kind}_{layer}_{source}", [(J, n)], a, to.item(array, J))
+                    )
+            found |= work.answers(layer, _sum(work, parts, scheme.constant[rows], layer))
         to.loop(body)
     return found
 
 
-def _sum(work: "TransientWork", parts: list[Quantity], constant: Floats, layer: int) -> Quantity:
+def _sum(work: TransientWork, parts: list[Quantity], constant: Floats, layer: int) -> Quantity:
     to = work.to
     if np.any(constant):
         table, _ = to.table(f"k{work.index}_constant_{layer}", constant, "the rim's share")
@@ -120,7 +116,7 @@ def _sum(work: "TransientWork", parts: list[Quantity], constant: Floats, layer: 
     return total
 
 
-def around_torus(work: "TransientWork", scheme: Circulant) -> dict[int, Array]:
+def around_torus(work: TransientWork, scheme: Circulant) -> dict[int, Array]:
     """Write the equilibrium as a sum of shifted drives, each weighed by its distance on the torus.
 
     A table holds the weights of distances from 1 − n to n − 1 along both axes, so that no index
@@ -130,27 +126,28 @@ def around_torus(work: "TransientWork", scheme: Circulant) -> dict[int, Array]:
     sources = _sources(work)
     apart = [np.arange(n - 1, -n, -1) for n in (rows, cols)]
     width, found = 2 * cols - 1, dict[int, Array]()
-    row = call("add", call("subtract", Integer(rows - 1), ROW), DOWN)
-    col = call("add", call("subtract", Integer(cols - 1), COLUMN), J)
+    row = call("add", call("subtract", ir.Integer(rows - 1), ROW), DOWN)
+    col = call("add", call("subtract", ir.Integer(cols - 1), COLUMN), J)
     for layer in work.layers:
-        outer, to.body = to.body, []
-        parts = list[Quantity]()
-        for kind, source, array in sources:
-            weights = scheme.drive[layer, source][np.ix_(*apart)]
-            if kind == "drive" and np.any(weights):
-                table, _ = to.table(f"k{work.index}_{layer}_{source}", weights, "by distance")
-                a, b = (
-                    to.item(table, _place(row, width, col)),
-                    to.item(array, _place(DOWN, cols, J)),
-                )
-                parts.append(_total(work, f"s_{layer}_{source}", [(DOWN, rows), (J, cols)], a, b))
-        found |= work.answers(layer, _sum(work, parts, np.zeros(1), layer))
-        body, to.body = to.body, outer
+        with to.within() as body:
+            parts = list[Quantity]()
+            for kind, source, array in sources:
+                weights = scheme.drive[layer, source][np.ix_(*apart)]
+                if kind == "drive" and np.any(weights):
+                    table, _ = to.table(f"k{work.index}_{layer}_{source}", weights, "by distance")
+                    a, b = (
+                        to.item(table, _place(row, width, col)),
+                        to.item(array, _place(DOWN, cols, J)),
+                    )
+                    parts.append(
+                        _total(work, f"s_{layer}_{source}", [(DOWN, rows), (J, cols)], a, b)
+                    )
+            found |= work.answers(layer, _sum(work, parts, np.zeros(1), layer))
         to.loop(body, cols=True)
     return found
 
 
-def through_modes(work: "TransientWork", scheme: Spectral) -> dict[int, Array]:
+def through_modes(work: TransientWork, scheme: Spectral) -> dict[int, Array]:
     """Write x(t) = Rᵀ [factors · (R s Cᵀ)] C + constant, summed over starts and drives s."""
     to, (rows, cols) = work.to, work.to.shape
     sources = _sources(work)
@@ -164,14 +161,13 @@ def through_modes(work: "TransientWork", scheme: Spectral) -> dict[int, Array]:
     found = dict[int, Array]()
     for layer in work.layers:
         mixed = _wide(work, f"u{work.index}_{layer}", "modes of the answer")
-        outer, to.body = to.body, []
-        parts = list[Quantity]()
-        for kind, source, array in seen:
-            name = f"k{work.index}_{kind}_{layer}_{source}"
-            table, _ = to.table(name, factors[kind][layer, source], "factors of modes")
-            parts.append(to.arithmetic.multiply(to.item(table), to.item(array), FINE))
-        to.store(mixed, _sum(work, parts, np.zeros(1), layer))
-        body, to.body = to.body, outer
+        with to.within() as body:
+            parts = list[Quantity]()
+            for kind, source, array in seen:
+                name = f"k{work.index}_{kind}_{layer}_{source}"
+                table, _ = to.table(name, factors[kind][layer, source], "factors of modes")
+                parts.append(to.arithmetic.multiply(to.item(table), to.item(array), FINE))
+            to.store(mixed, _sum(work, parts, np.zeros(1), layer))
         to.loop(body)
         half = _wide(work, f"v{work.index}_{layer}", "modes of columns")
         # over rows: Rᵀ, so the table's columns
@@ -182,26 +178,25 @@ def through_modes(work: "TransientWork", scheme: Spectral) -> dict[int, Array]:
             to.item(along_rows, _place(J, rows, ROW)),
             to.item(mixed, _place(J, cols, COLUMN)),
         )
-        outer, to.body = to.body, []
-        end = _total(
-            work,
-            f"s_{layer}",
-            [(J, cols)],
-            to.item(half, _place(ROW, cols, J)),
-            to.item(along_cols, _place(J, cols, COLUMN)),
-        )
-        found |= work.answers(layer, _sum(work, [end], scheme.constant[layer], layer))
-        body, to.body = to.body, outer
+        with to.within() as body:
+            end = _total(
+                work,
+                f"s_{layer}",
+                [(J, cols)],
+                to.item(half, _place(ROW, cols, J)),
+                to.item(along_cols, _place(J, cols, COLUMN)),
+            )
+            found |= work.answers(layer, _sum(work, [end], scheme.constant[layer], layer))
         to.loop(body, cols=True)
     return found
 
 
-def _kind(work: "TransientWork") -> str:
+def _kind(work: TransientWork) -> str:
     return work.template.boundary.pad_mode
 
 
 def _forward(
-    work: "TransientWork", kind: str, layer: int, source: Array, rows: Array, cols: Array
+    work: TransientWork, kind: str, layer: int, source: Array, rows: Array, cols: Array
 ) -> Array:
     """Write R s Cᵀ."""
     to, (height, width) = work.to, work.to.shape
@@ -224,13 +219,12 @@ def _forward(
     return whole
 
 
-def _mix(work: "TransientWork", target: Array, count: int, a: Quantity, b: Quantity) -> None:
+def _mix(work: TransientWork, target: Array, count: int, a: Quantity, b: Quantity) -> None:
     to = work.to
-    outer, to.body = to.body, []
-    to.store(target, _total(work, "mix", [(J, count)], a, b))
-    body, to.body = to.body, outer
+    with to.within() as body:
+        to.store(target, _total(work, "mix", [(J, count)], a, b))
     to.loop(body, cols=True)
 
 
-def _wide(work: "TransientWork", name: str, about: str) -> Array:
+def _wide(work: TransientWork, name: str, about: str) -> Array:
     return work.to.array(name, "work", work.to.cells, work.to.formats.kept(name), about)

@@ -1,9 +1,9 @@
 """From a schedule to a program in whole numbers, or in reals: level by level."""
 
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from cnnum import kernels as ir
 from cnnum.embedded.arithmetic.elements import applied
 from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, constant
 from cnnum.embedded.arithmetic.reals import Reals
@@ -30,7 +30,6 @@ from cnnum.graph.nodes import (
 )
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
-from cnnum.kernels import Accumulate, Assign, Integer, Name, Number, Statement, declare
 
 FOLDS = {
     "sum": "+",
@@ -135,7 +134,7 @@ class Lowering:
                 table, _ = self.to.table(f"k{node.index}", operation.values, "constant map")
                 self.maps[node.index] = table
             elif isinstance(operation, FirstFrame):
-                self.numbers[node.index] = Quantity(Name("first", (0, 1)))
+                self.numbers[node.index] = Quantity(ir.Name("first", (0, 1)))
             elif isinstance(operation, Constant):
                 self.numbers[node.index] = constant(operation.value)
         for number, memory in self.schedule.memories.items():
@@ -150,7 +149,7 @@ class Lowering:
         if read.scalar:
             fraction = 0 if array.format is None else array.format.fraction
             self.numbers[read.index] = self.to.let(
-                f"n{read.index}", Quantity(Name(name, array.bounds), fraction)
+                f"n{read.index}", Quantity(ir.Name(name, array.bounds), fraction)
             )
             return
         self.maps[read.index] = array
@@ -231,7 +230,7 @@ class Lowering:
         for node in level.cells:
             self._invert(node)
         known, folds = dict(self.numbers), list[tuple[Node, Quantity]]()
-        with self.within() as body:
+        with self.to.within() as body:
             for one in (argument for node in level.cells for argument in node.arguments):
                 # before the loop's own values take their places
                 if isinstance(one.operation, Read) and not one.scalar:
@@ -243,8 +242,8 @@ class Lowering:
                     self._cell(node)
         self.numbers = known
         for node, found in folds:
-            assert isinstance(found.value, Name)
-            self.to.body.append(declare(found.value, self._start(node, found)))
+            assert isinstance(found.value, ir.Name)
+            self.to.body.append(ir.declare(found.value, self._start(node, found)))
         self.to.loop(body)
         for node, found in folds:
             name, form = f"n{node.index}", self.to.formats.register(f"n{node.index}")
@@ -252,15 +251,6 @@ class Lowering:
                 assert isinstance(self.to.arithmetic, Fixed)
                 found = self.to.arithmetic.fit(found, form)
             self.numbers[node.index] = self.to.let(name, found)
-
-    @contextmanager
-    def within(self) -> Generator[list[Statement]]:
-        """Let statements go into the body of a loop."""
-        outer, self.to.body = self.to.body, []
-        try:
-            yield self.to.body
-        finally:
-            self.to.body = outer
 
     def _invert(self, node: Node) -> None:
         divisor = _divisor(node)
@@ -313,19 +303,19 @@ class Lowering:
         bounds = value.bounds
         if bounds is not None and how == "+":
             bounds = min(0, bounds[0] * self.to.cells), max(0, bounds[1] * self.to.cells)
-        folded = Name(f"f{node.index}", bounds)
-        self.to.body.append(Accumulate(folded, how, value))
+        folded = ir.Name(f"f{node.index}", bounds)
+        self.to.body.append(ir.Accumulate(folded, how, value))
         return Quantity(folded, one.fraction)
 
-    def _start(self, node: Node, found: Quantity) -> Integer | Number:
+    def _start(self, node: Node, found: Quantity) -> ir.Integer | ir.Number:
         operation = node.operation
         assert isinstance(operation, Reduce)
         how, bounds = FOLDS[operation.function.name], found.value.bounds
         if how == "+":
-            return Integer(0) if bounds is not None else Number(0.0)
+            return ir.Integer(0) if bounds is not None else ir.Number(0.0)
         if bounds is None:
-            return Number(-HUGE if how == "maximum" else HUGE)
-        return Integer(bounds[0] if how == "maximum" else bounds[1])
+            return ir.Number(-HUGE if how == "maximum" else HUGE)
+        return ir.Integer(bounds[0] if how == "maximum" else bounds[1])
 
     def ends(self) -> None:
         """Write outputs, and the memories for the next frame."""
@@ -347,7 +337,7 @@ class Lowering:
 
     def _copy(self, copied: list[tuple[Array, Node]]) -> None:
         known = dict(self.numbers)
-        with self.within() as body:
+        with self.to.within() as body:
             # all are read before any is written: memories may hold each other
             values = [self.operand(node) for _, node in copied]
             for (array, _), value in zip(copied, values, strict=True):
@@ -357,7 +347,7 @@ class Lowering:
 
     def _set(self, array: Array, node: Node) -> None:
         value = self.to.stored(self.numbers[node.index], array)
-        self.to.body.append(Assign(Name(array.name, array.bounds), value))
+        self.to.body.append(ir.Assign(ir.Name(array.name, array.bounds), value))
 
     def _output(self, name: str, node: Node) -> Array:
         form, name_of = self.to.formats, array_name("out", name)

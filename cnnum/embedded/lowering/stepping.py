@@ -1,23 +1,19 @@
 """Explicit Euler steps: x ← (1 − h/τ) x + h/τ (A ∗ f(x) + w), all with quantised weights."""
 
-from typing import TYPE_CHECKING
-
+from cnnum import kernels as ir
 from cnnum.embedded.arithmetic.fixed import Quantity
 from cnnum.embedded.lowering.neighbours import Padded, reach
+from cnnum.embedded.lowering.transient_work import TransientWork
 from cnnum.embedded.lowering.watch import Watch
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Pick
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.tableau import EULER
-from cnnum.kernels import Expression
 from cnnum.templating.network import taps
 
-if TYPE_CHECKING:
-    from cnnum.embedded.lowering.transients import TransientWork
 
-
-def stepped(work: "TransientWork", scheme: FixedSteps) -> dict[int, Array]:
+def stepped(work: TransientWork, scheme: FixedSteps) -> dict[int, Array]:
     """Write the steps, and return the maps that are read at their end.
 
     Raises
@@ -40,22 +36,20 @@ def stepped(work: "TransientWork", scheme: FixedSteps) -> dict[int, Array]:
         )
         for n in range(template.layers)
     ]
-    outer, to.body = to.body, []
-    for state, padded in zip(states, seen, strict=True):
-        value = to.item(state)
-        padded.fill(value if template.output.linear else work.clipped(value))
-    inner, to.body = to.body, []
     watch = Watch.of(work, scheme)
-    for layer, (state, drive) in enumerate(zip(states, drives, strict=True)):
-        _step(work, layer, scheme.step, state, drive, seen, watch)
-    body, to.body = to.body, inner
-    to.loop(body, cols=halo > 0, halo=halo)
-    steps, to.body = to.body, outer
+    with to.within() as steps:
+        for state, padded in zip(states, seen, strict=True):
+            value = to.item(state)
+            padded.fill(value if template.output.linear else work.clipped(value))
+        with to.within() as body:
+            for layer, (state, drive) in enumerate(zip(states, drives, strict=True)):
+                _step(work, layer, scheme.step, state, drive, seen, watch)
+        to.loop(body, cols=halo > 0, halo=halo)
     watch.repeat(work, scheme, steps)
     return _ends(work, states)
 
 
-def _like_output(work: "TransientWork", state: Array) -> Array:
+def _like_output(work: TransientWork, state: Array) -> Array:
     """Return an array like a layer's output, which a rim may exceed."""
     form = None
     if state.format is not None:
@@ -66,7 +60,7 @@ def _like_output(work: "TransientWork", state: Array) -> Array:
     return Array(state.name, "work", state.length, form, f"output of {work.template.name}")
 
 
-def _state(work: "TransientWork", layer: int) -> Array:
+def _state(work: TransientWork, layer: int) -> Array:
     to, name = work.to, f"x{work.index}_{layer}"
     form = to.formats.stored(name)
     array = to.array(name, "work", to.cells, form, f"state of {work.template.name}")
@@ -75,28 +69,26 @@ def _state(work: "TransientWork", layer: int) -> Array:
     return array
 
 
-def _value(work: "TransientWork", array: Array, start: Quantity | None) -> Expression:
+def _value(work: TransientWork, array: Array, start: Quantity | None) -> ir.Expression:
     return work.to.zero() if start is None else work.to.stored(start, array)
 
 
-def _drive(work: "TransientWork", layer: int, step: float) -> Array | None:
+def _drive(work: TransientWork, layer: int, step: float) -> Array | None:
     """Write the part that a step adds to any state; None where that is nothing."""
     to, share = work.to, step / float(work.template.tau[layer])
-    outer, to.body = to.body, []
-    terms = work.drive_terms(layer, share)
-    if not terms:
-        to.body = outer
-        return None
-    name = f"d{work.index}_{layer}"
-    array = to.array(name, "work", to.cells, to.formats.kept(name), "drive of a step")
-    to.store(array, to.arithmetic.weighted(terms, 40))
-    body, to.body = to.body, outer
+    with to.within() as body:
+        terms = work.drive_terms(layer, share)
+        if not terms:
+            return None
+        name = f"d{work.index}_{layer}"
+        array = to.array(name, "work", to.cells, to.formats.kept(name), "drive of a step")
+        to.store(array, to.arithmetic.weighted(terms, 40))
     to.loop(body, cols=True, halo=work.halo)
     return array
 
 
 def _step(
-    work: "TransientWork",
+    work: TransientWork,
     layer: int,
     step: float,
     state: Array,
@@ -143,7 +135,7 @@ def _merged(
     return [*((w, one) for w, one in terms if one != cell), (centre, cell)]
 
 
-def _ends(work: "TransientWork", states: list[Array]) -> dict[int, Array]:
+def _ends(work: TransientWork, states: list[Array]) -> dict[int, Array]:
     found = dict[int, Array]()
     for one in work.picks:
         pick = one.operation

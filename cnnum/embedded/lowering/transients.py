@@ -3,17 +3,13 @@
 Uncoupled cells are a weighted sum of inputs and start, by any method: their answer is exact.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 
-import numpy as np
-
-from cnnum.arrays import Floats
 from cnnum.embedded.arithmetic.fixed import Quantity, constant
 from cnnum.embedded.lowering.builder import Builder
-from cnnum.embedded.lowering.neighbours import Padded, reach
 from cnnum.embedded.lowering.products import around_torus, propagated, through_modes
 from cnnum.embedded.lowering.stepping import stepped
+from cnnum.embedded.lowering.transient_work import Given, TransientWork
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
 from cnnum.graph.nodes import Node, Pick, Transient
@@ -21,12 +17,6 @@ from cnnum.integrators.propagator import Circulant, Decay, Propagator
 from cnnum.integrators.schemes import MAX_STEPS, FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.spectral import Spectral
-from cnnum.templating.network import taps
-from cnnum.templating.template import Template
-
-Given = Mapping[str, Sequence[Array | Quantity]]
-Terms = list[tuple[float, Quantity]]
-
 
 FIGURES = ("time", "steps", "settled")
 """Numbers of a run; its error is not followed."""
@@ -55,7 +45,7 @@ def lower_transient(
     return found, {index: work.figures[name] for index, name in wanted.items()}
 
 
-def _lowered(work: "TransientWork", solver: Solver) -> dict[int, Array]:
+def _lowered(work: TransientWork, solver: Solver) -> dict[int, Array]:
     scheme, given = solver.scheme, work.given
     if isinstance(scheme, Decay) and not given["mask"]:
         return work.uncoupled(scheme.kept)
@@ -76,164 +66,3 @@ def _lowered(work: "TransientWork", solver: Solver) -> dict[int, Array]:
         f"Template '{work.template.name}' by {solver.method} is not exported: take "
         "method='euler', or leave out the outputs that need it."
     )
-
-
-@dataclass(slots=True, eq=False)
-class TransientWork:
-    """One transient while it is lowered.
-
-    Attributes
-    ----------
-    to : Builder
-    template : Template
-    index : int
-        Of its node.
-    given : mapping of str to sequence of Array or Quantity
-        Arguments by role.
-    picks : sequence of Node
-        Maps that are read of it.
-    figures : dict of str to Quantity
-        Numbers that are read of it, by name.
-    """
-
-    to: Builder
-    template: Template
-    index: int
-    given: Given
-    picks: Sequence[Node]
-    figures: dict[str, Quantity] = field(default_factory=dict[str, Quantity])
-    _padded: dict[tuple[int, float | None], Padded] = field(
-        default_factory=dict[tuple[int, "float | None"], Padded]
-    )
-
-    def check(self) -> None:
-        """Refuse templates that cannot be exported."""
-        template = self.template
-        if not template.plain or template.output.discrete:
-            raise NotSupportedError(
-                f"Template '{template.name}' has nonlinear, delayed, timed or discrete couplings, "
-                "which are not exported: leave out the outputs that need it."
-            )
-        if template.output.name not in ("standard", "linear", "full-range"):
-            raise NotSupportedError(
-                f"The output function '{template.output.name}' of template '{template.name}' is "
-                "not exported: take a piecewise linear one."
-            )
-
-    @property
-    def layers(self) -> list[int]:
-        """The layers that anything reads."""
-        return sorted({_pick(one).layer for one in self.picks})
-
-    def drive_terms(self, layer: int, share: float) -> Terms:
-        """Return the terms of a share of B ∗ u + z + bias of a cell; loops are padded by `halo`."""
-        template, found = self.template, list[tuple[float, Quantity]]()
-        if self.given["input"]:
-            boundary = template.input_boundary
-            for tap in taps(template.B, layer):
-                padded = self.padded(self.given["input"][tap.source], boundary.constant)
-                found.append((share * tap.weight, padded.at(tap.row, tap.col)))
-        if template.z[layer]:
-            found.append((1.0, self.fixed(share * float(template.z[layer]))))
-        if self.given["bias"]:
-            found.append((share, self.cell(self.given["bias"][layer])))
-        return found
-
-    def fixed(self, value: float) -> Quantity:
-        """Return a constant term as the arithmetic has it."""
-        one = constant(value)
-        if not self.to.integer:
-            return one
-        return self.to.arithmetic.fit(one, self.to.formats.kept(f"z{self.index}"))  # type: ignore[arg-type]
-
-    def start(self, layer: int) -> Quantity | None:
-        """Return the initial state of a cell; None where it is 0."""
-        if self.given["state"]:
-            return self.cell(self.given["state"][layer])
-        if self.template.initial == "input":
-            return self.cell(self.given["input"][layer])
-        value = float(self.template.initial)
-        return self.fixed(value) if value else None
-
-    def cell(self, given: Array | Quantity) -> Quantity:
-        """Return the cell's own value of an array or number."""
-        return given if isinstance(given, Quantity) else self.to.item(given)
-
-    @property
-    def halo(self) -> int:
-        """The width of the rims of padded inputs."""
-        return reach(self.template.B)
-
-    def padded(self, given: Array | Quantity, edge: float | None) -> Padded:
-        """Return an input with its rim, which is written where it is asked for first."""
-        key = (id(given), edge)
-        if key not in self._padded:
-            name = f"p{self.index}_{len(self._padded)}"
-            self._padded[key] = Padded.copied(
-                self.to, name, given, self.template.input_boundary, self.halo
-            )
-        return self._padded[key]
-
-    def prepare(self) -> None:
-        """Write the rims of all inputs."""
-        if not self.given["input"] or not np.any(self.template.B):
-            return
-        for source, one in enumerate(self.given["input"]):
-            if np.any(self.template.B[:, source]):
-                self.padded(one, self.template.input_boundary.constant)
-
-    def target(self, layer: int, what: str) -> Array:
-        """Return a new array for a layer's state or output."""
-        name = f"x{self.index}_{layer}{'y' if what == 'output' else ''}"
-        if name in self.to.arrays:
-            return self.to.arrays[name]
-        form = self.to.formats.stored(name)
-        return self.to.array(name, "work", self.to.cells, form, f"template {self.template.name}")
-
-    def uncoupled(self, kept: Floats) -> dict[int, Array]:
-        """Write x = (1 − k) w + k x₀ of every layer that is read."""
-        self.prepare()
-        found = dict[int, Array]()
-        for layer in self.layers:
-            share = 1.0 - float(kept[layer])
-            outer, self.to.body = self.to.body, []
-            terms = self.drive_terms(layer, share)
-            start = self.start(layer) if kept[layer] else None
-            if start is not None:
-                terms.append((float(kept[layer]), start))
-            found |= self.answers(layer, self.to.arithmetic.weighted(terms, 40))
-            body, self.to.body = self.to.body, outer
-            self.to.loop(body, cols=self.halo > 0, halo=self.halo)
-        return found
-
-    def answers(self, layer: int, state: Quantity) -> dict[int, Array]:
-        """Store the state of a layer, and its output where that is another."""
-        found = dict[int, Array]()
-        for one in self.picks:
-            pick = _pick(one)
-            if pick.layer != layer:
-                continue
-            linear = self.template.output.linear or pick.what == "state"
-            array = self.target(layer, "state" if linear else "output")
-            value = state if linear else self.clipped(state)
-            if array.name not in {self.to.arrays[a.name].name for a in found.values()}:
-                self.to.store(array, value)
-            found[one.index] = array
-        return found
-
-    def clipped(self, state: Quantity) -> Quantity:
-        """Return a state kept within −1 and 1."""
-        arithmetic = self.to.arithmetic
-        low = arithmetic.extreme("maximum", state, constant(-1.0), state.fraction)
-        return arithmetic.extreme("minimum", low, constant(1.0), state.fraction)
-
-
-def _pick(node: Node) -> Pick:
-    operation = node.operation
-    assert isinstance(operation, Pick)
-    if operation.what not in ("output", "state"):
-        raise NotSupportedError(
-            f"The figure '{operation.what}' of a run is not exported: leave out the outputs that "
-            "need it."
-        )
-    return operation

@@ -23,10 +23,10 @@ from typing import cast
 import pyopencl as cl
 from pyopencl.characterize import has_src_build_cache
 
-from cnnum import __version__
 from cnnum.engines.cache import Shelf
 from cnnum.engines.devices.pocl_folder import work_folder
 from cnnum.engines.processor import processor
+from cnnum.version import __version__
 
 SHELF = Shelf("kernels")
 

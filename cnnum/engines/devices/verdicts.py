@@ -12,10 +12,10 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import cast
 
-from cnnum import __version__
 from cnnum.engines.cache import Shelf
 from cnnum.engines.devices.listing import Device
 from cnnum.engines.processor import processor
+from cnnum.version import __version__
 
 SHELF = Shelf("verdicts")
 

@@ -7,14 +7,13 @@ functions. These take any template as lists of taps, so that nothing is compiled
 
 import numpy as np
 
-from cnnum.engines.backend import Solvers
 from cnnum.engines.limits import refuse_beyond
 from cnnum.engines.numba.compiling import cores
 from cnnum.engines.numba.executable import NumbaExecutable
 from cnnum.engines.numba.records import Real
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Solver
+from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
 
 _TYPES: dict[str, Real] = {

@@ -11,15 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.engines.host import picked, picks
+from cnnum.engines.host import local, picked, picks
 from cnnum.engines.numba.records import Real, Reals
 from cnnum.engines.numba.reductions import products, sums
 from cnnum.engines.numba.transients import TransientRunner
 from cnnum.graph.nodes import (
     CAPTURED,
-    Apply,
-    Constant,
-    ConstantMap,
     Loop,
     Node,
     Parameter,
@@ -151,22 +148,12 @@ class Evaluation:
 
 
 def _local(operation: object, arguments: Sequence[Reals]) -> Reals:
-    if isinstance(operation, Constant):
-        return np.full((1, 1, 1), operation.value)
-    if isinstance(operation, ConstantMap):
-        return operation.values[np.newaxis]
     if isinstance(operation, Product):
         return _product(operation, arguments)
-    if isinstance(operation, Apply):
-        return operation.function.numpy(*arguments)
-    assert isinstance(operation, Reduce)
-    ordered = ORDERED.get(operation.function.name)
-    values = arguments[0]
-    if ordered is not None:
-        return ordered(values.reshape(len(values), -1))[:, np.newaxis, np.newaxis]
-    return np.asarray(operation.function.numpy(values.astype(np.float64, copy=False)))[
-        :, np.newaxis, np.newaxis
-    ]
+    if isinstance(operation, Reduce) and operation.function.name in ORDERED:
+        cells = arguments[0].reshape(len(arguments[0]), -1)
+        return ORDERED[operation.function.name](cells)[:, np.newaxis, np.newaxis]
+    return local(operation, arguments)
 
 
 def _product(operation: Product, arguments: Sequence[Reals]) -> Floats:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.host import HostExecutable
 from cnnum.engines.numba.evaluation import Evaluation
@@ -13,6 +12,7 @@ from cnnum.engines.numba.records import Real, Reals
 from cnnum.engines.numba.transients import TransientRunner
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
+from cnnum.integrators.solver import Solvers
 
 
 @dataclass(frozen=True, slots=True, eq=False)

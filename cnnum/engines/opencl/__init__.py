@@ -3,14 +3,13 @@
 import numpy as np
 import pyopencl as cl
 
-from cnnum.engines.backend import Solvers
 from cnnum.engines.devices.inline import partner_of
 from cnnum.engines.devices.selection import choose_device
 from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.executable import OpenCLExecutable
 from cnnum.errors import DeviceError, name_error
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Solver
+from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
 
 _TYPES: dict[str, np.dtype[np.floating]] = {

@@ -11,7 +11,6 @@ import pyopencl as cl
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.engines.backend import Solvers
 from cnnum.engines.devices.building import build_program
 from cnnum.engines.devices.device_trouble import build_failure, run_failure
 from cnnum.engines.devices.shared_arrays import SharedArray, shared_array, shares_memory
@@ -23,6 +22,7 @@ from cnnum.engines.opencl.runtime.host_exchange import Exchange, exchanges
 from cnnum.engines.opencl.runtime.launch_runner import LaunchArrays, LaunchRunner
 from cnnum.engines.opencl.runtime.single_frame import OneFrame
 from cnnum.graph.schedule import Schedule
+from cnnum.integrators.solver import Solvers
 from cnnum.safety.memory import refuse_beyond
 
 WIDE_CELLS = 256

@@ -6,27 +6,15 @@ from typing import cast
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.engines.backend import Solvers
 from cnnum.engines.failures import refuse_unfinished
-from cnnum.engines.host import HostExecutable, Values, picked, picks
+from cnnum.engines.host import HostExecutable, Values, local, picked, picks
 from cnnum.engines.reference.equation import Feedback, Given, StateEquation
 from cnnum.engines.reference.solve import change, instead, solve
 from cnnum.errors import DeviceError, name_error
-from cnnum.graph.nodes import (
-    CAPTURED,
-    Apply,
-    Constant,
-    ConstantMap,
-    Loop,
-    Node,
-    Parameter,
-    Pick,
-    Reduce,
-    Transient,
-)
+from cnnum.graph.nodes import CAPTURED, Loop, Node, Parameter, Pick, Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.estimate import LOST
-from cnnum.integrators.solver import Solver
+from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
 
 
@@ -72,7 +60,7 @@ class ReferenceExecutable(HostExecutable):
                     Floats, picked(operation, answers[node.arguments[0].index])
                 )
             else:
-                values[node.index] = _local(operation, arguments)
+                values[node.index] = np.asarray(local(operation, arguments), np.float64)
 
     def _loop(self, loop: Loop, arguments: list[Floats], batch: int) -> dict[str, Floats]:
         """Run a loop's body; frames that have stopped keep their values."""
@@ -153,18 +141,6 @@ def _figures(equation: StateEquation, solver: Solver) -> dict[str, Floats]:
         "settled": np.asarray(float(change(equation, found, solver) <= 1.0)),
         "error": np.asarray(min(found.error, LOST)),
     }
-
-
-def _local(operation: object, arguments: list[Floats]) -> Floats:
-    if isinstance(operation, Constant):
-        return np.full((1, 1, 1), operation.value)
-    if isinstance(operation, ConstantMap):
-        return operation.values[np.newaxis]
-    if isinstance(operation, Apply):
-        return np.asarray(operation.function.numpy(*arguments), dtype=np.float64)
-    assert isinstance(operation, Reduce)
-    reduced = np.asarray(operation.function.numpy(arguments[0]), dtype=np.float64)
-    return reduced[:, np.newaxis, np.newaxis]
 
 
 class ReferenceBackend:

@@ -11,11 +11,10 @@ from cnnum.arrays import Floats
 from cnnum.embedded.emulator import Emulator
 from cnnum.embedded.formats import Precision, precision_named
 from cnnum.embedded.program import IntegerProgram
-from cnnum.engines.backend import Solvers
 from cnnum.engines.whole.executable import Runner, WholeExecutable
 from cnnum.errors import DeviceError, UnknownNameError
 from cnnum.graph.schedule import Schedule
-from cnnum.integrators.solver import Solver
+from cnnum.integrators.solver import Solver, Solvers
 from cnnum.templating.template import Template
 
 

@@ -13,12 +13,12 @@ from cnnum.embedded.formats import Precision
 from cnnum.embedded.making import Made, make_with
 from cnnum.embedded.measuring import measured
 from cnnum.embedded.program import IntegerProgram
-from cnnum.engines.backend import Solvers
 from cnnum.engines.host import OnHost
 from cnnum.errors import ProgramError
 from cnnum.graph.nodes import Pick
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.estimate import LOST
+from cnnum.integrators.solver import Solvers
 
 
 class Runner(Protocol):

@@ -21,10 +21,13 @@ from cnnum.lab.scoring.trial import Trial
 FOUND, SENSE, FALSE = 0.95, 0.98, 1.0
 """Aims: shares found and of right senses, and false reports in ten minutes."""
 
-SLIPS = (
+_FAMILY = (
     Column("family", "family"),
     Column("about", "apart by", explains=True),
     Column("scenes", "scenes"),
+)
+SLIPS = (
+    *_FAMILY,
     Column("found", "found", 2, least=FOUND),
     Column("slid_mm", "slid, mm", 2, most=NEAR * 1e3),
     Column("near", "by 0.3 mm"),
@@ -33,17 +36,13 @@ SLIPS = (
     Column("twists", "twist, too", 2, most=1 - SENSE),
 )
 TWISTS = (
-    Column("family", "family"),
-    Column("about", "apart by", explains=True),
-    Column("scenes", "scenes"),
+    *_FAMILY,
     Column("found", "found"),
     Column("sense", "sense right", 2, least=SENSE),
     Column("slips", "slip, too", 2, most=1 - SENSE),
 )
 HELD = (
-    Column("family", "family"),
-    Column("about", "apart by", explains=True),
-    Column("scenes", "scenes"),
+    *_FAMILY,
     Column("minutes", "minutes", 1),
     Column("false", "false / 10 min", 1, most=FALSE),
     Column("with_false", "scenes with one"),

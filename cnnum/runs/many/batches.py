@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.arrays import Shape
 from cnnum.errors import ArrayError, NotSupportedError
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.delays import by_halving, delay_of, halved
 from cnnum.runs.many.lanes import Maps, Plans, fits_lanes, run_lanes
 from cnnum.runs.result import Result
 from cnnum.templating.batch import TemplateBatch
+from cnnum.templating.template import Template
 
 OWN_NUMBERS = "opencl"
 """The engine whose lanes can have numbers of their own."""
@@ -73,31 +73,30 @@ def run_batch(
     }
     options = {key: value for key, value in asked.items() if key not in ("force", "estimate", "at")}
     if engine == OWN_NUMBERS and fits_lanes(batch, shape, options):
-        result = _in_lanes(batch, lead, flat, shape, options, plans, precision)
+
+        def side_by_side(dt: float | None) -> Result:
+            asked = {**options, "dt": dt}
+            return _joined(run_lanes(batch, lead, flat, shape, asked, plans, precision))
+
+        result = _halved(batch.template, side_by_side, options, precision)
     else:
         result = _joined(_one_by_one(batch, lead, flat, options, one))
     return _shaped(result, lead)
 
 
-def _in_lanes(
-    batch: TemplateBatch,
-    lead: tuple[int, ...],
-    maps: Maps,
-    shape: Shape,
+def _halved(
+    template: Template,
+    run: Callable[[float | None], Result],
     asked: Mapping[str, Any],
-    plans: Plans,
     precision: str,
 ) -> Result:
-    """Run all frames side by side; with a delay in shorter steps until the tolerance is kept."""
-
-    def run(dt: float | None) -> Result:
-        return _joined(run_lanes(batch, lead, maps, shape, {**asked, "dt": dt}, plans, precision))
+    """Return a run of frames; with a delay in shorter steps until the tolerance is kept."""
 
     def finer(step: float, frames: NDArray[np.intp]) -> Result:
         found = run(step)
         return replace(found, **{name: getattr(found, name)[frames] for name in PARTS})
 
-    first, template = run(asked["dt"]), batch.template
+    first = run(asked["dt"])
     duration = template.duration if asked["duration"] is None else asked["duration"]
     if not by_halving(template, dt=asked["dt"], settle=duration == "settle"):
         return first

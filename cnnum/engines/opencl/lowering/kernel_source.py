@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum import kernels as ir
-from cnnum.engines.backend import Solvers
 from cnnum.engines.opencl.lowering.kernel_split import split_kernels
 from cnnum.engines.opencl.lowering.program import FRAME, LAST, MEMORY, Lowering
 from cnnum.engines.opencl.lowering.storage import (
@@ -23,6 +22,7 @@ from cnnum.engines.opencl.runtime.host_exchange import exchange_text
 from cnnum.engines.opencl.text import WIDE_BYTES, fill
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
+from cnnum.integrators.solver import Solvers
 from cnnum.kernels.launch_plan import LaunchPlan
 from cnnum.kernels.number_types import NumberType
 

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from cnnum import kernels as ir
-from cnnum.engines.backend import Solvers
 from cnnum.engines.opencl.lowering.dense_products import product
 from cnnum.engines.opencl.lowering.program_loops import lower_loop
 from cnnum.engines.opencl.lowering.read_outs import begun, chained, chains, rounds, step, taken_in
@@ -26,6 +25,7 @@ from cnnum.graph.nodes import (
     Transient,
 )
 from cnnum.graph.schedule import Schedule
+from cnnum.integrators.solver import Solvers
 from cnnum.kernels.formulas import formula
 
 FRAME, LAST = ir.names("frame last")

@@ -49,28 +49,16 @@ def _step(  # type: ignore[no-untyped-def]
             y[0, k], y[x.shape[0] + 1, k] = y[1, q], y[x.shape[0], q]
 
 
+_step.__annotations__ = dict.fromkeys(_step.__annotations__, ti.template())
+_inlined = ti.func(_step)
+
+
 def _steps(  # type: ignore[no-untyped-def]
     x: Any, y: Any, drive: Any, kernel: Any, h: Any, linear: Any, mirrored: Any, steps: Any
 ):
     ti.loop_config(serialize=True)
     for _ in range(steps):
-        for r in range(x.shape[0]):
-            for c in range(x.shape[1]):
-                total = drive[r, c]
-                for i, j in ti.static(ti.ndrange(3, 3)):
-                    total += kernel[i, j] * y[r + i, c + j]
-                x[r, c] += h[0] * (total - x[r, c])
-        for r in range(x.shape[0]):
-            for c in range(x.shape[1]):
-                value = x[r, c]
-                y[r + 1, c + 1] = value if linear == 1 else ti.min(ti.max(value, -1.0), 1.0)
-        for k in range(ti.max(x.shape[0], x.shape[1]) + 2):
-            if mirrored == 1 and k <= x.shape[0] + 1:
-                p = ti.min(ti.max(k, 1), x.shape[0])
-                y[k, 0], y[k, x.shape[1] + 1] = y[p, 1], y[p, x.shape[1]]
-            if mirrored == 1 and k <= x.shape[1] + 1:
-                q = ti.min(ti.max(k, 1), x.shape[1])
-                y[0, k], y[x.shape[0] + 1, k] = y[1, q], y[x.shape[0], q]
+        _inlined(x, y, drive, kernel, h, linear, mirrored)
 
 
 @cache

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cnnum import program, transient
 from cnnum.engine import Engine
 from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
@@ -35,7 +34,7 @@ def spreading(rng, boundary, output, layers, radius):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_chebyshev_steps_strips_as_one_array(name, monkeypatch):
+def test_chebyshev_steps_strips_as_one_array(name, states_of, monkeypatch):
     """Frames of a batch take steps, and stages, of their own number; launches end amid a step.
 
     Some rows have lanes without a cell, of which nothing may be judged.
@@ -48,16 +47,8 @@ def test_chebyshev_steps_strips_as_one_array(name, monkeypatch):
     template = spreading(rng, *parts)
     names = [f"x{layer}" for layer in range(template.layers)]
     spec = RunSpec(duration=duration, method="runge-kutta-chebyshev", rtol=1e-3)
-
-    @program
-    def states(frame):
-        maps = {"input": frame.channel("u"), "state": [frame.channel(each) for each in names]}
-        if masked:
-            maps["mask"] = frame.channel("m") > 0.8
-        found = transient(template, **maps, spec=spec)
-        figures = {n: getattr(found, n) for n in ("steps", "time", "error", "settled")}
-        return dict(zip(names, found.states, strict=True)) | figures
-
+    figures = ("steps", "time", "error", "settled")
+    states = states_of(template, spec, figures, above=0.8 if masked else None)
     channels, shape = ("u", "m", *names), (93 + number, 51)
     frames = rng.uniform(-1, 1, (3, *shape, len(channels)))
     # a diffusion that saturates in part is no diffusion there, and doubles roundings

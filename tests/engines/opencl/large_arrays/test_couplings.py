@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cnnum import program, transient
 from cnnum.engine import Engine
 from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
@@ -80,24 +79,14 @@ def template_of(rng, parts, boundary, edge, output, layers=1):
     )  # fmt: skip
 
 
-def run_both(rng, template, shape, spec, masked=False, batch=1):
+def run_both(states_of, rng, template, shape, spec, masked=False, batch=1):
     """Return the figures of OpenCL and the reference, and all states; strips must have been.
 
     A frame alone is parted among all cores.
     """
     names = [f"x{layer}" for layer in range(template.layers)]
-
-    @program
-    def states(frame):
-        maps = {"input": frame.channel("u"), "state": [frame.channel(each) for each in names]}
-        if masked:
-            maps["mask"] = frame.channel("m") > 0.8
-        if template.delayed is not None:
-            maps["previous"] = frame.channel("before")
-        found = transient(template, **maps, spec=spec)
-        figures = {n: getattr(found, n) for n in ("steps", "time", "settled")}
-        return dict(zip(names, found.states, strict=True)) | figures
-
+    figures = ("steps", "time", "settled")
+    states = states_of(template, spec, figures, above=0.8 if masked else None)
     channels = ("u", "m", "before", *names)
     frames = rng.uniform(-1, 1, (batch, *shape, len(channels)))
     frames[..., 3:] *= np.linspace(1.0, 0.1, batch)[:, None, None, None]
@@ -111,7 +100,7 @@ def run_both(rng, template, shape, spec, masked=False, batch=1):
 
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("name", CASES)
-def test_couplings_of_strips_are_those_of_one_array(name, monkeypatch):
+def test_couplings_of_strips_are_those_of_one_array(name, states_of, monkeypatch):
     """In strips that work items share, and a third of them in one work item a frame."""
     number = list(CASES).index(name)
     if number % 3:
@@ -121,7 +110,7 @@ def test_couplings_of_strips_are_those_of_one_array(name, monkeypatch):
     template = template_of(rng, couplings(rng), boundary, edge, output)
     spec = RunSpec(duration=steps * dt, dt=dt, method=method)
     batch = 1 if number % 3 else 2
-    got, wanted, state, expected = run_both(rng, template, shape, spec, masked, batch)
+    got, wanted, state, expected = run_both(states_of, rng, template, shape, spec, masked, batch)
     # some tens of evaluations of values of order 1; steps of a table are met or missed alike
     assert np.abs(state - expected).max() <= 1e-13 * np.abs(expected).max()
     np.testing.assert_array_equal(got["steps"], wanted["steps"])
@@ -146,14 +135,14 @@ LAYERS = {
 
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", LAYERS)
-def test_layers_are_coupled_in_strips(method, monkeypatch):
+def test_layers_are_coupled_in_strips(method, states_of, monkeypatch):
     """Steps of a pair follow from its error: they are the reference's, and so is the time."""
     monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     rng = np.random.default_rng(50)
     template = template_of(rng, LAYERS[method](rng), "periodic", 0.3, "standard", layers=2)
     dt = 0.1 if template.delayed is not None else None
     spec = RunSpec(duration=1.04, dt=dt, method=method, rtol=1e-3)
-    got, wanted, state, expected = run_both(rng, template, (60, 35), spec, masked=True)
+    got, wanted, state, expected = run_both(states_of, rng, template, (60, 35), spec, masked=True)
     np.testing.assert_array_equal(got["steps"], wanted["steps"])
     # a step's length follows from roundings of its error, 1e-16 of numbers of order 1
     assert np.abs(state - expected).max() <= 1e-11 * np.abs(expected).max()
@@ -161,7 +150,7 @@ def test_layers_are_coupled_in_strips(method, monkeypatch):
 
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize(("feedback", "batch"), [(True, 1), (True, 3), (False, 2)])
-def test_delays_end_with_the_step_that_sees_no_change(feedback, batch, monkeypatch):
+def test_delays_end_with_the_step_that_sees_no_change(feedback, batch, states_of, monkeypatch):
     """Launches end amid the steps, and are taken again: the outputs a delay ago are still there."""
     monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     rng = np.random.default_rng(60)
@@ -169,7 +158,9 @@ def test_delays_end_with_the_step_that_sees_no_change(feedback, batch, monkeypat
     template = template_of(rng, parts, "zero-flux", 0.0, "standard")
     for method in ("euler", "heun"):
         spec = RunSpec(duration="settle", dt=0.1, method=method, rtol=1e-3, atol=1e-3)
-        got, wanted, state, expected = run_both(rng, template, (60, 35), spec, batch=batch)
+        got, wanted, state, expected = run_both(
+            states_of, rng, template, (60, 35), spec, batch=batch
+        )
         np.testing.assert_array_equal(got["steps"], wanted["steps"])
         assert got["settled"].all()
         assert len(set(got["steps"].tolist())) >= min(batch, 2)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cnnum import program, transient
 from cnnum.engine import Engine
 from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
@@ -37,7 +36,7 @@ CASES = {
 
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", CASES)
-def test_layers_and_held_cells_step_as_one_array(method, monkeypatch):
+def test_layers_and_held_cells_step_as_one_array(method, states_of, monkeypatch):
     """Weights equal or not, the drive an input's or z of each layer alone."""
     monkeypatch.setattr(kernel_source, "WHOLE_CELLS", 0)
     monkeypatch.setattr(kernel_source, "PRIVATE_CELLS", 0)
@@ -50,15 +49,7 @@ def test_layers_and_held_cells_step_as_one_array(method, monkeypatch):
     )  # fmt: skip
     names = [f"x{layer}" for layer in range(template.layers)]
     spec = RunSpec(duration=7 * STEP, method=method, **settings)
-
-    @program
-    def states(frame):
-        maps = {"input": frame.channel("u"), "state": [frame.channel(name) for name in names]}
-        if masked:
-            maps["mask"] = frame.channel("m") > 0.5
-        applied = transient(template, **maps, spec=spec)
-        return {**dict(zip(names, applied.states, strict=True)), "error": applied.error}
-
+    states = states_of(template, spec, ("error",), above=0.5 if masked else None)
     channels, shape = ("u", "m", *names), (93 + number, 51)
     # numbers that either precision holds
     frames = rng.uniform(-1, 1, (2, *shape, len(channels))).astype(np.float32)

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from cnnum import program, transient
 from cnnum.engine import Engine
 from cnnum.engines.opencl.lowering import kernel_source
 from cnnum.graph.nodes import RunSpec
@@ -35,7 +34,7 @@ def resting(rng, boundary, output, layers, radius):
 
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("method", CASES)
-def test_strips_end_with_the_step_that_sees_no_change(method, monkeypatch):
+def test_strips_end_with_the_step_that_sees_no_change(method, states_of, monkeypatch):
     """Frames of a batch end after steps of their own number, amid launches; one with its first."""
     *parts, masked, shape = CASES[method]
     if method in PARTED:
@@ -44,16 +43,8 @@ def test_strips_end_with_the_step_that_sees_no_change(method, monkeypatch):
     template = resting(rng, *parts)
     names = [f"x{layer}" for layer in range(template.layers)]
     spec = RunSpec(duration="settle", method=method, dt=0.17, rtol=1e-3, atol=1e-4)
-
-    @program
-    def states(frame):
-        maps = {"input": frame.channel("u"), "state": [frame.channel(each) for each in names]}
-        if masked:
-            maps["mask"] = frame.channel("m") > 0.8
-        found = transient(template, **maps, spec=spec)
-        figures = {n: getattr(found, n) for n in ("steps", "time", "settled")}
-        return dict(zip(names, found.states, strict=True)) | figures
-
+    figures = ("steps", "time", "settled")
+    states = states_of(template, spec, figures, above=0.8 if masked else None)
     channels = ("u", "m", *names)
     frames = rng.uniform(-1, 1, (4, *shape, len(channels)))
     frames[..., 0] *= np.array([0.0, 0.02, 0.3, 1.0])[:, None, None]

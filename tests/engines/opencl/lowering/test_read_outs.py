@@ -11,6 +11,18 @@ SHAPES = ((1, 1), (1, 3), (2, 3), (7, 5), (8, 8), (16, 16))
 STACK = 5
 
 
+def of_stacks(levels, stack):
+    """Return read-outs of stacks, which are fields of a program or arrays of NumPy."""
+    return {
+        "constant": levels.sum(),
+        "stack": stack.sum(),
+        "most": stack.max(),
+        "least": stack.min(),
+        "some": (stack > 20.0).any(),
+        "every": (stack > -20.0).all(),
+    }
+
+
 @cnnum.program
 def read_out(frame):
     """Read-outs of inputs, of a memory, of a constant, of a stack, and within a loop."""
@@ -28,12 +40,7 @@ def read_out(frame):
         "again": frame.a.max() + frame.a.sum(),
         "memory": memory.value.sum(),
         "kept": memory.value,
-        "constant": levels.sum(),
-        "stack": stack.sum(),
-        "most": stack.max(),
-        "least": stack.min(),
-        "some": (stack > 20.0).any(),
-        "every": (stack > -20.0).all(),
+        **of_stacks(levels, stack),
         "loop": cnnum.loop(less, 2.0 * frame.a, limit=3).value.sum(),
     }
 
@@ -48,12 +55,7 @@ def expected(now, before):
         "again": now.max() + now.sum(),
         "memory": before.sum(),
         "kept": before,
-        "constant": levels.sum(),
-        "stack": stack.sum(),
-        "most": stack.max(),
-        "least": stack.min(),
-        "some": (stack > 20.0).any(),
-        "every": (stack > -20.0).all(),
+        **of_stacks(levels, stack),
         "loop": value.sum(),
     }
 
