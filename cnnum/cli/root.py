@@ -22,7 +22,7 @@ from cnnum.errors import CnnumError, RecordingWarning
 from cnnum.version import __version__
 
 CHECKS_FAILED, WRONG_INPUT, OUR_FAULT, STOPPED, PIPE_CLOSED = 1, 2, 70, 130, 141
-"""Exit codes: 70 is EX_SOFTWARE of ``sysexits.h``, the last two are those of a shell for a command
+"""Exit codes: 70 is EX_SOFTWARE of ``sysexits.h``. The last two are those of a shell for a command
 that a signal has ended."""
 
 TRACEBACK = "CNNUM_TRACEBACK"

@@ -1,9 +1,9 @@
 """The loops of a run and of its adjoint, compiled; `adjoint.py` has the formulas.
 
 Maps are (layers, rows, cols·pictures). Outputs and inputs are seen with a rim of virtual cells, as
-wide as the kernel's radius. A row of `rim` is such a cell and the cell that it copies, both counted
-row by row with the rim; virtual cells that copy none are constant. Innermost loops run along a row
-of all pictures, which lies in one piece.
+wide as the kernel's radius. A row of `rim` is such a cell and the cell that it copies. Both are
+counted row by row with the rim. Virtual cells that copy none are constant. Innermost loops run
+along a row of all pictures, which lies in one piece.
 """
 
 from collections.abc import Callable

@@ -22,8 +22,9 @@ from cnnum.templating.template import Template
 Figures = dict[str, Floats]
 
 NAMES = ("error", "wrong", "flipped", "settled", "time", "steps")
-"""Figures of every run: largest error, share of wrong cells, whether there is one, share of
-pictures that rest, longest time in time constants, and most steps."""
+"""Figures of every run. They are the largest error, the share of wrong cells, and whether there is
+one. Then come the share of pictures that rest, the longest time in time constants, and most
+steps."""
 
 BLOCK = 512
 """Runs of a launch."""

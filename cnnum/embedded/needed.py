@@ -1,6 +1,6 @@
 """Which values of a frame can change an answer: others decide on no format.
 
-A quotient by almost nothing that a `where` leaves out, or a factor of 0, may be as large as any
+A `where`, or a factor of 0, may leave out a quotient by almost nothing. That may be as large as any
 number. A format with room for it would have no places left for the values that count.
 """
 

@@ -1,8 +1,8 @@
 """The interval of every value of a program, and whether it can overflow: none can.
 
-An interval follows from those that inputs and memories cannot leave in any frame. A
-value that could leave its format is limited to it: it saturates. All that lies on the way, sums
-before a shift among them, fits in 64 bits, or lowering refuses the program.
+An interval follows from those that inputs and memories cannot leave in any frame. A value that
+could leave its format is limited to it: it saturates. All values on the way fit in 64 bits, or
+lowering refuses the program. Sums before a shift are among them.
 """
 
 from collections.abc import Iterator, Sequence

@@ -7,9 +7,9 @@ Take steps h = T/m of a Runge–Kutta method whose stages lie at the ends of a s
 
 lie within the unit circle, which Schur's reflections show (Jury, Theory and Application of the
 z-Transform Method, 1964). The mode itself moves as e^{σt}, σ = λ + W₀(μ T e^{−λT}) / T (Corless et
-al., On the Lambert W function, 1996). Where modes are not known, |P| + |Q₀| + |Q₁| over the bounds
-of the rates bounds an error's growth in a step. Halanay's ρ = λ + |μ| e^{−ρT} bounds the array's
-own growth.
+al., On the Lambert W function, 1996). Where modes are not known, |P| + |Q₀| + |Q₁| bounds an
+error's growth in a step. It is taken over the bounds of the rates. Halanay's ρ = λ + |μ| e^{−ρT}
+bounds the array's own growth.
 """
 
 import math

@@ -1,16 +1,15 @@
 """How the error of a run is estimated: the share of each step, and the growth of earlier ones.
 
 An error e of the state follows e' = J e, J being the array's Jacobian along the run. So does the
-rate dx/dt of an array that nothing moves from outside, as x'' = J x': how the largest rate changes
-over a step is a sample, at no cost, of how an error changes over it. Where the rates fall it is
-taken for 1, as an error may lie in another direction. The logarithmic norm μ∞(J) bounds it from
-above:
+rate dx/dt of an array that nothing moves from outside, as x'' = J x': the change of the largest
+rate over a step is a sample, at no cost, of an error's change. Where the rates fall it is taken for
+1, as an error may lie in another direction. The logarithmic norm μ∞(J) bounds it from above:
 
     E⁺ = E · min(max(‖k⁺‖ / ‖k‖, 1), e^{μh}) + added
 
 (Hairer, Nørsett & Wanner, Solving ODEs I, section I.10: the bound alone is rigorous; for an array
-that decides it is astronomic.) The share of a step is the leading part of its own truncation error,
-from its stages: `ButcherTableau.truncation`, and `ExponentialMethod.followed`.
+that decides it is astronomic). The share of a step is the leading part of its own truncation error.
+It comes from the stages: `ButcherTableau.truncation`, and `ExponentialMethod.followed`.
 """
 
 import numpy as np
@@ -44,7 +43,7 @@ def error_growth(template: Template) -> float:
     """Return a bound on the logarithmic norm of an array's Jacobian, whatever cells saturate.
 
     Errors grow by e^{μt} at most, 1/time; μ is negative where the array contracts. It is the
-    largest of (−1 + a_ii d_i + Σ |a_ij| d_j) / τ over the rows, with d = f' of any slope that the
+    largest of (−1 + a_ii d_i + Σ |a_ij| d_j) / τ over the rows. Here d = f' is any slope that the
     output has.
     """
     own, others = _own_and_others(template)

@@ -98,7 +98,7 @@ def rounded_gain(matrices: Sequence[Floats], passes: Sequence[Floats]) -> float:
 
     Of a sum over columns each term is rounded by every addition from its own on. See Higham,
     Accuracy and Stability of Numerical Algorithms, 2002, section 3.1. The bound is the largest over
-    rows of Σ |b_ij| · passes_j, in units of half the distance from 1 to the next number.
+    rows of Σ |b_ij| · passes_j. Its unit is half the distance from 1 to the next number.
 
     Parameters
     ----------

@@ -22,8 +22,8 @@ from cnnum.arrays import Floats
 from cnnum.templating.template import Template
 
 LONGEST = 60.0
-"""Time constants up to which the rest of a decay, e^{−60} = 9e-27, is far above the numbers that a
-device takes for 0; longer runs that are not to equilibrium take steps."""
+"""Time constants up to which no device takes the rest of a decay, e^{−60} = 9e-27, for 0. Longer
+runs that are not to equilibrium take steps."""
 
 STEEPEST = 1e30
 """Largest growth that is written out: a cell that would grow more has left the middle piece. Else
@@ -88,8 +88,8 @@ def moved(slope: float, time: float) -> float:
 def evaluate(scheme: Separate, start: Floats, drive: Floats) -> tuple[Floats, Floats]:
     """Return x(t) of (..., layers, rows, cols) initial states and drives, and the rounded numbers.
 
-    Roundings of that size are made up to `roundings` times: of the numbers in a rate, which grow
-    along the way as the rate does, of time, and of the end.
+    Roundings of that size are made up to `roundings` times: of time, of the end, and of the numbers
+    in a rate. These grow along the way as the rate does.
     """
     end, rounded = np.empty_like(start), np.empty_like(start)
     with np.errstate(all="ignore"):  # some results, computed for all cells, have no use

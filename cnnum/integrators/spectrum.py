@@ -66,8 +66,8 @@ def spectrum(template: Template, shape: Shape) -> Spectrum:
     -----
     A symmetric A keeps the eigenvalues of A D between those of A and 0: A D is similar to D^½ A
     D^½, whose Rayleigh quotients are A's, shrunk. So its bound is exact for saturating outputs too.
-    Otherwise the array has the rates of no saturation, or a box around its field of values where
-    they are not known. Gershgorin's discs bound the rest.
+    Otherwise the array has the rates of no saturation. Where they are not known it has a box around
+    its field of values. Gershgorin's discs bound the rest.
     """
     network = Network(template, shape)
     if not (template.plain and template.output.saturates):

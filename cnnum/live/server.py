@@ -91,8 +91,9 @@ def is_loopback(host: str) -> bool:
 class Gate:
     """Lets in the page itself alone.
 
-    A page of another origin is refused by its `Origin`; one that has made its own name lead here
-    (DNS rebinding) by its `Host`, unless a token is asked for, which it cannot know.
+    A page of another origin is refused by its `Origin`. One that has made its own name lead here
+    (DNS rebinding) is refused by its `Host`. That is not needed where a token is asked for, which
+    it cannot know.
 
     Parameters
     ----------

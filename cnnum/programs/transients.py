@@ -25,8 +25,8 @@ class Applied:
     settled : Field
         Flag: the array has come to rest.
     error : Field
-        Estimated largest error of the states; 1e30 or more where nothing is known of it, as for
-        steps whose error is not followed (`Result.error` is infinite then).
+        Estimated largest error of the states. It is 1e30 or more where nothing is known of it, as
+        for steps whose error is not followed. `Result.error` is infinite then.
     time : Field
         Time constants reached.
     steps : Field

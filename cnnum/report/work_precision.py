@@ -22,8 +22,8 @@ below the tightest rung."""
 
 
 EXACT = ("delayed-coupling", "fading", "dominoes", "interpolation", "oscillator")
-"""Checks whose answers are the truth themselves. Of a delay, or a coupling that changes in time,
-the reference engine's steps are no better than those to be judged. The two others take it half
+"""Checks whose answers are the truth themselves. With a delay, or a coupling that changes in time,
+the reference engine's steps are no better than those judged. The two others take it half
 a minute and more."""
 
 LEAST = 1e-17

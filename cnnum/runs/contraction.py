@@ -6,9 +6,9 @@ end. Let d bound f' in the box, and
     C = diag(1 − max(a_ii, 0) d_i) − (|a_ij| d_j),  i ≠ j.
 
 If C u = 1 has a positive solution, C is an M-matrix: the array contracts there in the norm max
-|v_i| / u_i (Berman & Plemmons, Nonnegative Matrices in the Mathematical Sciences, 1979, ch. 6).
-Both states then come to one equilibrium. It is at most max C⁻¹ |dx/dt| τ away, whatever the error
-of the way was.
+|v_i| / u_i. The source is Berman & Plemmons, Nonnegative Matrices in the Mathematical Sciences
+(1979), ch. 6. Both states then come to one equilibrium. It is at most max C⁻¹ |dx/dt| τ away,
+whatever the error of the way was.
 """
 
 from collections.abc import Mapping

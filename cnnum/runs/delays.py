@@ -109,7 +109,8 @@ def halved(
     -------
     Result
         Errors are those of the best run of each frame. They may be above the tolerance where
-        roundings grow, and where steps would be more than `MAX_STEPS` or keep too many outputs.
+        roundings grow. They may be, too, where steps would be more than `MAX_STEPS` or keep too
+        many outputs.
     """
     count = int(first.steps.max(initial=0))
     if not count:

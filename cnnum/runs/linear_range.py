@@ -1,9 +1,9 @@
 """Whether a saturating array stays where its output is linear: then it is linear, and exact.
 
-Let every cell lie within [−1, 1], a₀₀ be a cell's own weight, aⱼ its neighbours', and w its drive
-B∗u + z. A cell at the upper edge moves by −1 + a₀₀ + Σ aⱼ yⱼ + w at most. If that is not above 0
-for any cell, and alike at the lower edge, none ever leaves (Nagumo 1942: the flow points into the
-box), and the array is the same with the output y = x.
+Let every cell lie within [−1, 1]. Let a₀₀ be a cell's own weight, aⱼ its neighbours', and w its
+drive B∗u + z. A cell at the upper edge moves by −1 + a₀₀ + Σ aⱼ yⱼ + w at most. If that is not
+above 0 for any cell, and alike at the lower edge, none ever leaves (Nagumo 1942: the flow points
+into the box), and the array is the same with the output y = x.
 """
 
 from collections.abc import Container, Mapping

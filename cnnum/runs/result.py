@@ -23,8 +23,8 @@ class Result:
     ----------
     output, state : (..., rows, cols) or (..., layers, rows, cols) float
     time : (...) float
-        Time constants reached; where a run to a rest is exact, so that it ends after any time, the
-        longest that others may take.
+        Time constants reached. A run to a rest may be exact, so that it ends after any time. Then
+        this is the longest that others may take.
     steps : (...) int
         Steps taken, rejected ones counted; 0 where none were needed.
     settled : (...) bool

@@ -23,7 +23,7 @@ class Summary:
     counters : Counters
         The driver's own.
     longest_gap : float
-        s, the longest time between two frames that the program ran on, with a bad or a lost one
+        s, the longest time between two frames that the program ran on. A bad or a lost one lies
         between them; 0 where there was none.
     p50_us, p99_us : float
         Time from a frame in host memory to its events, µs, within 1 %.

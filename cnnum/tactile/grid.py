@@ -108,10 +108,10 @@ def make_grid(shape: Sequence[int], spacing: float | tuple[float, float]) -> Gri
 def sharpened(cells: Array, axes: tuple[int, int]) -> Array:
     """Return maps of cells that stand for a smooth traction, not for an even one on each cell.
 
-    Spread evenly over its cells a traction is wider than it was, by a variance of h²/6 along each
-    side h of a cell: a contact of four cells' radius reads 2 % too wide. Weights of −1/12, 7/6,
-    −1/12 along each side take just that away, and leave an error of the order h⁴. The means of a
-    traction may be weighed so, or the effect of each cell on another quantity.
+    Spread evenly over its cells a traction is wider than it was. The variance grows by h²/6 along
+    each side h of a cell: a contact of four cells' radius reads 2 % too wide. Weights of −1/12,
+    7/6, −1/12 along each side take just that away, and leave an error of the order h⁴. The means of
+    a traction may be weighed so, or the effect of each cell on another quantity.
 
     Parameters
     ----------

@@ -16,7 +16,7 @@ from tests.embedded.conftest import FULL, SANITIZERS, compiled, made, streams, t
 
 FRAMES = 50 if FULL else 20
 STREAMS = max(2, int(os.environ.get("CNNUM_FRAMES", "0")) // FRAMES)
-"""Of so many frames each: `make embedded` runs 10,000 frames of every program."""
+"""Streams of FRAMES frames each: `make embedded` runs 10,000 frames of every program."""
 
 QUICK = ("localize", "slip", "twist")
 CASES = [

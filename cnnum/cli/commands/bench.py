@@ -54,8 +54,8 @@ def _report(
 ) -> int:
     """Print rows as they come, and write the report of those that came.
 
-    A string is something left out, None a step without a message, and a list are rows that
-    come at once. Ctrl-C and SIGTERM end the benchmark, not the report.
+    A string is something left out, and None a step without a message. A list has rows that come at
+    once. Ctrl-C and SIGTERM end the benchmark, not the report.
     """
     output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
     if out is not None:  # a folder that cannot be made shall not fail after all has been measured

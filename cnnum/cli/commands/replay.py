@@ -49,9 +49,9 @@ def command(
 ) -> int:
     """Run a scene's program over the recording FILE, as fast as it goes or at a pace.
 
-    FILE is a recording of `cnnum record`, a CSV, NumPy or HDF5 file with its layout, or the
-    folder of a uSkin trial. Only the array of the scene is replaced: its program and its events
-    stay.
+    FILE is a recording of `cnnum record`, or a CSV, NumPy or HDF5 file with its layout. It may be
+    the folder of a uSkin trial, too. Only the array of the scene is replaced: its program and its
+    events stay.
     """
     saving.refuse_unwritable(save)
     with busy(COMPILING, as_json=as_json):

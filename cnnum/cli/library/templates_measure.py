@@ -19,8 +19,8 @@ def measure(names: tuple[str, ...], engine: str, missing: bool, as_json: bool) -
     """Measure templates and write the figures into their files, as the table [measured].
 
     NAMES are templates of the library, files or folders; the whole library unless given. Of each
-    template: the digest of its numbers, mean and rms of its end state, settle time on squares of
-    8, 12 and 16 cells, and margin.
+    template they are the digest of its numbers, mean and rms of its end state, and margin. The
+    settle time is that on squares of 8, 12 and 16 cells.
     """
     from cnnum.engine import Engine
     from cnnum.templating.checks.measuring import measure as take

@@ -119,8 +119,8 @@ def _sum(work: TransientWork, parts: list[Quantity], constant: Floats, layer: in
 def around_torus(work: TransientWork, scheme: Circulant) -> dict[int, Array]:
     """Write the equilibrium as a sum of shifted drives, each weighed by its distance on the torus.
 
-    A table holds the weights of distances from 1 − n to n − 1 along both axes, so that no index
-    wraps around; reversed, so that table and drive are read in the same direction.
+    A table holds the weights of distances from 1 − n to n − 1 along both axes. So no index wraps
+    around. It is reversed, so that table and drive are read in the same direction.
     """
     to, (rows, cols) = work.to, work.to.shape
     sources = _sources(work)

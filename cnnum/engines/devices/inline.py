@@ -1,9 +1,9 @@
 """A processor as a device that runs kernels in the thread that asks for them.
 
 A launch on the usual device of a processor wakes a thread of its pool. The pool wakes the host
-again: 20 to 60 µs on a virtual machine, more than the work of a small frame, which cannot be shared
-among threads anyway. PoCL has a second device for the same processor that does neither ("basic";
-"cpu-minimal" from version 4 on), but offers it only where it is asked for by name.
+again. That takes 20 to 60 µs on a virtual machine, more than the work of a small frame. Threads
+cannot share such a frame anyway. PoCL has a second device for the same processor that does neither
+("basic"; "cpu-minimal" from version 4 on), but offers it only where it is asked for by name.
 """
 
 import os

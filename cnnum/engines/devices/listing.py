@@ -19,7 +19,7 @@ The fourth-order Runge–Kutta's of 1024×1024 take six sevenths of that with 1 
 
 SECOND_LEVEL = 512 * 1024
 """That of others: half of the second level of a server's core. Euler's steps of 1024×1024 cells
-take 0.5 to 0.9 of the time that they take with 4 MiB (Intel Xeon, Skylake, shared)."""
+take 0.5 to 0.9 of their time with 4 MiB (Intel Xeon, Skylake, shared)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

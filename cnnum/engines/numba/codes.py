@@ -40,8 +40,8 @@ MOVE, SLOPE, JUDGE, CHANGE, ACCEPT, STEP = range(6)
 """Phases of a step."""
 
 WEIGHTS, TIMES, ERRORS, CARRIED, STAGES = range(5)
-"""Rows of a tableau: b, c, b − b̂, the part of the last stage's move carried to the end, and
-from STAGES on the rows of a; then the truncation error's."""
+"""Rows of a tableau: b, c, b − b̂, and the part of the last stage's move carried to the end. From
+STAGES on they are the rows of a; then the truncation error's."""
 
 NONE, AT_REST = np.int64(0), np.int64(-1)
 """No stage or step in particular, and the number of no step: outputs a delay ago are those of now.

@@ -49,8 +49,8 @@ class Scaling:
         Median of the longer run, host to host, s.
     spread : float
     error : float
-        Of the first and the last frame after a few of the steps, over their largest state, against
-        the reference engine's own steps.
+        Of the first and the last frame after a few of the steps, over their largest state. The
+        reference engine's own steps are the truth.
     """
 
     case: str

@@ -54,8 +54,9 @@ class SceneCost:
     frames : int
         Measured.
     error : float
-        Largest difference of the answers from the reference engine's results on the frames in the
-        scene that wants everything, each over its largest; in frames whose flags agree.
+        Largest difference of the answers from the reference engine's results, each over its
+        largest. The frames are those of the scene that wants everything, as far as their flags
+        agree.
     flips : int
         Frames in which a flag, or one of a taxel, is not the reference engine's.
     compared : int

@@ -57,8 +57,8 @@ class Throughput:
     seconds, spread : float
         One launch host to host, s.
     error : float
-        Of the first and the last frame after a few of the steps, over their largest output, against
-        the reference engine's own steps.
+        Of the first and the last frame after a few of the steps, over their largest output. The
+        reference engine's own steps are the truth.
     beside_one_template : float or None
         Of frames with a template each: the rate over that of the same frames with one, in turns.
     """

@@ -96,8 +96,8 @@ class Difference:
     long : Timing
         Of the longer one.
     share : float
-        Median over the turns of ``work / more / against``, the work a second over the rate that
-        was measured in the same turn; NaN without one.
+        Median over the turns of ``work / more / against``: the work a second over the rate of the
+        same turn. NaN without one.
     """
 
     more: float

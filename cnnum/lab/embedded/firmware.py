@@ -1,6 +1,6 @@
 """A program's firmware for QEMU: it runs frames, reads the core's timer, and prints by semihosting.
 
-SysTick and semihosting are those of the ARMv6-M and ARMv7-M Architecture Reference Manuals, and of
+SysTick is that of the ARMv6-M and ARMv7-M Architecture Reference Manuals. Semihosting is that of
 Arm's "Semihosting for AArch32 and AArch64".
 """
 

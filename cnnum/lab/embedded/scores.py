@@ -33,8 +33,8 @@ class Loss:
     Attributes
     ----------
     error : float
-        Root of the mean squared difference of an output over that of the output itself, of the
-        output with the largest; NaN where all are flags.
+        Root of the mean squared difference of an output over that of the output itself. The output
+        is that with the largest; NaN where all are flags.
     output : str
         Its name.
     flags_differ : float

@@ -1,8 +1,8 @@
 """Exact averages over the cells of a grid of the tractions that contacts are made of.
 
 Each profile has a closed antiderivative over the rectangle from the contact's centre to a cell
-corner, cut by the contact's rim; four corners make a cell. Neighbours share corners, so the
-sum over a grid that holds the whole contact is the load itself, to rounding.
+corner. The contact's rim cuts the rectangle, and four corners make a cell. Neighbours share
+corners, so the sum over a grid that holds the whole contact is the load itself, to rounding.
 """
 
 import math

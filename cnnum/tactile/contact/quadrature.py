@@ -31,8 +31,8 @@ def cell_average(
     Parameters
     ----------
     profile : callable
-        Takes x and y, m, relative to the centre (arrays of one shape, inside the circle), and
-        gives the field there.
+        Takes x and y, m, relative to the centre, and gives the field there. They are arrays of one
+        shape, inside the circle.
     grid : Grid
         The cells.
     radius : float, m

@@ -76,11 +76,11 @@ def sphere_traction(
     """Return the tractions that a sphere leaves on the cells of a map, and its state.
 
     The loads are taken to have grown together from zero with the normal load held (no history).
-    Under a force alone or a torque alone the cells hold the exact averages of the Cattaneo-Mindlin
-    and the Lubkin traction. *Under both, the result is an approximation*: the two tractions are
-    scaled, added and cut to friction times pressure cell by cell. So both loads are carried; when
-    the contact slides, friction points along the motion about the pole that the ratio of the loads
-    asks for.
+    Under a force alone the cells hold the exact averages of the Cattaneo-Mindlin traction. Under a
+    torque alone they hold those of the Lubkin traction. *Under both, the result is an
+    approximation*: the two tractions are scaled, added and cut to friction times pressure cell by
+    cell. So both loads are carried; when the contact slides, friction points along the motion about
+    the pole that the ratio of the loads asks for.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def sphere_traction(
     Raises
     ------
     PhysicsError
-        If the load or friction is negative, a radius, modulus or spacing not positive, or a
-        number not finite (friction aside).
+        If the load or friction is negative, or a radius, modulus or spacing not positive. Or if a
+        number is not finite (friction aside).
     ArrayError
         If the shape, centre or force has the wrong number of entries.
 

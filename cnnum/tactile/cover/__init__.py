@@ -1,8 +1,8 @@
 """Covers of a taxel array: from a load on the cover's top to stress and strain at the taxels.
 
-`FlatCover` is the half-space, `LayerCover` a layer on a rigid base, `RidgeCover`, `HairCover` and
-`BumpCover` the shapes that emerge from a cover; all answer as `Cover` says. Any of them may creep
-(`StandardLinearSolid`, `creep_step`). `compare` says how far flat models get from measured
+`FlatCover` is the half-space, and `LayerCover` a layer on a rigid base. `RidgeCover`, `HairCover`
+and `BumpCover` are the shapes that emerge from a cover. All answer as `Cover` says. Any of them may
+creep (`StandardLinearSolid`, `creep_step`). `compare` says how far flat models get from measured
 covers, `plane_figures` the data of the dissertation's own bump model. The bump's coefficients ship
 with the package; `cnnum.tactile.cover.fem` works them out anew.
 """

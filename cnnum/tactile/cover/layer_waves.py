@@ -30,9 +30,9 @@ SLOWEST = 1e-6
 class LayerWaves:
     """Factors of one wave number, along the wave vector and across it.
 
-    All are real and for unit traction; those between a traction along the wave and one into
-    the layer, or the other way, are to be multiplied by i. Displacements are of a shear modulus
-    of 1, in metres.
+    All are real and for unit traction. Those between a traction along the wave and one into the
+    layer, either way, are to be multiplied by i. Displacements are of a shear modulus of 1, in
+    metres.
 
     Attributes
     ----------

@@ -35,8 +35,8 @@ def spline(knots: Floats, values: Floats) -> Spline:
     """Return the spline through values, (n, ...), at knots: a line at two, a parabola at three.
 
     The slopes solve the usual system: the curvature has no step at the inner knots. The third
-    derivative has none at the second knot and the last but one (de Boor, A Practical Guide to
-    Splines, 1978, chapter IV).
+    derivative has none at the second knot and the last but one. The source is de Boor, A Practical
+    Guide to Splines (1978), chapter IV.
     """
     gaps = np.diff(knots)
     gap = gaps.reshape(-1, *(1,) * (values.ndim - 1))

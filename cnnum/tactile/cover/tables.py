@@ -36,8 +36,8 @@ class BumpTables:
     lever : float, bump radii
         Height over the surface at which a drag's force makes the moment it does.
     half_space, rigid_base : (depths, 7, distances) float
-        Profiles along STRETCH * (1 + depth): within a thick block at the depth, and on the
-        rigid base of a layer that is as thick as the depth.
+        Profiles along STRETCH * (1 + depth). One is within a thick block at the depth. The other is
+        on the rigid base of a layer that is as thick as the depth.
     """
 
     depths: Array

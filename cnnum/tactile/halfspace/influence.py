@@ -1,8 +1,8 @@
 """Response of the half-space to a unit load, written once for points, rectangles and waves.
 
-Every component of displacement, stress and strain is a sum of a few harmonic functions of the
-place, times the load. A point load takes the functions themselves, a uniform rectangle their
-integrals, a sinusoidal load their Fourier transforms; the sums are the same.
+Displacement, stress and strain are the load times sums of a few harmonic functions of the place. A
+point load takes the functions themselves, a uniform rectangle their integrals, a sinusoidal load
+their Fourier transforms; the sums are the same.
 
 With r the distance, V = 1/r, L = ln(r + z), W = z ln(r + z) - r (so W_z = L and L_z = V), the
 general solution (Johnson, Contact Mechanics, 3.4-3.9; Boussinesq, Cerruti, Love) splits into

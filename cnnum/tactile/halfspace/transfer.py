@@ -1,9 +1,9 @@
 """The half-space as a spatial filter: its response to a traction of one wave vector.
 
-A traction q exp(i(k_x x + k_y y)) gives stress of the same wave vector; the factors between
-them are here. k = |k| and depth z meet as kz alone, in three shapes: the harmonic extension
-e^{-kz}, the low-pass (1 + kz) e^{-kz} that normal stress is, and the band-pass kz e^{-kz} that
-normal strain is at ν = 0.5.
+A traction q exp(i(k_x x + k_y y)) gives stress of the same wave vector; the factors between them
+are here. k = |k| and depth z meet as kz alone, in three shapes. They are the harmonic extension
+e^{-kz}, the low-pass (1 + kz) e^{-kz} and the band-pass kz e^{-kz}. Normal stress is the low-pass,
+and normal strain is the band-pass at ν = 0.5.
 """
 
 from collections.abc import Sequence
@@ -116,8 +116,8 @@ def strain_transfer(
     Returns
     -------
     (..., 3, 3) complex, 1/Pa
-        Rows ε_xz, ε_yz, ε_zz (tensor strains); columns q_x, q_y, p. At k = 0 and ν < 0.5 the
-        mean over all directions of a vanishing wave vector, as of a very large loaded disc.
+        Rows ε_xz, ε_yz, ε_zz (tensor strains); columns q_x, q_y, p. At k = 0 and ν < 0.5 it is the
+        mean over all directions of a vanishing wave vector. So it is for a very large loaded disc.
 
     Raises
     ------

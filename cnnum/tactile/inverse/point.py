@@ -58,9 +58,9 @@ def locate(
     """Return the point load that makes the strain at one taxel; it pushes, it does not pull.
 
     The dissertation squares ε_zz/|ε_shear|. So it needs one formula inside √2 z (5.4), another
-    outside (5.5), and has none on the ring. Kept signed, with s = |ε_shear| and n = −ε_zz, its
-    (5.2) is s ρ² + 3 z n ρ − 2 z² s = 0 with one root ρ ≥ 0 anywhere; and the force from both
-    components at once has no singular ring either.
+    outside (5.5), and has none on the ring. Kept signed, its (5.2) is s ρ² + 3 z n ρ − 2 z² s = 0
+    with one root ρ ≥ 0 anywhere. Here s = |ε_shear| and n = −ε_zz. The force from both components
+    at once has no singular ring either.
 
     Parameters
     ----------

@@ -23,8 +23,8 @@ def resolution_limit(
 ) -> Array:
     """Return the smallest half period of a pressure pattern that taxels under a cover can see.
 
-    The normal strain under a pressure wave of wave number k falls as kz e^{−kz}, the stress as
-    (1 + kz) e^{−kz}. Where that is below the noise, nothing is left of the wave; and a wave
+    Under a pressure wave of wave number k the normal strain falls as kz e^{−kz}. The stress falls
+    as (1 + kz) e^{−kz}. Where that is below the noise, nothing is left of the wave; and a wave
     shorter than twice the pitch of the taxels is mistaken for a longer one.
 
     Parameters

@@ -83,8 +83,8 @@ def flips(
     """Return how often random mismatch and coarse weights make cells wrong.
 
     Mismatch multiplies every weight and bias by 1 plus a normal number of that width. It does so
-    for nonlinear and delayed couplings too; a number of b bits, of a function table too, is a whole
-    multiple of the largest of its part over 2^(b−1) − 1.
+    for nonlinear and delayed couplings too. A number of b bits is a whole multiple of the largest
+    of its part over 2^(b−1) − 1. So are the numbers of a function table.
     """
     job = Judge(template, engine)
     rng = np.random.default_rng(seed)

@@ -1,7 +1,7 @@
 """Bodies with a sharp outline and smooth ones, by families, and readings of taxels under a cover.
 
-The constants of `edges` were chosen on square and round punches and lying cylinders, under covers
-of 0.3 and 0.5 pitches.
+The constants of `edges` were chosen on square and round punches and lying cylinders. Their covers
+were 0.3 and 0.5 pitches thick.
 """
 
 from collections.abc import Callable, Sequence

@@ -83,8 +83,8 @@ def full_scale_load() -> float:
 def cover_loss(depth: float) -> float:
     """Return how many times less load reaches the plate under a cover of that thickness.
 
-    The share of a point load that passes through a disc of the plate's area at that depth in a
-    half-space: by reciprocity the pressure below the middle of a loaded disc times its area.
+    The load is a point load on a half-space, and the plate a disc of its area at that depth. The
+    share is, by reciprocity, the pressure below the middle of a loaded disc times its area.
     """
     radius = PLATE / sqrt(np.pi)
     share = -circle_axis_stress(depth, [0.0, 0.0, 1.0], radius=radius)[2, 2]

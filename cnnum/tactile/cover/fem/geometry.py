@@ -1,6 +1,6 @@
 """The section of a bump on its block, cut into quadrangles.
 
-Lengths are in bump radii; the first axis runs sideways from the bump's middle, the second into
+Lengths are in bump radii. The first axis runs sideways from the bump's middle. The second runs into
 the material, 0 on the surface of the block: the bump's top is at -1.
 """
 

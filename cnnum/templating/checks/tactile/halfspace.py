@@ -12,8 +12,8 @@ AXES = ("xz", "yz", "zz")
 POISSON, SLABS = 0.45, 6
 
 SLABS_ABOVE = 12
-"""Of the stack that is held to 1e-5: with 8, the program's own, slabs alone leave 1.5e-5, in single
-precision as in double and at any tolerance of its end; with 12 they leave 5e-6."""
+"""Of the stack that is held to 1e-5. With 8, the program's own, slabs alone leave 1.5e-5. That
+holds in single precision as in double, and at any tolerance of its end. With 12 they leave 5e-6."""
 
 REACH = 5
 """Cells over which a load is felt, where it is to be found."""

@@ -1,8 +1,8 @@
 """Streams of a sphere that is pressed, then pulled or turned at a constant speed, without noise.
 
-Tractions are those of Hertz, of Cattaneo and Mindlin, and of Lubkin, averaged over cells of a fifth
-of the pitch; the strain under these cells is Love's and Cerruti's. Lengths are pitches, and the
-contact modulus E* is 1.
+Tractions are those of Hertz, of Cattaneo and Mindlin, and of Lubkin. They are averaged over cells
+of a fifth of the pitch; the strain under these cells is Love's and Cerruti's. Lengths are pitches,
+and the contact modulus E* is 1.
 """
 
 import math
