@@ -89,12 +89,6 @@ class Conflict:
             "weighted mean, so that no plane lies between them"
         )
 
-    @property
-    def residue(self) -> float:
-        """How far the shares are from a proof, 0 but for rounding."""
-        rows = np.column_stack([self.signs, np.ones(len(self.signs))])
-        return float(np.abs((self.shares * self.colours) @ rows).max())
-
 
 def separate(table: Table, *, symmetric: bool = True) -> Weights | Conflict:
     """Return the weights of the largest relative margin, or why there are none.

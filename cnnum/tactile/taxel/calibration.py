@@ -83,11 +83,6 @@ class Calibration:
             object.__setattr__(self, name, _per_taxel(name, getattr(self, name), tail))
         object.__setattr__(self, "_decoder", frozen(_inverse(self.cross) @ COMBINE))
 
-    @property
-    def alpha_shear(self) -> float:
-        """α_s, 1/V: −ε_xz for one volt of T_x."""
-        return self.alpha_normal * self.beta_ns
-
     def bridges(self, wanted: Sequence[str] = FORCE_AXES) -> tuple[str, ...]:
         """Return the bridges that the wanted channels read; the others need no scanning."""
         used = np.any(self._decoder[..., rows_of(wanted), :].reshape(-1, 4), axis=0).tolist()
