@@ -35,8 +35,9 @@ class Counters:
     discarded : int
         Bytes that belonged to no good packet.
     gaps : int
-        Breaks of the connection, or restarts of the device. Where the device counts anew after one,
-        ``dropped`` holds the scans that its period makes of the time away, by the host's clock.
+        Breaks of the connection, or restarts of the device. The device may count anew after one.
+        Then ``dropped`` holds the scans that its period makes of the time away, by the host's
+        clock.
     waiting : int
         Scans that have come and were not handed on yet.
     sent : int or None

@@ -2,7 +2,7 @@
 
 An archive is a zip file of ``.npy`` members. The directory of the zip file, the header of each
 array and the bytes that follow must agree; the promised array must fit into the memory of this
-machine, and be no more than the file can honestly hold.
+machine. And it must be no more than the file can honestly hold.
 """
 
 import math

@@ -63,8 +63,8 @@ def load_recording(path: str | Path) -> Recording:
     Parameters
     ----------
     path : str or Path
-        A file of `cnnum record` or `Recording.save` (.mcap, .npz, .csv), a data file of your own
-        with its layout, or the folder of a uSkin trial.
+        A file of `cnnum record` or `Recording.save` (.mcap, .npz, .csv), or a data file of your own
+        with its layout. It may be the folder of a uSkin trial, too.
 
     Returns
     -------

@@ -24,7 +24,7 @@ class StreamDecoder:
     ----------
     geometry : Geometry, optional
         The array's; else the first good packet's is taken. A header with another one is not
-        believed, so that no chance hit among lost bytes can promise a length of its own.
+        believed. So no chance hit among lost bytes can promise a length of its own.
 
     Attributes
     ----------

@@ -57,11 +57,11 @@ class UskinCsvOptions:
     path : Path
         Folder of the trial.
     pad : 1, 2 or "both"
-        One pad gives frames of (4, 4); both give (4, 8), pad 1 in the columns 0–3 and pad 2 in
-        4–7, so that one frame is one instant of the grasp and every program runs on it as it
-        is. The pads are not neighbours in space: they lie on opposite fingers, so a neighbourhood
-        that reaches over the seam between the columns 3 and 4 means nothing there, nor does a sum
-        of both pads' shear. Name one pad where that matters.
+        One pad gives frames of (4, 4). Both give (4, 8): pad 1 in the columns 0–3 and pad 2 in 4–7.
+        So one frame is one instant of the grasp, and every program runs on it as it is. The pads
+        are not neighbours in space: they lie on opposite fingers. So a neighbourhood over the seam
+        between the columns 3 and 4 means nothing. Nor does a sum of both pads' shear. Name one pad
+        where that matters.
     rate : float, optional
         Hz, for a trial that has neither times in ``robot_state.csv`` nor ``meta_data.csv``.
     """

@@ -1,7 +1,7 @@
 """The engines of the suite; the suite on another OpenCL device, or on none.
 
 `CNNUM_TEST_DEVICE=Intel pytest` runs it on another device. Where no OpenCL device works, tests that
-ask for the engine "opencl" by name are skipped with that reason, and the others run on Numba.
+ask for the engine "opencl" by name are skipped with that reason. The others run on Numba.
 
 Cases that each build kernels of their own are thinned by `@pytest.mark.one_in(n)`: `make test` runs
 every n-th of a test's, `make test-full` all. Where parameters are crossed, n and the number of

@@ -109,7 +109,7 @@ def field_of_values(network: Network) -> Box:
     if template.boundary.constant is not None:
         return _torus_box(network)
     radius = template.A.shape[-1] // 2
-    # every row of a large array, and the reach into it from the rim, is in an array of this size
+    # an array of this size has every row of a large one, and the reach into it from the rim
     rows, cols = (min(n, 4 * radius + 1) for n in network.shape)
     sample = Network(template, (rows, cols))
     if sample.states > SAMPLE_LIMIT:

@@ -125,8 +125,8 @@ def frames(number: int, data: ReportData) -> str:
         else "the array's own values"
     )
     words = (
-        f"Frames as the program gets them, seen from above, x to the right along the "
-        f"columns, y down along the rows: {calibrated}. All pictures share one scale."
+        "Frames as the program gets them, seen from above: x runs to the right along the "
+        f"columns, y down along the rows. They are {calibrated}. All pictures share one scale."
     )
     items = [
         colour_bar(record, scale),
@@ -171,10 +171,10 @@ def events(number: int, data: ReportData) -> str:
         listed = tables.report_table(data.record.events)
         return section(number, "events", "Events", paragraph(words), listed)
     words = (
-        f"A report is right if it comes within {MAX_DELAY} frames of the truth, points within "
-        f"{np.degrees(MAX_TURN):.0f}° of it, and turns the same way. A gross slip may come up to "
-        "0.3 s after the truth. A twist may come from 0.5 s before to 0.3 s after the moment at "
-        "which half of the contact slips. Directions run from x (right) "
+        f"A report is right if it comes within {MAX_DELAY} frames of the truth. It must "
+        f"point within {np.degrees(MAX_TURN):.0f}° of it, and turn the same way. A gross slip may "
+        "come up to 0.3 s after the truth. For a twist the moment is that at which half of the "
+        "contact slips: it may come from 0.5 s before to 0.3 s after. Directions run from x (right) "
         "towards y (down). A report of something that did not happen is listed as false."
     )
     return section(number, "events", title, paragraph(words), tables.event_table(data.verdicts))
@@ -193,7 +193,7 @@ def _checks(data: ReportData) -> list[str]:
     if not checks:
         return []
     words = (
-        "Every template runs on pictures whose exact answer is known from a closed form that "
+        "Every template runs on pictures whose exact answer is known from a closed form. It "
         "shares no code with the engines. Digital templates are right or wrong and mostly end at "
         "an error of exactly 0."
     )
@@ -229,8 +229,8 @@ def _ladders(data: ReportData) -> list[str]:
 def plans(number: int, data: ReportData) -> str:
     """Return the operations left out of each plan, and the cost of a frame."""
     words = (
-        "A scene names the events it wants; operations that nothing wanted reaches do not run, "
-        "channels that nothing reads are neither decoded nor copied, and equal operations run once."
+        "A scene names the events it wants; operations that nothing wanted reaches do not run. "
+        "Channels that nothing reads are neither decoded nor copied. Equal operations run once."
         " Operations and arithmetic are a frame's with every loop's body counted once; “at most” "
         "is with every loop at its limit."
     )

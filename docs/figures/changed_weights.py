@@ -9,8 +9,8 @@ and delayed couplings, and of function tables. It counts the changed templates t
 * the same, and have the margin and the settle time that were measured,
 * the same, and have the digest of the measured numbers.
 
-With `--out` the changed templates are written, each with the measured table of the right one, so
-that `cnnum templates check FOLDER` can be pointed at them.
+With `--out` the changed templates are written, each with the measured table of the right one.
+`cnnum templates check FOLDER` can then be pointed at them.
 """
 
 import argparse

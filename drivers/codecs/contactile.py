@@ -56,7 +56,7 @@ def pts2(asked: Asked) -> Wire:
 class Papillarray:
     """The format: the end of a frame is the end marker before which the sum fits.
 
-    An end marker may stand in the numbers of a frame, so the next one is tried where the sum does
+    An end marker may stand in the numbers of a frame. So the next one is tried where the sum does
     not fit. Starts after the first are tried too, so that a damaged frame does not hide a good one.
     """
 

@@ -36,8 +36,8 @@ class Descriptor:
     header, tail : str
         Bytes in hexadecimal; empty where there are none.
     cell : str
-        One of `CELLS`. "text" is numbers in a line: a row of the array is a line, an empty line
-        ends the scan, and an array of one row is one line a scan.
+        One of `CELLS`. "text" is numbers in a line: a row of the array is a line, and an empty line
+        ends the scan. An array of one row is one line a scan.
     byte_order : "little" or "big"
         Of cells, counter, time and check.
     counter, time : str

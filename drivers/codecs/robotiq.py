@@ -3,8 +3,8 @@
 Facts of the wire: the maker's public repository ``robotiq/tactile_sensors``. A packet is 0x9A, a
 byte that is not used, a command, a length, and parts: a byte that names the sensor (high nibble)
 and the finger (bits 2 and 3), then big-endian numbers. Since firmware 1.1.7 a packet may hold parts
-of both fingers, and the time of a finger is a u64 in µs; before, packets had at most 60 bytes of
-data, and the time was a u16 in ms.
+of both fingers. The time of a finger is a u64 in µs. Before, packets had at most 60 bytes of data,
+and the time was a u16 in ms.
 """
 
 import struct

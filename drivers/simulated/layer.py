@@ -23,9 +23,9 @@ STEPS = 24
 """Distances to a thickness in the table: a spline of h/24 is off by some 1e-6 of the peak."""
 
 POINTS = 4
-"""Gauss points a side of a cell that is at most as wide as the layer is thick, more on wider
-ones: the influence is off by 2e-5 of its largest value on layers of 0.5 mm under cells of 0.3 mm,
-by 4e-4 on thinner ones."""
+"""Gauss points a side of a cell that is at most as wide as the layer is thick. Wider ones take
+more. The influence is off by 2e-5 of its largest value on layers of 0.5 mm under cells of 0.3 mm.
+On thinner ones it is off by 4e-4."""
 
 
 def layer_influence(

@@ -69,9 +69,9 @@ class Settings:
     gain : float
         Of the amplifier (Table 3.II: 50–60).
     reduction : float, optional
-        How many times less a point load above a taxel reads than on bare silicon. Unless given
-        it is 30 at 0.5 mm, as measured, and grows as the 1.45th power of the thickness, as the
-        measured amplitude falls (dissertation, 4.3.2 and 4.3.3). Of a "layer" it is that of the
+        How many times less a point load above a taxel reads than on bare silicon. Unless given it
+        is 30 at 0.5 mm, as measured, and grows as the 1.45th power of the thickness. The measured
+        amplitude falls at that rate (dissertation, 4.3.2 and 4.3.3). Of a "layer" it is that of the
         half-space above the taxels: the same strain gives the same voltages.
     script : list of Phase
         The hand's movements.

@@ -83,8 +83,8 @@ def test_the_calibration_of_a_thick_layer_is_the_half_spaces() -> None:
     assert thick.calibration.beta_ns == pytest.approx(flat.calibration.beta_ns, rel=1e-9)
     assert thick.calibration.depth == pytest.approx(1e-3, rel=1e-9)
     one, other = volts(thick), volts(flat)
-    # the base answers with 3 (z / 2h)² = 0.02 % of a point load's peak at most, of which a contact
-    # twice as wide as the taxels are deep has a fifth
+    # the base answers with 3 (z / 2h)² = 0.02 % of a point load's peak at most; a contact twice as
+    # wide as the taxels are deep has a fifth of that
     np.testing.assert_allclose(one, other, rtol=0, atol=1e-3 * np.abs(other).max())
 
 

@@ -5,7 +5,7 @@
 
 The parsers and their first files are those of `test_parsers.py`. Each runs in a process of its own,
 as Atheris ends the process. It ends with 1 where a parser raises anything but the project's own
-errors, and names the file of bytes that did it.
+errors. It names the file of bytes that did it.
 """
 
 import importlib.util

@@ -1,6 +1,6 @@
 """Break the code on purpose, one fault at a time, and show that the tests see each: `make mutate`.
 
-The faults are records in `mutations.toml`. Each is put into a scratch copy of the project, where
+The faults are records in `mutations.toml`. Each is put into a scratch copy of the project. There
 the tests that must catch it run until the first fails. It ends with 1 where a fault survives.
 
     python tests/mutations/run.py            # all

@@ -42,11 +42,11 @@ def test_loads_of_pulled_spheres(fast, cells, depth, reads):
     touches = drawn(np.random.default_rng(7), (1.5, 4.0), cells, 16)
     got = run_contact(fast, touches, cells, depth, reads)
     off = errors(touches, got, cells)
-    # the filter gives pressure back to a few per cent, and the rim of the contact is cut cell by
+    # the filter gives pressure back to a few per cent. The rim of the contact is cut cell by
     # cell: 8 % at most in 1000 touches of docs/programs/contact.md
     assert np.abs(off["load_normal"]).max() < 0.1
-    # noise of 64 or 256 summed taxels, and how the shear is really spread where half of the
-    # array does not see it; the weakest pulls are a tenth of the load
+    # noise of 64 or 256 summed taxels, and the true spread of the shear where half of the array
+    # does not see it; the weakest pulls are a tenth of the load
     assert np.quantile(off["load_x, load_y"], 0.9) < 0.1
     assert np.median(off["load_x, load_y"]) < 0.05
     assert np.quantile(np.abs(off["friction_used"]), 0.9) < 0.12
@@ -160,8 +160,8 @@ def test_pulled_normal_is_cerruti_summed(reads):
         + correlate2d(correlate2d(load[..., axis], block, mode="same"), far[axis], mode="same")
         for axis in (0, 1)
     )
-    # pulls more than 7 cells away are even on blocks of 9, and those at the rim of the array whose
-    # block has its middle beyond it are lost
+    # pulls more than 7 cells away are even on blocks of 9. At the rim of the array those are lost
+    # whose block has its middle beyond it
     assert np.abs(found - true).max() < 0.02 * np.abs(true).max()
     exact = correlate2d(load[4:12, 5:13, 0], near[0], mode="same")
     part = np.zeros_like(load)

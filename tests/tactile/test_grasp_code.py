@@ -20,7 +20,7 @@ def held(shear, noise=1e-3, seed=0):
 def rigid(shape, motion):
     """Shear of both fingers under a motion of the object between them, in each finger's axes.
 
-    `motion` takes x, y (first finger's axes, from the middle) and the side (±1), and returns the
+    `motion` takes x, y (first finger's axes, from the middle) and the side (±1). It returns the
     motion of the object's surface there.
     """
     rows, cols = shape[0], shape[1] // 2

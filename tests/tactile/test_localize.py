@@ -66,7 +66,7 @@ def test_own_loads_come_back(run, name, cells, taxels):
     assert got["bump_count"][-1] == touched.sum()
     for k, name in enumerate(("bump_load_x", "bump_load_y", "bump_load_normal")):
         # the inverse is cut at 3 bumps (2 %); shear is read with 3 times less gain than normal
-        # load, so that 0.2 % of noise in the largest reading is 4 standard deviations of 1 %
+        # load. So 0.2 % of noise in the largest reading is 4 standard deviations of 1 %
         assert np.abs(got[name][-1] - own[..., k]).max() < (0.03 if k == 2 else 0.08)
     label, count = ndimage.label(touched, EIGHT)
     assert got["bump_patches"][-1] == count

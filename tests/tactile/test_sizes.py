@@ -1,8 +1,8 @@
 """Every tactile program on 4×4×3, 8×8×3 and 16×16×3, in a batch with its mirror image.
 
 The same thing is put in the middle of each array. The program's outputs may differ by the noise,
-which is drawn anew, by the part that a small array cuts off, and by nothing else. A scene that is
-turned over, left for right, must be reported turned over.
+which is drawn anew. They may differ by the part that a small array cuts off, and by nothing else. A
+scene that is turned over, left for right, must be reported turned over.
 """
 
 from collections.abc import Callable

@@ -62,7 +62,7 @@ OMISSIONS = (
 
 PROGRAM_OMISSIONS = (
     "A tactile program runs a stream with a contact. The reference engine gets through its frames "
-    f"in {REFERENCE_S:g} s (1 s with --quick), and time and error are of the same frames. The "
+    f"in {REFERENCE_S:g} s (1 s with --quick). Time and error are of the same frames. The "
     "error is the largest of the outputs, flags among them, each over its largest value. "
     "Its rungs run every transient by one method. Programs without transients have one row, and so "
     f"has '{WHOLE}', which runs the operations of the others. Where all transients are exact "

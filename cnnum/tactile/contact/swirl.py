@@ -15,7 +15,7 @@ from cnnum.tactile.checks import Array
 from cnnum.tactile.grid import Grid
 
 _NODES, _WEIGHTS = leggauss(10)
-# points crowd as squares at both ends of a piece, where Φ has a 3/2 power or Gauss would see a kink
+# points crowd as squares at both ends of a piece: Φ has a 3/2 power there, or a kink
 _SHARE = np.sin((_NODES + 1) * np.pi / 4) ** 2
 _SHARE_WEIGHTS = np.sin((_NODES + 1) * np.pi / 2) * _WEIGHTS * np.pi / 4
 

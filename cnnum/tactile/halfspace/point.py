@@ -14,8 +14,8 @@ from cnnum.tactile.halfspace.material import energy_density
 
 Direction = tuple[Array, Array, Array]
 
-# Functions of the direction (x, y, z)/r alone; w = 1/(1 + z/r). z >= 0 keeps w in [1/2, 1], so
-# nothing cancels straight below, on the surface or far away.
+# Functions of the direction (x, y, z)/r alone; w = 1/(1 + z/r). As z >= 0 keeps w in
+# [1/2, 1], nothing cancels straight below, on the surface or far away.
 _DIRECTIONAL: dict[str, Callable[[Array, Array, Array, Array], Array]] = {
     "V": lambda x, y, z, w: np.ones_like(w),
     "L_x": lambda x, y, z, w: x * w,

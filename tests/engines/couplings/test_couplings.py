@@ -195,8 +195,8 @@ def test_a_turn_of_a_swing_is_no_rest(engine, shape):
     template = delayed(centre(-0.85), delay=1.9, duration="settle")
     found = engine.run(template, state=np.full(shape, 0.2), rtol=1e-2, atol=2e-2)
     assert found.settled.all()
-    # rates are below 0.02 for more than a delay, in which a swing of 1.5 a time constant turns
-    # nearly once: it is below that tolerance itself
+    # rates are below 0.02 for more than a delay. A swing of 1.5 a time constant turns nearly once
+    # in it, and is below that tolerance itself
     assert np.abs(found.state).max() < 0.04
     assert float(np.max(found.time)) > 10.0
 

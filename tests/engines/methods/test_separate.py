@@ -1,7 +1,7 @@
 """Cells that see only themselves are solved without a step: held to many small Runge-Kutta steps.
 
-The steps are written here, and know nothing of pieces: where f has its kinks, their error is of the
-order of the square of a step, (3/4000)² · rate < 4e-6 for the templates below.
+The steps are written here, and know nothing of pieces. Where f has its kinks, their error is of the
+order of the square of a step. That is (3/4000)² · rate < 4e-6 for the templates below.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Cells that see only themselves with weights around 1, held to 50 digits of the closed form.
 
-A weight a near 1 leaves 0/0 in (e^{mt} − 1)/m and in ln(1 + …)/m, m = a − 1, which cost float32 all
+A weight a near 1 leaves 0/0 in (e^{mt} − 1)/m and in ln(1 + …)/m, m = a − 1. That cost float32 all
 its digits: cells of 0.2 and 0.9 ended at ±1.1 instead of at 0.7 and 0.4.
 """
 

@@ -92,8 +92,9 @@ def test_two_sides_are_peeled_until_nothing_changes(fast, family, turns):
 def peeled(cells):
     """MatCNN's eight steps by the rule of their words, the picture turned for each: until still.
 
-    A corner goes if the three neighbours around it are white and the two opposite sides black; a
-    side goes if its three neighbours are white, the one ahead is black, and so is one next to that.
+    A corner goes if the three neighbours around it are white and the two opposite sides black. A
+    side goes if its three neighbours are white and the one ahead is black. One next to that must be
+    black, too.
     """
     while True:
         before = cells

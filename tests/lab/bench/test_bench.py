@@ -130,7 +130,7 @@ def test_growth_ends_in_its_time_on_a_slow_machine(monkeypatch):
     places = [scaling.Point(*(getattr(row, name) for name in names)) for row in found]
     assert places == list(scaling.points())
     assert len(budgets) == len(places)  # the base too is measured once
-    # builds alone take 4 s a place, and the bench has promised to end in 3 minutes
+    # builds alone take 4 s a place; the bench has promised to end in 3 minutes
     assert now[0] < 180.0
     assert budgets[0] > budgets[-1] >= 0.0
 

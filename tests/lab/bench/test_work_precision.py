@@ -141,7 +141,7 @@ def test_a_program_climbs_its_ladder_to_the_truth(monkeypatch):
     assert [row.method for row in (exact, loose, tight)] == ["propagator", *2 * ["dormand-prince"]]
     assert exact.error < 1e-12
     # Loads of up to 4 taxels' worth, each over its largest: the transients' errors are relative to
-    # 1, and the rest at a run's end is e times its tolerance at most
+    # 1. The rest at a run's end is e times its tolerance at most
     assert 1e-5 < loose.error < 1e-2
     assert tight.error < 1e-3 * loose.error
     assert exact.pictures == loose.pictures > 18

@@ -50,8 +50,8 @@ def test_partial_slip_agrees_with_two_solutions_of_tamaas(share: float) -> None:
     slip = contact.partial_slip(sphere, LOAD, share * FRICTION * LOAD, FRICTION)
     expected = FRICTION * (solved(LOAD) - solved(LOAD * (1 - share)))
     rho, cell = places(), SIDE / CELLS
-    # away from the two rims, where cells are cut, the solver's own error at 64 cells a side is
-    # 1.9e-3 of the largest traction (it halves with the cell)
+    # cells are cut at the two rims; away from them the solver's own error at 64 cells a side is
+    # 1.9e-3 of the largest traction. It halves with the cell
     near = np.abs(rho - sphere.contact_radius) < 2 * cell
     near |= np.abs(rho - slip.stick_radius) < 2 * cell
     error = (slip.traction(rho) - expected)[~near]

@@ -1,6 +1,6 @@
 """Hertz, punch, partial slip and twist: displacements under their tractions, by quadrature.
 
-To check that "the stuck part moves as one", the traction is integrated with the surface
+One check is that "the stuck part moves as one". There the traction is integrated with the surface
 displacement of a ring of point loads. Its complete elliptic integrals are in no formula under test.
 """
 

@@ -62,8 +62,8 @@ def test_stress_at_depth_is_the_integral_of_the_point_kernels(
     q = (0.7, -0.4, 1.1)
     expected = by_quadrature(place, SIZE, q, nu)
     got = halfspace.rectangle_stress(*place, q, size=SIZE, poisson=nu)
-    # 80 Gauss points resolve a depth of 0.2 under a width of 1.4 to rounding, but for Johnson's
-    # (1 - z/r)/ρ², which loses digits straight below
+    # 80 Gauss points resolve a depth of 0.2 under a width of 1.4 to rounding. But Johnson's
+    # (1 - z/r)/ρ² loses digits straight below
     assert np.abs(got - expected).max() < 1e-11
 
 

@@ -58,8 +58,8 @@ def figure_6_16() -> Figure:
         "A finger going round, with and without a bump",
         "Finite-element bump of Ø 0.4 mm on 200 µm, which takes the load of a taxel's square of "
         "1.5 mm; the finger presses with 2 N over a radius of 4 mm and rubs at half of that. "
-        "Right below a bump the moment of the rub turns the strain's sign, so that the loop is "
-        "on the other side.",
+        "Right below a bump the moment of the rub turns the strain's sign. So the loop is on "
+        "the other side.",
         (Panel("Tangential strains", "ε_xz (%)", "ε_yz (%)", dots, equal=True),),
     )
 

@@ -84,8 +84,8 @@ OTHER_ORDER = (
     "Euler, until it settles", "sign", "full-range", "rk4", "exponential",
     "adaptive, until it settles",
 )  # fmt: skip
-"""Cases in which one kernel adds the weights in another order (`fused_euler`), equal ones in other
-groups (`euler_in_registers`), or stages of a step in another order (`integrators.schemes`)."""
+"""Cases in which one kernel adds in another order. `fused_euler` does so with the weights,
+`euler_in_registers` with equal ones, and `integrators.schemes` with stages of a step."""
 
 
 @pytest.mark.one_in(2)
