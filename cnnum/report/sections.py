@@ -174,8 +174,8 @@ def events(number: int, data: ReportData) -> str:
         f"A report is right if it comes within {MAX_DELAY} frames of the truth. It must "
         f"point within {np.degrees(MAX_TURN):.0f}° of it, and turn the same way. A gross slip may "
         "come up to 0.3 s after the truth. For a twist the moment is that at which half of the "
-        "contact slips: it may come from 0.5 s before to 0.3 s after. Directions run from x (right) "
-        "towards y (down). A report of something that did not happen is listed as false."
+        "contact slips: it may come from 0.5 s before to 0.3 s after. Directions run from x "
+        "(right) towards y (down). A report of something that did not happen is listed as false."
     )
     return section(number, "events", title, paragraph(words), tables.event_table(data.verdicts))
 
