@@ -97,8 +97,8 @@ def chip_backend(chip: Chip, engine: str, precision: str) -> ChipBackend:
     expect("chip", chip, Chip, MethodError)
     if (engine, precision) != ("reference", "float64"):
         raise NotSupportedError(
-            "A program runs on a chip by Engine('reference'), whose feedback may differ from cell "
-            f"to cell, got the engine '{engine}' in {precision}."
+            "A program runs on a chip by Engine('reference'): its feedback may differ from cell to "
+            f"cell. Got the engine '{engine}' in {precision}."
         )
     return ChipBackend(chip)
 

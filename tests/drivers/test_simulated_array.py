@@ -94,7 +94,7 @@ def test_the_voltages_are_read_back_as_that_strain() -> None:
 
 def test_the_frame_holds_the_shear_force() -> None:
     # σ_xz = (2E/3) ε_xz, and over the whole plane it adds up to -Q. A window of ±12 mm lacks the
-    # tail of the point load's 3 Q x² z / (2π r⁵), which the quadrature knows.
+    # tail of the point load's 3 Q x² z / (2π r⁵). The quadrature knows it.
     array = clean(shape=(16, 16), script=(*PRESS, Phase("pull", 1.0, speed=0.4e-3)))
     state = end(array)
     stress = 2 / 3 * 0.87e6 * array.calibration.to_strain(last(array).values)[..., 0]

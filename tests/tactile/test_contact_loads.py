@@ -45,8 +45,8 @@ def test_loads_of_pulled_spheres(fast, cells, depth, reads):
     # the filter gives pressure back to a few per cent. The rim of the contact is cut cell by
     # cell: 8 % at most in 1000 touches of docs/programs/contact.md
     assert np.abs(off["load_normal"]).max() < 0.1
-    # noise of 64 or 256 summed taxels, and the true spread of the shear where half of the array
-    # does not see it; the weakest pulls are a tenth of the load
+    # noise of 64 or 256 summed taxels, and the spread of the shear where half of the array does
+    # not see it; the weakest pulls are a tenth of the load
     assert np.quantile(off["load_x, load_y"], 0.9) < 0.1
     assert np.median(off["load_x, load_y"]) < 0.05
     assert np.quantile(np.abs(off["friction_used"]), 0.9) < 0.12

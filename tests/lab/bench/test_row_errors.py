@@ -84,7 +84,7 @@ def test_a_program_next_to_zero_is_held_to_the_reference_engines():
     # float32 through some hundred operations; strengths of slip are ratios of small differences
     assert 0.0 < row.ordinary_error < 5e-3
     # squares of such numbers are 0 in float32 and not in float64: the one sees no contact. Places
-    # of edges are -1 where there is none and 1 at most, so that they differ by up to 2
+    # of edges are -1 where there is none and 1 at most: they differ by up to 2
     assert 1.0 <= row.error <= 2.0
 
 

@@ -173,7 +173,7 @@ def figure_6_17() -> Figure:
         "Three-axial vectors from a 9×9 pressure pad",
         f"1 N on each touched bump, its shear of {SLANT:g} N going round in {TURNS} steps; taxels "
         f"(dots) feel pressure only, with {100 * NOISE:.0f} % noise. Simulated under bumps of "
-        "Ø 2 mm on 0.5 mm of rubber, whose feet bear force and moment as a beam does.",
+        "Ø 2 mm on 0.5 mm of rubber. Their feet bear force and moment as a beam does.",
         (_panel(False, "One bump pressed"), _panel(True, "A line load on a column")),
     )
 

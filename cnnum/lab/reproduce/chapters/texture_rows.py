@@ -128,7 +128,7 @@ def figure_6_19() -> Figure:
         "Fig. 6.19",
         "Texture by friction and roughness",
         f"{len(drawn.features)} samples (about 3000 in the dissertation), each the last 129 "
-        "frames, in all directions and at 50–100 µm of indentation. Right: a quadratic "
+        "frames. They are of all directions, at 50–100 µm of indentation. Right: a quadratic "
         "discriminant, cross-validated by strokes; rows are the truth. "
         f"Accuracy {100 * found.accuracy:.1f} %.",
         (

@@ -61,8 +61,8 @@ FORMS = (
         _case,
         _expected,
         1e-3,
-        "a run settles where every rate is below 5e-5; with a fifth of the cells held, the slowest "
-        "mode decays at 0.9 or faster, and 144 rates add up to 7e-4 of its state",
+        "a run settles where every rate is below 5e-5; the slowest mode decays at 0.9 or faster "
+        "with a fifth of the cells held. So 144 rates add up to 7e-4 of its state",
         "the surface of least bending through the held cells, by a sparse linear system",
     ),
 )

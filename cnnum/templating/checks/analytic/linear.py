@@ -16,8 +16,8 @@ from cnnum.templating.template import Template
 
 ANALOG_TOLERANCE = 1e-3
 ANALOG_REASON = (
-    "ten times the relative tolerance 1e-4 that a run asks for by default, as the errors of its "
-    "steps add up; the answer itself is exact and of the order of 1"
+    "ten times the relative tolerance 1e-4 of a run by default, as the errors of its steps add up; "
+    "the answer itself is exact and of the order of 1"
 )
 
 

@@ -18,8 +18,8 @@ RTOL = 1e-6
 TOLERANCE = 5e-3
 REASON = (
     "an oscillation forgets errors of its size but never those of its phase: those of 800 steps a "
-    "period, 1e-6 of states up to 3 each, add up to 2.4e-3 at the most, and roundings of float32 "
-    "to 5e-4"
+    "period, 1e-6 of states up to 3 each, add up to 2.4e-3 at the most. Roundings of float32 add "
+    "up to 5e-4"
 )
 _TRANSIENT = 40.0
 _WAVE_PRECISION = 1e-7  # every kink of every cell costs steps

@@ -13,8 +13,8 @@ RTOL = 1e-6
 TOLERANCE = 0.02
 REASON = (
     "a front never forgets that it is late: a cell leaves its colour at 0.25 a time constant and "
-    "then moves at 4. So it is off by 17 times the errors of 70 steps (1e-6 of states up to 8 "
-    "each, 0.01 at the most) and of float32's roundings (2e-3); one late by a cell is off by 2"
+    "then moves at 4. So it is off by 17 times the errors of 70 steps, 1e-6 of states up to 8 "
+    "each: 0.01 at the most. Float32's roundings make 2e-3; one late by a cell is off by 2"
 )
 _LINES = 3
 

@@ -8,8 +8,8 @@ from cnnum.templating.checks.records import DIGITAL_TOLERANCE, Case, Cases, Clos
 from cnnum.templating.template import Template
 
 DECIDED = (
-    "a cell that is decided has come within e^-5 = 0.7 % of black or white after the five time "
-    "constants of a template that does not propagate; a wrong cell is off by 2"
+    "a template that does not propagate runs for five time constants: a decided cell has then come "
+    "within e^-5 = 0.7 % of black or white; a wrong cell is off by 2"
 )
 SETTLED = (
     "cells settle outside [-1, 1], where the output is exactly black or white; a wrong cell is off "

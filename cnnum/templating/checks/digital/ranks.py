@@ -15,8 +15,8 @@ from cnnum.templating.template import Template
 
 CHATTER = 0.1
 CHATTER_REASON = (
-    "a cell slides along a jump of its rate: its Euler steps of 0.01 leave it within 0.08, the "
-    "change by eight neighbours in a step, and the table's jump lies up to 0.01 from 0"
+    "a cell slides along a jump of its rate: its Euler steps of 0.01 leave it within 0.08. That is "
+    "the change by eight neighbours in a step, and the table's jump lies up to 0.01 from 0"
 )
 _SPREAD = 0.02
 _SPREAD_REASON = (
