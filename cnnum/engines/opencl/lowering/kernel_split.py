@@ -253,14 +253,14 @@ class _Split:
         if within is not None and often is None:
             self._renew(within, within, loop.condition, scope)
         self.flush()
+        bound = scope.find(loop.end.text) if isinstance(loop.end, ir.Name) else None
         if often is not None:
             rounds = Rounds(tuple(self.parts), count=often - loop.start)
+        elif isinstance(bound, Register) and loop.running is None:
+            rounds = Rounds(tuple(self.parts), bound=(bound.place, loop.start))
         else:
             assert within is not None
-            bound = scope.find(loop.end.text) if isinstance(loop.end, ir.Name) else None
             rounds = Rounds(tuple(self.parts), flag=within.place)
-            if isinstance(bound, Register) and loop.running is None:
-                rounds = Rounds(tuple(self.parts), bound=(bound.place, loop.start))
         self.parts = [*outside, rounds]
 
     def _launch(self, body: list[ir.Statement], pieces: int) -> None:

@@ -132,10 +132,7 @@ def _spectral(text: TransientBuilder, scheme: Spectral) -> float:
     text.array(HALFWAY, text.cells)
     for array, _ in parts:
         text.array(_modes(array), n)
-        for layer in range(text.layers):
-            at = layer * text.cells
-            _right(text, (array, at), (HALFWAY, 0), scheme.cols.T)
-            _left(text, (HALFWAY, 0), (_modes(array), at), scheme.rows)
+        _transform(text, array, _modes(array), (scheme.rows, scheme.cols.T))
     text.array(MODES, n)
     body: list[ir.Statement] = []
     for to in range(text.layers):
@@ -149,10 +146,7 @@ def _spectral(text: TransientBuilder, scheme: Spectral) -> float:
     body += [_largest(value) for array, _ in parts for value in text.each(array)]
     text.over_cells(body)
     text.array(X, n)
-    for layer in range(text.layers):
-        at = layer * text.cells
-        _right(text, (MODES, at), (HALFWAY, 0), scheme.cols)
-        _left(text, (HALFWAY, 0), (X, at), scheme.rows.T)
+    _transform(text, MODES, X, (scheme.rows.T, scheme.cols))
     if scheme.constant.any():
         places = [text.at(m) for m in range(text.layers)]
         text.over_cells([ir.add(X[at], text.tables.constant(scheme.constant, at)) for at in places])
@@ -165,50 +159,36 @@ def _modes(array: ir.Name) -> ir.Name:
     return ir.Name(f"{array.text}_modes")
 
 
-Place = tuple[ir.Name, int]
-"""An array, and where in it a map begins."""
-
-
-def _right(text: TransientBuilder, source: Place, to: Place, matrix: Floats) -> None:
-    """Append to = source · matrix, maps row by row."""
-    rows, cols = text.shape
-    weight = text.tables.constant(np.ascontiguousarray(matrix), COL * cols + K)
-    value = source[0][ir.Integer(source[1]) + ROW * cols + COL]
-    _product(text, rows, cols, cols, (_target(to, cols), value, weight))
-
-
-def _left(text: TransientBuilder, source: Place, to: Place, matrix: Floats) -> None:
-    """Append to = matrix · source."""
-    rows, cols = text.shape
-    value = text.tables.constant(np.ascontiguousarray(matrix), ROW * rows + COL)
-    weight = source[0][ir.Integer(source[1]) + COL * cols + K]
-    _product(text, rows, rows, cols, (_target(to, cols), value, weight))
-
-
-def _target(to: Place, cols: int) -> ir.Element:
-    return to[0][ir.Integer(to[1]) + ROW * cols + K]
-
-
-def _product(
-    text: TransientBuilder,
-    outer: int,
-    inner: int,
-    across: int,
-    names: tuple[ir.Element, ir.Expression, ir.Expression],
+def _transform(
+    text: TransientBuilder, source: ir.Name, to: ir.Name, matrices: tuple[Floats, Floats]
 ) -> None:
-    """Append target(r, k) = Σ_c value(r, c) · weight(c, k)."""
-    target, value, weight = names
+    """Append to = left · source · right in every layer, for the matrices (left, right)."""
+    rows, cols = text.shape
+    left, right = map(np.ascontiguousarray, matrices)
+    for layer in range(text.layers):
+        start, halfway = ir.Integer(layer * text.cells), ir.Integer(0)
+        weight = text.tables.constant(right, COL * cols + K)
+        term = source[start + ROW * cols + COL] * weight
+        _product(text, cols, HALFWAY[halfway + ROW * cols + K], term)
+        value = text.tables.constant(left, ROW * rows + COL)
+        term = value * HALFWAY[halfway + COL * cols + K]
+        _product(text, rows, to[start + ROW * cols + K], term)
+
+
+def _product(text: TransientBuilder, inner: int, target: ir.Element, term: ir.Binary) -> None:
+    """Append target(r, k) = Σ_c value(r, c) · weight(c, k), whose terms are products."""
+    rows, across = text.shape
     if text.tables.lanes > 1:  # sums in registers
-        sums = ir.Loop(COL, inner, (ir.add(SUM, value * weight),))
+        sums = ir.Loop(COL, inner, (ir.add(SUM, term),))
         each = (ir.declare(SUM, ir.ZERO), sums, ir.Assign(target, SUM))
         body: tuple[ir.Statement, ...] = (ir.Loop(K, across, each),)
     else:  # rows that compilers vectorise
-        row = ir.Loop(K, across, (ir.add(target, V * weight),))
+        row = ir.Loop(K, across, (ir.add(target, V * term.right),))
         body = (
             ir.Loop(K, across, (ir.Assign(target, ir.ZERO),)),
-            ir.Loop(COL, inner, (ir.fixed(V, value), row)),
+            ir.Loop(COL, inner, (ir.fixed(V, term.left), row)),
         )
-    text.body.append(ir.Sweep(ROW, outer, body))
+    text.body.append(ir.Sweep(ROW, rows, body))
 
 
 _ENDS: dict[type, Callable[[TransientBuilder, Any], float]] = {

@@ -22,37 +22,27 @@ Reads = Callable[[Quantity, int, int, int], ir.Expression]
 V, OWN, SINCE = ir.names("v own since")
 
 
-def table(function: Table, argument: ir.Name) -> ir.Expression:
-    """Return the expression of a function table of an argument."""
-    points = function.points
-    if function.interpolation == "constant":
-        value: ir.Expression = ir.Number(points[-1][1])
-        for place, level in reversed(points[:-1]):
-            value = ir.pick(argument <= ir.Number(place), ir.Number(level), value)
-        return value
-    value = ir.Number(points[0][1])
-    for (v0, f0), (v1, f1) in pairwise(points):
-        if f1 != f0:
-            slope, low, high = (ir.Number(n) for n in ((f1 - f0) / (v1 - v0), v0, v1))
-            value = value + slope * (ir.call("clamp", argument, low, high) - low)
-    return value
-
-
-def own_table(
-    function: Table, argument: ir.Name, number: Callable[[float], ir.Expression]
+def table(
+    function: Table,
+    argument: ir.Name,
+    number: Callable[[float], ir.Expression] | None = None,
 ) -> ir.Expression:
-    """Return the expression of a table whose values are variables."""
-    places, values = [p for p, _ in function.points], [number(v) for _, v in function.points]
+    """Return the expression of a function table; `number` gives values that are variables."""
+    points, held = function.points, number or ir.Number
     if function.interpolation == "constant":
-        value = values[-1]
-        for place, level in zip(reversed(places[:-1]), reversed(values[:-1]), strict=True):
-            value = ir.pick(argument <= ir.Number(place), level, value)
+        value: ir.Expression = held(points[-1][1])
+        for place, level in reversed(points[:-1]):
+            value = ir.pick(argument <= ir.Number(place), held(level), value)
         return value
-    value = values[0]
-    for (low, before), (high, after) in pairwise(zip(places, values, strict=True)):
+    value = held(points[0][1])
+    for (low, before), (high, after) in pairwise(points):
         ends = ir.Number(low), ir.Number(high)
-        share = (ir.call("clamp", argument, *ends) - ends[0]) * ir.Number(1.0 / (high - low))
-        value = value + share * (after - before)
+        along = ir.call("clamp", argument, *ends) - ends[0]
+        if number is not None:
+            share = along * ir.Number(1.0 / (high - low))
+            value = value + share * (number(after) - number(before))
+        elif after != before:
+            value = value + ir.Number((after - before) / (high - low)) * along
     return value
 
 
@@ -106,10 +96,7 @@ def gains(text: TransientBuilder, since: ir.Expression) -> list[ir.Statement]:
     """Return the statements that find the gains that vary in time, at a time since the start."""
     found = text.template.gains
     lines: list[ir.Statement] = [ir.fixed(SINCE, since)] if found else []
-
-    def value(function: Table) -> ir.Expression:
-        if text.operands.own is None:
-            return table(function, SINCE)
-        return own_table(function, SINCE, text.number)
-
-    return lines + [ir.fixed(gain_name(k), value(gain.table)) for k, gain in enumerate(found)]
+    number = None if text.operands.own is None else text.number
+    return lines + [
+        ir.fixed(gain_name(k), table(gain.table, SINCE, number)) for k, gain in enumerate(found)
+    ]
