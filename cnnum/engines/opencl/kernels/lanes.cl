@@ -1,5 +1,5 @@
-// Rows of cells in lanes: a row is cut into as many pieces as a vector has lanes, and each lane takes
-// a piece, so that vectors hold neighbours of a vector's cells, too.
+// Rows of cells in lanes: a row is cut into as many pieces as a vector has lanes, a piece each. So
+// neighbours of a vector's cells are a vector, too.
 typedef scalar vec __attribute__((ext_vector_type($width), aligned($bytes)));
 #define ROW(row) (((row) + $radius) * $pitch + $head)
 

@@ -1,5 +1,5 @@
-// Strips of rows, several levels at a time: a level, which is a stage of a step, follows the one
-// before at a distance of a few rows, so that what it reads is still in the cache. Strips narrow by
+// Strips of rows, several levels at a time: a level is a stage of a step. It follows the one before
+// at a distance of a few rows, so that its reads are still in the cache. Strips narrow by
 // a rim from level to level; then what is missing between them is made up for. Of the two arrays of
 // outputs, a level reads one and writes the other. The rows of all layers stand side by side.
 $lanes
@@ -101,8 +101,8 @@ static void take_level(__global scalar *const x, __global const scalar *const w,
     }
 }
 
-// Phases: 0 sets out from the states, 1 takes levels after those that are done, 2 makes up for what
-// is missing between strips, 3 brings the states back, 4 takes them back to where levels began.
+// Phases: 0 sets out from the states. 1 takes levels after those that are done. 2 makes up for what
+// is missing between strips. 3 brings the states back. 4 takes them back to where levels began.
 static void strip(__global scalar *const mine, const int pieces, const int piece, const int phase,
                   const int done, const int most)
 {

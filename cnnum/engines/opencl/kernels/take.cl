@@ -1,6 +1,6 @@
 #ifdef cl_khr_fp64
-// Takes numbers as the host has them. Each is looked at on its way: the bits of what is not negative
-// are ordered as numbers are, infinity after all of them, and NaN after infinity.
+// Takes numbers as the host has them. Each is looked at on its way: bits of numbers that
+// are not negative are ordered as these are. Infinity comes after all of them, then NaN.
 __kernel __attribute__((reqd_work_group_size(1, 1, 1)))
 void take_$given(__global const $given *restrict given, const long apart, const long count,
                  __global scalar *restrict input, const long size, const long at,

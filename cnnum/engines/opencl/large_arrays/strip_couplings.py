@@ -125,7 +125,7 @@ def coupled(
     between: bool = False,
     kept: Kept | None = None,
 ) -> list[ir.Statement]:
-    """Return the statements that find s = w + own · state + A ∗ y in each row of a block.
+    """Return the statements that find s = w + own · state + A ∗ y in a block's rows.
 
     Parameters
     ----------

@@ -47,8 +47,8 @@ class Rows:
     scales : tuple of float
         The factor of each layer's couplings and drive.
     offsets : dict of str to int or str
-        Numbers from the array of states to each of the arrays that are kept, or the name of the
-        variable that holds them.
+        Numbers from the array of states to each array that is kept. Or the variable that holds
+        them, by its name.
     size : (int, int)
         The levels a launch, and the strips that are then high enough.
     """

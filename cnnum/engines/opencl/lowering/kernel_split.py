@@ -31,7 +31,7 @@ PIECE = 1024
 """Values that a work item takes of a sweep that does not go by rows."""
 
 AT, BEGIN, END, K, PARTIALS = ir.names("piece begin end k partials")
-"""The piece that a work item takes of a sweep, its ends, and where its part of a sum is kept."""
+"""A work item's piece of a sweep, its ends, and where its part of a sum is kept."""
 
 
 def split_kernels(body: Sequence[ir.Statement], rows: int, printer: OpenCLPrinter) -> LaunchPlan:

@@ -3,8 +3,7 @@
     x⁺ = (1 − h/τ) x + (h/τ) w + Σ (h/τ) a y
 
 Weights come with h/τ in them, and w is scaled once. New outputs go to a second padded array, so
-that a step is one sweep. While an output that is loaded is in a register, it is added to all cells
-that it is a neighbour of.
+that a step is one sweep. While a loaded output is in a register, it is added to all its neighbours.
 """
 
 from collections.abc import Iterator
