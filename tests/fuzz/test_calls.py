@@ -11,8 +11,16 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 import cnnum
-from cnnum.errors import CalibrationError, DeviceError, MethodError, UnknownNameError
+from cnnum.errors import (
+    ArrayError,
+    CalibrationError,
+    DeviceError,
+    MethodError,
+    PhysicsError,
+    UnknownNameError,
+)
 from cnnum.graph.graph import Graph
+from cnnum.tactile import halfspace
 from cnnum.tactile.taxel.calibration import identity_of
 from cnnum.templating.couplings import DelayedCoupling, Gain, NonlinearCoupling
 from cnnum.templating.function_tables import Table
@@ -235,3 +243,11 @@ def test_finds_of_long_runs_are_refused():
         made(**(PARTS | {"tau": 1.7780314400531507e-77}))
     with pytest.raises(CalibrationError, match="NoneType"):
         identity_of(None)
+
+
+@pytest.mark.parametrize("name", ["depth", "poisson"])
+@pytest.mark.parametrize("value", [None, "deep", np.array(None), np.zeros(2)])
+def test_a_depth_or_ratio_of_a_load_map_that_is_no_number_is_refused(name, value):
+    given = {"traction": np.zeros((3, 3, 3)), "spacing": 1e-3, "depth": 1e-3, "poisson": 0.4}
+    with pytest.raises((PhysicsError, ArrayError), match=f"'{name}'"):
+        halfspace.surface_load_strain(**(given | {name: value, "youngs_modulus": 1e5}))

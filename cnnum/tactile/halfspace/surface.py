@@ -121,8 +121,8 @@ class SurfaceToDepth:
 
     def _influence(self, grid: Grid) -> Array:
         """Return the influence of one cell at every offset, (component, load, rows, cols)."""
-        depth = checks.not_negative("depth", checks.scalar("depth", np.asarray(self.depth)))
-        ratio = checks.poisson_ratio(checks.scalar("poisson", np.asarray(self.poisson)))
+        depth = np.asarray(checks.scalar("depth", checks.not_negative("depth", self.depth)))
+        ratio = np.asarray(checks.scalar("poisson", checks.poisson_ratio(self.poisson)))
         evaluate = partial(_at_all_offsets, grid=grid, depth=depth)
         table = self._table(evaluate, ratio)
         parts = [table(ij, k) for ij in self.components for k in AXES]
