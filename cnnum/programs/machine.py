@@ -133,6 +133,11 @@ class FrameFields:
         """The column number of every cell."""
         return self.constant(np.indices(self.shape)[1])
 
+    def centroid(self, weight: Field) -> tuple[Field, Field]:
+        """Return row and column of the centre of a weight, cells; 0 where its sum is 0."""
+        whole = weight.sum()
+        return (weight * self.row).sum() / whole, (weight * self.column).sum() / whole
+
     def constant(self, values: ArrayLike) -> Field:
         """Return a number, (rows, cols) or (maps, rows, cols), the same in every frame."""
         return constant(self._graph, values)

@@ -66,16 +66,15 @@ def contact(
     """
     loads = frame.once(loads_of, push=push)
     load = pressed_of(loads, share, depth, reads, normal_gain)
-    whole = load.weight.sum()
-    row, column = (frame.memory(f"{name} while touched", scalar=True) for name in ("row", "column"))
+    row, column = frame.centroid(load.weight)
     touches = load.touched.any()
     normal, x, y = (where(touches, unit * part, 0.0) for part in (load.normal, load.x, load.y))
     return {
         "contact": loads.contact,
         "contact_map": load.touched,
         "contact_area": load.touched.count(),
-        "contact_row": row.hold((load.weight * frame.row).sum() / whole, touches),
-        "contact_column": column.hold((load.weight * frame.column).sum() / whole, touches),
+        "contact_row": frame.memory("last row", scalar=True).hold(row, touches),
+        "contact_column": frame.memory("last column", scalar=True).hold(column, touches),
         "load_x": x,
         "load_y": y,
         "load_normal": normal,

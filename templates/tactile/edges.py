@@ -118,12 +118,12 @@ def edges(
     edged = _decided(loads, links, peak) & (inside.count() > WIDE - 0.5)
     links = [link._replace(crosses=link.crosses & edged) for link in links]
     found = _nearest(links)
-    number = found.count()
+    row, column = frame.centroid(found)
     return {
         "edges": found,
-        "edge_count": number,
-        "edge_row": (frame.row * found).sum() / number,
-        "edge_column": (frame.column * found).sum() / number,
+        "edge_count": found.count(),
+        "edge_row": row,
+        "edge_column": column,
         "edge_to_right": _between(links[0], links[2], WAYS[2]),
         "edge_to_below": _between(links[3], links[1], WAYS[1]),
         "edge_load": load,

@@ -8,7 +8,7 @@ and divergence at the load's last change are taken off: a press alone can show b
 from collections.abc import Mapping
 
 from cnnum.programs import program
-from cnnum.programs.fields import Field, where
+from cnnum.programs.fields import Field, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.reports import level_of, report
 from cnnum.programs.several import most
@@ -58,8 +58,7 @@ def twist(
         floor=floor,
     )  # fmt: skip
     shows = frame.once(read_outs, recent=recent, still=still)
-    weight = recent.z * recent.z
-    row, column = ((weight * place).sum() / weight.sum() for place in (frame.row, frame.column))
+    row, column = frame.centroid(square(recent.z))
     # decision
     strength, turned = abs(shows["turned"]), shows["turned"]
     counts = ~recent.resting & (strength > recent.ratio + APART * shows["apart"])

@@ -78,7 +78,7 @@ def body_fit(
     loads = frame.once(loads_of, push=push)
     weight = pressed_of(loads, SHARE, depth, reads, 1.0).weight
     load = maximum(weight.sum(), 1e-30)
-    row, column = (weight * frame.row).sum() / load, (weight * frame.column).sum() / load
+    row, column = frame.centroid(weight)
     away = [
         square(frame.row + y - row) + square(frame.column + x - column)
         for y in INSIDE

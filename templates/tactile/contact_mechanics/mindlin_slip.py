@@ -104,7 +104,7 @@ def _hertz(loads: Loads, pressed: Pressed) -> Field:
     """Return a flag: the pressure's moments are those of a sphere, on enough taxels."""
     frame, weight = loads.frame, pressed.weight
     load = maximum(weight.sum(), 1e-30)
-    row, column = (weight * frame.row).sum() / load, (weight * frame.column).sum() / load
+    row, column = frame.centroid(weight)
     away = square(frame.row - row) + square(frame.column - column)
     second = maximum((weight * away).sum() / load, 1e-6)
     flatness = (weight * square(away)).sum() / (load * square(second))

@@ -67,10 +67,8 @@ def _centroids(frame: FrameFields, label: Field, weight: Field) -> tuple[Field, 
     def next_one(left: Field, row: Field, column: Field) -> tuple[Field, Field, Field]:
         mine = (left > left.max() - 0.5) & (left > 0.0)
         own = where(mine, weight, 0.0)
-        whole = own.sum()
-        row = where(mine, (own * frame.row).sum() / whole, row)
-        column = where(mine, (own * frame.column).sum() / whole, column)
-        return where(mine, 0.0, left), row, column
+        own_row, own_column = frame.centroid(own)
+        return where(mine, 0.0, left), where(mine, own_row, row), where(mine, own_column, column)
 
     def none_left(left: Field, *_: Field) -> Field:
         return ~(left > 0.0).any()

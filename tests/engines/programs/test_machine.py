@@ -246,10 +246,11 @@ def test_read_outs_of_a_whole_map(engine):
     def read(frame):
         row, column = frame.picture.argmax()
         p = frame.picture
+        centre_row, centre_column = frame.centroid(p * p)
         return {
             "sum": p.sum(), "max": p.max(), "min": p.min(), "mean": p.mean(),
             "row": row, "column": column, "all": (p > -9.0).all(), "any": (p > 9.0).any(),
-            "count": (p > 0.0).count(),
+            "count": (p > 0.0).count(), "centre_row": centre_row, "centre_column": centre_column,
         }  # fmt: skip
 
     maps = np.random.default_rng(5).permutation(20 * 12).reshape(20, 3, 4) / 32.0 - 3.0
@@ -261,6 +262,10 @@ def test_read_outs_of_a_whole_map(engine):
     np.testing.assert_allclose(got["mean"], flat.mean(axis=1), rtol=1e-6)
     np.testing.assert_array_equal(4 * got["row"] + got["column"], flat.argmax(axis=1))
     np.testing.assert_array_equal(got["count"], (flat > 0).sum(axis=1))
+    places, weights = np.indices((3, 4)).reshape(2, -1).T, flat**2
+    expected = weights @ places / weights.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(got["centre_row"], expected[:, 0], rtol=1e-6)
+    np.testing.assert_allclose(got["centre_column"], expected[:, 1], rtol=1e-6)
     assert got["all"].all()
     assert not got["any"].any()
 
