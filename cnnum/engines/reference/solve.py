@@ -50,6 +50,10 @@ MOST_EXPLICIT = 1e5
 MOST_IMPLICIT = 1000
 """States up to which a Jacobian is a matrix."""
 
+MOST_STEPS = 10_000
+"""Implicit steps of a stretch: weights beyond all measure take steps so short that it never ends.
+The cases of `cnnum stability` take up to 3,206."""
+
 LATEST = 1e6
 """Time constants to which an array is followed whose equilibrium other engines know exactly."""
 
@@ -173,6 +177,11 @@ def _stretch(
             message = str(error)
         if message is not None:
             raise MethodError(f"The reference solver stopped: {message}")
+        if steps is Radau and len(times) > MOST_STEPS:
+            raise MethodError(
+                f"The reference solver gives up at time {solver.t:.3g} of {time + length:.3g} after "
+                f"{MOST_STEPS} implicit steps: the fastest rate is too large; scale the weights."
+            )
         times.append(solver.t)
         if past is not None:
             pieces.append(solver.dense_output())

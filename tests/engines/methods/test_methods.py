@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from cnnum.engine import Engine
 from cnnum.engines.numba import transients
 from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.errors import MethodError
@@ -288,3 +289,14 @@ def test_arrays_on_all_cores_step_as_on_one(engines, reference):
             template, input=np.tile(tile, (4, 4)), method=name, dt=0.02
         )
         np.testing.assert_array_equal(all_cores.state, np.tile(one.state, (4, 4)))
+
+
+def test_the_reference_gives_up_where_steps_are_too_short_to_end():
+    """Rates of 1e19, as fuzzing found them, take implicit steps of 1e-19."""
+    A = np.full((5, 5), -155339.0)
+    A[0, 3], A[2, 1:3], A[3, 2:4] = 524288, (-69, -9818747), (2.0**63, -622)
+    A[4, 0], A[4, 4] = -534, -122033
+    template = Template("fast", A, [[0, 0, 0], [0, 2, 0], [0, 0, 0]], 0.5, duration=1.0)
+    picture = np.sign(np.sin(np.arange(64.0) + 0.5)).reshape(8, 8)
+    with pytest.raises(MethodError, match="10000 implicit steps"):
+        Engine("reference").run(template, input=picture, duration=0.5)
