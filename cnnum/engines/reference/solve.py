@@ -179,8 +179,9 @@ def _stretch(
             raise MethodError(f"The reference solver stopped: {message}")
         if steps is Radau and len(times) > MOST_STEPS:
             raise MethodError(
-                f"The reference solver gives up at time {solver.t:.3g} of {time + length:.3g} after "
-                f"{MOST_STEPS} implicit steps: the fastest rate is too large; scale the weights."
+                f"The reference solver gives up at time {solver.t:.3g} of {time + length:.3g}, "
+                f"after {MOST_STEPS} implicit steps: the fastest rate is too large; scale the "
+                "weights."
             )
         times.append(solver.t)
         if past is not None:
