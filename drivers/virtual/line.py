@@ -72,14 +72,15 @@ class VirtualLine:
 
     def unplug(self) -> None:
         """Close the terminal; its reader sees that it has gone."""
+        # first the link: another program may get the number of a terminal that is closed
+        if self._link is not None:
+            with contextlib.suppress(OSError):
+                self._link.unlink(missing_ok=True)
         if self.plugged:
             os.close(self._slave)
             os.close(self._master)
             self._master = self._slave = -1
         self._waiting.clear()
-        if self._link is not None:
-            with contextlib.suppress(OSError):
-                self._link.unlink(missing_ok=True)
 
     def write(self, data: bytes) -> bool:
         """Leave bytes for the reader, and return whether they were taken, all or none."""

@@ -24,8 +24,9 @@ class Device:
         self._opened = opened
         self.master, self._slave = os.openpty()
         tty.setraw(self._slave)
+        self._link, self._name = link, os.ttyname(self._slave)
         link.unlink(missing_ok=True)
-        link.symlink_to(os.ttyname(self._slave))
+        link.symlink_to(self._name)
         self._threads: list[Thread] = []
         self._plugged = True
 
@@ -53,6 +54,9 @@ class Device:
         self.written()
         if self._plugged:
             self._plugged = False
+            # first the link: another test may get the number of a terminal that is closed
+            if self._link.is_symlink() and os.readlink(self._link) == self._name:
+                self._link.unlink()
             os.close(self._slave)
             os.close(self.master)
 
