@@ -37,8 +37,15 @@ model name	: another
 
 
 def python(code, tmp_path, **environment):
-    """Run code where the processor is "generic", with no verdict kept."""
-    given = {"PYTHONPATH": str(PLAYED), "XDG_CACHE_HOME": str(tmp_path), **environment}
+    """Run code where the processor is "generic", with no verdict kept, on the wheel alone."""
+    others = tmp_path / "vendors"  # an empty folder: the system may have an OpenCL of its own
+    others.mkdir(exist_ok=True)
+    given = {
+        "PYTHONPATH": str(PLAYED),
+        "XDG_CACHE_HOME": str(tmp_path),
+        "OCL_ICD_VENDORS": str(others),
+        **environment,
+    }
     return subprocess.run(
         [sys.executable, "-c", code],
         env={**os.environ, **given},
