@@ -55,7 +55,7 @@ class Device:
         if self._plugged:
             self._plugged = False
             # first the link: another test may get the number of a terminal that is closed
-            if self._link.is_symlink() and os.readlink(self._link) == self._name:
+            if self._link.is_symlink() and self._link.readlink() == Path(self._name):
                 self._link.unlink()
             os.close(self._slave)
             os.close(self.master)
