@@ -120,7 +120,7 @@ class FrameFields:
 
     @property
     def age(self) -> Field:
-        """Number of frames before this one."""
+        """Number of frames before this one, up to 2²⁴, as far as float32 counts."""
         return self.once(_age)
 
     @property

@@ -33,6 +33,13 @@ def test_inputs_with_neighbours_cannot_be_unscaled():
         unscaled(wide, MIDDLE, WIDTH)
 
 
+@pytest.mark.parametrize("change", [{"B": np.ones((1, 2, 3, 3))}, {"initial": 0.5}])
+def test_templates_that_their_drive_does_not_decide_are_refused(change):
+    form, inputs = replace(FORM, **change), np.zeros((4, 2, 1, 1))
+    with pytest.raises(TemplateError, match="its drive alone"):
+        decision_entry(form, inputs, np.ones(4), Engine("numba"), area=1.0, inputs_are="two")
+
+
 def test_the_proof_counts_wrong_decisions(tmp_path):
     rng, engine = np.random.default_rng(2), Engine("numba")
     inputs = rng.normal(size=(400, 2, 1, 1))
@@ -40,7 +47,12 @@ def test_the_proof_counts_wrong_decisions(tmp_path):
     drive = 0.7 * inputs[:, 0, 0, 0] - 0.4 * inputs[:, 1, 0, 0] + 0.2
     labels = np.where(drive > 0, 1.0, -1.0)
     right = decision_entry(FORM, inputs, labels, engine, area=1.0, inputs_are="two numbers").proof
-    assert right.margin > 0.0
+    # the worst mismatch takes a share off every term that helps, and adds it to every other
+    terms = np.column_stack([[0.7, -0.4] * inputs[:, :, 0, 0], np.full(400, 0.2)]) * labels[:, None]
+    for share, decides in ((0.999, True), (1.001, False)):
+        worst = (terms - share * right.relative_margin * np.abs(terms)).sum(axis=1)
+        assert bool(worst.min() > 0.0) is decides
+    assert right.margin == pytest.approx(np.abs(drive).min(), rel=1e-12)
     assert right.examples == 400
     exact, *others = right.flips
     assert exact.rate == 0.0

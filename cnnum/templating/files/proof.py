@@ -52,7 +52,8 @@ class Proof:
     margin : float
         Least drive of a cell, towards its right colour; below 0 where an example is decided wrong.
     relative_margin : float
-        The same over the sum of all weights that decide: no mismatch below it flips a cell.
+        The same over the sum of all weights that decide, each times the size of its input: no
+        mismatch below it flips a cell.
     bound : float or None
         No weights have a larger relative margin; None where that is not known.
     settle : float or None
