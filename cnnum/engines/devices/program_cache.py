@@ -13,10 +13,11 @@ import json
 import os
 import shutil
 import threading
+import time
 import zipfile
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import cast
 
@@ -33,6 +34,10 @@ SHELF = Shelf("kernels")
 DELAY_S = 1.0
 """s after a build, after which its kernels are kept even if the process is killed later."""
 
+YOUNG_S = 30.0
+"""s after a build, within which the timer looks for kernels that were built later. At the end of
+the process all programs are looked at: a walk over hundreds of folders every second takes long."""
+
 PASSED_OVER = frozenset({"last_accessed", "build.log"})
 """Files of PoCL's that say nothing about a program."""
 
@@ -45,6 +50,7 @@ class _Laid:
 
     folders: frozenset[Path]
     kept: frozenset[str]
+    built: float = field(default_factory=time.monotonic)
 
 
 _PROGRAMS = dict[str, _Laid]()
@@ -111,27 +117,35 @@ def _build_in(
     folder: Path, name: str, context: cl.Context, source: str, options: Sequence[str]
 ) -> cl.Program:
     with _LOCK:
-        before = _folders(folder)
-        kept = frozenset[str]() if name in _PROGRAMS else _lay_out(folder, name)
-        program = _built(cl.Program(context, source), options)
-        made = _folders(folder) - before
-        if name not in _PROGRAMS:
-            _PROGRAMS[name] = _Laid(frozenset(made), kept)
+        if name in _PROGRAMS:
+            program = _built(cl.Program(context, source), options)
+            _PROGRAMS[name].built = time.monotonic()
+        else:
+            before = _folders(folder)
+            kept = _lay_out(folder, name, before)
+            program = _built(cl.Program(context, source), options)
+            made = _folders(folder) - before
+            _PROGRAMS[name] = _Laid(frozenset(map(Path, made)), kept)
     _keep_soon()
     return program
 
 
-def _folders(folder: Path) -> set[Path]:
+def _folders(folder: Path) -> set[str]:
     """Return PoCL's folders of programs: the first letters of a checksum, and the others."""
-    return {inner for outer in folder.iterdir() if outer.is_dir() for inner in outer.iterdir()}
+    outer = [entry.path for entry in _entries(folder) if entry.is_dir()]
+    return {entry.path for each in outer for entry in _entries(each)}
 
 
-def _lay_out(folder: Path, name: str) -> frozenset[str]:
+def _entries(folder: str | Path) -> list[os.DirEntry[str]]:
+    with os.scandir(folder) as entries:
+        return list(entries)
+
+
+def _lay_out(folder: Path, name: str, before: set[str]) -> frozenset[str]:
     """Give PoCL the files of an entry; return their names."""
     content = SHELF.get(name)
     if content is None:
         return frozenset()
-    before = _folders(folder)
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as entry:
             entry.extractall(folder)
@@ -148,19 +162,27 @@ def _keep_soon() -> None:
             atexit.register(keep_programs)
         elif _TIMERS[0].is_alive():
             return
-        timer = threading.Timer(DELAY_S, keep_programs)
+        timer = threading.Timer(DELAY_S, keep_programs, [YOUNG_S])
         timer.daemon = True
         _TIMERS[:] = [timer]
         timer.start()
 
 
-def keep_programs() -> None:
-    """Keep the files that PoCL has built since the last time."""
+def keep_programs(young: float = float("inf")) -> None:
+    """Keep the files that PoCL has built since the last time.
+
+    Parameters
+    ----------
+    young : float
+        s since its build, after which a program is passed over.
+    """
     folder = work_folder()
     if folder is None:
         return
+    since = time.monotonic() - young
     with _LOCK:
-        for name, laid in _PROGRAMS.items():
+        recent = ((name, laid) for name, laid in _PROGRAMS.items() if laid.built >= since)
+        for name, laid in recent:
             with suppress(OSError):  # PoCL has just moved or removed a file: the next time keeps it
                 files = _files_of(laid.folders, folder)
                 if not laid.kept >= files.keys():
@@ -172,8 +194,8 @@ def _files_of(folders: Iterable[Path], base: Path) -> dict[str, Path]:
     return {
         file.relative_to(base).as_posix(): file
         for made in folders
-        for file in made.rglob("*")
-        if file.is_file() and file.name not in PASSED_OVER
+        for inside, _, names in os.walk(made)
+        for file in (Path(inside, name) for name in names if name not in PASSED_OVER)
     }
 
 

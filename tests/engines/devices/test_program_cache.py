@@ -30,3 +30,21 @@ def test_a_folder_that_goes_while_it_is_read_is_kept_the_next_time(tmp_path, mon
     monkeypatch.setattr(program_cache, "_packed", packed)
     program_cache.keep_programs()
     assert (list(kept), laid.kept) == (["entry"], frozenset({"AB/kernel.so"}))
+
+
+def test_the_timer_passes_over_old_programs_and_the_end_does_not(tmp_path, monkeypatch):
+    kept, laid = [], {}
+    for name, built in (("old", -program_cache.YOUNG_S - 1.0), ("young", 0.0)):
+        folder = tmp_path / name / "plan"
+        folder.mkdir(parents=True)
+        (folder / "plan.so").write_bytes(b"code")
+        laid[name] = program_cache._Laid(frozenset({tmp_path / name}), frozenset())
+        laid[name].built += built
+    monkeypatch.setattr(program_cache, "work_folder", lambda: tmp_path)
+    monkeypatch.setattr(program_cache, "_PROGRAMS", laid)
+    monkeypatch.setattr(program_cache.Shelf, "put", lambda _, name, content: kept.append(name))
+    program_cache.keep_programs(program_cache.YOUNG_S)
+    assert kept == ["young"]
+    program_cache.keep_programs()
+    assert kept == ["young", "old"]
+    assert laid["old"].kept == {"old/plan/plan.so"}
