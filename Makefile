@@ -7,7 +7,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 export PIP_CONSTRAINT := requirements.lock
 # one more than the cores: some tests wait for ports, processes and the disk
 WORKERS := $(shell $(PYTHON) -c "import os; print(min((os.cpu_count() or 1) + 1, 4))")
-PYTEST := OPENBLAS_NUM_THREADS=1 $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
+# the workers and the hundreds of processes that tests start load compiled modules, whatever is set here
+PYTEST := OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --numprocesses $(WORKERS) --dist loadfile --no-loadscope-reorder
 QUICK := $(addprefix tests/,cli/commands/test_devices.py cli/commands/test_run.py engines/programs/test_machine.py \
     engines/devices/test_threads.py engines/devices/test_working_devices.py tactile/test_contact.py test_plan.py \
     graph/test_tracing.py scenes/test_scene.py)

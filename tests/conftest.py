@@ -11,6 +11,7 @@ Tests of faults on purpose keep an account of trials and losses. `make faults` r
 prints it; `make test` runs a short version.
 """
 
+import gc
 import os
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
@@ -48,6 +49,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         seen[test] += 1
     config.hook.pytest_deselected(items=left)
     items[:] = kept
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Spare Python's garbage collector the modules and the 7,000 tests, which stay to the end."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 def pytest_sessionstart():
