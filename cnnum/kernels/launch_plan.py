@@ -119,14 +119,11 @@ class LaunchPlan:
     Attributes
     ----------
     parts : tuple of LaunchStep
-    text : str
-        All kernels.
     registers, partials : int
         Numbers a frame that are kept in registers, and for sums that are not yet complete.
     """
 
     parts: tuple[LaunchStep, ...]
-    text: str
     registers: int
     partials: int
 

@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.lowering.kernel_split import split_kernels
 from cnnum.engines.opencl.lowering.program import FRAME, LAST, MEMORY, Lowering
 from cnnum.engines.opencl.lowering.storage import (
     PRIVATE_CELLS,
@@ -19,12 +18,14 @@ from cnnum.engines.opencl.lowering.storage import (
     slot_name,
 )
 from cnnum.engines.opencl.runtime.host_exchange import exchange_text
-from cnnum.engines.opencl.text import WIDE_BYTES, fill
+from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solvers
+from cnnum.kernels.kernel_split import PartKernel, split_kernels
 from cnnum.kernels.launch_plan import LaunchPlan
 from cnnum.kernels.number_types import NumberType
+from cnnum.kernels.opencl import OpenCLPrinter
 
 OUTPUT = ir.Name("output")
 """The buffer of results."""
@@ -147,8 +148,10 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     parts = None
     own = "\n".join([tables.text, *dict.fromkeys(tables.strips)])
     if form.split:
-        parts = split_kernels(body, schedule.shape[0], tables.printer)
-        kernels = f"{own}\n{parts.text}\n{exchange_text(tables.printer.numbers)}"
+        body.insert(0, ir.declare(UNFINISHED, ir.ZERO))
+        parts, split = split_kernels(body, schedule.shape[0])
+        texts = [_part(kernel, tables.printer) for kernel in split]
+        kernels = "\n".join([own, *texts, exchange_text(tables.printer.numbers)])
     else:
         if not arena.private:
             body.insert(0, _MINE)
@@ -168,6 +171,12 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
         arena.size if arena.private else 0,
         parts,
     )
+
+
+def _part(kernel: PartKernel, printer: OpenCLPrinter) -> str:
+    """Return the text of a kernel of many work items."""
+    body = indented(printer.lines(kernel.body), 1)
+    return fill("part", note=kernel.note, kernel=kernel.name, body=body)
 
 
 def _places(schedule: Schedule) -> tuple[Places, int]:

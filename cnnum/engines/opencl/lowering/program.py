@@ -31,8 +31,8 @@ from cnnum.kernels.formulas import formula
 FRAME, LAST = ir.names("frame last")
 """The first frame of a work item, and the batch's last."""
 
-INPUT, MEMORY, FIRST = ir.names("input memory first")
-"""Buffers, and whether the frame is the first of its stream."""
+INPUT, MEMORY, FIRST, IS_FIRST = ir.names("input memory first is_first")
+"""Buffers, and whether the frame is the first of its stream: a real, and an int of the host's."""
 
 K = ir.Name("k")
 
@@ -111,7 +111,7 @@ class Lowering:
         if isinstance(operation, Input | Read):
             self._load(node, operation)
         elif isinstance(operation, FirstFrame):
-            self.values.alias(node, FIRST)
+            self.values.alias(node, ir.real(IS_FIRST) if self.tables.split else FIRST)
         elif isinstance(operation, Transient):
             self._transient(node, operation)
         elif isinstance(operation, Loop):
