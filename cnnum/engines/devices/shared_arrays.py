@@ -51,12 +51,10 @@ def shares_memory(device: cl.Device) -> bool:
         return False
 
 
-def shared_array(
-    context: cl.Context, size: int, dtype: np.dtype[np.floating], *, share: bool
-) -> SharedArray:
+def shared_array(queue: cl.CommandQueue, size: int, dtype: np.dtype[np.floating]) -> SharedArray:
     """Return an array of zeros, one number at least."""
-    size = max(size, 1)
-    if share:
+    context, size = queue.context, max(size, 1)
+    if shares_memory(queue.device):
         empty = cast(Callable[..., Any], cl.fsvm_empty)
         # whole vectors at the end may be read, and vectors begin at their own size
         host = cast(NDArray[np.floating], empty(context, (size,), dtype, alignment=64))

@@ -35,7 +35,7 @@ class OpenCLBackend:
         self._context = cl.Context([self._device.handle])
         self._queue = cl.CommandQueue(self._context)
         partner = partner_of(self._device.handle)
-        self._own = None if partner is None else cl.CommandQueue(cl.Context([partner]))
+        self._own = cl.CommandQueue(cl.Context([partner])) if partner else self._queue
 
     @property
     def device(self) -> str:
@@ -59,5 +59,5 @@ class OpenCLBackend:
         lanes = self._device.lanes * 4 // dtype.itemsize if self._device.kind != "GPU" else 1
         near = self._device.near_bytes
         return OpenCLExecutable(
-            schedule, solvers, self._queue, dtype, max(1, lanes), near, self._own
+            schedule, solvers, self._queue, self._own, dtype, max(1, lanes), near
         )

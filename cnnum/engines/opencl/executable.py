@@ -5,6 +5,7 @@ from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import RLock
+from typing import Any
 
 import numpy as np
 import pyopencl as cl
@@ -13,13 +14,14 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.engines.devices.building import build_program
 from cnnum.engines.devices.device_trouble import build_failure, run_failure
-from cnnum.engines.devices.shared_arrays import SharedArray, shared_array, shares_memory
+from cnnum.engines.devices.shared_arrays import SharedArray, shared_array
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.engines.opencl.runtime.host_exchange import Exchange, exchanges
-from cnnum.engines.opencl.runtime.launch_runner import LaunchArrays, LaunchRunner
+from cnnum.engines.opencl.runtime.launch_runner import LaunchRunner, WholeRunner
+from cnnum.engines.opencl.runtime.plan_kernels import PlanKernels
 from cnnum.engines.opencl.runtime.single_frame import OneFrame
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solvers
@@ -42,25 +44,14 @@ FLUSH = "-cl-denorms-are-zero"
 on Intel's processors steps of float64 between denormals take 20 to 100 times as long."""
 
 
-@contextmanager
-def _finished(queue: cl.CommandQueue) -> Generator[None]:
-    """Wait for the queue after Ctrl-C, so that no memory is freed that a kernel still writes to."""
-    try:
-        yield
-    except BaseException:
-        queue.finish()
-        raise
-
-
 @dataclass(slots=True, eq=False)
 class _Built:
-    """A kernel that is the whole plan, or its parts; the program is kept, or Intel's is lost."""
+    """The kernels of a plan with their constant data."""
 
     text: KernelSource
-    program: cl.Program
+    kernels: PlanKernels
     data: cl.Buffer
-    kernel: cl.Kernel | None
-    parted: LaunchRunner | None
+    runner: WholeRunner | LaunchRunner
     exchange: Exchange
 
 
@@ -69,7 +60,11 @@ class _Arrays:
     input: SharedArray
     output: SharedArray
     scratch: cl.Buffer
-    between: LaunchArrays | None
+
+    def arguments(self, memory: SharedArray, data: cl.Buffer) -> tuple[Any, ...]:
+        """Return the first arguments of a plan's kernels."""
+        own = (self.input.argument, self.output.argument, memory.argument)
+        return (*own, data, self.scratch)
 
 
 @dataclass(slots=True, eq=False)
@@ -83,33 +78,38 @@ class OpenCLExecutable:
     schedule : Schedule
     solvers : mapping of int to Solver
     queue : CommandQueue
+    own : CommandQueue
+        Of a device that runs kernels in the thread that asks: few small frames go there. Without
+        one it is `queue`.
     dtype : dtype
     wide_lanes : int
         Frames that lie side by side in one work item of a large batch.
     near_bytes : int
         Cache of a core that keeps up with its arithmetic.
-    own : CommandQueue or None
-        Of a device that runs kernels in the thread that asks: few small frames go there.
     """
 
     schedule: Schedule
     solvers: Solvers
     queue: cl.CommandQueue
+    own: cl.CommandQueue
     dtype: np.dtype[np.floating]
     wide_lanes: int
     near_bytes: int
-    own: cl.CommandQueue | None = None
     _texts: dict[int, KernelSource] = field(default_factory=dict[int, KernelSource])
-    _kernels: dict[tuple[int, bool], _Built] = field(default_factory=dict[tuple[int, bool], _Built])
+    _built: dict[tuple[int, cl.CommandQueue], _Built] = field(
+        default_factory=dict[tuple[int, cl.CommandQueue], _Built]
+    )
     _arrays: dict[int, _Arrays] = field(default_factory=dict[int, _Arrays])
-    _no_memory: dict[bool, SharedArray] = field(default_factory=dict[bool, SharedArray])
+    _no_memory: dict[cl.CommandQueue, SharedArray] = field(
+        default_factory=dict[cl.CommandQueue, SharedArray]
+    )
     _bound: tuple[object, ...] = ()
     _turn: RLock = field(default_factory=RLock)
 
     @property
     def launches(self) -> int:
         """Kernel launches a frame; of loops that frames end by themselves, one round counts."""
-        parts = self._text(1).parts if self.schedule.cells > WIDE_CELLS else None
+        parts = self._text(1).parts
         return 1 if parts is None else parts.launches(self.queue.device.max_compute_units)
 
     @property
@@ -130,7 +130,7 @@ class OpenCLExecutable:
     @property
     def source(self) -> str:
         """The exact text that was built, the widest kernel that has run (or would for a frame)."""
-        return self._text(max((lanes for lanes, _ in self._kernels), default=1)).source
+        return self._text(max((lanes for lanes, _ in self._built), default=1)).source
 
     @property
     def strategies(self) -> Mapping[int, str]:
@@ -142,23 +142,21 @@ class OpenCLExecutable:
         wide = batch >= self.wide_lanes and self.schedule.cells <= WIDE_CELLS
         return self.wide_lanes if wide else 1
 
-    def new_memory(self, batch: int) -> object:
-        """Return cleared memories on the device; the same for all where a plan has none."""
-        refuse_after_fork()  # before a lock that another thread held then
-        with self._guarded():
-            size = batch * self._text(self.lanes_for(batch)).memory_size
-            queue = self.queue_for(batch)
-            if size:
-                return self._array(size, queue)
-            alone = queue is self.own
-            if alone not in self._no_memory:
-                self._no_memory[alone] = self._array(0, queue)
-            return self._no_memory[alone]
-
     def queue_for(self, batch: int) -> cl.CommandQueue:
         """Return the place of a number of frames."""
-        alone = self.lanes_for(batch) == 1 and batch * self.schedule.cells <= WIDE_CELLS
-        return self.own if alone and self.own is not None else self.queue
+        few = self.lanes_for(batch) == 1 and batch * self.schedule.cells <= WIDE_CELLS
+        return self.own if few else self.queue
+
+    def new_memory(self, batch: int) -> object:
+        """Return cleared memories on the device; the same for all where a plan has none."""
+        with self._guarded():
+            queue = self.queue_for(batch)
+            size = batch * self._text(self.lanes_for(batch)).memory_size
+            if size:
+                return shared_array(queue, size, self.dtype)
+            if queue not in self._no_memory:
+                self._no_memory[queue] = shared_array(queue, 0, self.dtype)
+            return self._no_memory[queue]
 
     def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
         """Return the values of memories, as the host sees it."""
@@ -177,40 +175,36 @@ class OpenCLExecutable:
     def one(self, memory: object) -> OneFrame | None:
         """Return the quick way for the single frames of a stream; None where there is none."""
         assert isinstance(memory, SharedArray)
-        refuse_after_fork()
         if self.schedule.cells > WIDE_CELLS:
             return None
         with self._guarded():
-            queue, built = self.queue_for(1), self._kernel(1, alone=True)
-            arrays, schedule = self._new_arrays(1, built, queue), self.schedule
-        kernel, given, taken = cl.Kernel(built.program, "plan"), arrays.input, arrays.output
-        buffers = (given.argument, taken.argument, memory.argument, built.data, arrays.scratch)
-        shape = (*schedule.shape, len(schedule.channels_read))
-        return OneFrame(queue, kernel, given, taken, buffers, shape, built.text.outputs)
+            built = self._build(1)
+            arrays = self._new_arrays(1, built)
+        return OneFrame(
+            built.kernels.queue,
+            cl.Kernel(built.kernels.program, "plan"),
+            arrays.input,
+            arrays.output,
+            arrays.arguments(memory, built.data),
+            (*self.schedule.shape, len(self.schedule.channels_read)),
+            built.text.outputs,
+        )
 
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
     ) -> dict[str, Floats]:
         """Hand frames over, launch once, read the wanted outputs."""
-        assert isinstance(memory, SharedArray)
-        refuse_after_fork()
         with self._guarded():
             batch = frames.shape[0]
-            lanes, queue = self.lanes_for(batch), self.queue_for(batch)
-            built = self._kernel(lanes, alone=queue is self.own)
-            arrays = self._arrays_for(batch, built)
+            built, arrays = self._ready(batch)
+            queue = built.kernels.queue
             if frames.size:
                 # large arrays go channel by channel
                 given = np.moveaxis(frames, -1, 1) if built.text.scratch else frames
                 np.copyto(arrays.input.host.reshape(given.shape), given, casting="same_kind")
                 arrays.input.push(queue)
-            self._bind(built, arrays, memory, batch, first=first)
-            with _finished(queue):
-                if built.kernel is not None:
-                    cl.enqueue_nd_range_kernel(queue, built.kernel, (-(-batch // lanes),), (1,))
-                elif built.parted is not None and arrays.between is not None:
-                    built.parted.run(arrays.scratch, arrays.between, batch)
-                arrays.output.pull(queue)
+            self._launch(built, arrays, memory, batch, first=first)
+            arrays.output.pull(queue)
             result = arrays.output.host.reshape(batch, -1)
             refuse_unfinished(result[:, -1])
             return {
@@ -222,50 +216,44 @@ class OpenCLExecutable:
         self, maps: Sequence[NDArray[np.floating]], lead: tuple[int, ...]
     ) -> tuple[dict[str, Floats], bool] | None:
         """Let kernels read and write the host's arrays where the device can, None elsewhere."""
-        refuse_after_fork()
         with self._guarded():
             if self._text(1).parts is None or not exchanges(self.queue.device):
                 return None
-            built, batch = self._kernel(1, alone=False), math.prod(lead)
-            arrays = self._arrays_for(batch, built)
-            assert built.parted is not None
-            assert arrays.between is not None
-            with _finished(self.queue):
-                if not built.exchange.take(maps, lead, arrays.input):
-                    return None
-                memory = self.new_memory(batch)
-                assert isinstance(memory, SharedArray)
-                self._bind(built, arrays, memory, batch, first=True)
-                built.parted.run(arrays.scratch, arrays.between, batch)
-                text = built.text
-                given = built.exchange.give(arrays.output, text.output_size, text.outputs, batch)
+            batch = math.prod(lead)
+            built, arrays = self._ready(batch)
+            if not built.exchange.take(maps, lead, arrays.input):
+                return None
+            self._launch(built, arrays, self.new_memory(batch), batch, first=True)
+            text = built.text
+            given = built.exchange.give(arrays.output, text.output_size, text.outputs, batch)
             refuse_unfinished(arrays.output.host.reshape(batch, -1)[:, -1])
             return given
 
     @contextmanager
     def _guarded(self) -> Generator[None]:
         """Take a turn; trouble with the device is an error of this package."""
+        refuse_after_fork()  # before a lock that another thread held then
         with self._turn:
             try:
                 yield
             except cl.Error as error:
                 raise run_failure(error, self.queue) from error
+            except BaseException:
+                # after Ctrl-C no memory is freed that a kernel still writes to
+                self.own.finish()
+                self.queue.finish()
+                raise
 
-    def _bind(
-        self, built: _Built, arrays: _Arrays, memory: SharedArray, batch: int, *, first: bool
+    def _launch(
+        self, built: _Built, arrays: _Arrays, memory: object, batch: int, *, first: bool
     ) -> None:
-        """Set the kernels' arguments, unless they are the same as before."""
+        """Launch the kernels, whose arguments are set unless they are the same as before."""
+        assert isinstance(memory, SharedArray)
         bound = (built, arrays, memory, batch, first)
-        if len(self._bound) == len(bound) and all(
-            a is b for a, b in zip(bound, self._bound, strict=True)
-        ):
-            return
-        given = (arrays.input.argument, arrays.output.argument, memory.argument, built.data)
-        if built.kernel is not None:
-            built.kernel.set_args(*given, arrays.scratch, np.int32(batch), np.int32(first))
-        elif built.parted is not None and arrays.between is not None:
-            built.parted.bind((*given, arrays.scratch), arrays.between, batch, first=first)
-        self._bound = bound
+        if bound != self._bound:
+            built.runner.bind(arrays.arguments(memory, built.data), batch, first=first)
+            self._bound = bound
+        built.runner.run()
 
     def _text(self, lanes: int) -> KernelSource:
         if lanes not in self._texts:
@@ -275,51 +263,50 @@ class OpenCLExecutable:
             self._texts[lanes] = lower(self.schedule, self.solvers, tables)
         return self._texts[lanes]
 
-    def _kernel(self, lanes: int, *, alone: bool) -> _Built:
-        """Return the kernels for a number of frames side by side, or for few small ones."""
-        key = (lanes, alone and self.own is not None)
-        if key not in self._kernels:
-            queue = self.own if key[1] and self.own else self.queue
-            self._kernels[key] = self._build(self._text(lanes), queue)
-        return self._kernels[key]
-
-    def _build(self, text: KernelSource, queue: cl.CommandQueue) -> _Built:
-        try:
-            program = build_program(queue.context, text.source, [QUIET, FLUSH])
-        except cl.RuntimeError as error:
-            raise build_failure(text.source, error, queue.device) from error
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        data = cl.Buffer(queue.context, flags, hostbuf=text.data)
-        exchange = Exchange(queue, program, self.dtype)
-        if text.parts is None:
-            return _Built(text, program, data, cl.Kernel(program, "plan"), None, exchange)
-        parted = LaunchRunner(queue, program, text.parts, self.dtype)
-        return _Built(text, program, data, None, parted, exchange)
-
-    def _arrays_for(self, batch: int, built: _Built) -> _Arrays:
+    def _ready(self, batch: int) -> tuple[_Built, _Arrays]:
+        """Return the kernels and the arrays for a number of frames."""
+        built = self._build(batch)
         if batch not in self._arrays:
             self._arrays.clear()  # one batch size at a time: large ones would pile up
-            self._arrays[batch] = self._new_arrays(batch, built, self.queue_for(batch))
-        return self._arrays[batch]
+            self._arrays[batch] = self._new_arrays(batch, built)
+        return built, self._arrays[batch]
 
-    def _new_arrays(self, batch: int, built: _Built, queue: cl.CommandQueue) -> _Arrays:
-        cells_read = self.schedule.cells * len(self.schedule.channels_read)
+    def _build(self, batch: int) -> _Built:
+        """Return the kernels for a number of frames."""
+        lanes, queue = self.lanes_for(batch), self.queue_for(batch)
+        if (lanes, queue) not in self._built:
+            text = self._text(lanes)
+            try:
+                program = build_program(queue.context, text.source, [QUIET, FLUSH])
+            except cl.RuntimeError as error:
+                raise build_failure(text.source, error, queue.device) from error
+            kernels = PlanKernels(queue, program)
+            flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+            self._built[lanes, queue] = _Built(
+                text,
+                kernels,
+                cl.Buffer(queue.context, flags, hostbuf=text.data),
+                WholeRunner(kernels, lanes)
+                if text.parts is None
+                else LaunchRunner(kernels, text.parts, self.dtype),
+                Exchange(kernels, self.dtype),
+            )
+        return self._built[lanes, queue]
+
+    def _new_arrays(self, batch: int, built: _Built) -> _Arrays:
+        queue, itemsize = built.kernels.queue, self.dtype.itemsize
+        given = batch * self.schedule.cells * len(self.schedule.channels_read)
+        taken = batch * built.text.output_size
         # a vector may be read over the end
         scratch = batch * built.text.scratch + MOST_LANES
-        largest = max(scratch, batch * max(cells_read, built.text.output_size))
         refuse_beyond(
             f"A batch of {batch} frame(s)",
-            largest * self.dtype.itemsize,
+            max(scratch, given, taken) * itemsize,
             queue.device.max_mem_alloc_size,
             "a block of the device",
         )
         return _Arrays(
-            self._array(batch * cells_read, queue),
-            self._array(batch * built.text.output_size, queue),
-            cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, scratch * self.dtype.itemsize),
-            None if built.parted is None else built.parted.new_arrays(batch),
+            shared_array(queue, given, self.dtype),
+            shared_array(queue, taken, self.dtype),
+            cl.Buffer(queue.context, cl.mem_flags.READ_WRITE, scratch * itemsize),
         )
-
-    def _array(self, size: int, queue: cl.CommandQueue) -> SharedArray:
-        share = shares_memory(queue.device)
-        return shared_array(queue.context, size, self.dtype, share=share)

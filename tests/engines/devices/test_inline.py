@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import cnnum
+from cnnum.engines.devices import shared_arrays
 from cnnum.engines.devices.inline import VARIABLE, partner_of
 from cnnum.engines.devices.listing import list_devices
 from cnnum.engines.devices.selection import choose_device
-from cnnum.engines.opencl import executable
 
 
 @pytest.fixture
@@ -101,7 +101,7 @@ def test_what_is_not_finite_is_refused_the_quick_way_too():
 
 
 def test_devices_that_share_no_memory_are_sent_copies(monkeypatch):
-    monkeypatch.setattr(executable, "shares_memory", lambda device: False)
+    monkeypatch.setattr(shared_arrays, "shares_memory", lambda device: False)
     stream = cnnum.Engine().compile(half, (4, 5)).stream()
     frames = np.random.default_rng(4).uniform(-1, 1, (3, 4, 5, 3))
     got = [stream.push(frame) for frame in frames]

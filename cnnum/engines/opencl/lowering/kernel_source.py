@@ -17,7 +17,6 @@ from cnnum.engines.opencl.lowering.storage import (
     placed_name,
     slot_name,
 )
-from cnnum.engines.opencl.runtime.host_exchange import exchange_text
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented
 from cnnum.graph.nodes import Node
 from cnnum.graph.schedule import Schedule
@@ -38,7 +37,10 @@ Adaptive steps of 256×256 cells took a third to half of their time in parts so.
 thirds; of 512×512 cells they took as long."""
 
 
-Places = dict[str, tuple[slice, tuple[int, ...]]]
+TAKEN = {"float32": "float", "float64": "double"}
+"""Number types of the host's maps that kernels of large arrays read as they are."""
+
+Places = Mapping[str, tuple[slice, tuple[int, ...]]]
 """Where each output stands among a frame's numbers, and its shape."""
 
 
@@ -151,7 +153,7 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
         body.insert(0, ir.declare(UNFINISHED, ir.ZERO))
         parts, split = split_kernels(body, schedule.shape[0])
         texts = [_part(kernel, tables.printer) for kernel in split]
-        kernels = "\n".join([own, *texts, exchange_text(tables.printer.numbers)])
+        kernels = "\n".join([own, *texts, *_exchange(tables.printer.numbers)])
     else:
         if not arena.private:
             body.insert(0, _MINE)
@@ -179,9 +181,16 @@ def _part(kernel: PartKernel, printer: OpenCLPrinter) -> str:
     return fill("part", note=kernel.note, kernel=kernel.name, body=body)
 
 
+def _exchange(numbers: NumberType) -> list[str]:
+    """Return the kernels that read and write the host's maps, for a device that has doubles."""
+    names = {"bits": numbers.bits, "mask": numbers.mask, "infinite": numbers.infinite}
+    takes = [fill("take", given=given, **names) for given in TAKEN.values()]
+    return [*takes, fill("give", **names)]
+
+
 def _places(schedule: Schedule) -> tuple[Places, int]:
     """Return where each output stands among a frame's numbers, and how many these are."""
-    places: Places = {}
+    places: dict[str, tuple[slice, tuple[int, ...]]] = {}
     at = 0
     for name, node in schedule.outputs.items():
         begin, at = at, at + schedule.size_of(node)

@@ -5,9 +5,8 @@ sweep for each.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import pyopencl as cl
@@ -15,24 +14,12 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.devices.shared_arrays import SharedArray, shared_array, shares_memory
+from cnnum.engines.opencl.lowering.kernel_source import TAKEN, Places
+from cnnum.engines.opencl.runtime.plan_kernels import PlanKernels
 from cnnum.engines.opencl.runtime.result_blocks import KeptBlock
-from cnnum.engines.opencl.text import fill
-from cnnum.kernels.number_types import NumberType
 
 PIECES = 32
 """Work items that share an array."""
-
-TAKEN = {"float32": "float", "float64": "double"}
-"""Number types that are read as they are; other numbers are converted first."""
-
-Places = Mapping[str, tuple[slice, tuple[int, ...]]]
-
-
-def exchange_text(numbers: NumberType) -> str:
-    """Return the kernels' text, for a device that has doubles."""
-    names = {"bits": numbers.bits, "mask": numbers.mask, "infinite": numbers.infinite}
-    takes = [fill("take", given=given, **names) for given in TAKEN.values()]
-    return "\n".join([*takes, fill("give", **names)])
 
 
 def exchanges(device: cl.Device) -> bool:
@@ -46,17 +33,13 @@ class Exchange:
 
     Attributes
     ----------
-    queue : CommandQueue
-    program : Program
-        The plan's.
+    kernels : PlanKernels
     dtype : dtype
-        Of its numbers.
+        Of the plan's numbers.
     """
 
-    queue: cl.CommandQueue
-    program: cl.Program
+    kernels: PlanKernels
     dtype: np.dtype[np.floating]
-    _kernels: dict[str, cl.Kernel] = field(default_factory=dict[str, cl.Kernel])
     _seen: dict[int, SharedArray] = field(default_factory=dict[int, SharedArray])
     _results: dict[str, KeptBlock] = field(default_factory=dict[str, KeptBlock])
 
@@ -72,20 +55,21 @@ class Exchange:
         lead : tuple of int
         input : SharedArray
         """
-        batch, seen = math.prod(lead), self._unseen(math.prod(lead))
-        size, at = sum(math.prod(array.shape[-3:]) for array in maps), 0
-        held: list[object] = []
-        for array in maps:
-            count = math.prod(array.shape[-3:])
+        batch = math.prod(lead)
+        seen = self._unseen(batch)
+        counts = [math.prod(array.shape[-3:]) for array in maps]
+        size, at = np.int64(sum(counts)), 0
+        held: list[cl.Buffer] = []
+        for array, count in zip(maps, counts, strict=True):
             given = _as_it_lies(array, lead)
             apart = 0 if given.size == count else count
             buffer = self._buffer(given, cl.mem_flags.READ_ONLY)
             held.append(buffer)
-            numbers = (np.int64(apart), np.int64(count))
-            to = (input.argument, np.int64(size), np.int64(at), seen.argument)
-            self._launch(f"take_{TAKEN[given.dtype.name]}", batch, (buffer, *numbers, *to))
+            of = (buffer, np.int64(apart), np.int64(count))
+            to = (input.argument, size, np.int64(at), seen.argument)
+            self.kernels.launch(f"take_{TAKEN[given.dtype.name]}", (PIECES, batch), *of, *to)
             at += count
-        seen.pull(self.queue)
+        seen.pull(self.kernels.queue)
         return not seen.host.any()
 
     def give(
@@ -98,15 +82,19 @@ class Exchange:
         output : SharedArray
         size : int
             Its numbers a frame.
-        places : mapping of str to (slice, shape)
-            Where each result stands in them.
+        places : Places
+            Of the results in them.
         batch : int
         """
         seen = self._unseen(batch)
-        maps = {name: place for name, place in places.items() if place[1]}
+        frames = output.host.reshape(batch, size)
         results: dict[str, Floats] = {}
+        numbers: dict[str, slice] = {}
         held: list[cl.Buffer] = []
-        for name, (where, shape) in maps.items():
+        for name, (where, shape) in places.items():
+            if not shape:
+                numbers[name] = where
+                continue
             count = math.prod(shape)
             # a block each: who keeps one result does not keep the others
             block = self._results.setdefault(name, KeptBlock()).take(batch * count)
@@ -115,44 +103,34 @@ class Exchange:
             buffer = self._buffer(results[name], cl.mem_flags.WRITE_ONLY)
             held.append(buffer)
             of = (output.argument, np.int64(size), np.int64(where.start))
-            self._launch("give", batch, (*of, buffer, np.int64(count), seen.argument))
+            to = (buffer, np.int64(count), seen.argument)
+            self.kernels.launch("give", (PIECES, batch), *of, *to)
         for buffer in held:
             self._let_see(buffer)
-        seen.pull(self.queue)
-        frames = output.host.reshape(batch, size)
-        numbers = {
-            name: frames[:, where.start].astype(np.float64)
-            for name, (where, shape) in places.items()
-            if not shape
-        }
-        finite = all(bool(np.isfinite(each).all()) for each in numbers.values())
-        return results | numbers, finite and not seen.host.any()
+        seen.pull(self.kernels.queue)
+        read = {name: frames[:, at.start].astype(np.float64) for name, at in numbers.items()}
+        finite = all(bool(np.isfinite(each).all()) for each in read.values())
+        return results | read, finite and not seen.host.any()
 
     def _unseen(self, batch: int) -> SharedArray:
         """Return the counts of numbers that are not finite, each 0 as yet."""
         if batch not in self._seen:
             self._seen.clear()
-            size = batch * PIECES
-            self._seen[batch] = shared_array(self.queue.context, size, self.dtype, share=True)
+            self._seen[batch] = shared_array(self.kernels.queue, batch * PIECES, self.dtype)
         self._seen[batch].host[:] = 0
         return self._seen[batch]
 
     def _buffer(self, array: NDArray[np.floating], flags: int) -> cl.Buffer:
-        return cl.Buffer(self.queue.context, flags | cl.mem_flags.USE_HOST_PTR, hostbuf=array)
+        shared = flags | cl.mem_flags.USE_HOST_PTR
+        return cl.Buffer(self.kernels.queue.context, shared, hostbuf=array)
 
     def _let_see(self, buffer: cl.Buffer) -> None:
         """Let the host see writes to its memory: nothing is copied where it is one."""
-        size = buffer.size
+        queue, all_of_it = self.kernels.queue, (0, (buffer.size,), np.dtype(np.uint8))
         seen, _ = cl.enqueue_map_buffer(
-            self.queue, buffer, cl.map_flags.READ, 0, (size,), np.dtype(np.uint8), is_blocking=False
+            queue, buffer, cl.map_flags.READ, *all_of_it, is_blocking=False
         )
-        seen.base.release(self.queue)
-
-    def _launch(self, name: str, batch: int, arguments: tuple[Any, ...]) -> None:
-        if name not in self._kernels:
-            self._kernels[name] = cl.Kernel(self.program, name)
-        self._kernels[name].set_args(*arguments)
-        cl.enqueue_nd_range_kernel(self.queue, self._kernels[name], (PIECES, batch), (1, 1))
+        seen.base.release(queue)
 
 
 def _as_it_lies(array: NDArray[np.floating], lead: tuple[int, ...]) -> NDArray[np.floating]:

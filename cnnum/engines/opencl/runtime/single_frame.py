@@ -1,7 +1,6 @@
 """The quick way of a single frame: everything that can be done before it comes is done once."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import InitVar, dataclass, field
 from typing import Any
 
@@ -14,6 +13,7 @@ from cnnum.engines.devices.device_trouble import run_failure
 from cnnum.engines.devices.shared_arrays import SharedArray
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.forks import LOST, refuse_after_fork
+from cnnum.engines.opencl.lowering.kernel_source import Places
 
 ONE_ITEM = (1,)
 
@@ -32,9 +32,9 @@ class OneFrame:
         The kernel's, but for the number of frames and whether it is the first.
     shape : (rows, cols, channels)
         Of the numbers that travel to the device.
-    places : mapping of str to (slice, shape)
-        Where each output stands in the numbers that come back; the last of them says whether a
-        transient or a loop did not reach its end.
+    places : Places
+        Of the outputs in the numbers that come back; the last of them says whether a transient or
+        a loop did not reach its end.
     """
 
     queue: cl.CommandQueue
@@ -43,13 +43,13 @@ class OneFrame:
     output: SharedArray
     arguments: tuple[Any, ...]
     shape: tuple[int, int, int]
-    places: InitVar[Mapping[str, tuple[slice, tuple[int, ...]]]]
+    places: InitVar[Places]
     packed: Floats = field(init=False)
     _given: NDArray[np.floating] = field(init=False)
     _first: bool | None = None
     _places: list[tuple[str, slice | int, tuple[int, ...] | None]] = field(init=False)
 
-    def __post_init__(self, places: Mapping[str, tuple[slice, tuple[int, ...]]]) -> None:
+    def __post_init__(self, places: Places) -> None:
         self._given = self.input.host[: math.prod(self.shape)].reshape(self.shape)
         self._places = [
             (name, at, shape) if shape else (name, at.start, None)
