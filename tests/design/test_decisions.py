@@ -40,8 +40,8 @@ def test_templates_that_their_drive_does_not_decide_are_refused(change):
         decision_entry(form, inputs, np.ones(4), Engine("numba"), area=1.0, inputs_are="two")
 
 
-def test_the_proof_counts_wrong_decisions(tmp_path):
-    rng, engine = np.random.default_rng(2), Engine("numba")
+def test_the_proof_counts_wrong_decisions(fast, tmp_path):
+    rng, engine = np.random.default_rng(2), fast
     inputs = rng.normal(size=(400, 2, 1, 1))
     # from 0 a cell keeps the sign of its drive, so this is the decision of exact weights
     drive = 0.7 * inputs[:, 0, 0, 0] - 0.4 * inputs[:, 1, 0, 0] + 0.2

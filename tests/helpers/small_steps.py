@@ -100,6 +100,7 @@ class Equation:
 
     def __init__(self, template: Template, maps: Maps, shape: tuple[int, int]) -> None:
         self.template, self.maps = template, maps
+        self.tau = template.tau[:, np.newaxis, np.newaxis]
         self.feedback = Linear(template.A, template.boundary, template.output.numpy, shape)
         self.neighbours = [
             Neighbours(
@@ -124,13 +125,12 @@ class Equation:
 
     def __call__(self, x: Floats, time: float, late: Floats | float = 0.0) -> Floats:
         template = self.template
-        f, tau = template.output.numpy, template.tau[:, np.newaxis, np.newaxis]
-        y, factors = f(x), np.ones(template.A.shape[:2])
+        y, factors = template.output.numpy(x), np.ones(template.A.shape[:2])
         for gain in template.gains:
             factors[gain.to, gain.source] *= float(look_up(gain.table, np.array(time)))
         rate = self.fixed + self.feedback(y, factors) - x + late
         self.add_nonlinear(rate, {"x": x, "y": y, "u": self.maps.input}, of_inputs=False)
-        return self.held(rate / tau)
+        return self.held(rate / self.tau)
 
     def add_nonlinear(
         self, total: Floats, maps: dict[str, Floats | None], *, of_inputs: bool
@@ -160,7 +160,8 @@ def continuous(
         if settle and n % 16 == 0 and np.abs(slope(x, n * h)).max() < SETTLED:
             return x, n * h, True
         length = min(h, end - n * h)
-        past.keep(x, slope(x, n * h))
+        if template.delayed is not None:
+            past.keep(x, slope(x, n * h))
         x = step(slope, x, n * h, length)
     return x, end, False
 
@@ -207,9 +208,8 @@ class Past:
         self.rates: list[Floats] = []
 
     def keep(self, x: Floats, rate: Floats) -> None:
-        if self.template.delayed is not None:
-            self.states.append(x)
-            self.rates.append(rate)
+        self.states.append(x)
+        self.rates.append(rate)
 
     def slope(self, begin: float) -> Slope:
         delayed = self.template.delayed
