@@ -83,13 +83,19 @@ def close(got, expected, scale, precision, name):
 
 
 @settings(max_examples=8, deadline=None)
-@given(program=chains(), seed=st.integers(0, 2**16), batch=st.sampled_from([(), (3,), (17,)]))
-def test_fused_chains_are_what_they_were(engines, reference, program, seed, batch):
+@given(
+    program=chains(),
+    precision=st.sampled_from(["float32", "float64"]),
+    seed=st.integers(0, 2**16),
+    batch=st.sampled_from([(), (3,), (17,)]),
+)
+def test_fused_chains_are_what_they_were(engines, reference, program, precision, seed, batch):
     """Numba's own dense products, one by one, are the truth; the reference solves one frame."""
     frames = np.random.default_rng(seed).normal(size=(*batch, *SHAPE, 2))
     plans = {
         label: engine.compile(program, SHAPE, channels=("a", "b"))
         for label, engine in engines.items()
+        if precision in label or label == "numba-float64"
     }
     alone = plans["numba-float64"].unfused()
     assert not products(alone)
