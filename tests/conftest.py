@@ -13,6 +13,8 @@ prints it; `make test` runs a short version.
 
 import gc
 import os
+import subprocess
+import sys
 from collections import Counter
 from collections.abc import Generator, Iterator, Sequence
 from typing import TypeVar
@@ -20,11 +22,12 @@ from typing import TypeVar
 import pytest
 from hypothesis import HealthCheck, settings
 
-from cnnum import Engine, get_template
+from cnnum import Engine
 from cnnum.errors import NoOpenCLError
 
 Case = TypeVar("Case")
 FULL = os.environ.get("CNNUM_FAULTS") == "full"
+PRECISIONS = ("float32", "float64")
 
 # a machine that has more to do is no fault of a test
 settings.register_profile("busy", deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -62,12 +65,15 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.enable()
 
 
-def pytest_sessionstart():
-    """Compile for one precision a worker: both would compile the same at the same time."""
-    precisions = {"gw0": "float32", "gw1": "float64"}
-    precision = precisions.get(os.environ.get("PYTEST_XDIST_WORKER", ""))
-    if precision is not None:
-        Engine("numba", precision=precision).run(get_template("DIFFUS"), input=[[0.0]])
+def pytest_sessionstart(session: pytest.Session) -> None:
+    """Compile the engine "numba" before there are workers: each would compile the same."""
+    if not session.config.getoption("numprocesses", None):
+        return
+    code = "import cnnum, sys; cnnum.Engine('numba', precision=sys.argv[1])"
+    code += ".run(cnnum.get_template('DIFFUS'), input=[[0.0]])"
+    started = [subprocess.Popen([sys.executable, "-c", code, each]) for each in PRECISIONS]
+    for process in started:
+        process.wait()
 
 
 def only(wanted: str) -> None:

@@ -109,7 +109,7 @@ def test_delays_and_their_weights_can_be_a_template_s_own(engine):
                     delayed=DelayedCoupling(1.0, nothing, nothing))  # fmt: skip
     late, control, weights = 0.4 * rng.normal(size=(3, 4, 3, 3))
     batch = TemplateBatch(
-        form, weights, delay=np.array([0.5, 0.52, 0.6, 0.5]), delayed_A=late, delayed_B=control
+        form, weights, delay=np.array([0.5, 0.52, 0.52, 0.5]), delayed_A=late, delayed_B=control
     )
     found = engine.run(batch, input=pictures, previous=before)
     expected = alone(batch, input=pictures, previous=before)

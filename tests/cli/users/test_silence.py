@@ -56,7 +56,7 @@ def test_a_second_start_prints_its_first_event_soon(tmp_path):
     The import of these parts of SciPy was heavy, for a scene that calls none of them.
     """
     command = [sys.executable, "-X", "importtime", "-m", "cnnum", "run", "demo", "--frames", "99"]
-    place = {**os.environ, "XDG_CACHE_HOME": str(tmp_path), "PYTHONPYCACHEPREFIX": str(tmp_path)}
+    place = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     place.pop("PYTHONDONTWRITEBYTECODE", None)
     subprocess.run(command, capture_output=True, check=True, timeout=WAIT, env=place)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)

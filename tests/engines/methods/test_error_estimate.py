@@ -10,7 +10,7 @@ from cnnum.errors import MethodError
 from cnnum.integrators.estimate import FOLLOWING
 from cnnum.templating.template import Template
 
-TEMPLATES, FRAMES = 14, 16
+TEMPLATES, FRAMES = 14, 8
 
 
 def network(rng):
