@@ -37,6 +37,25 @@ def file_option(default: str, text: str) -> Callable[[Function], Function]:
     )
 
 
+def target_option(name: str, metavar: str, text: str) -> Callable[[Function], Function]:
+    """Return an option whose value is a file to write."""
+    return click.option(
+        name, type=click.Path(path_type=Path, dir_okay=False), metavar=metavar, help=text
+    )
+
+
+def setting_option(text: str) -> Callable[[Function], Function]:
+    """Return the option `--set`, which may come again for more."""
+    return click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help=text)
+
+
+frames_option = click.option(
+    "--frames", type=click.IntRange(min=1), help="Stop after this number of frames."
+)
+seconds_option = click.option(
+    "--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after so long."
+)
+
 page_option = click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),
@@ -71,13 +90,7 @@ engine_options = together(
 )
 """They choose an engine."""
 
-set_option = click.option(
-    "--set",
-    "settings",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Set a key of the scene, as in 'array.seed=3' (again for more).",
-)
+set_option = setting_option("Set a key of the scene, as in 'array.seed=3' (again for more).")
 
 
 def scene_options(function: Function) -> Function:

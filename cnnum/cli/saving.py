@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import click
 
+from cnnum.cli.options import target_option
+
 if TYPE_CHECKING:
     from cnnum.scenes.pipeline import FrameResult, Scene
 
-save_option = click.option(
-    "--save",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE.npz|csv|nc",
-    help="Write the fields that the scene wants, a row a frame.",
+save_option = target_option(
+    "--save", "FILE.npz|csv|nc", "Write the fields that the scene wants, a row a frame."
 )
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.options import assignments, json_option
+from cnnum.cli.options import assignments, json_option, seconds_option, setting_option
 from cnnum.cli.output import Output, facts
 from cnnum.cli.progress import busy
 from cnnum.cli.signals import stoppable
@@ -38,8 +38,8 @@ MOST = 60_000
 @click.option("--axes", type=click.Choice(["force", "as-is"]), default="force",
               help="Three axes of strain, or the source's own channels.")  # fmt: skip
 @click.option("--link", type=click.Path(path_type=Path), help="Name of the port, which stays.")
-@click.option("--set", "settings", multiple=True, metavar="KEY=VALUE", help="An option of SOURCE.")
-@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after so long.")
+@setting_option("An option of SOURCE.")
+@seconds_option
 @click.option("--drops", type=float, default=0.0, help="Share of packets left out.")
 @click.option("--flips", type=float, default=0.0, help="Share of packets with one bit changed.")
 @click.option("--stall-every", type=float, default=0.0, help="s between pauses.")

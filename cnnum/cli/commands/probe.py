@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.options import assignments, json_option
+from cnnum.cli.options import assignments, json_option, setting_option, target_option
 from cnnum.cli.output import Output, facts, number, quantity
 from cnnum.cli.progress import progress
 from cnnum.cli.signals import stoppable
@@ -22,19 +22,12 @@ SHOWN = 12
 
 @click.command("probe")
 @click.argument("source")
-@click.option(
-    "--set", "settings", multiple=True, metavar="KEY=VALUE", help="An option of the driver."
-)
+@setting_option("An option of the driver.")
 @click.option(
     "--seconds", type=click.FloatRange(min=0, min_open=True), help="Look for so long (5 s)."
 )
 @click.option("--frames", type=click.IntRange(min=1), help="Look at this number of frames.")
-@click.option(
-    "--picture",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE.png",
-    help="Draw rest, noise and drift of every cell.",
-)
+@target_option("--picture", "FILE.png", "Draw rest, noise and drift of every cell.")
 @json_option
 def command(
     source: str,

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.options import assignments, json_option
+from cnnum.cli.options import (
+    assignments,
+    frames_option,
+    json_option,
+    seconds_option,
+    setting_option,
+)
 from cnnum.cli.output import Output, quantity
 from cnnum.cli.progress import progress
 from cnnum.cli.signals import stoppable, undisturbed
@@ -21,11 +27,9 @@ if TYPE_CHECKING:
 @click.command("record")
 @click.argument("source")
 @click.argument("file", type=click.Path(path_type=Path))
-@click.option(
-    "--set", "settings", multiple=True, metavar="KEY=VALUE", help="An option of the driver."
-)
-@click.option("--seconds", type=click.FloatRange(min=0, min_open=True), help="Stop after so long.")
-@click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
+@setting_option("An option of the driver.")
+@seconds_option
+@frames_option
 @click.option("--force", is_flag=True, help="Replace FILE if it is there.")
 @click.option("--raw/--no-raw", default=True, help="Keep the port's bytes, too (.mcap only).")
 @json_option

@@ -6,7 +6,7 @@ import click
 
 from cnnum.cli import saving
 from cnnum.cli.following import follow
-from cnnum.cli.options import Changes, json_option, scene_options
+from cnnum.cli.options import Changes, frames_option, json_option, scene_options
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
 
@@ -25,7 +25,7 @@ DEFAULT = "demo"
 @scene_options
 @saving.save_option
 @saving.rerun_option
-@click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
+@frames_option
 @click.option(
     "--speed",
     type=click.FloatRange(min=0.0),

@@ -7,7 +7,7 @@ import click
 
 from cnnum.cli import saving
 from cnnum.cli.following import follow
-from cnnum.cli.options import Changes, json_option, scene_options
+from cnnum.cli.options import Changes, frames_option, json_option, scene_options, target_option
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
 
@@ -20,12 +20,11 @@ if TYPE_CHECKING:
 @scene_options
 @saving.save_option
 @saving.rerun_option
-@click.option("--frames", type=click.IntRange(min=1), help="Stop after this number of frames.")
-@click.option(
+@frames_option
+@target_option(
     "--trace",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE.html",
-    help="Write a page with a picture of every operation's result on one frame.",
+    "FILE.html",
+    "Write a page with a picture of every operation's result on one frame.",
 )
 @click.option(
     "--trace-frame",

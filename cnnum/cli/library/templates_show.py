@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cnnum.cli.library.templates_choice import is_place
-from cnnum.cli.options import json_option
+from cnnum.cli.options import json_option, target_option
 from cnnum.cli.output import Output, facts, number
 from cnnum.cli.saving import refuse_unwritable
 
@@ -18,11 +18,10 @@ if TYPE_CHECKING:
 
 @click.command("show")
 @click.argument("name")
-@click.option(
+@target_option(
     "--transient",
-    type=click.Path(path_type=Path, dir_okay=False),
-    metavar="FILE.html|png|gif",
-    help="Run it on a picture, and write its state or output at several times.",
+    "FILE.html|png|gif",
+    "Run it on a picture, and write its state or output at several times.",
 )
 @click.option(
     "--input",
