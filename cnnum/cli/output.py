@@ -5,7 +5,6 @@ import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast
 
 from rich import box
 from rich.console import Console, RenderableType
@@ -13,6 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cnnum.cli.fitted_tables import fitted, needed, whole
+from cnnum.sharing.json_values import json_value
 
 PIPED_WIDTH = 120
 """Columns at which a pipe or a file gets its texts wrapped; tables are as wide as they are."""
@@ -55,7 +55,7 @@ class Output:
     def record(self, values: Mapping[str, object], text: str = "") -> None:
         """Write a record at once, or the text that says the same."""
         if self.as_json:
-            self._line(json.dumps(_plain(values), ensure_ascii=False, allow_nan=False))
+            self._line(json.dumps(json_value(values), ensure_ascii=False, allow_nan=False))
         elif text:
             self._line(text)
 
@@ -95,18 +95,6 @@ class Output:
         # not through a console: it breaks lines, and would pass by a progress bar
         sys.stdout.write(text + "\n")
         sys.stdout.flush()
-
-
-def _plain(value: object) -> object:
-    """Return a value as JSON has it; a number that is not finite has no form there and is null."""
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in cast(Mapping[object, object], value).items()}
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in cast(Sequence[object], value)]
-    if isinstance(value, float):
-        return float(value) if math.isfinite(value) else None
-    item = getattr(cast(Any, value), "item", None)
-    return _plain(item()) if item is not None else value
 
 
 def table(*columns: str, title: str = "") -> Table:

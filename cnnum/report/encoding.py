@@ -2,9 +2,7 @@
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import cast
 
 import numpy as np
 
@@ -13,6 +11,7 @@ from cnnum.report.plan_cost import PlanCost
 from cnnum.report.record import SceneRecord
 from cnnum.report.verdicts import Verdict, compare
 from cnnum.report.work_precision import WorkPrecision
+from cnnum.sharing.json_values import json_value
 from cnnum.templating.checks import CheckResult
 
 FORMAT = 1
@@ -85,12 +84,12 @@ def as_tree(data: ReportData) -> dict[str, object]:
         "outputs": {name: numbers(values) for name, values in series.items()},
         "maps": {"every": every, **{name: packed(v[::every]) for name, v in maps.items()}},
         "events": [event.record() for event in record.events],
-        "verdicts": [tidy(asdict(verdict)) for verdict in data.verdicts],
-        "explanation": tidy(asdict(record.explanation)),
-        "summary": tidy(asdict(record.summary)),
-        "checks": [tidy(asdict(check)) for check in data.checks],
-        "work_precision": [tidy(asdict(point)) for point in data.work_precision],
-        "plans": [tidy(asdict(plan)) for plan in data.plans],
+        "verdicts": [json_value(asdict(verdict)) for verdict in data.verdicts],
+        "explanation": json_value(asdict(record.explanation)),
+        "summary": json_value(asdict(record.summary)),
+        "checks": [json_value(asdict(check)) for check in data.checks],
+        "work_precision": [json_value(asdict(point)) for point in data.work_precision],
+        "plans": [json_value(asdict(plan)) for plan in data.plans],
     }
 
 
@@ -127,14 +126,3 @@ def packed(values: Floats) -> dict[str, object]:
         "missing": MISSING,
         "data": base64.b64encode(whole.tobytes()).decode("ascii"),
     }
-
-
-def tidy(value: object) -> object:
-    """Return a tree of records with tuples as lists and no number that JSON does not have."""
-    if isinstance(value, Mapping):
-        return {str(key): tidy(item) for key, item in cast(Mapping[object, object], value).items()}
-    if isinstance(value, list | tuple):
-        return [tidy(item) for item in cast(Sequence[object], value)]
-    if isinstance(value, float):
-        return value if np.isfinite(value) else None
-    return value

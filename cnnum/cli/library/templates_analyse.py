@@ -1,6 +1,5 @@
 """`cnnum templates analyse NAME`."""
 
-import math
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
@@ -30,7 +29,7 @@ def analyse(name: str, shape: tuple[int, int], as_json: bool) -> None:
 
     output = Output(as_json)
     for one in _analysed(name, shape):
-        output.record(_plain(one))
+        output.record(_record(one))
         rows, cols = one.shape
         output.show(facts([("template", f"{one.template} on {rows}×{cols}"), *text(one)]), "")
         shown = table("Method", ">longest stable step")
@@ -51,15 +50,8 @@ def _analysed(name: str, shape: tuple[int, int]) -> "tuple[Analysis, ...]":
     return (analyse(name, shape),)
 
 
-def _plain(one: "Analysis") -> dict[str, object]:
-    """Return the record, in which an infinite or unknown number is null."""
+def _record(one: "Analysis") -> dict[str, object]:
+    """Return the record, with the step of each method in place of its bound."""
     found: dict[str, object] = asdict(one)
-    found["steps"] = {
-        name: bound.step if math.isfinite(bound.step) else None
-        for name, bound in one.bounds.items()
-    }
     del found["bounds"]
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in found.items()
-    }
+    return found | {"steps": {name: bound.step for name, bound in one.bounds.items()}}

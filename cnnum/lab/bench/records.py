@@ -1,28 +1,21 @@
 """Rows as a file keeps them: with the machine, the versions and the device they are from."""
 
 import json
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from cnnum.report.environment import Environment
 from cnnum.safety.files import write_whole
+from cnnum.sharing.json_values import json_value
 
 Row = dict[str, object]
 
 
 def as_row(record: Any) -> Row:
     """Return a row's fields; a number that is not finite becomes None."""
-    fields = cast(dict[str, object], asdict(record))
-    return {key: _plain(value) for key, value in fields.items()}
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return list(cast(tuple[object, ...], value)) if isinstance(value, tuple) else value
+    return {key: json_value(value) for key, value in asdict(record).items()}
 
 
 def append_row(folder: Path | None, name: str, rows: Sequence[Mapping[str, object]]) -> None:

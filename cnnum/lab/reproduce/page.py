@@ -1,7 +1,6 @@
 """The page: every row of the table, and every figure with the rows that belong to it."""
 
 import json
-import math
 import platform
 from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime
@@ -17,6 +16,7 @@ from cnnum.lab.reproduce.registry import CHAPTERS
 from cnnum.lab.reproduce.style import STYLE
 from cnnum.lab.reproduce.table import rows_table, tally, written
 from cnnum.safety.files import write_whole
+from cnnum.sharing.json_values import json_value
 
 NAME = "reproduce.html"
 """Of the page, in a folder."""
@@ -81,7 +81,8 @@ def page(
         As in `write_page`.
     """
     parts = [_chapter(chapter, rows, figures, advance) for chapter in CHAPTERS]
-    data = json.dumps([_plain(row) for row in rows], ensure_ascii=False).replace("<", "\\u003c")
+    records = json_value([row.record() for row in rows])
+    data = json.dumps(records, ensure_ascii=False).replace("<", "\\u003c")
     return (
         '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
@@ -171,10 +172,3 @@ def _foot() -> str:
         f"{platform.python_version()}, {packages}. The rows are in this file once more as JSON "
         "(script element “rows”).</p></footer>"
     )
-
-
-def _plain(row: Row) -> dict[str, object]:
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in row.record().items()
-    }

@@ -2,7 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from math import isfinite, isnan
+from math import isnan
+
+from cnnum.sharing.json_values import json_value
 
 Value = str | float | int | bool | None
 Row = dict[str, Value]
@@ -48,7 +50,7 @@ class Column:
 
     def text(self, value: Value) -> str:
         """Return a number as people read it."""
-        if _finite(value) is None:
+        if json_value(value) is None:
             return "–"
         return f"{value:.{self.digits}f}" if isinstance(value, float) else str(value)
 
@@ -75,10 +77,10 @@ class Table:
     columns: Sequence[Column]
     rows: Sequence[Row] = field(default_factory=list[Row])
 
-    def records(self) -> Iterator[Row]:
+    def records(self) -> Iterator[dict[str, object]]:
         """Yield every row as a JSON object."""
         for row in self.rows:
-            yield {"table": self.name, **{key: _finite(value) for key, value in row.items()}}
+            yield {"table": self.name, **{key: json_value(value) for key, value in row.items()}}
 
     def reached(self, column: Column, row: Row) -> bool | None:
         """Return whether a number reaches its aim; None if it has none."""
@@ -98,7 +100,3 @@ class Table:
         for row in self.rows:
             for column in self.columns:
                 yield column, row
-
-
-def _finite(value: Value) -> Value:
-    return None if isinstance(value, float) and not isfinite(value) else value

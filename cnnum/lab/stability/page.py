@@ -12,6 +12,7 @@ from cnnum.lab.stability.record import Row
 from cnnum.report.environment import Environment
 from cnnum.report.plots import PALETTE, inline_svg, page_style
 from cnnum.safety.files import write_whole
+from cnnum.sharing.json_values import json_value
 
 FAMILIES = {
     "stiff": "Stiff: fast and slow parts in one array",
@@ -43,7 +44,8 @@ def page(rows: Sequence[Row]) -> str:
         (str(failed), "wrong, or not ended"),
     )
     here = Environment.here("")
-    data = json.dumps([_plain(row) for row in rows], ensure_ascii=False).replace("<", "\\u003c")
+    records = json_value([row.record() for row in rows])
+    data = json.dumps(records, ensure_ascii=False).replace("<", "\\u003c")
     with page_style():
         parts = [_family(name, title, rows) for name, title in FAMILIES.items()]
     versions = ", ".join(f"{package} {number}" for package, number in here.versions)
@@ -123,10 +125,3 @@ def _picture(rows: Sequence[Row]) -> str:
     axes.grid(axis="y", alpha=0.25, linewidth=0.6)
     figure.legend(loc="outside upper center", ncols=3, fontsize=8, frameon=False)
     return inline_svg(figure, "error over tolerance")
-
-
-def _plain(row: Row) -> dict[str, object]:
-    return {
-        key: None if isinstance(value, float) and not math.isfinite(value) else value
-        for key, value in row.record().items()
-    }
