@@ -84,36 +84,28 @@ def dot(one: Any, other: Any) -> float:
 @_compiled
 def couple(kernels: Any, y: Any, count: int, sums: Any, back: bool) -> None:
     """Add to `sums` those over neighbours; or `back` to y, with virtual cells, the adjoint."""
-    layers, sources, size, _ = kernels.shape
     rows, width = sums.shape[1:]
-    for layer in range(layers):
-        for source in range(sources):
-            for r in range(size):
-                for c in range(size):
-                    weight = kernels[layer, source, r, c]
-                    if weight != 0.0:
-                        for row in range(rows):
-                            near = y[source, row + r, c * count : c * count + width]
-                            if back:
-                                add(near, weight, sums[layer, row])
-                            else:
-                                add(sums[layer, row], weight, near)
+    for layer, source, r, c in np.ndindex(kernels.shape):
+        weight = kernels[layer, source, r, c]
+        if weight != 0.0:
+            for row in range(rows):
+                near = y[source, row + r, c * count : c * count + width]
+                if back:
+                    add(near, weight, sums[layer, row])
+                else:
+                    add(sums[layer, row], weight, near)
 
 
 @_compiled
 def products(sums: Any, y: Any, count: int, total: Any) -> None:
     """Add to `total`, (layers, sources, k, k), the adjoints of the kernels of sums."""
-    layers, sources, size, _ = total.shape
     rows, width = sums.shape[1:]
-    for layer in range(layers):
-        for source in range(sources):
-            for r in range(size):
-                for c in range(size):
-                    found = 0.0
-                    for row in range(rows):
-                        near = y[source, row + r, c * count : c * count + width]
-                        found += dot(sums[layer, row], near)
-                    total[layer, source, r, c] += found
+    for layer, source, r, c in np.ndindex(total.shape):
+        found = 0.0
+        for row in range(rows):
+            near = y[source, row + r, c * count : c * count + width]
+            found += dot(sums[layer, row], near)
+        total[layer, source, r, c] += found
 
 
 @_compiled

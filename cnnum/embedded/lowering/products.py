@@ -19,8 +19,11 @@ J = ir.Name("j", (0, 1 << 16))
 DOWN = ir.Name("d", (0, 1 << 16))
 
 
-def _place(row: ir.Expression, width: int, col: ir.Expression) -> ir.Expression:
-    return call("add", call("multiply", row, ir.Integer(width)), col)
+def _item(
+    work: TransientWork, array: Array, row: ir.Expression, width: int, col: ir.Expression
+) -> Quantity:
+    """Return the number of an array at a row and a column."""
+    return work.to.item(array, call("add", call("multiply", row, ir.Integer(width)), col))
 
 
 def _total(
@@ -94,10 +97,8 @@ def propagated(work: TransientWork, scheme: Propagator) -> dict[int, Array]:
                     table, _ = to.table(
                         f"k{work.index}_{kind}_{layer}_{source}", block, "propagator"
                     )
-                    a = to.item(table, _place(CELL, n, J))
-                    parts.append(
-                        _total(work, f"s_{kind}_{layer}_{source}", [(J, n)], a, to.item(array, J))
-                    )
+                    a, b = _item(work, table, CELL, n, J), to.item(array, J)
+                    parts.append(_total(work, f"s_{kind}_{layer}_{source}", [(J, n)], a, b))
             found |= work.answers(layer, _sum(work, parts, scheme.constant[rows], layer))
         to.loop(body)
     return found
@@ -135,13 +136,9 @@ def around_torus(work: TransientWork, scheme: Circulant) -> dict[int, Array]:
                 weights = scheme.drive[layer, source][np.ix_(*apart)]
                 if kind == "drive" and np.any(weights):
                     table, _ = to.table(f"k{work.index}_{layer}_{source}", weights, "by distance")
-                    a, b = (
-                        to.item(table, _place(row, width, col)),
-                        to.item(array, _place(DOWN, cols, J)),
-                    )
-                    parts.append(
-                        _total(work, f"s_{layer}_{source}", [(DOWN, rows), (J, cols)], a, b)
-                    )
+                    a, b = _item(work, table, row, width, col), _item(work, array, DOWN, cols, J)
+                    over = [(DOWN, rows), (J, cols)]
+                    parts.append(_total(work, f"s_{layer}_{source}", over, a, b))
             found |= work.answers(layer, _sum(work, parts, np.zeros(1), layer))
         to.loop(body, cols=True)
     return found
@@ -169,23 +166,12 @@ def through_modes(work: TransientWork, scheme: Spectral) -> dict[int, Array]:
                 parts.append(to.arithmetic.multiply(to.item(table), to.item(array), FINE))
             to.store(mixed, _sum(work, parts, np.zeros(1), layer))
         to.loop(body)
-        half = _wide(work, f"v{work.index}_{layer}", "modes of columns")
         # over rows: Rᵀ, so the table's columns
-        _mix(
-            work,
-            half,
-            rows,
-            to.item(along_rows, _place(J, rows, ROW)),
-            to.item(mixed, _place(J, cols, COLUMN)),
-        )
+        a, b = _item(work, along_rows, J, rows, ROW), _item(work, mixed, J, cols, COLUMN)
+        half = _mixed(work, f"v{work.index}_{layer}", "modes of columns", rows, a, b)
+        a, b = _item(work, half, ROW, cols, J), _item(work, along_cols, J, cols, COLUMN)
         with to.within() as body:
-            end = _total(
-                work,
-                f"s_{layer}",
-                [(J, cols)],
-                to.item(half, _place(ROW, cols, J)),
-                to.item(along_cols, _place(J, cols, COLUMN)),
-            )
+            end = _total(work, f"s_{layer}", [(J, cols)], a, b)
             found |= work.answers(layer, _sum(work, [end], scheme.constant[layer], layer))
         to.loop(body, cols=True)
     return found
@@ -199,31 +185,22 @@ def _forward(
     work: TransientWork, kind: str, layer: int, source: Array, rows: Array, cols: Array
 ) -> Array:
     """Write R s Cᵀ."""
-    to, (height, width) = work.to, work.to.shape
-    half = _wide(work, f"g{work.index}_{kind}_{layer}", "modes of rows")
-    _mix(
-        work,
-        half,
-        height,
-        to.item(rows, _place(ROW, height, J)),
-        to.item(source, _place(J, width, COLUMN)),
-    )
-    whole = _wide(work, f"h{work.index}_{kind}_{layer}", "modes of a map")
-    _mix(
-        work,
-        whole,
-        width,
-        to.item(half, _place(ROW, width, J)),
-        to.item(cols, _place(COLUMN, width, J)),
-    )
-    return whole
+    (height, width), tag = work.to.shape, f"{work.index}_{kind}_{layer}"
+    a, b = _item(work, rows, ROW, height, J), _item(work, source, J, width, COLUMN)
+    half = _mixed(work, f"g{tag}", "modes of rows", height, a, b)
+    a, b = _item(work, half, ROW, width, J), _item(work, cols, COLUMN, width, J)
+    return _mixed(work, f"h{tag}", "modes of a map", width, a, b)
 
 
-def _mix(work: TransientWork, target: Array, count: int, a: Quantity, b: Quantity) -> None:
-    to = work.to
+def _mixed(
+    work: TransientWork, name: str, about: str, count: int, a: Quantity, b: Quantity
+) -> Array:
+    """Write a map of sums of products over `j`; return it."""
+    to, target = work.to, _wide(work, name, about)
     with to.within() as body:
         to.store(target, _total(work, "mix", [(J, count)], a, b))
     to.loop(body, cols=True)
+    return target
 
 
 def _wide(work: TransientWork, name: str, about: str) -> Array:

@@ -34,6 +34,14 @@ PAIR = linear(
     boundary="zero-flux", duration=0.9,
 )  # fmt: skip
 
+
+def repeated(value, count, template=DIFFUSE):
+    """Apply a template over and over."""
+    for _ in range(count):
+        value = cnnum.apply(template, input=value)
+    return value
+
+
 MAPS = {
     "add": lambda a, b: a + 0.5 * b,
     "subtract": lambda a, b: a - b / 4.0,
@@ -64,9 +72,7 @@ def chains(draw):
         fields = [frame.a, frame.b]
         for name, i, j in steps:
             fields.append(MAPS[name](fields[i % len(fields)], fields[j % len(fields)]))
-        last = fields[-1] + fields[-2]
-        for _ in range(8):
-            last = cnnum.apply(DIFFUSE, input=last)
+        last = repeated(fields[-1] + fields[-2], 8)
         return {"last": last, "other": fields[len(fields) // 2] - last}
 
     return cnnum.program(built)
@@ -119,10 +125,7 @@ def test_a_chain_whose_sources_cancel_is_a_constant_map(engines):
 
     @cnnum.program
     def nothing(frame):
-        value = frame.a - frame.a + 0.25
-        for _ in range(8):
-            value = cnnum.apply(DIFFUSE, input=value)
-        return {"value": value}
+        return {"value": repeated(frame.a - frame.a + 0.25, 8)}
 
     # the weights sum to 1: a constant map stays
     for label, engine in engines.items():
@@ -151,9 +154,7 @@ def test_a_product_is_the_matrix_of_its_chain():
 
     @cnnum.program
     def chain(frame):
-        value = frame.a
-        for _ in range(3):
-            value = cnnum.apply(DIFFUSE, input=value)
+        value = repeated(frame.a, 3)
         return {"value": 2.0 * (value - frame.a.sum() / CELLS) + 0.5}
 
     plan = cnnum.Engine().compile(chain, SHAPE, channels=("a",))
@@ -167,14 +168,7 @@ def test_a_product_is_the_matrix_of_its_chain():
 
 def six_times(template):
     """Return a program that applies a template over and over to six times a channel."""
-
-    def built(frame):
-        value = 6.0 * frame.a
-        for _ in range(6):
-            value = cnnum.apply(template, input=value)
-        return {"value": value}
-
-    return cnnum.program(built)
+    return cnnum.Program(lambda f: {"value": repeated(6.0 * f.a, 6, template)}, "six_times")
 
 
 @pytest.mark.parametrize(
@@ -220,10 +214,7 @@ def test_figures_of_a_run_keep_it_as_it_is():
 
     @cnnum.program
     def stated(frame):
-        value = frame.a
-        for _ in range(5):
-            value = cnnum.apply(DIFFUSE, input=value)
-        run = cnnum.transient(DIFFUSE, input=value)
+        run = cnnum.transient(DIFFUSE, input=repeated(frame.a, 5))
         ends = cnnum.apply(RIM, input=run.outputs[0])
         return {"value": run.outputs[0], "error": run.error, "time": run.time, "ends": ends}
 
@@ -245,10 +236,7 @@ def test_figures_of_a_run_keep_it_as_it_is():
 def test_memories_loops_and_what_is_read_between(engines, reference):
     @cnnum.program
     def mixed(frame):
-        value = frame.a
-        for _ in range(6):
-            value = cnnum.apply(DIFFUSE, input=value)
-        middle = value
+        value = middle = repeated(frame.a, 6)
         for _ in range(6):
             value = cnnum.apply(RIM, input=value + frame.previous(middle))
         grown = cnnum.loop(lambda x: cnnum.maximum(x, value), middle, limit=3).value
@@ -289,12 +277,6 @@ def test_only_what_saves_arithmetic_is_fused():
         # twenty diffusions take 20 · 6 · 256 · 32 operations on 16×16 cells, a product 2 · 256²
         many = cnnum.Program(lambda f: {"a": repeated(f.a, 20)}, "one")
         assert len(products(engine.compile(many, shape, channels=("a",)))) == count
-
-
-def repeated(value, count):
-    for _ in range(count):
-        value = cnnum.apply(DIFFUSE, input=value)
-    return value
 
 
 def test_a_plan_says_what_was_fused_and_still_shows_every_step():
