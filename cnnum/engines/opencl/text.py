@@ -17,6 +17,11 @@ def _kernel_text(name: str) -> Text:
     return Text((resources.files("cnnum.engines.opencl") / "kernels" / f"{name}.cl").read_text())
 
 
+def names_of(name: str) -> set[str]:
+    """Return the names that the kernel text of that file has."""
+    return set(_kernel_text(name).get_identifiers())
+
+
 Value = str | int | ir.Expression | Sequence[ir.Statement]
 
 
@@ -31,7 +36,7 @@ def filled(name: str, **values: Value) -> ir.Verbatim:
         If a value has no place in the text.
     """
     text, at = _kernel_text(name), 0
-    unused = set(values) - set(text.get_identifiers())
+    unused = set(values) - names_of(name)
     if unused:
         raise ValueError(f"Kernel text '{name}.cl' has no place for {sorted(unused)}.")
     pieces: list[str | ir.Expression | tuple[ir.Statement, ...]] = []

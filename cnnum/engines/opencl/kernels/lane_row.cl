@@ -1,6 +1,7 @@
+const int row = r;
 for (int n = 0; n < $length; n += $width) {
     const int at = min(n, $last);
-    ${vec} a[$width];
+    vec${suffix} a[$width];
     for (int lane = 0; lane < $width; ++lane) {
         const int start = lane * $length + at, whole = $cols - start >= $width;
         scalar part[$width];
@@ -21,7 +22,8 @@ for (int n = 0; n < $length; n += $width) {
                 part[k] = start + k < $cols ? now : 0;
             }
         }
-        a[lane] = *(const ${vec} *)part;
+        a[lane] = *(const vec${suffix} *)part;
     }
-    ${keep_lanes}($to + $place, a, at, 1);
+    keep_lanes${suffix}($to + ROW${suffix}(row), a, at, 1);
 }
+sides${suffix}($to, ROW${suffix}(row));

@@ -18,11 +18,25 @@ static inline vec between(const vec a, const vec low, const vec high)
 #endif
 #endif
 
-// A square of as many vectors as they have lanes: what were lanes become vectors.
+// A square of as many vectors as they have lanes: what were lanes become vectors. Merged in pairs,
+// number by number, the vectors' place in the square moves by a digit.
 static inline void turned(vec *const a)
 {
-    vec b[$width];
-$turned
+#pragma unroll
+    for (int digit = 1; digit < $width; digit *= 2) {
+        vec b[$width];
+#pragma unroll
+        for (int k = 0; k < $width; ++k) {
+            b[k] = a[k];
+        }
+#pragma unroll
+        for (int k = 0; k < $width / 2; ++k) {
+            a[2 * k].even = b[k].lo;
+            a[2 * k].odd = b[k + $width / 2].lo;
+            a[2 * k + 1].even = b[k].hi;
+            a[2 * k + 1].odd = b[k + $width / 2].hi;
+        }
+    }
 }
 
 // Numbers of a row, of which there may be fewer than a vector has.

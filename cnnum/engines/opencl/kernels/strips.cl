@@ -47,16 +47,26 @@ static inline __global scalar *states_of(__global scalar *const x, const int lev
     return $states_of;
 }
 
+static void rims_at_ends(__global scalar *const x, __global scalar *const to, const int start,
+                        const int level)
+{
+    $at_ends
+}
+
 static void rims_above(__global scalar *const x, __global scalar *const to, const int level)
 {
-    upper(to);
-    $upper_states
+    $above
 }
 
 static void rims_below(__global scalar *const x, __global scalar *const to, const int level)
 {
-    lower(to);
-    $lower_states
+    $below
+}
+
+// Where a strip keeps the largest of a figure in its cells, in every lane.
+static inline __global vec *finding(__global scalar *const x, const int n, const int piece)
+{
+    return (__global vec *)(x + $found + (n * $strips + piece) * $width);
 }
 
 static void one_row(__global scalar *const x, __global const scalar *const w,
@@ -68,8 +78,7 @@ $reads
     switch ($case) {
 $one_row
     }
-    all_sides(to, start);
-    $sides_states
+    rims_at_ends(x, to, start, number + 1);
 }
 
 static void more_rows(__global scalar *const x, __global const scalar *const w,
@@ -82,8 +91,7 @@ $reads
 $more_rows
     }
     for (int r = 0; r < $block; ++r) {
-        all_sides(to, start + r * $pitch);
-        $sides_states_of_block
+        rims_at_ends(x, to, start + r * $pitch, number + 1);
     }
 }
 
@@ -111,15 +119,19 @@ static void strip(__global scalar *const mine, const int pieces, const int piece
     const int end = (int)((long)$rows * (piece + 1) / pieces);
     const int count = $count, ahead = $ahead;
     if (phase == 0 || phase == 4) {
-        if (phase == 0) {
-$clear
+        for (int n = 0; phase == 0 && piece == 0 && n < $findings * $strips * $width; ++n) {
+            x[$found + n] = 0;
+        }
+        // which numbers of a row are cells
+        for (int n = 0; phase == 0 && piece == 0 && n < $marked; ++n) {
+            x[$marks + n] = n % $width * $length + n / $width < $cols;
         }
         const int above = $periodic && begin == 0 ? $radius : 0;
         const int below = $periodic && end == $rows ? $radius : 0;
         for (int r = begin - above; r < end + below; ++r) {
             const int row = (r % $rows + $rows) % $rows;
             for (int layer = 0; layer < $layers; ++layer) {
-                const int at = row * $cols, cell = layer * $cells + at;
+                const int at = row * $cols, cell = layer * $rows * $cols + at;
                 const int p = ROW(r) + layer * $span;
                 if (phase == 0) {
                     to_lanes(x + p, mine + $state + cell, 1);
@@ -129,8 +141,7 @@ $clear
                     $again
                 }
             }
-            all_sides(outputs_of(x, ahead), ROW(r));
-            $sides_states_at_first
+            rims_at_ends(x, outputs_of(x, ahead), ROW(r), 0);
         }
         if (!$periodic && begin == 0) {
             rims_above(x, outputs_of(x, ahead), 0);
@@ -139,22 +150,26 @@ $clear
             rims_below(x, outputs_of(x, ahead), 0);
         }
     } else if (phase == 1) {
-$begin
+        for (int n = 0; done == 0 && n < $findings; ++n) {
+            *finding(x, n, piece) = (vec)(0);
+        }
+        const int rim = min($radius, $rows);
         const int top = begin == 0 && !$periodic, bottom = end == $rows && !$periodic;
         for (int taken = 0; taken < count; taken += $levels) {
             const int levels = min($levels, count - taken);
             const int blocks = (end - begin + $block - 1) / $block;
-            for (int wave = 0; wave < blocks + (levels - 1) * $lag; ++wave) {
-                for (int n = 1; n <= levels && wave >= (n - 1) * $lag; ++n) {
+            const int lag = (2 * $radius + $block - 1) / $block;
+            for (int wave = 0; wave < blocks + (levels - 1) * lag; ++wave) {
+                for (int n = 1; n <= levels && wave >= (n - 1) * lag; ++n) {
                     const int low = top ? 0 : begin + n * $radius;
                     const int high = bottom ? $rows : end - n * $radius;
-                    const int row = low + (wave - (n - 1) * $lag) * $block;
+                    const int row = low + (wave - (n - 1) * lag) * $block;
                     if (row < high) {
                         const int before = done + taken + n - 1;
                         __global const scalar *const from = outputs_of(x, ahead + before);
                         __global scalar *const to = outputs_of(x, ahead + before + 1);
                         take_level(x, w, from, to, row, high, before, piece);
-                        if (top && row < $rim && row + $block >= $rim) {
+                        if (top && row < rim && row + $block >= rim) {
                             rims_above(x, to, before + 1);
                         }
                         if (row + $block >= $rows && bottom) {
@@ -183,7 +198,7 @@ $begin
         __global const scalar *const end_state = x + $end;
         for (int r = begin; r < end; ++r) {
             for (int layer = 0; layer < $layers; ++layer) {
-                const int cell = layer * $cells + r * $cols;
+                const int cell = layer * $rows * $cols + r * $cols;
                 from_lanes(mine + $state + cell, end_state + ROW(r) + layer * $span);
             }
         }

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cnnum import kernels as ir
+from cnnum.engines.opencl.text import names_of
 from cnnum.templating.boundary import Boundary
 
 LEAST_VECTORS = 3
@@ -21,6 +22,11 @@ LEAST_WIDTH = 4
 
 DIGITS = "0123456789abcdef"
 
+NUMBERS = (
+    "rows", "cols", "layers", "radius", "width", "length", "last", "head", "span", "pitch",
+)  # fmt: skip
+"""Attributes of a layout that kernel texts name."""
+
 
 @dataclass(frozen=True, slots=True)
 class RowLayout:
@@ -28,7 +34,7 @@ class RowLayout:
 
     Attributes
     ----------
-    cols : int
+    rows, cols : int
     radius : int
         Virtual cells on either side.
     lanes : int
@@ -38,6 +44,7 @@ class RowLayout:
         Rows of each stand side by side.
     """
 
+    rows: int
     cols: int
     radius: int
     lanes: int
@@ -53,7 +60,7 @@ class RowLayout:
         return width
 
     @property
-    def vectors(self) -> int:
+    def length(self) -> int:
         """Vectors that hold a row: the cells of a piece."""
         return -(-self.cols // self.width)
 
@@ -65,7 +72,7 @@ class RowLayout:
     @property
     def span(self) -> int:
         """Numbers from a row of a layer to that of the next."""
-        return (self.vectors + 2 * self.radius) * self.width
+        return (self.length + 2 * self.radius) * self.width
 
     @property
     def pitch(self) -> int:
@@ -76,6 +83,20 @@ class RowLayout:
         """
         return (self.layers * self.span // self.width | 1) * self.width
 
+    @property
+    def size(self) -> int:
+        """Numbers of an array that holds all rows."""
+        return (self.rows + 2 * self.radius) * self.pitch
+
+    @property
+    def last(self) -> int:
+        """The vector of a row that the last square of vectors begins with."""
+        return max(0, self.length - self.width)
+
+    def numbers(self, text: str) -> dict[str, int]:
+        """Return the attributes that are names of the kernel text of a file."""
+        return {name: getattr(self, name) for name in NUMBERS if name in names_of(text)}
+
     def loaded(
         self, array: ir.Expression, source: int, row: int, col: int, start: ir.Name
     ) -> ir.Load:
@@ -84,64 +105,52 @@ class RowLayout:
         return ir.Load(array + offsets + start)
 
     def place(self, col: int) -> int:
-        """Return the place of a cell, counted from the row's first."""
-        piece, at = divmod(col, self.vectors)
-        return at * self.width + piece
+        """Return the place of a cell, or a virtual one, counted from the row's first."""
+        piece = min(max(col // self.length, 0), self.width - 1)
+        return (col - piece * self.length) * self.width + piece
 
     def sides(self, constant: str | None) -> list[str]:
         """Return the text that sets the virtual cells of the row `y` that begins at `p`.
 
         Where the boundary is fixed they are all `constant`.
         """
-        # virtual cells right of the row, where the last piece has room for them
-        within = min(self.radius, self.vectors * self.width - self.cols)
-        lines = [
-            f"y[p + {self.place(self.cols + n)}] = {self._virtual(self.cols + n, constant)};"
-            for n in range(within)
-        ]
+        # the last piece may have room for some; lanes of vectors beyond are copies of these, too,
+        # and of short pieces even of vectors beyond
+        end, room = self.cols + self.radius, self.length * self.width
+        lines = [self._virtual(col, constant) for col in range(self.cols, min(end, room))]
         for n in range(self.radius):
-            lines += self._ends(n, constant)
+            lines += self._ends(n)
+            lines += [self._virtual(col, constant) for col in (-1 - n, room + n) if col < end]
         return lines
 
-    def turned(self) -> list[str]:
-        """Return the text that makes vectors `a` of the lanes of as many, by way of `b`.
+    def beyond(self, rows: range, constant: str | None) -> list[str]:
+        """Return the text that sets virtual rows above or below the array; see `sides`."""
+        if constant is not None:
+            return [f"fill_row(y, {row}, {constant});" for row in rows]
+        return [f"copy_row(y, {row}, {self._source(self.rows, row)});" for row in rows]
 
-        Merged in pairs, number by number, the vectors' place in the square moves by a digit.
+    def _ends(self, n: int) -> list[str]:
+        """Return the text that makes the n-th vectors before and after a row's of the next lanes.
+
+        The first lane before, and the last one after, have none.
         """
-        size, half = self.width, self.width // 2
-        lines, arrays = list[str](), ("a", "b")
-        for n in range(size.bit_length() - 1):
-            old, new = arrays[n % 2], arrays[1 - n % 2]
-            for k in range(size):
-                side = ("lo", "hi")[k % 2]
-                lines += [
-                    f"{new}[{k}].{place} = {old}[{at}].{side};"
-                    for place, at in (("even", k // 2), ("odd", k // 2 + half))
-                ]
-        odd = (size.bit_length() - 1) % 2
-        return lines + [f"a[{k}] = b[{k}];" for k in range(size * odd)]
-
-    def _ends(self, n: int, constant: str | None) -> list[str]:
-        """Return the text that sets the n-th vectors before and after a row's."""
-        last, ahead, behind = self.width - 1, DIGITS[: self.width - 1], DIGITS[1 : self.width]
-        before = f"before.s{DIGITS[last]}{ahead}"
-        after = f"after.s{behind}{DIGITS[last]}"
-        beyond, virtual = self.vectors * self.width + n, ""
-        if beyond < self.cols + self.radius:
-            virtual = f" after.s{DIGITS[last]} = {self._virtual(beyond, constant)};"
-        first, final = n * self.width, (self.vectors - 1 - n) * self.width
+        first, last = DIGITS[0], DIGITS[self.width - 1]
+        ends = (
+            (-1 - n, self.length - 1 - n, f"s{first}{DIGITS[: self.width - 1]}"),
+            (self.length + n, n, f"s{DIGITS[1 : self.width]}{last}"),
+        )
         return [
-            f"{{ vec before = *(__global const vec *)(y + p + {final});",
-            f"before = {before}; before.s0 = {self._virtual(-1 - n, constant)};",
-            f"*(__global vec *)(y + p - {first + self.width}) = before; }}",
-            f"{{ vec after = *(__global const vec *)(y + p + {first});",
-            f"after = {after};{virtual}",
-            f"*(__global vec *)(y + p + {self.vectors * self.width + first}) = after; }}",
+            f"*(__global vec *)(y + p + {to * self.width}) = "
+            f"(*(__global const vec *)(y + p + {source * self.width})).{lanes};"
+            for to, source, lanes in ends
         ]
 
     def _virtual(self, col: int, constant: str | None) -> str:
-        """Return a virtual cell next to the row."""
-        if constant is not None:
-            return constant
-        source = np.pad(np.arange(self.cols), self.radius, mode=self.boundary.pad_mode)
-        return f"y[p + {self.place(int(source[col + self.radius]))}]"
+        """Return the text that sets a virtual cell left or right of the row."""
+        value = constant or f"y[p + {self.place(self._source(self.cols, col))}]"
+        return f"y[p + {self.place(col)}] = {value};"
+
+    def _source(self, count: int, at: int) -> int:
+        """Return the row or column, of a number of them, that a virtual one is a copy of."""
+        places = np.pad(np.arange(count), self.radius, mode=self.boundary.pad_mode)
+        return int(places[at + self.radius])

@@ -9,16 +9,10 @@ which. An array that the plan's body sets holds that, the number of stages and t
 from dataclasses import replace
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.strip_adaptive import (
-    CONTROL,
-    attempt_rows,
-    first_rates,
-    strip_attempt,
-)
+from cnnum.engines.opencl.large_arrays.strip_attempt import FOUND, attempt, attempt_rows, figures
 from cnnum.engines.opencl.large_arrays.strip_couplings import coupled
-from cnnum.engines.opencl.large_arrays.strip_error import A, B, figures, judged, magnitude
 from cnnum.engines.opencl.large_arrays.strip_kernel import StripText
-from cnnum.engines.opencl.large_arrays.strip_rows import ONES, At, Rows, constant, vector
+from cnnum.engines.opencl.large_arrays.strip_rows import CONTROL, ONES, At, Rows, constant, vector
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.chebyshev_steps import STAGES, count_stages
 from cnnum.engines.opencl.transients.step_control import ACCEPT, Attempt, H
@@ -29,18 +23,22 @@ ARRAYS = ("strip_0", "strip_1", "strip_2", "strip_3")
 """The arrays of states and rates: at first x, k0, then the stages."""
 
 STEP, STAGES_AT, STATE, RATES, EVEN, ODD, ROWS = range(7)
-"""The head of the array of control: h; the stages; the numbers of the arrays of x, of its
-rates, and of stages of even and odd number; then the method's rows of 4 numbers."""
+"""Registers: h; the stages; the numbers of the arrays of x, of its rates, and of stages of even and
+odd number; then the method's rows of 4 numbers."""
 
-PLACES = ("state", "rates", "odd", "now", "old", "before")
-"""Variables that hold how far the arrays of these are from the first."""
+SIZE = ROWS + 4 * MAX_STAGES
+"""The number of registers."""
 
+PLACES = {"state": STATE, "rates": RATES, "even": EVEN, "odd": ODD}
+"""Variables that hold which arrays these are, and then how far they are from the first."""
+
+STAGE_PLACES = ("now", "old", "before")
+"""The same for the stages before one: the last, the one before it, and the one that it reads."""
+
+A, B, RATE, ERROR = ir.names("a b k1 e")
 OWN, BACK1, BACK2, WEIGHT = ir.names("own back1 back2 weight")
 START_WEIGHT, BEGIN = ir.names("start_weight begin")
 """Variables that hold a stage's weights in all lanes."""
-
-SIZE = ROWS + 4 * MAX_STAGES
-"""Numbers of it."""
 
 LEVELS, AT = ir.names("levels at")
 """Levels of a step; a variable of loops."""
@@ -50,13 +48,11 @@ def chebyshev_attempts(text: TransientBuilder, scheme: ChebyshevSteps) -> Attemp
     """Return the statements of Chebyshev's steps, and keep their kernel with the tables."""
     table = text.tables.data(coefficients())
     rows, size = attempt_rows(text, ARRAYS, SIZE), SIZE - ROWS
-    control, distance = rows.at(CONTROL.text), rows.at(ARRAYS[1])
-    stages = f"(int)x[{control} + {STAGES_AT}]"
+    stages = f"(int){rows.register(STAGES_AT)}"
     own = StripText(
         f"number == 0 ? 0 : number < {stages} ? 1 : 2",
-        lambda block: _chebyshev_cases(rows, block),
-        rest=first_rates(rows, ARRAYS[1]),
-        end=f"(int)x[{control} + {STATE}] * {distance}",
+        _chebyshev_cases,
+        end=f"(int){rows.register(STATE)} * {rows.at(ARRAYS[1])}",
         count=f"min(most, {stages} + 1 - done)",
     )
     row = text.tables.number_at(ir.Integer(table) + STAGES * size + AT)
@@ -70,20 +66,24 @@ def chebyshev_attempts(text: TransientBuilder, scheme: ChebyshevSteps) -> Attemp
         ir.While(AT < size, (next_row, ir.Assign(AT, ir.Integer(1), "+="))),
         ir.fixed(LEVELS, STAGES + 1, of="int"),
     ]
-    attempt = strip_attempt(rows, own, MAX_STAGES + 1, settings, LEVELS)
-    begin = [
-        ir.Assign(CONTROL[place], ir.real(n)) for n, place in enumerate((STATE, RATES, EVEN, ODD))
-    ]
-    return replace(attempt, begin=[*begin, *attempt.begin], advance=_changed_places())
+    return attempt(
+        rows,
+        own,
+        MAX_STAGES + 1,
+        settings,
+        begin=[ir.Assign(CONTROL[at], ir.real(n)) for n, at in enumerate(PLACES.values())],
+        advance=_changed_places(),
+        counted=LEVELS,
+    )
 
 
 def _changed_places() -> list[ir.Statement]:
     """Return the statements that take a step over: its end is the begin of the next."""
-    state, rates, even, odd = (ir.Name(name) for name in ("state", "rates", "even", "odd"))
+    state, rates, even, odd = map(ir.Name, PLACES)
     changed = (STAGES % 2).differs(0)
+    places = tuple((ir.Name(name), CONTROL[at]) for name, at in PLACES.items())
     taken = (
-        ir.Declare("real", ((state, CONTROL[STATE]), (rates, CONTROL[RATES])), fixed=True),
-        ir.Declare("real", ((even, CONTROL[EVEN]), (odd, CONTROL[ODD])), fixed=True),
+        ir.Declare("real", places, fixed=True),
         ir.Assign(CONTROL[STATE], ir.pick(changed, odd, even)),
         ir.Assign(CONTROL[RATES], ir.pick(changed, even, odd)),
         ir.Assign(CONTROL[EVEN], state),
@@ -92,17 +92,15 @@ def _changed_places() -> list[ir.Statement]:
     return [ir.Branch(ACCEPT.differs(ir.ZERO), taken)]
 
 
-def _chebyshev_cases(rows: Rows, block: int) -> list[ir.Case]:
+def _chebyshev_cases(rows: Rows) -> list[ir.Case]:
     """Return all levels of a number of rows."""
-    offsets = rows.offsets[ARRAYS[1]]
-    rows = replace(rows, offsets={**rows.offsets, **{name: name for name in PLACES}})
-    every, own = rows.block(block), tuple(-scale for scale in rows.scales)
-    places = {"state": STATE, "rates": RATES, "even": EVEN, "odd": ODD}
+    offsets, far = rows.offsets, rows.at(ARRAYS[1])
+    rows = replace(rows, offsets=offsets | {name: name for name in (*PLACES, *STAGE_PLACES)})
     head = [
-        f"__global const scalar *const control = x + {rows.offsets[CONTROL.text]};",
+        f"__global const scalar *const control = x + {offsets[CONTROL.text]};",
         f"__global const scalar *const row = control + {ROWS} + 4 * number;",
         f"const scalar h = control[{STEP}];",
-        *(f"const int {name} = (int)control[{n}] * {offsets};" for name, n in places.items()),
+        *(f"const int {name} = (int)control[{at}] * {far};" for name, at in PLACES.items()),
         "const int now = number & 1 ? odd : even, old = number & 1 ? even : odd;",
     ]
     stage = [
@@ -111,14 +109,14 @@ def _chebyshev_cases(rows: Rows, block: int) -> list[ir.Case]:
         "const vec back1 = (vec)(row[0]), back2 = (vec)(row[1]);",
         "const vec weight = (vec)(h * row[2]), start_weight = (vec)(h * row[3]);",
     ]
-    begins = [_begin(rows, at) for at in every]
-    sums = coupled(rows, every, own, "now")
-    each = [_next(rows, at) for at in every]
-    judges = [_judge(rows, at) for at in every]
+    begins, nexts, judges = (
+        [make(rows, at) for at in rows.block] for make in (_begin, _next, _judge)
+    )
+    sums = coupled(rows, "now")
     return [
         rows.case(0, begins, [*head, "const vec begin = (vec)(h * row[2]);"]),
-        rows.case(1, [*sums, *each], [*head, *stage]),
-        rows.case(2, judged(rows, [*sums, *judges]), head),
+        rows.case(1, [*sums, *nexts], [*head, *stage]),
+        rows.case(2, [*sums, *judges], head, FOUND),
     ]
 
 
@@ -142,14 +140,12 @@ def _next(rows: Rows, at: At) -> ir.Block:
 
 def _judge(rows: Rows, at: At) -> ir.Block:
     # Sommeijer, Shampine & Verwer 1998, section 2.2
-    rate = rows.free(at, at.sum, ONES - ONES)
-    k1, error = ir.Name("k1"), ir.Name("e")
     states = rows.array("state", at), rows.array("now", at)
     offsets = ir.Number(0.8) * (states[0] - states[1])
-    slopes = ir.Number(0.4) * H * (rows.array("rates", at) + k1)
+    slopes = ir.Number(0.4) * H * (rows.array("rates", at) + RATE)
     return ir.block(
-        constant(k1, rate),
-        rows.store("old", at, k1),
-        constant(error, magnitude(offsets + slopes)),
-        *figures(rows, error, error, k1, states),
+        constant(RATE, rows.free(at, at.sum, ONES - ONES)),
+        rows.store("old", at, RATE),
+        constant(ERROR, ir.call("magnitude", offsets + slopes)),
+        *figures(rows, ERROR, ERROR, RATE, states),
     )

@@ -1,42 +1,18 @@
 """The kernel that takes a large array's steps: strips of rows, several stages a launch."""
 
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
-from cnnum.engines.opencl.large_arrays.lane_rows import (
-    BLOCK_ROWS,
-    OWN,
-    inputs_of,
-    lane_text,
-    row_layout,
-    size_of,
-)
-from cnnum.engines.opencl.large_arrays.strip_boundary import (
-    OUTPUTS,
-    by_turns,
-    first_states,
-    padded_arrays,
-    reads,
-    rim_texts,
-)
-from cnnum.engines.opencl.large_arrays.strip_rows import HELD, Rows
+from cnnum.engines.opencl.large_arrays.lane_rows import BLOCK_ROWS, OWN, lane_text, rim_text
+from cnnum.engines.opencl.large_arrays.strip_couplings import STATES
+from cnnum.engines.opencl.large_arrays.strip_rows import DRIVE, NEW_STATES, OUTPUTS, SEEN, Rows
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented, owned
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import constant_drive
 from cnnum.kernels.launch_plan import Strips
-from cnnum.templating.reads import moving_inputs
-
-LEVELS = 32
-"""Stages of steps a launch, at most: the gap between strips grows with them. Euler's steps
-of 512×512 cells take four fifths of the time that they take with 8 (AMD EPYC)."""
-
-LEAST_LEVELS = 8
-"""Stages a launch even if their rows do not fit the cache."""
-
-SHARES = 8
-"""Strips that an array can be parted into, at least."""
+from cnnum.templating.reads import reads_states
 
 _CLIPPED = "(x = -one > x ? -one : x, one < x ? one : x)"
 
@@ -49,17 +25,15 @@ SHOWN = {
 }
 """Outputs of a vector of states `x`, by name; `one` is 1 in every lane."""
 
-HELD_CELLS = ir.Name("held")
-"""The array that is 1 where a mask holds a cell, as cells lie elsewhere."""
-
-DRIVE = "strip_w"
-"""The array of the cells' drive."""
+_OF_STATES = "_of_states"
+"""The suffix of functions that set virtual cells of states."""
 
 _OWN = (
     *OWN,
     "shown", "hidden_one", "show_row", "inwards", "magnitude", "greatest", "outputs_of",
     "states_of", "sides_of_states", "all_sides_of_states", "upper_of_states", "lower_of_states",
-    "rims_above", "rims_below", "one_row", "more_rows", "take_level", "strip",
+    "rims_at_ends", "rims_above", "rims_below", "finding", "one_row", "more_rows", "take_level",
+    "strip",
 )  # fmt: skip
 """Names that the kernel has to itself: a plan may have several."""
 
@@ -73,13 +47,11 @@ class StripText:
     case : str
         The expression of the case that is the level `number`.
     cases : callable
-        All cases of a number of rows.
-    clear : list of str
-        Settings of the first strip before all else.
+        All cases of rows.
     rest : list of str
         Settings in a row with its states.
-    begin : list of str
-        Steps of a strip before it takes levels.
+    findings : int
+        That a strip keeps.
     outputs : str
         The expression of the outputs after `level` levels.
     again : list of str
@@ -95,10 +67,9 @@ class StripText:
     """
 
     case: str
-    cases: Callable[[int], list[ir.Case]]
-    rest: Sequence[str]
-    clear: Sequence[str] = ()
-    begin: Sequence[str] = ()
+    cases: Callable[[Rows], list[ir.Case]]
+    rest: Sequence[str] = ()
+    findings: int = 0
     outputs: str | None = None
     again: Sequence[str] = ()
     end: str = "0"
@@ -107,35 +78,49 @@ class StripText:
     driven: str = "w"
 
 
-def strip_rows(text: TransientBuilder, names: tuple[str, ...], scales: tuple[float, ...]) -> Rows:
-    """Append arrays that hold all rows, and return the writer of their statements."""
-    layout = row_layout(text)
-    names = names or OUTPUTS
-    if text.operands.mask is not None:
-        text.array(HELD_CELLS, text.cells)
-        held = ir.pick(text.operands.mask.differs(ir.ZERO), ir.ONE, ir.ZERO)
-        text.over_cells([ir.Assign(HELD_CELLS[ir.CELL], held)])
-        names = (*names, HELD)
-    names = tuple(dict.fromkeys((*names, *padded_arrays(text), DRIVE, *OUTPUTS)))
-    for name in names:
-        text.array(ir.Name(name), size_of(text, layout))
-    first, given = text.arena.places[names[0]], [inputs_of(n) for n in moving_inputs(text.template)]
-    offsets: dict[str, int | str] = {
-        name: text.arena.places[name] - first for name in (*names, *given)
+def strip_kernel(rows: Rows, own: StripText, count: int) -> Strips:
+    """Return the kernel that takes `count` levels, and keep it with the tables."""
+    text, layout, places = rows.text, rows.layout, rows.text.arena.places
+    periodic = text.template.boundary.pad_mode == "wrap"
+    name = f"advance_{len(text.tables.strips)}"
+    names: dict[str, str | int] = {
+        **layout.numbers("strips"),
+        **rows.numbers(),
+        **_virtual_cells(rows),
+        **{name: getattr(own, name) for name in ("case", "count", "ahead", "end", "findings")},
+        "kernel": name,
+        "lanes": lane_text(text, layout),
+        "block": BLOCK_ROWS,
+        "periodic": int(periodic),
+        "x": places[next(iter(rows.offsets))],
+        "w": places[DRIVE],
+        "outputs_of": own.outputs or rows.by_turns(OUTPUTS),
+        "state": places["x"],
+        "shown": _shown(text, layout),
+        "drive": _drive(rows),
+        "rest": indented([*own.rest, *rows.set_held(), *first_states(text)], 5).lstrip(),
+        "again": indented(own.again, 5).lstrip(),
+        "reads": indented(_reads(text, own.driven), 1),
+        "one_row": indented(rows.lines(own.cases(replace(rows, high=1))), 1),
+        "more_rows": indented(rows.lines(own.cases(rows)), 1),
     }
-    return Rows(text, layout, scales, offsets, _levels_of(text, layout, len(offsets)))
+    source = owned(fill("strips", **names), _OWN, name)
+    text.tables.strips.append(source)
+    return Strips(name, source, count, rows.levels, rows.strips, not periodic)
 
 
-def _levels_of(text: TransientBuilder, layout: RowLayout, arrays: int) -> tuple[int, int]:
-    """Return the stages a launch, and the strips high enough for that, by the number of arrays."""
-    rows, radius = text.shape[0], text.radius
-    # strips must not vanish before the last of the levels
-    high = rows // (2 * radius * SHARES) - 1
-    near = text.tables.near_bytes // (
-        BLOCK_ROWS * arrays * layout.pitch * text.tables.dtype.itemsize
+def apart(strips: Strips) -> tuple[ir.StripSteps, Strips, ir.StripSteps]:
+    """Return the way into the strips, their levels without both ways, and the way out of them."""
+    return (
+        ir.StripSteps(replace(strips, count=0, ends=False)),
+        replace(strips, begins=False, ends=False),
+        ir.StripSteps(replace(strips, count=0, begins=False)),
     )
-    levels = max(1, min(LEVELS, max(LEAST_LEVELS, near), high))
-    return levels, max(1, rows // (2 * (levels + 1) * radius))
+
+
+def first_states(text: TransientBuilder) -> list[str]:
+    """Return the text that sets, for a row, the states that couplings read first."""
+    return ["copy_lanes(states_of(x, 0) + p, x + p);"] if reads_states(text.template) else []
 
 
 def _shown(text: TransientBuilder, layout: RowLayout) -> str:
@@ -145,69 +130,42 @@ def _shown(text: TransientBuilder, layout: RowLayout) -> str:
     return "(vec)(tanh(x.lo), tanh(x.hi))" if wide and name == "tanh" else SHOWN[name]
 
 
-def strip_kernel(rows: Rows, own: StripText, count: int) -> Strips:
-    """Return the kernel that takes `count` levels, and keep it with the tables."""
-    text, layout = rows.text, rows.layout
-    (height, cols), radius, places = text.shape, text.radius, text.arena.places
-    first, *_ = rows.offsets
-    periodic = text.template.boundary.pad_mode == "wrap"
-    name = f"advance_{len(text.tables.strips)}"
-    names: dict[str, str | int] = {
-        "kernel": name,
-        "lanes": lane_text(text, layout),
-        "width": layout.width,
-        "rows": height,
-        "cols": cols,
-        "cells": text.cells,
-        "layers": text.layers,
-        "span": layout.span,
-        "radius": radius,
-        "rim": min(radius, height),
-        "pitch": layout.pitch,
-        "length": layout.vectors,
-        "block": BLOCK_ROWS,
-        "levels": rows.size[0],
-        "case": own.case,
-        "count": own.count,
-        "ahead": own.ahead,
-        "lag": -(-2 * radius // BLOCK_ROWS),
-        "periodic": int(periodic),
-        "x": places[first],
-        "w": places[DRIVE],
-        "outputs_of": own.outputs or by_turns(rows.offsets, OUTPUTS),
-        "state": places["x"],
-        "shown": _shown(text, layout),
-        "drive": _drive(text, rows.scales),
-        "clear": indented(own.clear, 3),
-        "rest": indented([*own.rest, *first_states(text)], 5).lstrip(),
-        "again": indented(own.again, 5).lstrip(),
-        "begin": indented(own.begin, 2),
-        "end": own.end,
-        "reads": indented(reads(text, own.driven), 1),
-        "one_row": indented(rows.printer.lines(own.cases(1)), 1),
-        "more_rows": indented(rows.printer.lines(own.cases(BLOCK_ROWS)), 1),
-        **rim_texts(text, layout, rows.offsets),
-    }
-    source = owned(fill("strips", **names), _OWN, name)
-    text.tables.strips.append(source)
-    return Strips(name, source, count, *rows.size, not periodic)
-
-
-def _drive(text: TransientBuilder, scales: tuple[float, ...]) -> str:
-    """Return the statements that set the scaled w of a row of a layer."""
-    constant = constant_drive(text)
+def _drive(rows: Rows) -> str:
+    """Return the statement that sets the scaled w of a row of a layer."""
+    constant = constant_drive(rows.text)
     if constant is None:
-        scale = of_layer(text, scales)
-        return f"to_lanes(w + p, mine + {text.arena.places['w']} + cell, {scale});"
-    each = zip(scales, constant, strict=True)
-    return f"fill_lanes(w + p, {of_layer(text, [scale * n for scale, n in each])});"
+        return rows.brought(DRIVE, "w", rows.of_layer(rows.scales))
+    scaled = [scale * n for scale, n in zip(rows.scales, constant, strict=True)]
+    return f"fill_lanes(w + p, {rows.of_layer(scaled)});"
 
 
-def of_layer(text: TransientBuilder, values: Iterable[float]) -> str:
-    """Return the expression of the number of the layer at hand."""
-    numbers = [text.literal(value) for value in values]
-    if len(set(numbers)) == 1:
-        return numbers[0]
-    *others, last = numbers
-    picks = "".join(f"layer == {layer} ? {number} : " for layer, number in enumerate(others))
-    return f"({picks}{last})"
+def _reads(text: TransientBuilder, driven: str) -> list[str]:
+    """Return the declarations of the arrays of a level, apart from outputs."""
+    lines = [f"__global const scalar *const driven = {driven};"]
+    if reads_states(text.template):
+        lines += [
+            f"__global const scalar *const {STATES.text} = states_of(x, number);",
+            f"__global scalar *const {NEW_STATES} = states_of(x, number + 1);",
+        ]
+    return lines
+
+
+def _virtual_cells(rows: Rows) -> dict[str, str]:
+    """Return the kernel text's names that set the treatment of virtual cells."""
+    text, layout = rows.text, rows.layout
+    seen, fixed = reads_states(text.template), text.template.boundary.constant
+    rims = rim_text(text, layout, "", None if fixed is None else text.rim_output())
+    padded = {"": "to"}
+    if seen:
+        rims += rim_text(text, layout, _OF_STATES, fixed)
+        padded[_OF_STATES] = "states_of(x, level)"
+    calls = {
+        "at_ends": [f"all_sides{suffix}({array}, start);" for suffix, array in padded.items()],
+        "above": [f"upper{suffix}({array});" for suffix, array in padded.items()],
+        "below": [f"lower{suffix}({array});" for suffix, array in padded.items()],
+    }
+    return {
+        "rims": rims,
+        "states_of": rows.by_turns(SEEN) if seen else "x",
+        **{name: indented(lines, 1).lstrip() for name, lines in calls.items()},
+    }

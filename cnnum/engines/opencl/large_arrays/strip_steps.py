@@ -1,50 +1,35 @@
-"""Steps of large arrays by strips of rows: the possible ones, and their arrays."""
-
-from dataclasses import replace
+"""Steps of a fixed length of large arrays by strips of rows, and which schemes strips can take."""
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_rows import lanes_fit
-from cnnum.engines.opencl.large_arrays.strip_boundary import OUTPUTS
-from cnnum.engines.opencl.large_arrays.strip_couplings import FROM, Kept, coupled
-from cnnum.engines.opencl.large_arrays.strip_kernel import (
-    SHOWN,
-    StripText,
-    of_layer,
-    strip_kernel,
-    strip_rows,
-)
-from cnnum.engines.opencl.large_arrays.strip_rows import ONES, TO, At, Rows
-from cnnum.engines.opencl.large_arrays.strip_settling import BEFORE, watch
-from cnnum.engines.opencl.large_arrays.strip_stage_sums import array_of, sum_cases
-from cnnum.engines.opencl.large_arrays.strip_times import Moments
+from cnnum.engines.opencl.large_arrays.strip_couplings import FROM, PART, Kept, coupled
+from cnnum.engines.opencl.large_arrays.strip_kernel import SHOWN, StripText, strip_kernel
+from cnnum.engines.opencl.large_arrays.strip_rows import ONES, OUTPUTS, At, Rows, strip_rows, vector
+from cnnum.engines.opencl.large_arrays.strip_settling import BEFORE, Watch, watch
+from cnnum.engines.opencl.large_arrays.strip_times import Moments, uneven
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.feedforward import LATER, W
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
-from cnnum.engines.opencl.transients.step_control import STEPS, Figures
-from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps, Stages, stages_of
+from cnnum.engines.opencl.transients.state_equation import CHANGE
+from cnnum.engines.opencl.transients.step_control import Controlled, Figures
+from cnnum.integrators.schemes import FixedSteps, Stage, Stages, Sum, stages_of
 from cnnum.templating.function_tables import Table
+from cnnum.templating.reads import delays_outputs
 
 BARE = ("standard", "linear", "full-range")
 """Outputs that cost less to make than to keep."""
 
-Steps = FixedSteps | AdaptiveSteps | ChebyshevSteps
 
-
-def strips_fit(text: TransientBuilder, scheme: Steps) -> bool:
+def strips_fit(text: TransientBuilder, scheme: FixedSteps | Controlled) -> bool:
     """Return whether steps of a scheme can be taken strip by strip."""
     template = text.template
     # other functions, of outputs or of couplings, have no form for vectors
     known = template.output.name in SHOWN and all(
         isinstance(coupling.function, Table) for coupling in template.nonlinear
     )
-    return known and lanes_fit(text) and _repeats(scheme)
-
-
-def _repeats(scheme: Steps) -> bool:
-    """Return whether all steps are alike, and of stages that strips can take."""
-    if not isinstance(scheme, FixedSteps):
-        return True
-    return scheme.count > 0 and stages_of(scheme, 0, 1.0) is not None
+    sums = True
+    if isinstance(scheme, FixedSteps):
+        sums = scheme.count > 0 and stages_of(scheme, 0, 1.0) is not None
+    return known and sums and lanes_fit(text)
 
 
 def _layers(text: TransientBuilder, scheme: FixedSteps) -> tuple[Stages, ...]:
@@ -56,11 +41,10 @@ def _layers(text: TransientBuilder, scheme: FixedSteps) -> tuple[Stages, ...]:
 def states_suffice(text: TransientBuilder, scheme: FixedSteps) -> bool:
     """Return whether steps of a scheme that strips take need nothing but states."""
     template, stages = text.template, _layers(text, scheme)[0].stages
-    moments = Moments(text, scheme, len(stages))
-    plain = not (moments.uneven or moments.keeps or text.has_history or scheme.settle)
+    delayed = delays_outputs(template) or text.has_history
     linear = all(coupling.static for coupling in template.nonlinear)
-    bare = template.output.name in BARE
-    return plain and linear and bare and len(stages) == 1 and stages[0].whole
+    plain = linear and template.output.name in BARE and not (delayed or scheme.settle)
+    return plain and not uneven(scheme) and len(stages) == 1 and stages[0].whole
 
 
 def state_strips(text: TransientBuilder, scheme: FixedSteps) -> Figures:
@@ -70,68 +54,120 @@ def state_strips(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     vector in the rows of a block stay in registers from one vector to the next. So each state is
     read, and its output made, once.
     """
-    scales = tuple(one.scale for one in _layers(text, scheme))
-    rows, moments = strip_rows(text, (), scales), Moments(text, scheme, 1)
+    rows = strip_rows(text, (), tuple(one.scale for one in _layers(text, scheme)))
     own = StripText(
         "0",
-        lambda block: [_state_case(rows, moments, block)],
-        rest=rows.set_held(),
+        lambda rows: [_state_case(rows, scheme)],
         end=f"({scheme.count & 1} ? {rows.at(OUTPUTS[1])} : 0)",
     )
     text.body.append(ir.StripSteps(strip_kernel(rows, own, scheme.count)))
     return fixed_figures(text, scheme.count, settle=False)
 
 
-def _state_case(rows: Rows, moments: Moments, block: int) -> ir.Case:
-    every, kept = rows.block(block), Kept(rows, block)
-    own = tuple(1.0 - scale for scale in rows.scales)
-    each = [*kept.load, *coupled(rows, every, own, "from", kept=kept)]
-    for at in every:
-        each += _state_end(rows, at)
-    return rows.case(0, [*each, *kept.move], [*moments.head(0), *kept.begin])
-
-
-def _state_end(rows: Rows, at: At) -> list[ir.Statement]:
-    state, lines = at.sum, list[ir.Statement]()
-    if rows.masked:
-        lines.append(ir.Assign(state, rows.free(at, state, rows.cells(FROM, at))))
-    if rows.text.template.output.limited:
-        lines.append(ir.Assign(state, ir.call("shown", state, ONES)))
-    return [*lines, ir.Store(rows.place(TO, at), state)]
+def _state_case(rows: Rows, scheme: FixedSteps) -> ir.Case:
+    kept, limited = Kept(rows), rows.text.template.output.limited
+    each = [*kept.load, *coupled(rows, "", whole=True, kept=kept)]
+    for at in rows.block:
+        if rows.masked:
+            each.append(ir.Assign(at.sum, rows.free(at, at.sum, rows.cells(FROM, at))))
+        if limited:
+            each.append(ir.Assign(at.sum, ir.call("shown", at.sum, ONES)))
+        each.append(rows.new(at, at.sum))
+    return rows.case(0, [*each, *kept.move], [*Moments(rows, scheme, 1).head(0), *kept.begin])
 
 
 def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, keep their kernel with the tables, and return the figures of the run."""
     layers = _layers(text, scheme)
     stages, arrays = len(layers[0].stages), layers[0].arrays
-    names, scales = tuple(map(array_of, range(arrays))), tuple(one.scale for one in layers)
+    names, scales = tuple(map(_array_of, range(arrays))), tuple(one.scale for one in layers)
     rows = strip_rows(text, (*names, BEFORE) if scheme.settle else names, scales)
     seen = watch(rows, stages) if scheme.settle else None
-    moments = Moments(text, scheme, stages, seen.before if seen else "0")
-    outputs = moments.keep_outputs(rows, seen.steps if seen else 0)
-    if text.has_history:
-        text.over_cells(
-            [ir.add(later, w) for later, w in zip(text.each(LATER), text.each(W), strict=True)]
-        )
+    moments = Moments(rows, scheme, stages, seen.before if seen else "0")
+    outputs = moments.keep_outputs(seen.steps if seen else 0)
     own = StripText(
         f"number % {stages}",
-        lambda block: sum_cases(rows, layers, block, moments, seen),
-        rest=[
-            *moments.later(rows.offsets, of_layer(text, scales)),
-            "show_row(outputs_of(x, 0) + p, x + p);",
-            *rows.set_held(),
-        ],
+        lambda rows: _sum_cases(rows, layers, moments, seen),
+        rest=[*moments.later(), "show_row(outputs_of(x, 0) + p, x + p);"],
         outputs=outputs,
         ahead=moments.ahead,
-        driven=moments.driven(rows.offsets),
+        driven=moments.driven,
     )
     if seen:
-        again = seen.again()
-        own = replace(own, clear=seen.clear(), begin=seen.begin(), count=seen.count, again=again)
-    strips = strip_kernel(rows, own, stages * (seen.steps if seen else scheme.count))
-    text.body += [ir.StripSteps(strips)] if seen is None else seen.body(scheme, strips)
-    figures = fixed_figures(text, scheme.count, settle=scheme.settle)
-    if scheme.settle:
-        time = ir.call("fmin", STEPS * ir.Number(scheme.step), ir.Number(text.solver.duration))
-        figures["time"] = time
-    return figures
+        strips = strip_kernel(rows, seen.watched(own), stages * seen.steps)
+        text.body += seen.body(scheme, strips)
+    else:
+        text.body.append(ir.StripSteps(strip_kernel(rows, own, stages * scheme.count)))
+    return fixed_figures(text, scheme.count, settle=scheme.settle)
+
+
+def _sum_cases(
+    rows: Rows, layers: tuple[Stages, ...], moments: Moments, watch: Watch | None
+) -> list[ir.Case]:
+    """Return all stages of a number of rows; layers differ in their factors alone.
+
+    The first stage is the one that is watched.
+    """
+    cases = list[ir.Case]()
+    for number, stage in enumerate(layers[0].stages):
+        seen = watch if number == 0 else None
+        whole = stage.whole and seen is None and not uneven(moments.scheme)
+        state, between = _array_of(stage.state), moments.between(number)
+        each = coupled(rows, state, whole=whole, between=between)
+        share = PART if uneven(moments.scheme) else None
+        for at in rows.block:
+            each.append(_end(rows, layers[at.layer].stages[number], at, seen, whole, share))
+        found = {CHANGE.text: f"number / {moments.stages}"} if seen else {}
+        cases.append(rows.case(number, each, moments.head(number), found))
+    return cases
+
+
+def _end(
+    rows: Rows, stage: Stage, at: At, seen: Watch | None, whole: bool, share: ir.Name | None
+) -> ir.Block:
+    """Return the statements that make the sums of a row, once its d is known.
+
+    Where `whole`, its sum is the new state; else d comes with a `share`.
+    """
+    limited, known = rows.text.template.output.limited, set[int]()
+    if not whole:
+        known |= {place for one in stage.sums for place, _ in one.terms}
+        known |= {stage.state} if limited or seen else set[int]()
+    lines = [vector(_kept(place), rows.array(_array_of(place), at)) for place in sorted(known)]
+    if limited and not whole:
+        lines.append(ir.Assign(at.sum, ir.call("inwards", at.sum, _kept(stage.state), ONES)))
+    if rows.masked:
+        still = rows.array(_array_of(stage.state), at) if whole else ONES - ONES
+        lines.append(ir.Assign(at.sum, rows.free(at, at.sum, still)))
+    if seen:
+        lines += seen.sees(at, _kept(stage.state))
+    for one in stage.sums:
+        kept, value = _kept(one.place), at.sum if whole else _sum(one, at, share)
+        lines.append(ir.Assign(kept, value) if one.place in known else vector(kept, value))
+        known.add(one.place)
+        if one is stage.sums[0]:
+            lines += rows.show(at, kept)
+        lines.append(rows.store(_array_of(one.place), at, kept))
+    return ir.block(*lines)
+
+
+def _array_of(place: int) -> str:
+    """Return the name of the array that keeps a state or a sum."""
+    return f"strip_x{place}"
+
+
+def _kept(place: int) -> ir.Name:
+    return ir.Name(f"a{place}")
+
+
+def _sum(one: Sum, at: At, share: ir.Name | None) -> ir.Expression:
+    terms = [_weighted([_kept(place)], factor) for place, factor in one.terms]
+    own: list[ir.Expression] = [at.sum] if share is None else [share, at.sum]
+    return ir.total([*terms, _weighted(own, one.factor)])
+
+
+def _weighted(factors: list[ir.Expression], weight: float) -> ir.Expression:
+    first, *others = factors if weight == 1.0 else [ir.Number(weight), *factors]
+    for factor in others:
+        first = first * factor
+    return first

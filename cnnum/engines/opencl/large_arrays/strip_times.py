@@ -5,14 +5,12 @@ a ring of arrays keeps those of all steps since, and delayed inputs change when 
 """
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.large_arrays.lane_rows import size_of
-from cnnum.engines.opencl.large_arrays.strip_boundary import LATER, OUTPUTS, by_turns
 from cnnum.engines.opencl.large_arrays.strip_couplings import NEXT, PART, PAST
-from cnnum.engines.opencl.large_arrays.strip_rows import Rows
+from cnnum.engines.opencl.large_arrays.strip_rows import LATER, OUTPUTS, Rows
+from cnnum.engines.opencl.transients import feedforward
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.nonlinear_couplings import gains
 from cnnum.integrators.schemes import FixedSteps
@@ -27,13 +25,18 @@ def gain_lines(text: TransientBuilder, since: str) -> list[str]:
     return text.tables.printer.lines(gains(text, ir.Constant(since)))
 
 
+def uneven(scheme: FixedSteps) -> bool:
+    """Return whether the last step is shorter."""
+    return not math.isclose(scheme.step, scheme.last, rel_tol=1e-9)
+
+
 @dataclass(frozen=True, slots=True)
 class Moments:
     """When levels of fixed steps are.
 
     Attributes
     ----------
-    text : TransientBuilder
+    rows : Rows
     scheme : FixedSteps
     stages : int
         Of a step: as many levels.
@@ -41,7 +44,7 @@ class Moments:
         The steps before those that a launch counts, as an expression.
     """
 
-    text: TransientBuilder
+    rows: Rows
     scheme: FixedSteps
     stages: int
     before: str = "0"
@@ -49,45 +52,35 @@ class Moments:
     @property
     def lag(self) -> int:
         """The delay in steps; 0 where there is none."""
-        return lag(self.text.template, self.scheme.step)
+        return lag(self.rows.text.template, self.scheme.step)
 
     @property
     def keeps(self) -> bool:
         """Whether outputs of earlier steps are kept."""
-        return delays_outputs(self.text.template)
-
-    @property
-    def share(self) -> float:
-        """The last step's length, in steps."""
-        return self.scheme.last / self.scheme.step
-
-    @property
-    def uneven(self) -> bool:
-        """Whether the last step is shorter."""
-        return not math.isclose(self.share, 1.0, rel_tol=1e-9)
+        return delays_outputs(self.rows.text.template)
 
     def head(self, stage: int) -> list[str]:
         """Return the statements on a stage's moment, before it takes its rows."""
-        text, steps = self.text, f"const int steps = number / {self.stages} + {self.before};"
-        lines, last = list[str](), ""
-        if self.uneven:
-            last = f"steps == {self.scheme.count - 1} ? {text.literal(self.share)} : ONE"
+        lines, literal = list[str](), self.rows.text.literal
+        at, step = literal(self._place(stage)), literal(self.scheme.step)
+        if uneven(self.scheme):
+            share = literal(self.scheme.last / self.scheme.step)
+            last = f"steps == {self.scheme.count - 1} ? {share} : ONE"
+            at += f" * ({last})"
             lines.append(f"const vec {PART.text} = (vec)({last});")
-        if text.template.gains:
-            at, step = text.literal(self._place(stage)), text.literal(self.scheme.step)
-            at += f" * ({last})" if self.uneven else ""
-            lines += gain_lines(text, f"{step} * (R(steps) + {at})")
+        lines += gain_lines(self.rows.text, f"{step} * (R(steps) + {at})")
         if self.keeps:
             # the outputs of a step's end are those that the next begins with
-            late = int(self._place(stage) == 1.0 and not self.uneven)
+            late = int(self._place(stage) == 1.0 and not uneven(self.scheme))
             lines.append(self._outputs(PAST.text, late))
             if self.between(stage):
                 lines.append(self._outputs(NEXT.text, 1))
+        steps = f"const int steps = number / {self.stages} + {self.before};"
         return [steps, *lines] if lines else []
 
     def between(self, stage: int) -> bool:
         """Return whether the delayed time lies between the outputs of two steps."""
-        return self.keeps and self.uneven and self._place(stage) != 0.0
+        return self.keeps and uneven(self.scheme) and self._place(stage) != 0.0
 
     def _place(self, stage: int) -> float:
         """Return when a stage is, in steps since its step's begin."""
@@ -97,18 +90,18 @@ class Moments:
         level = f"max(steps + {late} - {self.lag}, 0) * {self.stages}"
         return f"__global const scalar *const {name} = outputs_of(x, {level});"
 
-    def keep_outputs(self, rows: Rows, again: int) -> str:
+    def keep_outputs(self, again: int) -> str:
         """Declare the ring that keeps outputs of earlier steps, and return the place of a `level`.
 
         Of these steps, `again` may be taken again.
         """
-        turns = by_turns(rows.offsets, OUTPUTS)
+        turns = self.rows.by_turns(OUTPUTS)
         if not self.keeps:
             return turns
         # a level writes while one before it, a few rows ahead, reads outputs a delay old
-        slots, size = self.lag + 2 + again, size_of(self.text, rows.layout)
-        rows.declare(RING, slots * size)
-        ring = f"x + {rows.at(RING)} + (size_t)(level / {self.stages} % {slots}) * {size}"
+        slots, size = self.lag + 2 + again, self.rows.layout.size
+        self.rows.declare(RING, slots * size)
+        ring = f"x + {self.rows.at(RING)} + (size_t)(level / {self.stages} % {slots}) * {size}"
         return ring if self.stages == 1 else f"level % {self.stages} ? {turns} : {ring}"
 
     @property
@@ -116,15 +109,19 @@ class Moments:
         """The expression of the levels before those that a launch counts."""
         return f"{self.before} * {self.stages}"
 
-    def driven(self, offsets: Mapping[str, int | str]) -> str:
-        """Return the expression of the cells' drive at the level `number`."""
-        if not self.text.has_history:
+    @property
+    def driven(self) -> str:
+        """The expression of the cells' drive at the level `number`."""
+        if not self.rows.text.has_history:
             return "w"
-        return f"number + {self.ahead} < {self.lag * self.stages} ? w : x + {offsets[LATER]}"
+        later = f"x + {self.rows.at(LATER)}"
+        return f"number + {self.ahead} < {self.lag * self.stages} ? w : {later}"
 
-    def later(self, offsets: Mapping[str, int | str], scale: str) -> list[str]:
-        """Return the text that sets a row's drive of later, which comes with a scale."""
-        if not self.text.has_history:
+    def later(self) -> list[str]:
+        """Set the drive once a delay is over, and return the text that brings a row of it."""
+        rows, text = self.rows, self.rows.text
+        if not text.has_history:
             return []
-        later = f"mine + {self.text.arena.places['later']} + cell"
-        return [f"to_lanes(x + {offsets[LATER]} + p, {later}, {scale});"]
+        both = zip(text.each(feedforward.LATER), text.each(feedforward.W), strict=True)
+        text.over_cells([ir.add(later, w) for later, w in both])
+        return [rows.brought(LATER, feedforward.LATER.text, rows.of_layer(rows.scales))]
