@@ -14,6 +14,7 @@ bounds the array's own growth.
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,8 +46,11 @@ LARGEST = 700.0
 ROUNDING = 1e-9
 """The growth allowed to a decaying mode in a step."""
 
+KEPT = 32
+"""Answers that are kept: runs in halved steps, and other engines, ask the same of a template."""
 
-@dataclass(frozen=True, slots=True)
+
+@dataclass(frozen=True, slots=True, eq=False)
 class DelayedRates:
     """How fast an array moves by its present outputs, and by its delayed ones.
 
@@ -84,6 +88,7 @@ class DelayedRates:
         return ", and ".join(part for part in (known, bound) if part)
 
 
+@lru_cache(maxsize=KEPT)
 def delayed_rates(template: Template, shape: Shape) -> DelayedRates | None:
     """Return the rates of an array that sees its outputs a delay ago, None where it does not."""
     delayed = template.delayed
@@ -113,6 +118,7 @@ def delayed_rates(template: Template, shape: Shape) -> DelayedRates | None:
     )
 
 
+@lru_cache(maxsize=KEPT)
 def delayed_step(method: ButcherTableau, rates: DelayedRates) -> float:
     """Return the longest step of a Runge–Kutta method in which no mode that decays grows.
 
