@@ -101,8 +101,7 @@ def _name_bad(scene: "Scene", output: Output, number: int) -> None:
 
 def event_text(event: "Event") -> str:
     """Return an event as a line of aligned columns."""
-    kind = f"{event.phase} {event.kind}" if event.phase else event.kind
-    parts = [f"{event.t:9.3f} s  {kind:<15}"]
+    parts = [f"{event.t:9.3f} s  {event.title:<15}"]
     if event.where is not None:
         parts.append(f"row {event.where[0]:4.1f}, column {event.where[1]:4.1f}")
     if event.direction is not None:

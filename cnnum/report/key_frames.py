@@ -46,6 +46,5 @@ def _by_truth(record: SceneRecord) -> list[KeyFrame]:
 def _by_events(record: SceneRecord) -> list[KeyFrame]:
     found = [KeyFrame("before", 0)]
     for event in record.events[:7]:
-        title = f"{event.phase or ''} {event.kind}".strip()
-        found.append(KeyFrame(title, min(event.frame, record.frames - 1)))
+        found.append(KeyFrame(event.title, min(event.frame, record.frames - 1)))
     return found

@@ -25,7 +25,7 @@ def event_table(verdicts: Sequence[Verdict]) -> str:
 def report_table(events: Sequence[Event]) -> str:
     """Return reported events, where nothing is known to compare them with."""
     rows = (
-        (False, (Cell(_title(event), strong=True), _when(event), Cell(_direction(event))))
+        (False, (Cell(event.title, strong=True), _when(event), Cell(_direction(event))))
         for event in events
     )
     return table(("event", "reported at", "direction"), rows, style="fold")
@@ -71,10 +71,6 @@ def _event_row(verdict: Verdict) -> Row:
 
 def _no(words: str) -> Cell:
     return Cell(f"✗ {words}", style="no")
-
-
-def _title(event: Event) -> str:
-    return f"{event.phase or ''} {event.kind}".strip()
 
 
 def _when(event: TrueEvent | Event) -> Cell:

@@ -7,7 +7,7 @@ from math import atan2, degrees, isfinite, pi, remainder
 import numpy as np
 
 from cnnum.report.record import SceneRecord
-from cnnum.scenes.events import Event
+from cnnum.scenes.events import Event, titled
 
 MAX_DELAY = 5
 """Frames that a report may be early or late."""
@@ -51,7 +51,7 @@ class Lane:
     @property
     def title(self) -> str:
         """Name for people."""
-        return f"{self.phase} {self.kind}".strip()
+        return titled(self.phase, self.kind)
 
 
 LANES = (
@@ -88,7 +88,7 @@ class TrueEvent:
     @property
     def title(self) -> str:
         """Name for people."""
-        return f"{self.phase} {self.kind}".strip()
+        return titled(self.phase, self.kind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,7 +123,7 @@ class Verdict:
         if self.truth is not None:
             return self.truth.title
         assert self.reported is not None
-        return f"{self.reported.phase or ''} {self.reported.kind}".strip()
+        return self.reported.title
 
     @property
     def frame(self) -> int:

@@ -22,19 +22,19 @@ class EventList(list[Event]):
         super().__init__(events)
 
     def __repr__(self) -> str:
-        kinds = [_kind(event) for event in self]
+        kinds = [event.title for event in self]
         counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
         return f"EventList({counted or 'empty'})"
 
     def _repr_html_(self) -> str:
-        rows = [(f"{event.t:.3f} s", _kind(event), str(event).partition(", ")[2]) for event in self]
+        rows = [(f"{event.t:.3f} s", event.title, str(event).partition(", ")[2]) for event in self]
         return html.table(f"{len(self)} events", ("time", "event", "about"), rows)
 
     def plot(self, ax: object = None) -> object:
         """Draw a mark for every event over time, a row a kind, and return the axes."""
         from cnnum.sharing import plots
 
-        return plots.marks([_kind(event) for event in self], [event.t for event in self], ax)
+        return plots.marks([event.title for event in self], [event.t for event in self], ax)
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with a row an event (extra `tables`)."""
@@ -58,7 +58,3 @@ class EventList(list[Event]):
             else:
                 columns[name] = np.array([np.nan if v is None else v for v in values])
         return columns
-
-
-def _kind(event: Event) -> str:
-    return f"{event.phase} {event.kind}" if event.phase else event.kind

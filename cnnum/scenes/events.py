@@ -10,6 +10,11 @@ from numpy.typing import NDArray
 Outputs = Mapping[str, NDArray[np.float64]]
 
 
+def titled(phase: str | None, kind: str) -> str:
+    """Return the name of an event for people, such as "gross slip"."""
+    return f"{phase} {kind}" if phase else kind
+
+
 @dataclass(frozen=True, slots=True, repr=False)
 class Event:
     """Something that began or ended in a scene.
@@ -54,6 +59,11 @@ class Event:
     gap_end: float | None = None
     unit: str | None = None
 
+    @property
+    def title(self) -> str:
+        """Its phase, if it has one, and its kind."""
+        return titled(self.phase, self.kind)
+
     def record(self) -> dict[str, object]:
         """Return the event as a JSON object; missing values are left out."""
         values: dict[str, object] = {
@@ -75,7 +85,7 @@ class Event:
         return f"Event({', '.join(f'{name}={value!r}' for name, value in self.record().items())})"
 
     def __str__(self) -> str:
-        parts = [f"{self.t:8.3f} s  {self.phase + ' ' if self.phase else ''}{self.kind}"]
+        parts = [f"{self.t:8.3f} s  {self.title}"]
         if self.where:
             parts.append(f"at row {self.where[0]:.1f}, column {self.where[1]:.1f}")
         if self.direction is not None:
