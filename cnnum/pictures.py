@@ -86,7 +86,7 @@ def load_picture(path: str | Path) -> Floats:
     MissingExtraError
         If Pillow is not installed.
     """
-    image = _pillow()
+    image = pillow("Picture files")
     try:
         with image.open(as_path(path, PictureError)) as file:
             if file.width * file.height > MOST_PIXELS:
@@ -137,7 +137,7 @@ def save_picture(picture: ArrayLike, path: str | Path, *, scale: int = 1) -> Non
             f"A picture file has up to {MOST_PIXELS:,} pixels, got "
             f"{pixels.size * int(scale) ** 2:,}: take a smaller scale."
         )
-    image = _pillow()
+    image = pillow("Picture files")
     try:
         image.fromarray(pixels.repeat(scale, axis=0).repeat(scale, axis=1)).save(target)
     except (OSError, ValueError) as error:
@@ -145,10 +145,25 @@ def save_picture(picture: ArrayLike, path: str | Path, *, scale: int = 1) -> Non
         raise PictureError(f"'{path}' cannot be written as a picture: {why}.") from None
 
 
-def _pillow() -> Any:
+def pillow(things: str, instead: str = "") -> Any:
+    """Return Pillow's module of images.
+
+    Parameters
+    ----------
+    things : str
+        That need it, for the error.
+    instead : str
+        What does without it, in words.
+
+    Raises
+    ------
+    MissingExtraError
+        If Pillow is not installed.
+    """
     try:
         return import_module("PIL.Image")
     except ImportError:
+        also = f"; {instead}" if instead else ""
         raise MissingExtraError(
-            "Picture files need Pillow: pip install 'cnnum[pictures]'."
+            f"{things} need Pillow: pip install 'cnnum[pictures]'{also}."
         ) from None

@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Mapping
 from html import escape
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -10,8 +9,8 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
-from cnnum.errors import MissingExtraError, ReportError, name_error
-from cnnum.pictures import as_pixels
+from cnnum.errors import ReportError, name_error
+from cnnum.pictures import as_pixels, pillow
 from cnnum.runs.result import Result
 from cnnum.safety.files import write_whole
 from cnnum.sharing.colours import style_rules
@@ -155,13 +154,7 @@ def _write_moving(path: Path, template: Template, times: Floats, result: Result)
 
 
 def _pillow() -> Any:
-    try:
-        return import_module("PIL.Image")
-    except ImportError:
-        raise MissingExtraError(
-            "Pictures of a transient need Pillow: pip install 'cnnum[pictures]'; a .html page does "
-            "not."
-        ) from None
+    return pillow("Pictures of a transient", "a .html page does not")
 
 
 WRITERS: Mapping[str, Callable[[Path, Template, Floats, Result], None]] = {

@@ -1,7 +1,7 @@
 """The cost of a program on a microcontroller by precision, and the loss of each."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from cnnum.arrays import Shape
 from cnnum.errors import CnnumError, NotSupportedError
@@ -153,13 +153,8 @@ def _row(
         instructions=counted.worst,
         ram_bytes=counted.ram_bytes,
         flash_bytes=counted.flash_bytes,
-        error=lost.error,
-        output=lost.output,
-        flags_differ=lost.flags_differ,
-        slip_recall=scored.slip_recall,
-        twist_recall=scored.twist_recall,
-        false_reports=scored.false_reports,
-        reports_differ=scored.reports_differ,
+        **asdict(lost),
+        **asdict(scored),
         frames_per_s=counted.frames_per_second(clock),
         clock_hz=clock,
         stack_bytes=counted.stack_bytes,
