@@ -67,6 +67,14 @@ def accounted(scene: Scene) -> bool:
     return seen.sent == whole and seen.frames == seen.handed_on + seen.refused + seen.repeated
 
 
+def replugged(device: Any, plug: Callable[[], Any], frames: list[Frame]) -> Any:
+    """Unplug an array and plug one in that sends these frames; return it."""
+    device.unplug()
+    again = plug()
+    sent(again, frames)
+    return again
+
+
 def run(
     scene: Scene, count: int, at: int = -1, do: Callable[[], object] = list
 ) -> list[FrameResult]:
@@ -88,9 +96,7 @@ def test_an_unplug_is_accounted_for_and_events_carry_it(
     scene, again = load_scene(scene_file(link)), []
 
     def swap() -> None:
-        device.unplug()
-        again.append(plug())
-        sent(again[0], [*rest(40), *pressed(30, 40), *rest(40, 70)])
+        again.append(replugged(device, plug, [*rest(40), *pressed(30, 40), *rest(40, 70)]))
 
     got = run(scene, 190, 79, swap)
     again[0].unplug()
@@ -116,9 +122,7 @@ def test_unplugs(faults: Any, link: Path, plug: Callable[[], Any]) -> None:
         scene = load_scene(scene_file(link))
 
         def swap(plugged: list[Any] = plugged) -> None:
-            plugged[0].unplug()
-            plugged.append(plug())
-            sent(plugged[1], [*rest(40), *pressed(20, 40)])
+            plugged.append(replugged(plugged[0], plug, [*rest(40), *pressed(20, 40)]))
 
         got = run(scene, before + 60, before - 1, swap)
         plugged[1].unplug()
@@ -137,9 +141,8 @@ def test_an_array_that_counts_on_states_what_was_lost(
     scene, again = load_scene(scene_file(link)), []
 
     def swap() -> None:
-        device.unplug()
-        again.append(plug())
-        sent(again[0], rest(10, 1_000_020))  # its clock has run on for longer than the host's
+        # its clock has run on for longer than the host's
+        again.append(replugged(device, plug, rest(10, 1_000_020)))
 
     run(scene, 30, 19, swap)
     again[0].unplug()

@@ -13,6 +13,7 @@ from cnnum.embedded.formats import precision_named
 from cnnum.embedded.making import make
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.passes import schedule
+from cnnum.programs.library import program_names
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-Werror", "-ffp-contract=off")
 FULL = "CNNUM_FRAMES" in os.environ
@@ -21,6 +22,16 @@ SANITIZERS = (
     "-fsanitize=undefined,address", "-fno-sanitize-recover=all", "-O1" if FULL else "-O0",
 )  # fmt: skip
 SHORT = {"rate": 40.0, "rest": 0.2}
+
+
+def cases(quick, precisions):
+    """Programs and precisions; those that are not quick wait for `make embedded`."""
+    wait = pytest.mark.skip("make embedded")
+    return [
+        pytest.param(name, one, marks=() if FULL or (name in quick and one in precisions) else wait)
+        for name in (*program_names("tactile"), *program_names("tactile.contact_mechanics"))
+        for one in ("q15", "q7", "q31")
+    ]
 
 
 def streams(shape, frames=60, batch=3, seed=0):

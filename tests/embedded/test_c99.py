@@ -11,20 +11,13 @@ from cnnum.embedded.c.files import in_the_way
 from cnnum.embedded.c.layout import packed, record_type
 from cnnum.embedded.emulator import cleared
 from cnnum.errors import NotSupportedError
-from cnnum.programs.library import program_names
-from tests.embedded.conftest import FULL, SANITIZERS, compiled, made, streams, too_long
+from tests.embedded.conftest import FULL, SANITIZERS, cases, compiled, made, streams, too_long
 
 FRAMES = 50 if FULL else 20
 STREAMS = max(2, int(os.environ.get("CNNUM_FRAMES", "0")) // FRAMES)
 """Streams of FRAMES frames each: `make embedded` runs 10,000 frames of every program."""
 
-QUICK = ("localize", "slip", "twist")
-CASES = [
-    pytest.param(name, precision, marks=() if FULL or quick else pytest.mark.skip("make embedded"))
-    for name in (*program_names("tactile"), *program_names("tactile.contact_mechanics"))
-    for precision in ("q15", "q7", "q31")
-    for quick in [name in QUICK and precision != "q31"]
-]
+CASES = cases(("localize", "slip", "twist"), ("q15", "q7"))
 
 
 def random_inputs(program, frames, batch, seed):

@@ -6,19 +6,13 @@ from pathlib import Path
 
 import numpy as np
 from played_recordings import frames_in
+from same_frames import same
 
 from cnnum.frame import Frame, Quality, Truth
 from cnnum.recordings.chunks import ChunkMaker, beginning
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.mcap_index import write_index
 from cnnum.recordings.reader import look
-
-
-def same(one: Frame, other: Frame) -> bool:
-    facts = ("sequence", "time", "quality", "truth", "channels", "unit")
-    return all(getattr(one, name) == getattr(other, name) for name in facts) and np.array_equal(
-        one.values, other.values
-    )
 
 
 def small() -> tuple[bytes, list[tuple[int, int, list[Frame]]]]:

@@ -14,9 +14,9 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import islice
 from pathlib import Path
 
-import numpy as np
 import pytest
 from played_recordings import frames_in
+from same_frames import same
 
 from cnnum.drivers import open_driver
 from cnnum.frame import Frame
@@ -75,13 +75,6 @@ class Tape:
         """Whether these are the first frames of the array, bit for bit."""
         self._frames += islice(self._source, max(0, len(frames) - len(self._frames)))
         return all(map(same, frames, self._frames))
-
-
-def same(one: Frame, other: Frame) -> bool:
-    facts = ("sequence", "time", "quality", "truth", "channels", "unit")
-    return all(getattr(one, name) == getattr(other, name) for name in facts) and np.array_equal(
-        one.values, other.values
-    )
 
 
 @pytest.fixture
