@@ -125,10 +125,14 @@ class Equation:
 
     def __call__(self, x: Floats, time: float, late: Floats | float = 0.0) -> Floats:
         template = self.template
-        y, factors = template.output.numpy(x), np.ones(template.A.shape[:2])
-        for gain in template.gains:
-            factors[gain.to, gain.source] *= float(look_up(gain.table, np.array(time)))
-        rate = self.fixed + self.feedback(y, factors) - x + late
+        y, factors = template.output.numpy(x), None
+        if template.gains:
+            factors = np.ones(template.A.shape[:2])
+            for gain in template.gains:
+                factors[gain.to, gain.source] *= float(look_up(gain.table, np.array(time)))
+        rate = self.fixed + self.feedback(y, factors) - x
+        if template.delayed is not None:
+            rate = rate + late
         self.add_nonlinear(rate, {"x": x, "y": y, "u": self.maps.input}, of_inputs=False)
         return self.held(rate / self.tau)
 
@@ -271,11 +275,12 @@ class Linear:
             self.parts.append((to, source, none, np.array(each) - none))
         self.shape = (layers, *shape)
 
-    def __call__(self, maps: Floats, factors: Floats) -> Floats:
+    def __call__(self, maps: Floats, factors: Floats | None) -> Floats:
         total = np.zeros((len(maps), self.shape[0], self.shape[1] * self.shape[2]))
         for to, source, none, each in self.parts:
             seen = maps[:, source].reshape(len(maps), -1)
-            total[:, to] += factors[to, source] * (seen @ each + none)
+            added = seen @ each + none
+            total[:, to] += added if factors is None else factors[to, source] * added
         return total.reshape(len(maps), *self.shape)
 
 
