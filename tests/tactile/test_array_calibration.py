@@ -4,6 +4,7 @@ import logging
 
 import numpy as np
 import pytest
+from force_scene import force_scene
 
 import cnnum
 from cnnum.errors import CalibrationError
@@ -80,17 +81,7 @@ def test_what_fits_no_array_is_one_sentence(parts, said):
         ArrayCalibration(**parts).apply(RAW)
 
 
-SCENE = """
-wants = ["contact"]
-[array]
-driver = "file"
-path = "raw.npy"
-[program]
-name = "contact"
-[program.parameters]
-push = 1.0
-reads = "force"
-"""
+SCENE = force_scene("raw.npy")
 
 
 @pytest.fixture

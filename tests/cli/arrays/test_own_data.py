@@ -2,20 +2,11 @@
 
 import numpy as np
 import pytest
+from force_scene import force_scene
 
 import cnnum
 
-SCENE = """
-wants = ["contact"]
-[array]
-driver = "file"
-path = "none.csv"
-[program]
-name = "contact"
-[program.parameters]
-push = 1.0
-reads = "force"
-"""
+SCENE = force_scene("none.csv")
 
 SHORT = """
 wants = ["contact"]

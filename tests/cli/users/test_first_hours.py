@@ -11,6 +11,7 @@ import sys
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from force_scene import force_scene
 
 import cnnum
 from cnnum.cli import main
@@ -62,17 +63,7 @@ def of_kind(text, kind):
     return [r for r in map(json.loads, text.splitlines()) if r.get("kind") == kind]
 
 
-SCENE = """
-wants = ["contact", "contact_map"]
-[array]
-driver = "file"
-path = "grip.csv"
-[program]
-name = "contact"
-[program.parameters]
-push = 1.0
-reads = "force"
-"""
+SCENE = force_scene("grip.csv", '"contact", "contact_map"')
 LAYOUT = 'shape = [4, 4]\nvalues = "txl{n}_{axis}"\nrate = 60.0\n'
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from cnnum.arrays import Floats
 from cnnum.errors import ArrayError, PhysicsError
+from cnnum.lab.reproduce.chapters.printed import three_taxels
 from cnnum.tactile import halfspace
 from cnnum.tactile.inverse import (
     force_from_moments,
@@ -104,18 +105,9 @@ def test_a_sliding_load_is_split_by_its_friction() -> None:
 
 def test_three_moments_give_5_13() -> None:
     rng = np.random.default_rng(3)
-    (x1, y1), (x2, y2), (x3, y3) = offsets = rng.normal(size=(3, 2)) * Z
-    m1, m2, m3 = moments = rng.normal(size=3) * 1e-7
-    q = ((m2 - m3) * y1 + (m3 - m1) * y2 + (m1 - m2) * y3) / (
-        (x2 - x3) * y1 + (x3 - x1) * y2 + (x1 - x2) * y3
-    )
-    r = ((m2 - m3) * x1 + (m3 - m1) * x2 + (m1 - m2) * x3) / (
-        (x3 - x2) * y1 + (x1 - x3) * y2 + (x2 - x1) * y3
-    )
-    f = ((m3 * x2 - m2 * x3) * y1 + (m1 * x3 - m3 * x1) * y2 + (m2 * x1 - m1 * x2) * y3) / (
-        ((y2 - y1) * x3 + (y1 - y3) * x2 + (y3 - y2) * x1) * Z
-    )
-    np.testing.assert_allclose(force_from_moments(offsets, moments, depth=Z), [q, r, f], rtol=1e-10)
+    offsets, moments = rng.normal(size=(3, 2)) * Z, rng.normal(size=3) * 1e-7
+    printed = three_taxels(*offsets.T, moments, Z)
+    np.testing.assert_allclose(force_from_moments(offsets, moments, depth=Z), printed, rtol=1e-10)
 
 
 def test_nothing_is_answered_with_nothing_not_nan() -> None:
