@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ from cnnum.engines.opencl.lowering.storage import (
     PRIVATE_CELLS,
     UNFINISHED,
     Arena,
+    Place,
+    Places,
     Tables,
     Values,
     placed_name,
@@ -29,6 +32,8 @@ from cnnum.kernels.opencl import OpenCLPrinter
 OUTPUT = ir.Name("output")
 """The buffer of results."""
 
+Key = TypeVar("Key", str, int)
+
 _MINE = ir.Verbatim(("__global real *const mine = scratch + get_global_id(0) * FRAME_SIZE;",))
 
 WHOLE_CELLS = 256 * 256
@@ -39,9 +44,6 @@ thirds; of 512×512 cells they took as long."""
 
 TAKEN = {"float32": "float", "float64": "double"}
 """Number types of the host's maps that kernels of large arrays read as they are."""
-
-Places = Mapping[str, tuple[slice, tuple[int, ...]]]
-"""Where each output stands among a frame's numbers, and its shape."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,18 +128,19 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     """Return the kernel text of a schedule, with tables that hold nothing yet."""
     form = form_of(schedule.cells)
     arena = Arena(private=form.private)
-    outputs, size = _places(schedule)
+    outputs, used = _places(schedule, schedule.outputs)
+    size = used + 1
+    memories = {number: memory.read for number, memory in schedule.memories.items()}
     tables.split = form.split
     placed: dict[int, int] = {}
     for name, node in schedule.outputs.items():
         if form.split and not node.scalar:  # of equal outputs, the first
             placed.setdefault(node.index, outputs[name][0].start)
-    # parts of a plan read out their own pieces, and a GPU's private arrays are far
-    in_chains = arena.private and tables.by_vectors
-    lowering = Lowering(schedule, solvers, tables, arena, Values(tables, placed), in_chains)
+    values, places = Values(tables, placed), _places(schedule, memories)
+    lowering = Lowering(schedule, solvers, tables, arena, values, *places)
     lowering.lower()
     writes = _write_outputs(lowering, outputs, size)
-    arena.keep_all()
+    arena.top = arena.size
     slots = [
         arena.array(slot_name(k).text, maps * schedule.cells)
         for k, maps in enumerate(lowering.values.slots)
@@ -188,14 +191,14 @@ def _exchange(numbers: NumberType) -> list[str]:
     return [*takes, fill("give", **names)]
 
 
-def _places(schedule: Schedule) -> tuple[Places, int]:
-    """Return where each output stands among a frame's numbers, and how many these are."""
-    places: dict[str, tuple[slice, tuple[int, ...]]] = {}
+def _places(schedule: Schedule, nodes: Mapping[Key, Node]) -> tuple[dict[Key, Place], int]:
+    """Return where the values of nodes stand among a frame's numbers, and how many these are."""
+    places: dict[Key, Place] = {}
     at = 0
-    for name, node in schedule.outputs.items():
+    for key, node in nodes.items():
         begin, at = at, at + schedule.size_of(node)
-        places[name] = slice(begin, at), schedule.shape_of(node)
-    return places, at + 1
+        places[key] = slice(begin, at), schedule.shape_of(node)
+    return places, at
 
 
 def _write_outputs(lowering: Lowering, places: Places, size: int) -> list[ir.Statement]:
@@ -219,7 +222,7 @@ def _write_outputs(lowering: Lowering, places: Places, size: int) -> list[ir.Sta
         write(node, OUTPUT, places[name][0].start, size)
     numbers.append(scattered(OUTPUT + (size - 1), size, UNFINISHED))
     for number, memory in schedule.memories.items():
-        write(memory.store, MEMORY, lowering.memory_at[number], lowering.memory_size)
+        write(memory.store, MEMORY, lowering.memories[number][0].start, lowering.memory_size)
     return [*(ir.sweep(ir.CELL, length, stores) for length, stores in maps.items()), *numbers]
 
 

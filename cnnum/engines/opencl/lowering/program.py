@@ -1,18 +1,18 @@
 """From a schedule to the statements of a plan: walks the operations once."""
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.dense_products import product
 from cnnum.engines.opencl.lowering.program_loops import lower_loop
 from cnnum.engines.opencl.lowering.read_outs import begun, chained, chains, rounds, step, taken_in
-from cnnum.engines.opencl.lowering.storage import Arena, Tables, Values
+from cnnum.engines.opencl.lowering.storage import Arena, Place, Tables, Values
 from cnnum.engines.opencl.transients.builder import Operands, OwnNumbers, TransientBuilder, X
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.strategies import Strategy, run, settled_now, strategy_of
 from cnnum.graph.nodes import (
-    FIGURES,
     Apply,
     FirstFrame,
     Input,
@@ -44,7 +44,25 @@ OUTLIVES = -1
 class Lowering:
     """Walks a schedule once and collects the plan's statements.
 
-    Read-outs go through the cells one by one, or `in_chains` side by side.
+    Attributes
+    ----------
+    schedule : Schedule
+    solvers : mapping of int to Solver
+    tables : Tables
+    arena : Arena
+    values : Values
+    memories : mapping of int to Place
+        Where memories stand among the numbers of a frame that stay on the device.
+    memory_size : int
+        How many these are.
+    body : list of Statement
+    group : list of Node
+        Local arithmetic and read-outs that share the next loop over the cells.
+    last_use : dict of int to int
+    picks : dict of int to list of (Node, Pick)
+        The answers that are asked of a transient or a loop, by its index.
+    strategies : dict of int to Strategy
+        Of transients, by their index.
     """
 
     schedule: Schedule
@@ -52,20 +70,26 @@ class Lowering:
     tables: Tables
     arena: Arena
     values: Values
-    in_chains: bool
+    memories: Mapping[int, Place]
+    memory_size: int
     body: list[ir.Statement] = field(default_factory=list[ir.Statement])
     group: list[Node] = field(default_factory=list[Node])
-    grouped: set[int] = field(default_factory=set[int])
-    sums: set[int] = field(default_factory=set[int])
     last_use: dict[int, int] = field(default_factory=dict[int, int])
-    users: dict[int, list[Node]] = field(default_factory=dict[int, list[Node]])
-    memory_at: dict[int, int] = field(default_factory=dict[int, int])
-    memory_size: int = 0
+    picks: defaultdict[int, list[tuple[Node, Pick]]] = field(
+        default_factory=lambda: defaultdict(list)
+    )
     strategies: dict[int, Strategy] = field(default_factory=dict[int, Strategy])
+
+    @property
+    def in_chains(self) -> bool:
+        """Whether read-outs go through the cells in chains side by side, not one by one.
+
+        Parts of a plan read out their own pieces, and a GPU's private arrays are far.
+        """
+        return self.arena.private and self.tables.by_vectors
 
     def lower(self) -> None:
         """Append the statements of all nodes; values that outputs and memories need are kept."""
-        self._place_memories()
         kept = [*self.schedule.outputs.values()]
         kept += [memory.store for memory in self.schedule.memories.values()]
         self.nodes(self.schedule.nodes, kept)
@@ -75,11 +99,9 @@ class Lowering:
         for node in nodes:
             for argument in node.arguments:
                 self.last_use[argument.index] = node.index
-        self.last_use.update({node.index: OUTLIVES for node in kept})
-        self.users.update({node.index: [] for node in nodes})
-        for node in nodes:
             if isinstance(node.operation, Pick):
-                self.users[node.arguments[0].index].append(node)
+                self.picks[node.arguments[0].index].append((node, node.operation))
+        self.last_use.update({node.index: OUTLIVES for node in kept})
         for node in nodes:
             self._node(node)
         self._flush()
@@ -92,11 +114,6 @@ class Lowering:
     def stored(self, node: Node, value: ir.Expression) -> ir.Assign:
         """Return the statement that keeps a map's value in cell `i` in an array of its own."""
         return ir.Assign(self.values.take_slot(node)[ir.CELL], value)
-
-    def _place_memories(self) -> None:
-        for number, memory in self.schedule.memories.items():
-            self.memory_at[number] = self.memory_size
-            self.memory_size += self.schedule.size_of(memory.read)
 
     def _node(self, node: Node) -> None:
         operation = node.operation
@@ -115,7 +132,7 @@ class Lowering:
         elif isinstance(operation, Transient):
             self._transient(node, operation)
         elif isinstance(operation, Loop):
-            lower_loop(self, node, operation, self.users[node.index])
+            lower_loop(self, node, operation, self.picks[node.index])
         elif isinstance(operation, Product):
             sources = [self.values.read(argument) for argument in node.arguments]
             slot = self.values.take_slot(node)
@@ -130,16 +147,14 @@ class Lowering:
     # local arithmetic: neighbours in the schedule share one loop over the cells
 
     def _join(self, node: Node) -> None:
-        reads_sums = any(argument.index in self.sums for argument in node.arguments)
+        waits = (argument for argument in node.arguments if argument in self.group)
+        reads_sums = any(isinstance(argument.operation, Reduce) for argument in waits)
         if reads_sums or (self.group and _swept(self.group[0]) != _swept(node)):
             self._flush()
         self.group.append(node)
-        self.grouped.add(node.index)
-        if isinstance(node.operation, Reduce):
-            self.sums.add(node.index)
 
     def _scalar(self, node: Node, operation: Apply) -> None:
-        if any(argument.index in self.grouped for argument in node.arguments):
+        if any(argument in self.group for argument in node.arguments):
             self._flush()
         arguments = [self.values.read(argument) for argument in node.arguments]
         name = self.values.name_scalar(node)
@@ -148,57 +163,46 @@ class Lowering:
     def _flush(self) -> None:
         if not self.group:
             return
-        group, self.group, inside = self.group, [], self.grouped
-        self.grouped, self.sums = set(), set()
-        read_outs = [node for node in group if isinstance(node.operation, Reduce)]
+        group, self.group = self.group, []
+        inside, swept = {node.index for node in group}, _swept(group[0])
         by_vectors = self.in_chains and self.tables.lanes == 1
-        stays = {node.arguments[0].index for node in read_outs} if by_vectors else set[int]()
+        read_outs = [node for node in group if isinstance(node.operation, Reduce)]
+        # side by side read-outs follow the loop, on the arrays that it leaves
+        sources = [node.arguments[0] for node in read_outs] if by_vectors else []
         loop: list[ir.Statement] = []
         kept: list[tuple[Node, ir.Name]] = []
         for node in group:
             arguments = [self.values.read(argument) for argument in node.arguments]
-            if isinstance(node.operation, Reduce):
-                if not by_vectors:
-                    loop.append(self._step(node, node.operation, arguments[0]))
-                continue
-            name = ir.Name(f"v{node.index}")
-            assert isinstance(node.operation, Apply)
-            loop.append(ir.fixed(name, _call(node.operation, arguments)))
-            self.values.alias(node, name)
-            if self.last_use[node.index] not in inside or node.index in stays:
-                kept.append((node, name))
+            if isinstance(node.operation, Apply):
+                name = ir.Name(f"v{node.index}")
+                loop.append(ir.fixed(name, _call(node.operation, arguments)))
+                self.values.alias(node, name)
+                if self.last_use[node.index] not in inside or node in sources:
+                    kept.append((node, name))
+            elif isinstance(node.operation, Reduce) and not by_vectors:
+                loop.append(self._step(node, node.operation, arguments[0]))
         # only now: within the loop a value is read by its name, before its slot is written
         loop += [self.stored(node, name) for node, name in kept]
-        if by_vectors:
-            self._sweep_and_read_out(loop, read_outs, _swept(group[0]))
-        else:
-            self.over_cells(loop, _swept(group[0]))
-            self._end(read_outs)
-        for node in group:
-            self._free_after(node)
-
-    def _sweep_and_read_out(
-        self, loop: list[ir.Statement], read_outs: Sequence[Node], maps: int
-    ) -> None:
-        """Append a loop over the cells, and then the read-outs of the arrays that it leaves."""
-        read = {node.arguments[0].index: node.arguments[0] for node in read_outs}
         # maps that lie elsewhere are copied: functions take private arrays
-        copied = {n: self.values.read(n) for n in read.values() if self.values.array_of(n) is None}
-        loop += [self.stored(n, value) for n, value in copied.items()]
-        self.over_cells(loop, maps)
+        copied = {n: self.values.read(n) for n in sources if self.values.array_of(n) is None}
+        loop += [self.stored(node, value) for node, value in copied.items()]
+        self.over_cells(loop, swept)
         for node in read_outs:
-            self._read_out(node, self.values.array_of(node.arguments[0]), maps)
+            self._read_out(node, node.arguments[0] if by_vectors else node, swept)
         for node, value in copied.items():
             self.values.free_slot(node)
             self.values.alias(node, value)
+        for node in group:
+            self._free_after(node)
 
-    def _read_out(self, node: Node, array: ir.Name | None, maps: int) -> None:
-        assert isinstance(node.operation, Reduce)
-        assert array is not None
-        cells = self.schedule.cells
-        count = maps * cells if self.tables.lanes == 1 else chains(cells)
-        name = chained(self.tables, node.operation.function, count, cells)
-        self.body.append(ir.fixed(self.values.name_scalar(node), ir.call(name, array)))
+    def _read_out(self, node: Node, source: Node, maps: int) -> None:
+        """Append the end of a read-out that goes in chains, and give back an array of its own."""
+        array, cells = self.values.array_of(source), self.schedule.cells
+        if array is not None and isinstance(node.operation, Reduce):
+            count = maps * cells if self.tables.lanes == 1 else chains(cells)
+            name = chained(self.tables, node.operation.function, count, cells)
+            self.body.append(ir.fixed(self.values.name_scalar(node), ir.call(name, array)))
+        self.values.free_slot(node)
 
     def _step(self, node: Node, operation: Reduce, value: ir.Expression) -> ir.Statement:
         """Return the statement that takes a cell into a read-out, which begins here."""
@@ -212,39 +216,27 @@ class Lowering:
         self.body.append(ir.declare(total, begun(function)))
         return taken_in(function, total, value)
 
-    def _end(self, read_outs: Sequence[Node]) -> None:
-        """Append the ends of chains that run through the cells."""
-        for node in read_outs:
-            array = self.values.array_of(node)
-            if array is not None:
-                self._read_out(node, array, 1)
-                self.values.free_slot(node)
-
     # inputs
 
     def _load(self, node: Node, operation: Input | Read) -> None:
+        cells, read = self.schedule.cells, self.schedule.channels_read
         if isinstance(operation, Input):
-            count = len(self.schedule.channels_read)
-            place, base = self.schedule.channels_read.index(operation.channel), INPUT
+            place, base, stride = read.index(operation.channel), INPUT, cells * len(read)
             # large arrays come channel by channel, small ones as frames have them
-            at: ir.Expression = ir.CELL * count + place
+            at = ir.CELL * len(read) + place
             if not self.arena.private:
-                at = ir.Integer(place * self.schedule.cells) + ir.CELL
-            stride = self.schedule.cells * count
+                at = ir.Integer(place * cells) + ir.CELL
         else:
-            at, base = ir.Integer(self.memory_at[operation.memory]) + ir.CELL, MEMORY
-            stride = self.memory_size
+            place, base, stride = self.memories[operation.memory][0].start, MEMORY, self.memory_size
+            at = ir.Integer(place) + ir.CELL
         if node.scalar:
-            assert isinstance(operation, Read)
-            start = base + self.memory_at[operation.memory]
-            value = ir.call("gather", start, FRAME, LAST, stride)
+            value = ir.call("gather", base + place, FRAME, LAST, stride)
             self.body.append(ir.fixed(self.values.name_scalar(node), value))
-            return
-        if self._stays(node, operation):
+        elif self._stays(node, operation):
             self.values.alias(node, base[ir.after(ir.Cast("size_t", FRAME) * stride, at)])
-            return
-        value = ir.call("gather", ir.after(base, at), FRAME, LAST, stride)
-        self.over_cells([self.stored(node, value)], node.maps)
+        else:
+            value = ir.call("gather", ir.after(base, at), FRAME, LAST, stride)
+            self.over_cells([self.stored(node, value)], node.maps)
 
     def _stays(self, node: Node, operation: Input | Read) -> bool:
         """Whether a map is read where it is: of one frame a work item, if it stays the same."""
@@ -266,26 +258,22 @@ class Lowering:
             self.tables,
         )
         if text.operands.own is not None:
-            maps = [self.values.array_of(each) for each in node.arguments[-operation.weight_maps :]]
-            text.body += text.operands.own.declared([each for each in maps if each], text.cells)
-        picks = self.users[node.index]
-        scalars = [node for node in picks if node.scalar]
-        self.body += [ir.declare(self.values.name_scalar(node)) for node in scalars]
-        mark = self.arena.mark()
-        strategy = strategy_of(text)
-        self.strategies[node.index] = strategy
+            held = [self.values.array_of(each) for each in node.arguments[-operation.weight_maps :]]
+            text.body += text.operands.own.declared([each for each in held if each], text.cells)
+        numbers = [(each, pick) for each, pick in self.picks[node.index] if each.scalar]
+        maps = [(each, pick) for each, pick in self.picks[node.index] if not each.scalar]
+        self.body += [ir.declare(self.values.name_scalar(each)) for each, _ in numbers]
+        top = self.arena.top
+        strategy = self.strategies[node.index] = strategy_of(text)
         figures = run(text, strategy)
-        wanted = {node.operation.what for node in picks if isinstance(node.operation, Pick)}
-        if "settled" in wanted and "settled" not in figures:
+        if "settled" not in figures and any(pick.what == "settled" for _, pick in numbers):
             settled_now(text, strategy)
             figures["settled"] = ir.pick(CHANGE <= ir.ONE, ir.ONE, ir.ZERO)
-        text.over_cells([self._pick_map(node, text) for node in picks if not node.scalar])
+        text.over_cells([self._pick_map(each, pick, text) for each, pick in maps])
         text.body += [
-            ir.Assign(self.values.variable(node), figures[node.operation.what])
-            for node in scalars
-            if isinstance(node.operation, Pick) and node.operation.what in FIGURES
+            ir.Assign(self.values.variable(each), figures[pick.what]) for each, pick in numbers
         ]
-        self.arena.release(mark)
+        self.arena.top = top
         self.body.append(ir.Block(tuple(text.body)))
 
     def _operands(self, node: Node, operation: Transient) -> Operands:
@@ -296,11 +284,9 @@ class Lowering:
         own = OwnNumbers.of(weights, operation.template) if operation.weight_maps else None
         return Operands(roles["input"], roles["previous"], roles["state"], roles["bias"], mask, own)
 
-    def _pick_map(self, node: Node, text: TransientBuilder) -> ir.Statement:
-        assert isinstance(node.operation, Pick)
-        state = X[text.at(node.operation.layer)]
-        shown = node.operation.what != "state"
-        return self.stored(node, text.output(state) if shown else state)
+    def _pick_map(self, node: Node, pick: Pick, text: TransientBuilder) -> ir.Statement:
+        state = X[text.at(pick.layer)]
+        return self.stored(node, state if pick.what == "state" else text.output(state))
 
 
 def _swept(node: Node) -> int:

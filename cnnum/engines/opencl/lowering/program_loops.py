@@ -11,35 +11,34 @@ if TYPE_CHECKING:
 
 CHANGED = ir.Name("changed")
 
+Picks = list[tuple[Node, Pick]]
 
-def lower_loop(lowering: "Lowering", node: Node, loop: Loop, picks: list[Node]) -> None:
+
+def lower_loop(lowering: "Lowering", node: Node, loop: Loop, picks: Picks) -> None:
     """Append a loop and give its picks the names of its results."""
+    values, tag = lowering.values, f"l{node.index}"
     start, *rest = node.arguments
-    tag = f"l{node.index}"
-    running, count = ir.Name(f"{tag}_running"), ir.Name(f"{tag}_count")
-    carried = {place: n for n in loop.parameters if (place := _place(n)) < CAPTURED}
-    _begin(lowering, carried, rest)
+    running, count = ir.names(f"{tag}_running {tag}_count")
+    carried: dict[int, Node] = {}
     for inner in loop.parameters:
-        if _place(inner) >= CAPTURED:
-            outer = rest[len(loop.results) + _place(inner) - CAPTURED]
-            lowering.values.alias(inner, lowering.values.read(outer))
-    begun = ((running, lowering.values.read(start)), (count, ir.ZERO))
+        assert isinstance(inner.operation, Parameter)
+        if (place := inner.operation.place) < CAPTURED:
+            carried[place] = inner
+        else:
+            values.alias(inner, values.read(rest[len(loop.results) + place - CAPTURED]))
+    _begin(lowering, carried, rest)
+    begun = ((running, values.read(start)), (count, ir.ZERO))
     lowering.body.append(ir.Declare("real", begun))
     outside, lowering.body = lowering.body, []
-    lowering.nodes(loop.nodes, kept=(*_kept(loop), *carried.values()))
+    results = (*loop.results, *([loop.again] if loop.again is not None else []))
+    lowering.nodes(loop.nodes, kept=(*results, *carried.values()))
     _advance(lowering, loop, carried, running, count)
+    for result in dict.fromkeys(results):
+        if result not in carried.values():
+            values.free_slot(result)
     rounds = ir.Counted(ir.Name(tag), 0, loop.limit, running, tuple(lowering.body))
     lowering.body = [*outside, rounds]
     _leave(lowering, carried, picks, running, count)
-
-
-def _place(node: Node) -> int:
-    assert isinstance(node.operation, Parameter)
-    return node.operation.place
-
-
-def _kept(loop: Loop) -> tuple[Node, ...]:
-    return (*loop.results, *([loop.again] if loop.again is not None else []))
 
 
 def _begin(lowering: "Lowering", carried: dict[int, Node], initial: list[Node]) -> None:
@@ -63,10 +62,6 @@ def _advance(
         lowering.over_cells(_moves(lowering, loop, moving, running), maps)
     again = CHANGED if loop.again is None else lowering.values.read(loop.again)
     lowering.body += [*numbers, ir.add(count, running), ir.Assign(running, again, "*=")]
-    own = {node.index for node in carried.values()}
-    for result in {n.index: n for n in _kept(loop)}.values():
-        if result.index not in own:
-            lowering.values.free_slot(result)
 
 
 def _moves(
@@ -86,23 +81,18 @@ def _moves(
 
 
 def _leave(
-    lowering: "Lowering",
-    carried: dict[int, Node],
-    picks: list[Node],
-    running: ir.Name,
-    count: ir.Name,
+    lowering: "Lowering", carried: dict[int, Node], picks: Picks, running: ir.Name, count: ir.Name
 ) -> None:
+    """Give picks the names of results, and give back the arrays of other carried values."""
     values = {"iterations": count, "finished": ir.pick(running.differs(ir.ZERO), ir.ZERO, ir.ONE)}
-    picked: set[int] = set()
-    for node in picks:
-        assert isinstance(node.operation, Pick)
-        if node.operation.what == "carried":
-            picked.add(node.operation.layer)
-            lowering.values.hand_over(carried[node.operation.layer], node)
+    left = dict(carried)
+    for node, pick in picks:
+        if pick.what == "carried":
+            lowering.values.hand_over(carried[pick.layer], node)
+            left.pop(pick.layer, None)
         else:
-            lowering.values.alias(node, values[node.operation.what])
-    for place, node in carried.items():
-        if place not in picked:
-            lowering.values.free_slot(node)
-    if not any(isinstance(p.operation, Pick) and p.operation.what == "finished" for p in picks):
+            lowering.values.alias(node, values[pick.what])
+    for node in left.values():
+        lowering.values.free_slot(node)
+    if not any(pick.what == "finished" for _, pick in picks):
         lowering.body.append(ir.Assign(UNFINISHED, ir.call("fmax", UNFINISHED, running)))

@@ -1,5 +1,6 @@
 """Where values live while a plan's kernel runs: arrays, their slots, and constant data."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,6 +20,12 @@ long there as in scratch. The program `contact` takes twice as long."""
 DATA = ir.Name("data")
 """The plan's constant numbers."""
 
+Place = tuple[slice, tuple[int, ...]]
+"""Where a value stands among a frame's numbers, and its shape."""
+
+Places = Mapping[str, Place]
+"""Of outputs, by their names."""
+
 UNFINISHED = ir.Name("unfinished")
 """Whether a transient or a loop of a frame did not reach its end."""
 
@@ -35,31 +42,30 @@ place of a page. Writing one there holds up reading another."""
 
 @dataclass(slots=True)
 class Arena:
-    """Hands out arrays of `real`: private ones, or pieces of global scratch for large arrays."""
+    """Hands out arrays of `real`: private ones, or pieces of global scratch for large arrays.
+
+    Attributes
+    ----------
+    private : bool
+    size : int
+        Numbers that were ever handed out at a time.
+    top : int
+        Where the next array begins; who sets it back gives back all that came since.
+    places : dict of str to int
+        Where arrays begin, by name.
+    """
 
     private: bool
     size: int = 0
-    _top: int = 0
+    top: int = 0
     places: dict[str, int] = field(default_factory=dict[str, int])
 
     def array(self, name: str, length: int) -> ir.Array:
         """Return the declaration of an array."""
-        start = self.places[name] = self._top
-        self._top += length if self.private else -(-length // ALIGNED) * ALIGNED + APART
-        self.size = max(self.size, self._top)
+        start = self.places[name] = self.top
+        self.top += length if self.private else -(-length // ALIGNED) * ALIGNED + APART
+        self.size = max(self.size, self.top)
         return ir.Array(ir.Name(name), length, None if self.private else MINE + start)
-
-    def mark(self) -> int:
-        """Return a mark to release to at the end of a block."""
-        return self._top
-
-    def release(self, mark: int) -> None:
-        """Give back the storage handed out since the mark."""
-        self._top = mark
-
-    def keep_all(self) -> None:
-        """Hand out from beyond all that was ever handed out."""
-        self._top = self.size
 
 
 @dataclass(slots=True)

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.engines.devices.shared_arrays import SharedArray, shared_array, shares_memory
-from cnnum.engines.opencl.lowering.kernel_source import TAKEN, Places
+from cnnum.engines.opencl.lowering.kernel_source import TAKEN
+from cnnum.engines.opencl.lowering.storage import Places
 from cnnum.engines.opencl.runtime.plan_kernels import PlanKernels
 from cnnum.engines.opencl.runtime.result_blocks import KeptBlock
 

@@ -13,7 +13,7 @@ from cnnum.engines.devices.device_trouble import run_failure
 from cnnum.engines.devices.shared_arrays import SharedArray
 from cnnum.engines.failures import refuse_unfinished
 from cnnum.engines.forks import LOST, refuse_after_fork
-from cnnum.engines.opencl.lowering.kernel_source import Places
+from cnnum.engines.opencl.lowering.storage import Places
 
 ONE_ITEM = (1,)
 
