@@ -94,8 +94,10 @@ class ReduceOp:
     name : str
     numpy : callable
         The reduction over the last two axes of float64 arrays.
-    start, step : str
-        OpenCL expressions: the value before the first cell, and the value after cell `a`.
+    start : str
+        An OpenCL expression: the value before the first cell.
+    how : str
+        How a cell is taken into the value, in any order: "+", or an OpenCL function of both.
     logic : bool
         The result is a logic value (global OR, global AND).
     """
@@ -103,13 +105,14 @@ class ReduceOp:
     name: str
     numpy: Callable[[Floats], Floats]
     start: str
-    step: str
+    how: str
     logic: bool = False
 
     def __post_init__(self) -> None:
         what = f"The OpenCL form of '{self.name}'"
         check_expression(what, self.start, (), ProgramError)
-        check_expression(what, self.step, ("total", "a"), ProgramError)
+        step = "total + a" if self.how == "+" else f"{self.how}(total, a)"
+        check_expression(what, step, ("total", "a"), ProgramError)
 
 
 def _sum(a: Floats) -> Floats:
@@ -124,8 +127,8 @@ def _smallest(a: Floats) -> Floats:
     return np.asarray(a.min(axis=(-2, -1)))
 
 
-SUM = ReduceOp("sum", _sum, "ZERO", "total + a")
-LARGEST = ReduceOp("largest", _largest, "-HUGE", "fmax(total, a)")
-SMALLEST = ReduceOp("smallest", _smallest, "HUGE", "fmin(total, a)")
-ANY = ReduceOp("any", _largest, "ZERO", "fmax(total, a)", logic=True)
-ALL = ReduceOp("all", _smallest, "ONE", "fmin(total, a)", logic=True)
+SUM = ReduceOp("sum", _sum, "ZERO", "+")
+LARGEST = ReduceOp("largest", _largest, "-HUGE", "fmax")
+SMALLEST = ReduceOp("smallest", _smallest, "HUGE", "fmin")
+ANY = ReduceOp("any", _largest, "ZERO", "fmax", logic=True)
+ALL = ReduceOp("all", _smallest, "ONE", "fmin", logic=True)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.lowering.program import FRAME, LAST, MEMORY, Lowering
+from cnnum.engines.opencl.lowering.program import FIRST, FRAME, LAST, MEMORY, Lowering
 from cnnum.engines.opencl.lowering.storage import (
     PRIVATE_CELLS,
     UNFINISHED,
@@ -17,8 +17,6 @@ from cnnum.engines.opencl.lowering.storage import (
     Places,
     Tables,
     Values,
-    placed_name,
-    slot_name,
 )
 from cnnum.engines.opencl.text import WIDE_BYTES, fill, indented
 from cnnum.graph.nodes import Node
@@ -29,8 +27,8 @@ from cnnum.kernels.launch_plan import LaunchPlan
 from cnnum.kernels.number_types import NumberType
 from cnnum.kernels.opencl import OpenCLPrinter
 
-OUTPUT = ir.Name("output")
-"""The buffer of results."""
+OUTPUT, IS_FIRST = ir.names("output is_first")
+"""The buffer of results, and the host's word for the first frame of a stream."""
 
 Key = TypeVar("Key", str, int)
 
@@ -129,27 +127,17 @@ def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     form = form_of(schedule.cells)
     arena = Arena(private=form.private)
     outputs, used = _places(schedule, schedule.outputs)
-    size = used + 1
+    size = used + 1  # the last one is `unfinished`
     memories = {number: memory.read for number, memory in schedule.memories.items()}
-    tables.split = form.split
-    placed: dict[int, int] = {}
-    for name, node in schedule.outputs.items():
-        if form.split and not node.scalar:  # of equal outputs, the first
-            placed.setdefault(node.index, outputs[name][0].start)
-    values, places = Values(tables, placed), _places(schedule, memories)
-    lowering = Lowering(schedule, solvers, tables, arena, values, *places)
+    values = Values(tables, _among_outputs(schedule, outputs, size) if form.split else {})
+    first = ir.real(IS_FIRST) if form.split else FIRST
+    places = _places(schedule, memories)
+    lowering = Lowering(schedule, solvers, tables, arena, values, first, *places)
     lowering.lower()
     writes = _write_outputs(lowering, outputs, size)
     arena.top = arena.size
-    slots = [
-        arena.array(slot_name(k).text, maps * schedule.cells)
-        for k, maps in enumerate(lowering.values.slots)
-    ]
-    slots += [
-        ir.Array(placed_name(at), schedule.cells, OUTPUT + ir.Cast("size_t", FRAME) * size + at)
-        for at in placed.values()
-    ]
-    body: list[ir.Statement] = [*slots, *lowering.body, *writes]
+    slots = [arena.array(slot.text, maps * schedule.cells) for slot, maps in values.slots.items()]
+    body: list[ir.Statement] = [*slots, *values.placed.values(), *lowering.body, *writes]
     parts = None
     own = "\n".join([tables.text, *dict.fromkeys(tables.strips)])
     if form.split:
@@ -201,6 +189,21 @@ def _places(schedule: Schedule, nodes: Mapping[Key, Node]) -> tuple[dict[Key, Pl
     return places, at
 
 
+def _among_outputs(schedule: Schedule, outputs: Places, size: int) -> dict[int, ir.Array]:
+    """Return the maps that are written to where outputs stand: of equal ones, to the first."""
+    frame, found = OUTPUT + ir.Cast("size_t", FRAME) * size, dict[int, ir.Array]()
+    for name, node in schedule.outputs.items():
+        at = outputs[name][0].start
+        if not node.scalar:
+            array = ir.Array(_placed_name(at), schedule.cells, frame + at)
+            found.setdefault(node.index, array)
+    return found
+
+
+def _placed_name(at: int) -> ir.Name:
+    return ir.Name(f"out{at}")
+
+
 def _write_outputs(lowering: Lowering, places: Places, size: int) -> list[ir.Statement]:
     """Return the statements that write outputs, and the new values of memories."""
     schedule, values = lowering.schedule, lowering.values
@@ -214,7 +217,7 @@ def _write_outputs(lowering: Lowering, places: Places, size: int) -> list[ir.Sta
         value = values.read(node)
         if node.scalar:
             numbers.append(scattered(base + at, stride, value))
-        elif base != OUTPUT or value != placed_name(at)[ir.CELL]:  # it may be there
+        elif base != OUTPUT or value != _placed_name(at)[ir.CELL]:  # it may be there
             store = scattered(base + at + ir.CELL, stride, value)
             maps.setdefault(schedule.size_of(node), []).append(store)
 

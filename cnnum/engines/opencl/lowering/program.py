@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.dense_products import product
 from cnnum.engines.opencl.lowering.program_loops import lower_loop
-from cnnum.engines.opencl.lowering.read_outs import begun, chained, chains, rounds, step, taken_in
+from cnnum.engines.opencl.lowering.read_outs import chained, chains, step
 from cnnum.engines.opencl.lowering.storage import Arena, Place, Tables, Values
 from cnnum.engines.opencl.transients.builder import Operands, OwnNumbers, TransientBuilder, X
 from cnnum.engines.opencl.transients.state_equation import CHANGE
 from cnnum.engines.opencl.transients.strategies import Strategy, run, settled_now, strategy_of
+from cnnum.graph.elementwise import ReduceOp
 from cnnum.graph.nodes import (
     Apply,
     FirstFrame,
@@ -31,8 +32,8 @@ from cnnum.kernels.formulas import formula
 FRAME, LAST = ir.names("frame last")
 """The first frame of a work item, and the batch's last."""
 
-INPUT, MEMORY, FIRST, IS_FIRST = ir.names("input memory first is_first")
-"""Buffers, and whether the frame is the first of its stream: a real, and an int of the host's."""
+INPUT, MEMORY, FIRST = ir.names("input memory first")
+"""Buffers, and whether the frame is the first of its stream."""
 
 K = ir.Name("k")
 
@@ -51,6 +52,8 @@ class Lowering:
     tables : Tables
     arena : Arena
     values : Values
+    first : Expression
+        Whether the frame is the first of its stream.
     memories : mapping of int to Place
         Where memories stand among the numbers of a frame that stay on the device.
     memory_size : int
@@ -70,6 +73,7 @@ class Lowering:
     tables: Tables
     arena: Arena
     values: Values
+    first: ir.Expression
     memories: Mapping[int, Place]
     memory_size: int
     body: list[ir.Statement] = field(default_factory=list[ir.Statement])
@@ -128,7 +132,7 @@ class Lowering:
         if isinstance(operation, Input | Read):
             self._load(node, operation)
         elif isinstance(operation, FirstFrame):
-            self.values.alias(node, ir.real(IS_FIRST) if self.tables.split else FIRST)
+            self.values.alias(node, self.first)
         elif isinstance(operation, Transient):
             self._transient(node, operation)
         elif isinstance(operation, Loop):
@@ -180,7 +184,7 @@ class Lowering:
                 if self.last_use[node.index] not in inside or node in sources:
                     kept.append((node, name))
             elif isinstance(node.operation, Reduce) and not by_vectors:
-                loop.append(self._step(node, node.operation, arguments[0]))
+                loop.append(self._step(node, node.operation.function, arguments[0]))
         # only now: within the loop a value is read by its name, before its slot is written
         loop += [self.stored(node, name) for node, name in kept]
         # maps that lie elsewhere are copied: functions take private arrays
@@ -204,17 +208,18 @@ class Lowering:
             self.body.append(ir.fixed(self.values.name_scalar(node), ir.call(name, array)))
         self.values.free_slot(node)
 
-    def _step(self, node: Node, operation: Reduce, value: ir.Expression) -> ir.Statement:
+    def _step(self, node: Node, function: ReduceOp, value: ir.Expression) -> ir.Statement:
         """Return the statement that takes a cell into a read-out, which begins here."""
-        function, count = operation.function, chains(self.schedule.cells)
-        if self.in_chains and rounds(function):
-            slot = self.values.take_slot(node)
-            self.body.append(ir.Loop(K, count, (ir.Assign(slot[K], begun(function)),)))
+        begun = formula(function.start)
+        # the order matters to sums alone: the result of others is one of the numbers
+        if self.in_chains and function.how == "+":
+            slot, count = self.values.take_slot(node), chains(self.schedule.cells)
+            self.body.append(ir.Loop(K, count, (ir.Assign(slot[K], begun),)))
             chain = slot[ir.CELL % count]
             return ir.Assign(chain, step(function, chain, value))
         total = self.values.name_scalar(node)
-        self.body.append(ir.declare(total, begun(function)))
-        return taken_in(function, total, value)
+        self.body.append(ir.declare(total, begun))
+        return ir.Accumulate(total, function.how, value)
 
     # inputs
 

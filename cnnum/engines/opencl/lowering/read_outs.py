@@ -8,8 +8,7 @@ plan sums up in the same order. So a frame's results do not depend on its neighb
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.engines.opencl.text import filled
-from cnnum.graph.elementwise import SUM, ReduceOp
-from cnnum.kernels.formulas import formula
+from cnnum.graph.elementwise import ReduceOp
 
 CHAIN, NUMBERS, K, AT = ir.names("chain numbers k at")
 
@@ -20,11 +19,6 @@ CHAINS = 8
 def chains(cells: int) -> int:
     """Return how many chains read out an array, or a stack of them."""
     return min(CHAINS, cells)
-
-
-def rounds(function: ReduceOp) -> bool:
-    """Return whether the order matters: the result of others is one of the numbers."""
-    return function is SUM
 
 
 def chained(tables: Tables, function: ReduceOp, count: int, cells: int) -> str:
@@ -56,28 +50,7 @@ def chained(tables: Tables, function: ReduceOp, count: int, cells: int) -> str:
 
 def step(function: ReduceOp, total: ir.Expression, value: ir.Expression) -> ir.Expression:
     """Return a total after one more value."""
-    return formula(function.step, total=total, a=value)
-
-
-def taken_in(function: ReduceOp, total: ir.Name, value: ir.Expression) -> ir.Accumulate:
-    """Return the statement that takes a value into a total.
-
-    Raises
-    ------
-    ValueError
-        If the order of the values matters in another way than by rounding.
-    """
-    new = step(function, total, value)
-    if isinstance(new, ir.Binary) and (new.sign, new.left) == ("+", total):
-        return ir.Accumulate(total, "+", value)
-    if isinstance(new, ir.Call) and new.arguments == (total, value):
-        return ir.Accumulate(total, new.function, value)
-    raise ValueError(f"The read-out '{function.name}' takes values in as no sweep can.")
-
-
-def begun(function: ReduceOp) -> ir.Expression:
-    """Return a total before the first value."""
-    return formula(function.start)
+    return total + value if function.how == "+" else ir.call(function.how, total, value)
 
 
 def _body(function: ReduceOp, count: int, width: int) -> list[ir.Statement]:

@@ -84,8 +84,6 @@ class Tables:
         Cache of a core that keeps up with its arithmetic.
     by_vectors : bool
         Whether a work item's arithmetic goes by vectors, as a processor's does.
-    split : bool
-        Whether every sweep is a kernel of its own.
     types : dict of str to str
         Texts of further types and functions that the kernel uses, by name.
     strips : list of str
@@ -97,7 +95,6 @@ class Tables:
     width: int
     near_bytes: int
     by_vectors: bool
-    split: bool = False
     types: dict[str, str] = field(default_factory=dict[str, str])
     strips: list[str] = field(default_factory=list[str])
     _tables: dict[str, str] = field(default_factory=dict[str, str])
@@ -157,16 +154,6 @@ class Tables:
         return flat.astype(self.dtype)
 
 
-def placed_name(at: int) -> ir.Name:
-    """Return the name of the map that stands there among a frame's outputs."""
-    return ir.Name(f"out{at}")
-
-
-def slot_name(number: int) -> ir.Name:
-    """Return the name of the array of a slot."""
-    return ir.Name(f"s{number}")
-
-
 @dataclass(slots=True)
 class Values:
     """Expressions of nodes' values in cell `i`; maps share slots once they are dead.
@@ -174,19 +161,19 @@ class Values:
     Attributes
     ----------
     tables : Tables
-    placed : dict of int to int
-        Where maps, by the index of their node, stand among a frame's outputs: those are written
+    placed : mapping of int to Array
+        Maps, by the index of their node, that stand among a frame's outputs: those are written
         there, and not to a slot.
-    slots : list of int
+    slots : dict of Name to int
         How many maps each slot holds.
     """
 
     tables: Tables
-    placed: dict[int, int] = field(default_factory=dict[int, int])
+    placed: Mapping[int, ir.Array]
+    slots: dict[ir.Name, int] = field(default_factory=dict[ir.Name, int])
     _values: dict[int, ir.Expression] = field(default_factory=dict[int, ir.Expression])
-    _slots: dict[int, int] = field(default_factory=dict[int, int])
-    _free: list[int] = field(default_factory=list[int])
-    slots: list[int] = field(default_factory=list[int])
+    _held: dict[int, ir.Name] = field(default_factory=dict[int, ir.Name])
+    _free: list[ir.Name] = field(default_factory=list[ir.Name])
 
     def read(self, node: Node) -> ir.Expression:
         """Return the expression for a node's value in cell `i`."""
@@ -215,34 +202,28 @@ class Values:
     def take_slot(self, node: Node) -> ir.Name:
         """Return the name of the array that holds this map, or stack, from now on."""
         if node.index in self.placed:
-            name = placed_name(self.placed[node.index])
-            self._values[node.index] = name[ir.CELL]
-            return name
-        fits = [slot for slot in self._free if self.slots[slot] == node.maps]
-        if fits:
-            slot = fits[-1]
-            self._free.remove(slot)
+            name = self.placed[node.index].name
         else:
-            slot = len(self.slots)
-            self.slots.append(node.maps)
-        self._slots[node.index] = slot
-        name = slot_name(slot)
+            fits = [slot for slot in self._free if self.slots[slot] == node.maps]
+            name = fits[-1] if fits else ir.Name(f"s{len(self.slots)}")
+            if fits:
+                self._free.remove(name)
+            self.slots[name] = node.maps
+            self._held[node.index] = name
         self._values[node.index] = name[ir.CELL]
         return name
 
     def array_of(self, node: Node) -> ir.Name | None:
         """Return the name of the array that holds a node's value alone, None without one."""
-        slot = self._slots.get(node.index)
-        return None if slot is None else slot_name(slot)
+        return self._held.get(node.index)
 
     def hand_over(self, old: Node, new: Node) -> None:
         """Let another node have the name, and the array, of a value."""
         self._values[new.index] = self._values[old.index]
-        if old.index in self._slots:
-            self._slots[new.index] = self._slots.pop(old.index)
+        if old.index in self._held:
+            self._held[new.index] = self._held.pop(old.index)
 
     def free_slot(self, node: Node) -> None:
         """Give back the array of a map that nothing reads any more."""
-        slot = self._slots.pop(node.index, None)
-        if slot is not None:
-            self._free.append(slot)
+        if node.index in self._held:
+            self._free.append(self._held.pop(node.index))
