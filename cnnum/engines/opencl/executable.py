@@ -20,7 +20,7 @@ from cnnum.engines.forks import refuse_after_fork
 from cnnum.engines.opencl.lowering.kernel_source import KernelSource, lower
 from cnnum.engines.opencl.lowering.storage import Tables
 from cnnum.engines.opencl.runtime.host_exchange import Exchange, exchanges
-from cnnum.engines.opencl.runtime.launch_runner import LaunchRunner, WholeRunner
+from cnnum.engines.opencl.runtime.launch_runner import LaunchRunner, Runner, WholeRunner
 from cnnum.engines.opencl.runtime.plan_kernels import PlanKernels
 from cnnum.engines.opencl.runtime.single_frame import OneFrame
 from cnnum.graph.schedule import Schedule
@@ -44,6 +44,10 @@ FLUSH = "-cl-denorms-are-zero"
 on Intel's processors steps of float64 between denormals take 20 to 100 times as long."""
 
 
+_Site = tuple[int, cl.CommandQueue]
+"""Where frames run: how many side by side in a work item, and the queue."""
+
+
 @dataclass(slots=True, eq=False)
 class _Built:
     """The kernels of a plan with their constant data."""
@@ -51,7 +55,7 @@ class _Built:
     text: KernelSource
     kernels: PlanKernels
     data: cl.Buffer
-    runner: WholeRunner | LaunchRunner
+    runner: Runner
     exchange: Exchange
 
 
@@ -96,13 +100,9 @@ class OpenCLExecutable:
     wide_lanes: int
     near_bytes: int
     _texts: dict[int, KernelSource] = field(default_factory=dict[int, KernelSource])
-    _built: dict[tuple[int, cl.CommandQueue], _Built] = field(
-        default_factory=dict[tuple[int, cl.CommandQueue], _Built]
-    )
+    _built: dict[_Site, _Built] = field(default_factory=dict[_Site, _Built])
     _arrays: dict[int, _Arrays] = field(default_factory=dict[int, _Arrays])
-    _no_memory: dict[cl.CommandQueue, SharedArray] = field(
-        default_factory=dict[cl.CommandQueue, SharedArray]
-    )
+    _no_memory: dict[_Site, SharedArray] = field(default_factory=dict[_Site, SharedArray])
     _bound: tuple[object, ...] = ()
     _turn: RLock = field(default_factory=RLock)
 
@@ -150,13 +150,13 @@ class OpenCLExecutable:
     def new_memory(self, batch: int) -> object:
         """Return cleared memories on the device; the same for all where a plan has none."""
         with self._guarded():
-            queue = self.queue_for(batch)
-            size = batch * self._text(self.lanes_for(batch)).memory_size
+            site = lanes, queue = self.lanes_for(batch), self.queue_for(batch)
+            size = batch * self._text(lanes).memory_size
             if size:
                 return shared_array(queue, size, self.dtype)
-            if queue not in self._no_memory:
-                self._no_memory[queue] = shared_array(queue, 0, self.dtype)
-            return self._no_memory[queue]
+            if site not in self._no_memory:
+                self._no_memory[site] = shared_array(queue, 0, self.dtype)
+            return self._no_memory[site]
 
     def held(self, memory: object, batch: int) -> tuple[NDArray[np.floating], ...]:
         """Return the values of memories, as the host sees it."""
@@ -180,15 +180,11 @@ class OpenCLExecutable:
         with self._guarded():
             built = self._build(1)
             arrays = self._new_arrays(1, built)
-        return OneFrame(
-            built.kernels.queue,
-            cl.Kernel(built.kernels.program, "plan"),
-            arrays.input,
-            arrays.output,
-            arrays.arguments(memory, built.data),
-            (*self.schedule.shape, len(self.schedule.channels_read)),
-            built.text.outputs,
-        )
+        kernels, given, taken = built.kernels, arrays.input, arrays.output
+        kernel, arguments = kernels.separate("plan"), arrays.arguments(memory, built.data)
+        shape = (*self.schedule.shape, len(self.schedule.channels_read))
+        places = built.text.outputs
+        return OneFrame(kernels.queue, kernel, given, taken, arguments, shape, places)
 
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
@@ -273,25 +269,22 @@ class OpenCLExecutable:
 
     def _build(self, batch: int) -> _Built:
         """Return the kernels for a number of frames."""
-        lanes, queue = self.lanes_for(batch), self.queue_for(batch)
-        if (lanes, queue) not in self._built:
+        site = lanes, queue = self.lanes_for(batch), self.queue_for(batch)
+        if site not in self._built:
             text = self._text(lanes)
             try:
                 program = build_program(queue.context, text.source, [QUIET, FLUSH])
             except cl.RuntimeError as error:
                 raise build_failure(text.source, error, queue.device) from error
-            kernels = PlanKernels(queue, program)
             flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-            self._built[lanes, queue] = _Built(
-                text,
-                kernels,
-                cl.Buffer(queue.context, flags, hostbuf=text.data),
-                WholeRunner(kernels, lanes)
-                if text.parts is None
-                else LaunchRunner(kernels, text.parts, self.dtype),
-                Exchange(kernels, self.dtype),
-            )
-        return self._built[lanes, queue]
+            data = cl.Buffer(queue.context, flags, hostbuf=text.data)
+            kernels = PlanKernels(queue, program)
+            runner: Runner = WholeRunner(kernels, lanes)
+            if text.parts is not None:
+                runner = LaunchRunner(kernels, text.parts, self.dtype)
+            exchange = Exchange(kernels, self.dtype)
+            self._built[site] = _Built(text, kernels, data, runner, exchange)
+        return self._built[site]
 
     def _new_arrays(self, batch: int, built: _Built) -> _Arrays:
         queue, itemsize = built.kernels.queue, self.dtype.itemsize

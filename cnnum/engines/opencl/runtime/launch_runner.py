@@ -138,6 +138,10 @@ class LaunchRunner:
         self.kernels.launch(steps.strips.kernel, (pieces * self._batch,), *arguments)
 
 
+Runner = WholeRunner | LaunchRunner
+"""Both bind the plan's own arrays, for a number of frames, and run."""
+
+
 def _launched(parts: Iterable[LaunchStep]) -> Iterator[str]:
     """Yield the kernels of the parts, and of those that are repeated."""
     for part in parts:

@@ -22,8 +22,12 @@ class PlanKernels:
 
     def __getitem__(self, name: str) -> cl.Kernel:
         if name not in self._made:
-            self._made[name] = cl.Kernel(self.program, name)
+            self._made[name] = self.separate(name)
         return self._made[name]
+
+    def separate(self, name: str) -> cl.Kernel:
+        """Return a kernel that keeps arguments of its own."""
+        return cl.Kernel(self.program, name)
 
     def launch(self, name: str, items: tuple[int, ...], *arguments: Any) -> None:
         """Launch a kernel in groups of one item; without arguments, those set before stay."""
