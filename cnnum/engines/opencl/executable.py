@@ -183,8 +183,9 @@ class OpenCLExecutable:
         kernels, given, taken = built.kernels, arrays.input, arrays.output
         kernel, arguments = kernels.separate("plan"), arrays.arguments(memory, built.data)
         shape = (*self.schedule.shape, len(self.schedule.channels_read))
+        numbers = given.host[: math.prod(shape)].reshape(shape)
         places = built.text.outputs
-        return OneFrame(kernels.queue, kernel, given, taken, arguments, shape, places)
+        return OneFrame(kernels.queue, kernel, given, taken, arguments, numbers, places)
 
     def run(
         self, frames: NDArray[np.floating], memory: object, *, first: bool
@@ -220,8 +221,7 @@ class OpenCLExecutable:
             if not built.exchange.take(maps, lead, arrays.input):
                 return None
             self._launch(built, arrays, self.new_memory(batch), batch, first=True)
-            text = built.text
-            given = built.exchange.give(arrays.output, text.output_size, text.outputs, batch)
+            given = built.exchange.give(arrays.output, built.text.outputs, batch)
             refuse_unfinished(arrays.output.host.reshape(batch, -1)[:, -1])
             return given
 

@@ -74,21 +74,20 @@ class Exchange:
         return not seen.host.any()
 
     def give(
-        self, output: SharedArray, size: int, places: Places, batch: int
+        self, output: SharedArray, places: Places, batch: int
     ) -> tuple[dict[str, Floats], bool]:
         """Return results as doubles, and whether all are finite.
 
         Parameters
         ----------
         output : SharedArray
-        size : int
-            Its numbers a frame.
         places : Places
-            Of the results in them.
+            Of the results in a frame's numbers.
         batch : int
         """
         seen = self._unseen(batch)
-        frames = output.host.reshape(batch, size)
+        frames = output.host.reshape(batch, -1)
+        size = np.int64(frames.shape[1])
         results: dict[str, Floats] = {}
         numbers: dict[str, slice] = {}
         held: list[cl.Buffer] = []
@@ -103,10 +102,9 @@ class Exchange:
             del block
             buffer = self._buffer(results[name], cl.mem_flags.WRITE_ONLY)
             held.append(buffer)
-            of = (output.argument, np.int64(size), np.int64(where.start))
+            of = (output.argument, size, np.int64(where.start))
             to = (buffer, np.int64(count), seen.argument)
             self.kernels.launch("give", (PIECES, batch), *of, *to)
-        for buffer in held:
             self._let_see(buffer)
         seen.pull(self.kernels.queue)
         read = {name: frames[:, at.start].astype(np.float64) for name, at in numbers.items()}

@@ -1,6 +1,5 @@
 """The quick way of a single frame: everything that can be done before it comes is done once."""
 
-import math
 from dataclasses import InitVar, dataclass, field
 from typing import Any
 
@@ -30,8 +29,8 @@ class OneFrame:
     input, output : SharedArray
     arguments : tuple
         The kernel's, but for the number of frames and whether it is the first.
-    shape : (rows, cols, channels)
-        Of the numbers that travel to the device.
+    given : (rows, cols, channels) float
+        The numbers of `input` that travel to the device.
     places : Places
         Of the outputs in the numbers that come back; the last of them says whether a transient or
         a loop did not reach its end.
@@ -42,20 +41,17 @@ class OneFrame:
     input: SharedArray
     output: SharedArray
     arguments: tuple[Any, ...]
-    shape: tuple[int, int, int]
+    given: NDArray[np.floating]
     places: InitVar[Places]
-    packed: Floats = field(init=False)
-    _given: NDArray[np.floating] = field(init=False)
+    packed: Floats = field(default_factory=lambda: np.zeros(0))
     _first: bool | None = None
     _places: list[tuple[str, slice | int, tuple[int, ...] | None]] = field(init=False)
 
     def __post_init__(self, places: Places) -> None:
-        self._given = self.input.host[: math.prod(self.shape)].reshape(self.shape)
         self._places = [
             (name, at, shape) if shape else (name, at.start, None)
             for name, (at, shape) in places.items()
         ]
-        self.packed = np.zeros(len(self.output.host))
 
     def run(self, values: NDArray[np.floating], *, first: bool) -> dict[str, Floats]:
         """Run a frame; the outputs are views of `packed`, which is new for every frame.
@@ -69,7 +65,7 @@ class OneFrame:
         """
         if LOST.opencl:
             refuse_after_fork()
-        self._given[...] = values
+        self.given[...] = values
         self.input.push(self.queue)
         if first is not self._first:
             self.kernel.set_args(*self.arguments, np.int32(1), np.int32(first))
