@@ -1,4 +1,4 @@
-"""Records of kernels: their text, their names, and how they are split."""
+"""Records of kernels: their text and their names."""
 
 import numpy as np
 import pytest
@@ -6,13 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import cnnum
-from cnnum.engines.opencl.transients.builder import ROW
 from cnnum.engines.opencl.transients.strategies import STRATEGIES
 from cnnum.graph.nodes import RunSpec
 from cnnum.kernels.expressions import (
     CELL,
     ONE,
-    ZERO,
     Binary,
     Choice,
     Integer,
@@ -25,22 +23,14 @@ from cnnum.kernels.expressions import (
     shifted,
 )
 from cnnum.kernels.formulas import formula
-from cnnum.kernels.kernel_split import split_kernels
-from cnnum.kernels.launch_plan import Launch, Rounds
 from cnnum.kernels.number_types import FLOAT32, FLOAT64, in_vectors
 from cnnum.kernels.opencl import OpenCLPrinter
 from cnnum.kernels.statements import (
     Accumulate,
-    Array,
     Assign,
-    Block,
-    Branch,
-    Counted,
     Store,
     Verbatim,
-    declare,
     fixed,
-    sweep,
 )
 from cnnum.kernels.uses import uses
 
@@ -122,35 +112,6 @@ def test_names_of_statements_are_fields():
     assert found.names == ("x", "i", "total", "b")
     assert found.taken_in == {"total": "+"}
     assert found.changed == {"b"}
-
-
-def test_statements_are_split_at_their_sweeps():
-    """A sum is gathered in the order of its pieces; the host repeats rounds."""
-    rounds = Counted(Name("n"), 0, 5, None, (sweep(ROW, 7, [Accumulate(TOTAL, "+", X[ROW])]),))
-    body = [Array(X, 7, Name("mine") + 0), declare(TOTAL, ZERO), rounds]
-    plan, kernels = split_kernels(body, 7)
-    begin, repeated = plan.parts
-    assert isinstance(begin, Launch)
-    assert isinstance(repeated, Rounds)
-    assert repeated.count == 5
-    assert [part.pieces for part in repeated.parts] == [7, 1]
-    assert plan.partials == 7
-    assert [kernel.name for kernel in kernels] == ["part_0", "part_1", "part_2"]
-    text = PRINTER.lines(kernels[1].body)
-    assert "total_0 = piece == 0 ? total_0 : ZERO;" in text
-
-
-def test_a_sweep_may_not_change_what_pieces_share():
-    body = [declare(TOTAL, ZERO), sweep(CELL, 9, [Assign(TOTAL, Number(2.0))])]
-    with pytest.raises(ValueError, match="no pieces"):
-        split_kernels(body, 3)
-
-
-def test_names_end_with_their_block():
-    """Two blocks' variables of one name are two registers."""
-    inner = Block((declare(A, ONE), Assign(B, A)))
-    plan, _ = split_kernels([declare(B, ZERO), inner, Branch(B > ZERO, (inner,))], 3)
-    assert plan.registers == 4  # b, both a, and the branch's condition
 
 
 def test_every_scheme_has_a_strategy_that_always_fits():
