@@ -83,11 +83,6 @@ FORMS = (
 """In their order: the first that fits is taken."""
 
 
-def form_of(cells: int) -> Form:
-    """Return the form of a plan for a number of cells."""
-    return next(form for form in FORMS if form.fits(cells))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class KernelSource:
     """A plan's kernel and the content of its buffers.
@@ -124,7 +119,7 @@ class KernelSource:
 
 def lower(schedule: Schedule, solvers: Solvers, tables: Tables) -> KernelSource:
     """Return the kernel text of a schedule, with tables that hold nothing yet."""
-    form = form_of(schedule.cells)
+    form = next(form for form in FORMS if form.fits(schedule.cells))
     arena = Arena(private=form.private)
     outputs, used = _places(schedule, schedule.outputs)
     size = used + 1  # the last one is `unfinished`
