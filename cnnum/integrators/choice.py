@@ -261,7 +261,7 @@ class _Choice:
         steps = {method.name: self._adaptive(method, bounds[method], found) for method in PAIRS}
         # a pair without a stable step is taken where no other has one either
         stable = [m for m in PAIRS if bounds[m] > 0.0] or [*PAIRS]
-        methods = [pair(method, steps[method.name].longest) for method in stable]
+        methods = [pair(method, steps[method.name]) for method in stable]
         if self._has_stages(found):
             methods.append(chebyshev(CHEBYSHEV, found.fastest))
         if not self.duration:
@@ -273,6 +273,9 @@ class _Choice:
         efforts = [effort(method, known) for method in methods]
         best = min(efforts, key=lambda one: one.evaluations)
         reason = _against(best, efforts)
+        surest = next((one for one in efforts if one.name == DORMAND_PRINCE.name), best)
+        if known.bends and not self.settle and not surest.stable and best is not surest:
+            best, reason = surest, f"{_against(surest, efforts)}, which see bends of the rates less"
         if best.name == CHEBYSHEV:
             stages, about, _ = self._chebyshev(found)
             return stages, f"{reason}; {about}", False
@@ -284,7 +287,9 @@ class _Choice:
         first = 0.1 * min(longest, 1.0 / found.fastest) if found.fastest else 0.1 * longest
         share = 0.8 if self.settle else 1.0
         safe = share * bound if 0.0 < bound < math.inf else self.duration
-        return AdaptiveSteps((method,), first, self.settle, min(safe, self.duration))
+        # at a rest the errors of the way have decayed
+        bends = not (self.template.output.smooth or self.settle)
+        return AdaptiveSteps((method,), first, self.settle, min(safe, self.duration), bends)
 
     def _has_stages(self, found: Spectrum) -> bool:
         steady = self.template.plain and not self.template.output.limited

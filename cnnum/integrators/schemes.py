@@ -101,6 +101,9 @@ class AdaptiveSteps:
     longest: float
     """No step is longer: at the stability bound a decay bounces instead of settling, by less than
     the error estimate sees."""
+    bends: bool = False
+    """Whether the truncation error is kept within the tolerances, too: where rates bend, the
+    embedded method's estimate may vanish."""
 
     @property
     def tableau(self) -> Pair:

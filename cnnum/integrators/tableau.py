@@ -231,19 +231,29 @@ class ButcherTableau:
     @cached_property
     def estimate_bent(self) -> float:
         """Error estimate of a step in which the rate bends by one a time, over h², on average."""
-        return self._mean_estimate(lambda since: np.maximum(since, 0.0))
+        return self._mean_estimate((self.error,), _bent)
 
     @cached_property
     def estimate_jumped(self) -> float:
         """Error estimate of a step in which the rate jumps by one, over h, on average."""
-        return self._mean_estimate(lambda since: since > 0.0)
+        return self._mean_estimate((self.error,), _jumped)
 
-    def _mean_estimate(self, rate: Callable[[Floats], Floats | NDArray[np.bool_]]) -> float:
+    @cached_property
+    def truncation_bent(self) -> float:
+        """Truncation error of a step in which the rate bends by one a time, over h²."""
+        return self._mean_estimate(self.truncation, _bent)
+
+    @cached_property
+    def truncation_jumped(self) -> float:
+        """Truncation error of a step in which the rate jumps by one, over h."""
+        return self._mean_estimate(self.truncation, _jumped)
+
+    def _mean_estimate(self, rows: tuple[Row, ...], rate: Callable[[Floats], Floats]) -> float:
         """Average over the places in a step where the rate may change."""
         times = np.array([float(sum(row)) for row in self.a])
         since = times - np.linspace(0.0, 1.0, 1001)[:, np.newaxis]
-        weights = np.array([float(e) for e in self.error])
-        return float(np.abs(rate(since) @ weights).mean())
+        weights = np.array([[float(e) for e in row] for row in rows])
+        return float(np.abs(rate(since) @ weights.T).sum(axis=1).mean())
 
     @cached_property
     def real_stability(self) -> float:
@@ -274,6 +284,14 @@ class ButcherTableau:
             powers.append(float(b @ vector))
             vector = a @ vector
         return powers[::-1]
+
+
+def _bent(since: Floats) -> Floats:
+    return np.maximum(since, 0.0)
+
+
+def _jumped(since: Floats) -> Floats:
+    return np.where(since > 0.0, 1.0, 0.0)
 
 
 EULER = ButcherTableau("euler", (_row(""),), _row("1"), 1)

@@ -34,7 +34,11 @@ def method_settings(template: Template, solver: Solver, dtype: Real) -> dict[str
     if isinstance(scheme, FixedSteps):
         return settings | _fixed(template, scheme)
     if isinstance(scheme, AdaptiveSteps):
-        own = {"scheme": codes.ADAPTIVE, "stages": scheme.tableau.stages}
+        own = {
+            "scheme": codes.ADAPTIVE,
+            "stages": scheme.tableau.stages,
+            "bends": scheme.bends,
+        }
         return settings | _controlled(scheme) | own
     if isinstance(scheme, ChebyshevSteps):
         return settings | _controlled(scheme) | _chebyshev(scheme)

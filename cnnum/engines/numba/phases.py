@@ -87,16 +87,19 @@ def _judge(plan: Plan, work: Reals, layer: Any, step: Any, lo: Any, hi: Any, fou
     _combine(plan, layer, codes.ERRORS, work, step, lo, errors)
     if plan.settings[0].scheme == codes.CHEBYSHEV:
         _miss(work, step, lo, errors)
-    for i in range(errors.size):
-        worst = max(worst, abs(errors[i]) / (atol + rtol * max(abs(state[i]), abs(moved[i]))))
-        speed = max(speed, abs(slope[i]))
-    added = real(plan.settings[0].rounding) * np.abs(moved)
+    off, added = np.abs(errors), np.zeros_like(errors)
     if plan.settings[0].scheme == codes.CHEBYSHEV:
-        added += np.abs(errors)
+        added += off
     for row in range(codes.STAGES + last + 1, plan.tableau.shape[1]):
         errors[:] = 0
         _combine(plan, layer, row, work, step, lo, errors)
         added += np.abs(errors)
+    if plan.settings[0].bends:
+        off = np.maximum(off, added)
+    for i in range(errors.size):
+        worst = max(worst, off[i] / (atol + rtol * max(abs(state[i]), abs(moved[i]))))
+        speed = max(speed, abs(slope[i]))
+    added += real(plan.settings[0].rounding) * np.abs(moved)
     found[0], found[1], found[3] = worst, added.max(), speed
     found[2] = _change(plan, moved, slope)
 

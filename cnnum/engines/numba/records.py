@@ -34,10 +34,12 @@ SETTINGS = np.dtype(
         ("longest", "f8"),
         ("last", "f8"),
         # of steps that follow their error: part of the longest that it allows, the smallest change;
-        # the square of Chebyshev's stages less 1 a unit of time, and their largest number
+        # the square of Chebyshev's stages less 1 a unit of time; whether the truncation error sets
+        # them, too; Chebyshev's largest number of stages
         ("caution", "f8"),
         ("least", "f8"),
         ("reach", "f8"),
+        ("bends", "i8"),
         ("most", "i8"),
         ("duration", "f8"),
         # steps that are taken at most, the delay in steps, the kind of error estimate

@@ -59,7 +59,10 @@ class _Pair:
         parts = zip(*(one.truncation for one in layers), strict=True)
         added = [np.abs(h * weighted(rows, stages, x)) for rows in parts]
         off = np.abs(h * weighted([one.error for one in layers], stages, x))
-        return Trial(moved, stages[-1], off, np.sum(added, axis=0))
+        left_out = np.sum(added, axis=0)
+        if self.scheme.bends:
+            off = np.maximum(off, left_out)
+        return Trial(moved, stages[-1], off, left_out)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -3,8 +3,8 @@
     python -m cnnum.lab.stability.stated_error 40
     python -m cnnum.lab.stability.stated_error 40 numba reference
 
-It also says how many runs by steps are off by more than their tolerance: a step that jumps over a
-corner of f is judged by stages that do not see it. An array that decides lets errors grow.
+It also says how many runs by steps are off by more than their tolerance, which is that of a step:
+errors of many steps add up, and an array that decides lets them grow.
 
 The sample is that of `followed_steps`: one layer or two with their own time constants, radius 1 or
 2, every output and boundary. Their feedback contracts or decides. Each network is run for its time
@@ -82,7 +82,8 @@ def report(name: str, runs: Sequence[Judged]) -> Iterator[str]:
         true = np.concatenate([run[2] for run in runs if run[0] == kind])
         part = np.concatenate([run[3] for run in runs if run[0] == kind])
         known = np.isfinite(stated)
-        loose = (stated / np.maximum(true, 1e-300))[known & (true > SMALL)]
+        some = known & (true > SMALL)
+        loose = stated[some] / true[some]
         median = f"{np.median(loose):.1f} times the true one" if len(loose) else "not to be said"
         yield (
             f"{name} {kind}: {len(true)} runs, {np.mean(stated >= true):.2%} covered, "

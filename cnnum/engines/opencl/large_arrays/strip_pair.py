@@ -11,6 +11,7 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import StripText
 from cnnum.engines.opencl.large_arrays.strip_rows import CONTROL, ONES, At, Rows, constant, vector
 from cnnum.engines.opencl.large_arrays.strip_times import gain_lines
 from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.runge_kutta_steps import LEFT_OUT
 from cnnum.engines.opencl.transients.step_control import ACCEPT, TIME, Attempt, H, rates_of
 from cnnum.integrators.schemes import AdaptiveSteps
 from cnnum.integrators.tableau import Pair, Row
@@ -19,6 +20,8 @@ LENGTH, MOVED, BEGINS = range(3)
 """Registers: h, whether the step before was accepted, when this one begins."""
 
 MOVED_NOW, A, B = ir.names("moved a b")
+OFF = ir.Name("off")
+"""The estimate of a pair."""
 
 
 def pair_attempts(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
@@ -53,7 +56,7 @@ def _pair_cases(rows: Rows, scheme: AdaptiveSteps) -> list[ir.Case]:
         gains = gain_lines(rows.text, f"{rows.register(BEGINS)} + {c} * {length}")
         end, found = (_judge, FOUND) if stage == last else (_next, None)
         each = coupled(rows, "strip_xs")
-        each += [end(rows, scheme.of(at.layer), stage, at) for at in rows.block]
+        each += [end(rows, scheme, stage, at) for at in rows.block]
         cases.append(rows.case(stage, each, [*head, *gains], found))
     return cases
 
@@ -71,7 +74,8 @@ def _first(rows: Rows, tableau: Pair, at: At) -> ir.Block:
     )
 
 
-def _next(rows: Rows, tableau: Pair, stage: int, at: At) -> ir.Block:
+def _next(rows: Rows, scheme: AdaptiveSteps, stage: int, at: At) -> ir.Block:
+    tableau = scheme.of(at.layer)
     return ir.block(
         *_rates(rows, [tableau.a[stage + 1]], stage, at),
         constant(A, rows.array("strip_x", at)),
@@ -104,14 +108,20 @@ def _combination(weights: Row) -> ir.Expression:
     return ir.total(terms) if terms else ir.Number(0.0)
 
 
-def _judge(rows: Rows, tableau: Pair, last: int, at: At) -> ir.Block:
+def _judge(rows: Rows, scheme: AdaptiveSteps, last: int, at: At) -> ir.Block:
     """Return the statements that take a row into the worst error of a step, and its end."""
+    tableau = scheme.of(at.layer)
     *parts, error = (
         ir.call("magnitude", H * _combination(weights))
         for weights in (*tableau.truncation, tableau.error)
     )
+    lines, left_out, off = list[ir.Statement](), ir.total(parts), error
+    if scheme.bends:
+        lines = [constant(LEFT_OUT, left_out), constant(OFF, error)]
+        left_out, off = LEFT_OUT, ir.Choice(OFF < LEFT_OUT, LEFT_OUT, OFF)
     states = rows.array("strip_x", at), rows.array("strip_xs", at)
     return ir.block(
         *_rates(rows, [tableau.error, *tableau.truncation], last, at),
-        *figures(rows, error, ir.total(parts), rates_of(last), states),
+        *lines,
+        *figures(rows, off, left_out, rates_of(last), states),
     )

@@ -41,6 +41,9 @@ RING, NOW_AT, THEN_AT, NEXT_AT = ir.names("ring now_at then_at next_at")
 SPAN = ir.Name("span")
 """A frame's own step, where frames have delays of their own."""
 
+LEFT_OUT = ir.Name("left_out")
+"""The truncation error of a step in a cell."""
+
 SLIVER = 0.01
 """Share of a step below which the last one is a rounding."""
 
@@ -217,17 +220,21 @@ def sweeps(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
         c = ir.Number(float(sum(scheme.tableau.a[stage])))
         lines = text.aside(_stage, tableaux, stage, Instant(TIME + c * H))
         stages.append(ir.Block(tuple(lines)))
-    return taken_over(text, tableaux, stages)
+    return taken_over(text, scheme, stages)
 
 
 def taken_over(
-    text: TransientBuilder, tableaux: tuple[Pair, ...], stages: Sequence[ir.Statement]
+    text: TransientBuilder, scheme: AdaptiveSteps, stages: Sequence[ir.Statement]
 ) -> Attempt:
     """Return a step of these stages, with its judgement: the worst error, the change at its end."""
-    last, body = rates_of(tableaux[0].stages - 1), list[ir.Statement]()
-    for layer, tableau in enumerate(tableaux):
-        at = text.at(layer)
+    last, body = rates_of(scheme.tableau.stages - 1), list[ir.Statement]()
+    for layer in range(text.layers):
+        at, tableau = text.at(layer), scheme.of(layer)
         left_out = ir.total([ir.size(H * combination(d, at)) for d in tableau.truncation])
-        error = H * combination(tableau.error, at)
-        body.append(ir.block(*judged(text, at, error, left_out, last)))
+        error: ir.Expression = H * combination(tableau.error, at)
+        lines = list[ir.Statement]()
+        if scheme.bends:
+            lines.append(ir.fixed(LEFT_OUT, left_out))
+            error, left_out = ir.call("fmax", ir.size(error), LEFT_OUT), LEFT_OUT
+        body.append(ir.block(*lines, *judged(text, at, error, left_out, last)))
     return Attempt(stages, [ir.sweep(ir.CELL, text.cells, body)], advance(text, last))

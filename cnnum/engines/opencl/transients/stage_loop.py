@@ -39,7 +39,7 @@ def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
         ir.sweep(ir.CELL, (stages - 1) * n, [ir.Assign(LATER_RATES[ir.CELL], ir.ZERO)]),
         ir.Counted(STAGE, 1, stages, None, tuple(text.aside(_stage, tableaux)), hint=once),
     ]
-    return taken_over(text, tableaux, body)
+    return taken_over(text, scheme, body)
 
 
 def _stage(text: TransientBuilder, tableaux: tuple[Pair, ...]) -> None:
