@@ -37,12 +37,14 @@ def test_engines_judge_bends_alike(bent, name):
 
 def test_a_large_array_judges_bends_as_a_small_one(bent):
     """Strips of rows find the worst of all cells: those of a torus, repeated."""
-    known = next(one for one in bent if str(one.template.boundary) == "periodic")
-    maps = {name: values[0] for name, values in known.maps.items()}
+    tori = [known for known in bent if str(known.template.boundary) == "periodic"]
     engine = Engine("opencl", precision="float64")
     given = {"method": "dormand-prince", "duration": 1.0}
-    small = engine.run(known.template, **given, **maps)
-    tiled = {name: np.tile(v, (1,) * (v.ndim - 2) + (40, 40)) for name, v in maps.items()}
-    large = engine.run(known.template, **given, **tiled)
-    assert large.steps == pytest.approx(small.steps, abs=1)
-    np.testing.assert_allclose(large.state[..., :6, :7], small.state, atol=1e-6)
+    # in the first, errors grow: another order of a sum moves its steps
+    for known in tori[1:4]:
+        maps = {name: values[0] for name, values in known.maps.items()}
+        small = engine.run(known.template, **given, **maps)
+        tiled = {name: np.tile(v, (1,) * (v.ndim - 2) + (40, 40)) for name, v in maps.items()}
+        large = engine.run(known.template, **given, **tiled)
+        assert large.steps == small.steps
+        np.testing.assert_allclose(large.state[..., :6, :7], small.state, rtol=0.0, atol=1e-13)

@@ -115,7 +115,9 @@ def _judge(rows: Rows, scheme: AdaptiveSteps, last: int, at: At) -> ir.Block:
         ir.call("magnitude", H * _combination(weights))
         for weights in (*tableau.truncation, tableau.error)
     )
-    lines, left_out, off = list[ir.Statement](), ir.total(parts), error
+    off: ir.Expression = error
+    left_out = ir.total(parts)
+    lines = list[ir.Statement]()
     if scheme.bends:
         lines = [constant(LEFT_OUT, left_out), constant(OFF, error)]
         left_out, off = LEFT_OUT, ir.Choice(OFF < LEFT_OUT, LEFT_OUT, OFF)
