@@ -3,7 +3,8 @@
 from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_layout import RowLayout
 from cnnum.engines.opencl.text import fill, filled, indented, owned
-from cnnum.engines.opencl.transients.builder import NOW, ROW, TransientBuilder
+from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.names import NOW
 from cnnum.templating.boundary import Boundary
 
 BLOCK_ROWS = 4
@@ -69,5 +70,5 @@ def keep_rows(text: TransientBuilder, number: int) -> None:
         to=array,
         suffix=suffix,
     )
-    text.body.append(ir.Sweep(ROW, text.shape[0], (row,)))
+    text.body.append(ir.Sweep(ir.ROW, text.shape[0], (row,)))
     text.body += [ir.Verbatim((f"{side}{suffix}(", array, ");")) for side in ("upper", "lower")]

@@ -15,7 +15,8 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import StripText
 from cnnum.engines.opencl.large_arrays.strip_rows import CONTROL, ONES, At, Rows, constant, vector
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.chebyshev_steps import STAGES, count_stages
-from cnnum.engines.opencl.transients.step_control import ACCEPT, Attempt, H
+from cnnum.engines.opencl.transients.names import H
+from cnnum.engines.opencl.transients.step_control import ACCEPT, Attempt
 from cnnum.integrators.chebyshev import MAX_STAGES, coefficients
 from cnnum.integrators.schemes import ChebyshevSteps
 

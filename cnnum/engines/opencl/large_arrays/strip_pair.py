@@ -11,8 +11,9 @@ from cnnum.engines.opencl.large_arrays.strip_kernel import StripText
 from cnnum.engines.opencl.large_arrays.strip_rows import CONTROL, ONES, At, Rows, constant, vector
 from cnnum.engines.opencl.large_arrays.strip_times import gain_lines
 from cnnum.engines.opencl.transients.builder import TransientBuilder
-from cnnum.engines.opencl.transients.runge_kutta_steps import LEFT_OUT
-from cnnum.engines.opencl.transients.step_control import ACCEPT, TIME, Attempt, H, rates_of
+from cnnum.engines.opencl.transients.names import TIME, H, rates_of
+from cnnum.engines.opencl.transients.pair_steps import LEFT_OUT
+from cnnum.engines.opencl.transients.step_control import ACCEPT, Attempt
 from cnnum.integrators.schemes import AdaptiveSteps
 from cnnum.integrators.tableau import Pair, Row
 

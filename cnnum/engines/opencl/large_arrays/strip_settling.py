@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.strip_kernel import StripText, apart, first_states
 from cnnum.engines.opencl.large_arrays.strip_rows import CONTROL, FINDINGS, ONES, At, Rows
-from cnnum.engines.opencl.transients.state_equation import CHANGE
-from cnnum.engines.opencl.transients.step_control import RUNNING, SETTLED, STEPS, STILL, TIME
+from cnnum.engines.opencl.transients.names import CHANGE, RUNNING, SETTLED, STEPS, STILL, TIME
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.kernels.launch_plan import Strips
 from cnnum.templating.reads import lag

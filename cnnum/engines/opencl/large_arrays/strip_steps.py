@@ -9,7 +9,7 @@ from cnnum.engines.opencl.large_arrays.strip_settling import BEFORE, Watch, watc
 from cnnum.engines.opencl.large_arrays.strip_times import Moments, uneven
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
-from cnnum.engines.opencl.transients.state_equation import CHANGE
+from cnnum.engines.opencl.transients.names import CHANGE
 from cnnum.engines.opencl.transients.step_control import Controlled, Figures
 from cnnum.integrators.schemes import FixedSteps, Stage, Stages, Sum, stages_of
 from cnnum.templating.function_tables import Table
@@ -61,7 +61,7 @@ def state_strips(text: TransientBuilder, scheme: FixedSteps) -> Figures:
         end=f"({scheme.count & 1} ? {rows.at(OUTPUTS[1])} : 0)",
     )
     text.body.append(ir.StripSteps(strip_kernel(rows, own, scheme.count)))
-    return fixed_figures(text, scheme.count, settle=False)
+    return fixed_figures(text, scheme)
 
 
 def _state_case(rows: Rows, scheme: FixedSteps) -> ir.Case:
@@ -98,7 +98,7 @@ def strip_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
         text.body += seen.body(scheme, strips)
     else:
         text.body.append(ir.StripSteps(strip_kernel(rows, own, stages * scheme.count)))
-    return fixed_figures(text, scheme.count, settle=scheme.settle)
+    return fixed_figures(text, scheme)
 
 
 def _sum_cases(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.strip_couplings import NEXT, PART, PAST
 from cnnum.engines.opencl.large_arrays.strip_rows import LATER, OUTPUTS, Rows
-from cnnum.engines.opencl.transients import feedforward
+from cnnum.engines.opencl.transients import names
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.nonlinear_couplings import gains
 from cnnum.integrators.schemes import FixedSteps
@@ -122,6 +122,6 @@ class Moments:
         rows, text = self.rows, self.rows.text
         if not text.has_history:
             return []
-        both = zip(text.each(feedforward.LATER), text.each(feedforward.W), strict=True)
+        both = zip(text.each(names.LATER), text.each(names.W), strict=True)
         text.over_cells([ir.add(later, w) for later, w in both])
-        return [rows.brought(LATER, feedforward.LATER.text, rows.of_layer(rows.scales))]
+        return [rows.brought(LATER, names.LATER.text, rows.of_layer(rows.scales))]

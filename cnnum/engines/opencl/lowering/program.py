@@ -9,8 +9,9 @@ from cnnum.engines.opencl.lowering.dense_products import product
 from cnnum.engines.opencl.lowering.program_loops import lower_loop
 from cnnum.engines.opencl.lowering.read_outs import chained, chains, step
 from cnnum.engines.opencl.lowering.storage import Arena, Place, Tables, Values
-from cnnum.engines.opencl.transients.builder import Operands, OwnNumbers, TransientBuilder, X
-from cnnum.engines.opencl.transients.state_equation import CHANGE
+from cnnum.engines.opencl.transients.builder import Operands, OwnNumbers, TransientBuilder
+from cnnum.engines.opencl.transients.names import X
+from cnnum.engines.opencl.transients.state_equation import RESTS
 from cnnum.engines.opencl.transients.strategies import Strategy, run, settled_now, strategy_of
 from cnnum.graph.elementwise import ReduceOp
 from cnnum.graph.nodes import (
@@ -273,7 +274,7 @@ class Lowering:
         figures = run(text, strategy)
         if "settled" not in figures and any(pick.what == "settled" for _, pick in numbers):
             settled_now(text, strategy)
-            figures["settled"] = ir.pick(CHANGE <= ir.ONE, ir.ONE, ir.ZERO)
+            figures["settled"] = ir.pick(RESTS, ir.ONE, ir.ZERO)
         text.over_cells([self._pick_map(each, pick, text) for each, pick in maps])
         text.body += [
             ir.Assign(self.values.variable(each), figures[pick.what]) for each, pick in numbers

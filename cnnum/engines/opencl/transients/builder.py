@@ -2,12 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Concatenate, ParamSpec
 
 import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import Arena, Tables
+from cnnum.engines.opencl.transients.names import SUM, X
 from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
 from cnnum.integrators.choice import Solver
 from cnnum.kernels.formulas import formula
@@ -16,13 +16,8 @@ from cnnum.templating.network import Tap
 from cnnum.templating.reads import delays_inputs
 from cnnum.templating.template import Template
 
-ROW, COL, RIM = ir.ROW, ir.COL, ir.Name("q")
-"""Variables of loops: rows, columns, and cells of rims."""
-
-X, SUM, NOW = ir.names("x sum now")
-"""The states; a sum and a value at hand."""
-
-P = ParamSpec("P")
+RIM = ir.Name("q")
+"""The variable of loops over cells of rims."""
 
 VECTORISE = "#pragma clang loop vectorize(assume_safety)"
 """With many neighbours compilers cannot prove that no round writes a cell that others read."""
@@ -146,6 +141,11 @@ class TransientBuilder:
         """Return the text of a number of the kernel's type."""
         return self.tables.printer.expression(ir.Number(value))
 
+    @property
+    def places(self) -> list[ir.Expression]:
+        """The places of cell `i` of every layer among the stacked states."""
+        return [self.at(layer) for layer in range(self.layers)]
+
     def at(self, layer: int) -> ir.Expression:
         """Return the place of cell `i` of a layer among the stacked states."""
         return ir.Integer(layer * self.cells) + ir.CELL
@@ -156,7 +156,7 @@ class TransientBuilder:
 
     def each(self, array: ir.Name) -> list[ir.Element]:
         """Return cell `i` of every layer of stacked states."""
-        return [array[self.at(layer)] for layer in range(self.layers)]
+        return [array[place] for place in self.places]
 
     def output(self, state: ir.Expression) -> ir.Expression:
         """Return f(state)."""
@@ -184,15 +184,10 @@ class TransientBuilder:
         """Declare an array of the block."""
         self.body.append(self.arena.array(name.text, length))
 
-    def aside(
-        self,
-        append: Callable[Concatenate["TransientBuilder", P], object],
-        *args: P.args,
-        **kwargs: P.kwargs,
-    ) -> list[ir.Statement]:
-        """Return the statements that a function appends, instead of keeping them."""
+    def aside(self, append: Callable[[], object]) -> list[ir.Statement]:
+        """Return the statements that a call appends, instead of keeping them."""
         kept, self.body = self.body, []
-        append(self, *args, **kwargs)
+        append()
         found, self.body = self.body, kept
         return found
 

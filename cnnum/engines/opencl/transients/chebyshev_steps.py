@@ -1,26 +1,10 @@
 """Runge–Kutta–Chebyshev steps: as many stages as a step's length needs."""
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import TransientBuilder, X
-from cnnum.engines.opencl.transients.state_equation import (
-    RATE,
-    Instant,
-    Then,
-    into,
-    outputs,
-    rates,
-)
-from cnnum.engines.opencl.transients.step_control import (
-    K0,
-    RUNNING,
-    XS,
-    Attempt,
-    E,
-    H,
-    advance,
-    judged,
-    rates_of,
-)
+from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.names import RATE, RUNNING, XS, H, X, rates_of
+from cnnum.engines.opencl.transients.state_equation import Instant, Then, into, outputs, rates
+from cnnum.engines.opencl.transients.step_control import K0, Attempt, E, advance, judged
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, coefficients
 from cnnum.integrators.schemes import ChebyshevSteps
 
@@ -60,8 +44,8 @@ def chebyshev_sweeps(text: TransientBuilder, scheme: ChebyshevSteps) -> Attempt:
     def number(place: int) -> ir.Expression:
         return text.tables.number_at(TABLE_ROW + place if place else TABLE_ROW)
 
-    stage = text.aside(_rates, then)
-    last_rates = text.aside(_rates, into(K1))
+    stage = text.aside(lambda: _rates(text, then))
+    last_rates = text.aside(lambda: _rates(text, into(K1)))
     # the older values are not needed any more: the two change places
     swap: list[ir.Statement] = [
         ir.fixed(NEW, OLD[ir.CELL]),

@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.text import fill
-from cnnum.engines.opencl.transients.builder import TransientBuilder, X
-from cnnum.engines.opencl.transients.feedforward import W, constant_drive
-from cnnum.engines.opencl.transients.fixed_steps import StepWeights, fixed_figures
+from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.feedforward import constant_drive
+from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
+from cnnum.engines.opencl.transients.fused_euler import StepWeights
+from cnnum.engines.opencl.transients.names import W, X
 from cnnum.engines.opencl.transients.stencil_sums import weighted_terms
 from cnnum.engines.opencl.transients.step_control import Figures
-from cnnum.integrators.choice import FixedSteps
+from cnnum.integrators.schemes import FixedSteps
 from cnnum.templating.network import Tap, taps
 
 WIDTHS = (4, 8, 16)
@@ -26,8 +28,8 @@ MOST_ROWS = 20
 
 MOST_STATEMENTS = 700
 
-CLIPS = {"standard": True, "full-range": True, "linear": False}
-"""Whether f clips, False where f(x) = x, by the name of f; others have no form for rows."""
+KNOWN = ("standard", "full-range", "linear")
+"""Outputs that clip, be it the states, or show states as they are; others have no form for rows."""
 
 SHARED = 4
 """Equal weights that are worth a sum before the product: pairs took a tenth longer with it, fours
@@ -49,7 +51,7 @@ def fits_rows(text: TransientBuilder) -> bool:
         and rows * text.layers <= MOST_ROWS
         and work <= MOST_STATEMENTS
         and text.operands.mask is None
-        and text.template.output.name in CLIPS
+        and text.template.output.name in KNOWN
     )
 
 
@@ -64,16 +66,19 @@ def row_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
         ir.Counted(ir.ROUND, 0, scheme.count, None, tuple(_step(text, weights))),
         *_end(text),
     ]
-    return fixed_figures(text, scheme.count, settle=False)
+    return fixed_figures(text, scheme)
 
 
 def _each(text: TransientBuilder) -> list[tuple[int, int]]:
     return [(layer, row) for layer in range(text.layers) for row in range(text.shape[0])]
 
 
-def _row(array: str, layer: int, row: int) -> ir.Name:
-    """Return the vector that holds a row: of states x, outputs y, the drive w or new states s."""
-    return ir.Name(f"{array}{layer}_{row}")
+def _row(array: str, *at: int) -> ir.Name:
+    """Return the vector that holds a row: of states x, outputs y, the drive w or new states s.
+
+    Of outputs there is one, too, as each column of the padded neighbourhood sees them.
+    """
+    return ir.Name(array + "_".join(map(str, at)))
 
 
 def _begin(text: TransientBuilder, weights: StepWeights) -> list[ir.Statement]:
@@ -81,10 +86,9 @@ def _begin(text: TransientBuilder, weights: StepWeights) -> list[ir.Statement]:
     each = _each(text)
     lines = [ir.declare(_row("x", *at), _gathered(text, X, *at), of="row") for at in each]
     if constant_drive(text) is None:
-        lines += [
-            ir.fixed(_row("w", *at), weights.number(at[0]) * _gathered(text, W, *at), of="row")
-            for at in each
-        ]
+        scaled = [weights.number(at[0]) * _gathered(text, W, *at) for at in each]
+        pairs = zip(each, scaled, strict=True)
+        lines += [ir.fixed(_row("w", *at), drive, of="row") for at, drive in pairs]
     return [*lines]
 
 
@@ -104,7 +108,7 @@ def _step(text: TransientBuilder, weights: StepWeights) -> list[ir.Statement]:
     output, constant, lines = text.template.output, constant_drive(text), list[ir.Statement]()
     for at in _each(text):
         state = _row("x", *at)
-        shown = ir.call("clip_row", state) if CLIPS[output.name] and not output.limited else state
+        shown = ir.call("clip_row", state) if output.name == "standard" else state
         lines += [ir.fixed(_row("y", *at), shown, of="row"), *_moved(text, *at)]
     for layer, r in _each(text):
         drive: ir.Expression = _row("w", layer, r)
@@ -127,11 +131,6 @@ def _sources(text: TransientBuilder, count: int) -> NDArray[np.int64]:
     return np.pad(np.arange(count), text.radius, constant_values=-1)
 
 
-def _seen(layer: int, row: int, column: int) -> ir.Name:
-    """Return a row of outputs as a column of the padded neighbourhood sees it."""
-    return ir.Name(f"y{layer}_{row}_{column}")
-
-
 def _moved(text: TransientBuilder, layer: int, row: int) -> list[ir.Statement]:
     """Return a row of outputs as each column offset that any weight has sees it."""
     cols, radius = text.shape[1], text.radius
@@ -141,8 +140,8 @@ def _moved(text: TransientBuilder, layer: int, row: int) -> list[ir.Statement]:
     for offset in columns[columns != 0].tolist():
         seen = source[radius + offset : radius + offset + cols].tolist()
         cells = [ir.Component(outputs, at) if at >= 0 else _rim(text) for at in seen]
-        name = _seen(layer, row, radius + offset)
-        lines.append(ir.fixed(name, _vector(text, cells), of="row"))
+        seen_row = _row("y", layer, row, radius + offset)
+        lines.append(ir.fixed(seen_row, _vector(text, cells), of="row"))
     return lines
 
 
@@ -159,8 +158,8 @@ def _weighted(
         at = int(source[text.radius + row + tap.row])
         if at < 0:
             return _rim(text)
-        seen = _seen(tap.source, at, text.radius + tap.col)
-        return seen if tap.col else _row("y", tap.source, at)
+        column = [text.radius + tap.col] if tap.col else []
+        return _row("y", tap.source, at, *column)
 
     number = partial(weights.number, layer)
     return weighted_terms(taps(text.template.A, layer), number, output, SHARED)

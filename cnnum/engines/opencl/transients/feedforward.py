@@ -3,13 +3,11 @@
 from cnnum import kernels as ir
 from cnnum.engines.opencl.large_arrays.lane_rows import keep_rows, lanes_fit
 from cnnum.engines.opencl.text import comment
-from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
+from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.names import LATER, NOW, SUM, U, W
 from cnnum.engines.opencl.transients.nonlinear_couplings import nonlinear
 from cnnum.templating.network import taps
 from cnnum.templating.reads import delays_inputs, moving_inputs, reads_inputs, reads_inputs_around
-
-U, W, LATER = ir.names("u w later")
-"""Padded inputs, the drive of the cells, and its change when a delay is over."""
 
 THEN = ir.Name("then")
 
@@ -46,12 +44,7 @@ def drive(text: TransientBuilder) -> None:
             start = start + text.operands.biases[layer]
         body.append(ir.Assign(SUM, start))
         body += _driven(text, layer)
-        body += [
-            line
-            for coupling in template.nonlinear
-            if coupling.static and coupling.to == layer
-            for line in nonlinear(text, coupling)
-        ]
+        body += nonlinear(text, layer, static=True)
         if delays_inputs(template):
             body += _delayed(text, layer)
         body.append(ir.Assign(W[text.at(layer)], SUM))
@@ -106,11 +99,7 @@ def _history(text: TransientBuilder) -> None:
     text.array(LATER, text.states)
     _pad(text, text.operands.previous)
     body: list[ir.Statement] = [ir.declare(SUM)]
-    for layer in range(text.layers):
-        found = taps(text.template.delayed.B, layer)
-        body += [
-            ir.Assign(SUM, ir.ZERO),
-            *text.weighted(U, found),
-            ir.Assign(LATER[text.at(layer)], SUM),
-        ]
+    for layer, later in enumerate(text.each(LATER)):
+        found = text.weighted(U, taps(text.template.delayed.B, layer))
+        body += [ir.Assign(SUM, ir.ZERO), *found, ir.Assign(later, SUM)]
     text.over_grid(body)

@@ -6,22 +6,21 @@ Weights come with h/τ in them, and w is scaled once. New outputs go to a second
 that a step is one sweep. While a loaded output is in a register, it is added to all its neighbours.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import product
 
 import numpy as np
 
 from cnnum import kernels as ir
-from cnnum.arrays import Floats
 from cnnum.engines.opencl.lowering.dense_products import largest_divisor
-from cnnum.engines.opencl.transients.builder import COL, ROW, TransientBuilder, X
-from cnnum.engines.opencl.transients.feedforward import W, constant_drive
-from cnnum.engines.opencl.transients.fixed_steps import StepWeights, fixed_figures
-from cnnum.engines.opencl.transients.state_equation import Y
+from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.feedforward import constant_drive
+from cnnum.engines.opencl.transients.fixed_steps import fixed_figures
+from cnnum.engines.opencl.transients.names import W, X, Y
 from cnnum.engines.opencl.transients.stencil_sums import shares_products, weighted_terms
 from cnnum.engines.opencl.transients.step_control import Figures
-from cnnum.integrators.choice import FixedSteps
+from cnnum.integrators.schemes import FixedSteps
 from cnnum.templating.network import Tap, taps
 
 BLOCK_COLUMNS = 10
@@ -41,6 +40,54 @@ V, B = ir.names("v b")
 SWAP = "real *const swap = from; from = to; to = swap;"
 
 
+@dataclass(frozen=True, slots=True)
+class StepWeights:
+    """The numbers of Euler's step of linear couplings, each with h/τ of a layer in it."""
+
+    text: TransientBuilder
+    scheme: FixedSteps
+
+    def declared(self) -> list[ir.Statement]:
+        """Return statements that scale frames' own numbers: h/τ, 1 − h/τ, and each weight."""
+        lines, text = list[ir.Statement](), self.text
+        for layer in range(text.layers if text.operands.own else 0):
+            move, kept = _move(layer), ir.Name(f"kept_{layer}")
+            lines += [
+                ir.fixed(move, ir.Number(self.scheme.move(layer, 1.0)) * text.rate(layer)),
+                ir.fixed(kept, ir.ONE - move),
+            ]
+            own = [text.number(tap.weight) for tap in taps(text.template.A, layer)]
+            lines += [ir.fixed(_scaled(n), move * n) for n in own if isinstance(n, ir.Name)]
+        return lines
+
+    def _share(self, layer: int) -> float:
+        return self.scheme.move(layer, float(self.text.template.tau[layer]))
+
+    def number(self, layer: int, factor: float = 1.0) -> ir.Expression:
+        """Return a number times h/τ."""
+        if self.text.operands.own is not None:
+            return ir.Number(factor) * _move(layer)
+        return ir.Number(factor * self._share(layer))
+
+    def weight(self, layer: int, weight: float) -> ir.Expression:
+        """Return a weight times h/τ."""
+        own = self.text.number(weight)
+        return _scaled(own) if isinstance(own, ir.Name) else self.number(layer, weight)
+
+    def kept(self, layer: int) -> ir.Expression:
+        """Return the share of a state that a step leaves."""
+        own = self.text.operands.own
+        return ir.Number(1.0 - self._share(layer)) if own is None else ir.Name(f"kept_{layer}")
+
+
+def _move(layer: int) -> ir.Name:
+    return ir.Name(f"move_{layer}")
+
+
+def _scaled(weight: ir.Name) -> ir.Name:
+    return ir.Name(f"{weight.text}_h")
+
+
 def fuses(text: TransientBuilder, scheme: FixedSteps) -> bool:
     """Return whether steps of a scheme can be written with the step in their weights."""
     even = scheme.last == scheme.step and scheme.count > 0 and not scheme.settle
@@ -51,13 +98,13 @@ def fused_euler(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     """Append the steps, from and to the states `x`, and return the figures of the run."""
     weights = StepWeights(text, scheme)
     _declare(text, weights)
-    step = text.aside(_sweep, weights)
+    step = text.aside(lambda: _sweep(text, weights))
     text.body += [
         ir.Note(f"// {scheme.name}: {scheme.count} steps of {scheme.step:g}, each one sweep"),
         ir.Verbatim(("real *from = y, *to = z;",)),
         ir.Counted(ir.ROUND, 0, scheme.count, None, (*step, ir.Verbatim((SWAP,)))),
     ]
-    return fixed_figures(text, scheme.count, settle=False)
+    return fixed_figures(text, scheme)
 
 
 def _declare(text: TransientBuilder, weights: StepWeights) -> None:
@@ -81,12 +128,12 @@ def _sweep(text: TransientBuilder, weights: StepWeights) -> None:
     """Append one step of all cells."""
     (rows, cols), block = text.shape, _Block.of(text, weights)
     places = ir.Declare(
-        "int", ((ir.CELL, ROW * cols + B), (ir.PLACE, ROW * text.pitch + B)), fixed=True
+        "int", ((ir.CELL, ir.ROW * cols + B), (ir.PLACE, ir.ROW * text.pitch + B)), fixed=True
     )
     columns = ir.Loop(B, cols, (places, *block.statements()), step=block.columns)
-    text.body.append(ir.Loop(ROW, rows, (columns,), step=block.rows))
+    text.body.append(ir.Loop(ir.ROW, rows, (columns,), step=block.rows))
     if text.template.boundary.constant is None:
-        text.body += [_rim_columns(text), *_rim_rows(text)]
+        text.body += _rims(text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,6 +185,11 @@ class _Block:
         """Layers and rows of the cells of a column."""
         return [(layer, row) for row in range(self.rows) for layer in range(self.text.layers)]
 
+    @property
+    def _reach(self) -> int:
+        """The radius of A, at most that of the template."""
+        return int(self.text.template.A.shape[-1] // 2)
+
     def _state(self, layer: int, row: int, column: int) -> ir.Element:
         at = layer * self.text.cells + row * self.text.shape[1] + column
         return X[ir.Integer(at) + ir.CELL]
@@ -152,36 +204,31 @@ class _Block:
 
     def _scatter(self, column: int) -> list[ir.Statement]:
         """Return the outputs of a column, each added to all sums of the block that it reaches."""
-        text, lines, feedback = self.text, list[ir.Statement](), self.text.template.A
-        span = feedback.shape[-1]
-        for source in range(text.layers):
-            for row in range(span + self.rows - 1):
-                adds = [
-                    ir.add(_sum(to, k, cell), self.weights.weight(to, weight) * V)
-                    for k in range(max(0, row - span + 1), min(self.rows, row + 1))
-                    for to, cell, weight in self._reached(feedback[:, source, row - k], column)
-                ]
-                if adds:
-                    output = _output_at(text, source, row + text.radius - span // 2, column)
-                    lines.append(ir.block(ir.fixed(V, output), *adds))
+        text, reach, lines = self.text, self._reach, list[ir.Statement]()
+        found = {
+            (layer, tap.source, tap.row, tap.col): tap.weight
+            for layer in range(text.layers)
+            for tap in taps(text.template.A, layer)
+        }
+        cells, around = range(self.columns)[::-1], range(-reach, self.rows + reach)
+        for source, row in product(range(text.layers), around):
+            adds = [
+                ir.add(_sum(layer, k, cell), self.weights.weight(layer, found[key]) * V)
+                for k, layer, cell in product(range(self.rows), range(text.layers), cells)
+                if (key := (layer, source, row - k, column - text.radius - cell)) in found
+            ]
+            if adds:
+                output = _output_at(text, source, row + text.radius, column)
+                lines.append(ir.block(ir.fixed(V, output), *adds))
         return lines
-
-    def _reached(self, weights: Floats, column: int) -> Iterator[tuple[int, int, float]]:
-        """Yield (layer, cell, weight) of each sum that takes an output of a column."""
-        span = weights.shape[-1]
-        for to, col in np.argwhere(weights).tolist():
-            cell = column - self.text.radius - (col - span // 2)
-            if 0 <= cell < self.columns:
-                yield to, cell, float(weights[to, col])
 
     def _load(self, column: int) -> list[ir.Statement]:
         """Return the loads of a padded column."""
-        text, reach = self.text, self.text.template.A.shape[-1] // 2
-        around = range(text.radius - reach, text.radius + reach + 1)
+        text, radius, reach = self.text, self.text.radius, self._reach
+        around = range(radius - reach, radius + reach + 1)
         return [
-            ir.fixed(_loaded(source, row, column), _output_at(text, source, row, column))
-            for source in range(text.layers)
-            for row in around
+            ir.fixed(_loaded(*at, column), _output_at(text, *at, column))
+            for at in product(range(text.layers), around)
         ]
 
     def _gather(self, column: int) -> list[ir.Statement]:
@@ -235,23 +282,19 @@ def _rim_copies(text: TransientBuilder, length: int) -> list[tuple[int, int]]:
     return [(place, int(source[place]) + radius) for place in places]
 
 
-def _rim_columns(text: TransientBuilder) -> ir.Statement:
-    """Return the loop over rows `r` that fills the rim left and right of each."""
-    heads = [
-        ir.Integer(layer * text.padded) + (ROW + text.radius) * text.pitch
-        for layer in range(text.layers)
-    ]
-    copies = _rim_copies(text, text.shape[1])
-    lines = [ir.Assign(TO[head + to], TO[head + at]) for head in heads for to, at in copies]
-    return ir.Loop(ROW, text.shape[0], tuple(lines))
+def _rims(text: TransientBuilder) -> list[ir.Statement]:
+    """Return the loops that fill the rims: left and right of rows, above and below from whole rows.
 
+    A table of the places, as sweeps have it, takes a third longer on the smallest arrays.
+    """
+    starts = [ir.Integer(layer * text.padded) for layer in range(text.layers)]
+    middle = [start + (ir.ROW + text.radius) * text.pitch for start in starts]
+    columns, rows = (_rim_copies(text, length) for length in reversed(text.shape))
+    sides = [ir.Assign(TO[row + to], TO[row + at]) for row in middle for to, at in columns]
 
-def _rim_rows(text: TransientBuilder) -> list[ir.Statement]:
-    """Return the loop that fills the rim above and below, copied from whole rows."""
+    def whole(layer: int, row: int) -> ir.Element:
+        return TO[ir.Integer(layer * text.padded + row * text.pitch) + ir.COL]
 
-    def at(layer: int, row: int) -> ir.Element:
-        return TO[ir.Integer(layer * text.padded + row * text.pitch) + COL]
-
-    copies = _rim_copies(text, text.shape[0])
-    lines = [ir.Assign(at(m, to), at(m, row)) for m in range(text.layers) for to, row in copies]
-    return [ir.Loop(COL, text.pitch, tuple(lines))] if lines else []
+    ends = [ir.Assign(whole(m, to), whole(m, at)) for m in range(text.layers) for to, at in rows]
+    loops = [ir.Loop(ir.ROW, text.shape[0], tuple(sides))]
+    return [*loops, *([ir.Loop(ir.COL, text.pitch, tuple(ends))] if ends else [])]

@@ -6,14 +6,15 @@ from itertools import pairwise
 import numpy as np
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import SUM, TransientBuilder
+from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.names import SUM, XP, U, Y
 from cnnum.kernels.formulas import formula
 from cnnum.templating.couplings import NonlinearCoupling, Quantity
 from cnnum.templating.function_tables import Table
 from cnnum.templating.network import Tap
 from cnnum.templating.pair_functions import PairFunction
 
-ARRAYS = {"x": ir.Name("xp"), "y": ir.Name("y"), "u": ir.Name("u")}
+ARRAYS = {"x": XP, "y": Y, "u": U}
 """Padded arrays that hold a quantity."""
 
 Reads = Callable[[Quantity, int, int, int], ir.Expression]
@@ -46,13 +47,17 @@ def table(
     return value
 
 
-def nonlinear(text: TransientBuilder, coupling: NonlinearCoupling) -> list[ir.Statement]:
-    """Return statements that add a nonlinear coupling's sum in cell `p` to `sum`."""
+def nonlinear(text: TransientBuilder, layer: int, *, static: bool) -> list[ir.Statement]:
+    """Return statements that add a layer's nonlinear couplings in cell `p` to `sum`.
+
+    They are those that are the same all the time, or all others.
+    """
+    found = [one for one in text.template.nonlinear if one.static == static and one.to == layer]
 
     def quantity(name: Quantity, source: int, row: int, col: int) -> ir.Expression:
         return text.neighbour(ARRAYS[name], Tap(source, row, col, 1.0))
 
-    return summed(coupling, quantity, SUM, number=text.number)
+    return [line for one in found for line in summed(one, quantity, SUM, number=text.number)]
 
 
 def summed(

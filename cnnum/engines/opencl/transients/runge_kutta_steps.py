@@ -1,37 +1,19 @@
-"""Explicit Runge–Kutta methods as sweeps over all cells, fixed and adaptive."""
+"""Explicit Runge–Kutta methods with steps of a fixed length, as sweeps over all cells."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import TransientBuilder, X
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import arrive
-from cnnum.engines.opencl.transients.fixed_steps import last_number, repeated
-from cnnum.engines.opencl.transients.state_equation import (
-    PART,
-    RATE,
-    Instant,
-    Past,
-    Y,
-    into,
-    outputs,
-    rates,
-    watch_change,
-)
-from cnnum.engines.opencl.transients.step_control import (
-    K0,
-    TIME,
-    XS,
-    Attempt,
-    Figures,
-    H,
-    advance,
-    judged,
-    rates_of,
-)
-from cnnum.integrators.choice import AdaptiveSteps, FixedSteps
-from cnnum.integrators.tableau import Explicit, Pair, Row
+from cnnum.engines.opencl.transients.fixed_steps import repeated
+from cnnum.engines.opencl.transients.names import PART, RATE, XS, H, X, Y, rates_of
+from cnnum.engines.opencl.transients.state_equation import Instant, into, outputs, rates, watched
+from cnnum.engines.opencl.transients.step_control import K0, Figures
+from cnnum.integrators.schemes import AdaptiveSteps, FixedSteps
+from cnnum.integrators.tableau import Row
 from cnnum.templating.batch_parts import LADDER
 from cnnum.templating.reads import delays_outputs, lag
 
@@ -41,11 +23,98 @@ RING, NOW_AT, THEN_AT, NEXT_AT = ir.names("ring now_at then_at next_at")
 SPAN = ir.Name("span")
 """A frame's own step, where frames have delays of their own."""
 
-LEFT_OUT = ir.Name("left_out")
-"""The truncation error of a step in a cell."""
-
 SLIVER = 0.01
 """Share of a step below which the last one is a rounding."""
+
+
+def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
+    """Append steps of a fixed length and return the figures of the run."""
+    if scheme.stages > 1:
+        declare_stages(text, 0, scheme.stages)
+    late, delay = lag(text.template, scheme.step), _own_delay(text)
+    if delays_outputs(text.template):
+        text.array(RING, (late + 1) * text.states)
+    if delay is not None:
+        # the step of a frame is the same part of its delay in all; a delay is within a ladder's
+        # rung, so that no frame takes more steps than that times the usual
+        text.body.append(ir.fixed(SPAN, delay * ir.Number(1.0 / late)))
+        scheme = replace(scheme, count=math.ceil(LADDER * scheme.count) + 1)
+    step = _euler_step if scheme.stages == 1 else _several_stages
+    body = [*_ring(text, scheme, late), *text.aside(lambda: step(text, scheme))]
+    figures = repeated(text, scheme, _length(text, scheme), body)
+    if delay is not None and not scheme.settle:
+        taken = ir.Number(text.solver.duration) / SPAN - ir.Number(SLIVER)
+        figures["steps"] = ir.call("ceil", taken)
+    return figures
+
+
+def _euler_step(text: TransientBuilder, scheme: FixedSteps) -> None:
+    outputs(text, text.each(X))
+    _remember(text)
+
+    def then(at: ir.Expression, layer: int) -> list[ir.Statement]:
+        change = [watched(text, X[at])] if scheme.settle else []
+        (weight,) = scheme.of(layer).b
+        move = RATE if weight == 1 else ir.Number(float(weight)) * RATE
+        return [*change, ir.Assign(X[at], _limited(text, X[at] + H * move))]
+
+    rates(text, X, then, _instant(text, scheme, 0.0))
+
+
+def _several_stages(text: TransientBuilder, scheme: FixedSteps) -> None:
+    text.body += stages(text, scheme, 0, partial(_instant, text, scheme))
+    body: list[ir.Statement] = []
+    for layer, at in enumerate(text.places):
+        tableau = scheme.of(layer)
+        if scheme.settle:
+            body.append(ir.block(ir.fixed(RATE, K0[at]), watched(text, X[at])))
+        end: ir.Expression = X[at]
+        if tableau.carried:
+            end = end + ir.Number(tableau.carried) * (XS[at] - X[at])
+        body.append(ir.Assign(X[at], _limited(text, end + H * combination(tableau.b, at))))
+    text.over_cells(body)
+
+
+def _limited(text: TransientBuilder, state: ir.Expression) -> ir.Expression:
+    return ir.clip(state) if text.template.output.limited else state
+
+
+# stages, of pairs too
+
+
+def declare_stages(text: TransientBuilder, first: int, stages: int) -> None:
+    """Append the arrays of the rates from one stage on, and of the states at stages."""
+    for name in (*map(rates_of, range(first, stages)), XS):
+        text.array(name, text.states)
+
+
+def stages(
+    text: TransientBuilder,
+    scheme: FixedSteps | AdaptiveSteps,
+    first: int,
+    instant: Callable[[float], Instant],
+) -> list[ir.Statement]:
+    """Return the stages of a step `h` from the first one on; `instant` is of a part of the step."""
+    rows = scheme.tableau.a
+    each = (
+        partial(_stage, text, scheme, number, instant(float(sum(rows[number]))))
+        for number in range(first, scheme.tableau.stages)
+    )
+    return [ir.Block(tuple(text.aside(stage))) for stage in each]
+
+
+def _stage(
+    text: TransientBuilder, scheme: FixedSteps | AdaptiveSteps, number: int, instant: Instant
+) -> None:
+    """Append one stage: outputs at its state, then its rates."""
+    if number == 0:
+        outputs(text, text.each(X))
+        _remember(text)
+    else:
+        rows = [scheme.of(layer).a[number] for layer in range(text.layers)]
+        states = zip(text.places, rows, strict=True)
+        outputs(text, [X[at] + H * combination(row, at) for at, row in states], keep=XS)
+    rates(text, XS if number else X, into(rates_of(number)), instant)
 
 
 def combination(weights: Row, at: ir.Expression) -> ir.Expression:
@@ -55,25 +124,7 @@ def combination(weights: Row, at: ir.Expression) -> ir.Expression:
     )
 
 
-def _stage(
-    text: TransientBuilder, tableaux: Sequence[Explicit | Pair], stage: int, instant: Instant
-) -> None:
-    """Append one stage of step `h`: outputs at its state, then its rates in k."""
-    keep = into(rates_of(stage))
-    if stage == 0:
-        outputs(text, text.each(X))
-        _remember(text)
-        rates(text, X, keep, instant)
-        return
-    places = [text.at(layer) for layer in range(text.layers)]
-    states = [
-        X[at] + H * combination(one.a[stage], at) for at, one in zip(places, tableaux, strict=True)
-    ]
-    outputs(text, states, keep=XS)
-    rates(text, XS, keep, instant)
-
-
-# delays: a ring of the outputs of the last steps
+# delays: a ring of the outputs of the last steps, and steps of a frame's own
 
 
 def _ring_at(text: TransientBuilder, slot: ir.Name, at: ir.Expression) -> ir.Element:
@@ -83,37 +134,38 @@ def _ring_at(text: TransientBuilder, slot: ir.Name, at: ir.Expression) -> ir.Ele
 def _remember(text: TransientBuilder) -> None:
     """Append statements that keep this step's outputs in the ring."""
     if delays_outputs(text.template):
-        pairs = [(text.at(layer), text.padded_at(layer)) for layer in range(text.layers)]
-        text.over_grid([ir.Assign(_ring_at(text, NOW_AT, at), Y[place]) for at, place in pairs])
+        pairs = enumerate(text.places)
+        text.over_grid(
+            [ir.Assign(_ring_at(text, NOW_AT, at), Y[text.padded_at(m)]) for m, at in pairs]
+        )
 
 
-def _past(text: TransientBuilder, c: float) -> Past | None:
-    """Return the outputs a delay ago, at the start or the end of a step."""
-    if not delays_outputs(text.template):
-        return None
+def _ring(text: TransientBuilder, scheme: FixedSteps, late: int) -> list[ir.Statement]:
+    """Return the head of a step, which finds the ring's places; a delay is `late` steps."""
+    lines: list[ir.Statement] = []
+    if delays_outputs(text.template):
+        slots, share = late + 1, _last(scheme, 1.0, scheme.last / scheme.step)
+        lines = [
+            ir.fixed(NOW_AT, ir.ROUND % slots, of="int"),
+            ir.fixed(THEN_AT, ir.call("max", ir.ROUND - late, 0) % slots, of="int"),
+            ir.fixed(NEXT_AT, ir.call("max", ir.ROUND + 1 - late, 0) % slots, of="int"),
+            ir.fixed(PART, share if _own_delay(text) is None else H / SPAN),
+        ]
+    if text.has_history:
+        lines.append(ir.Branch(ir.ROUND.equals(late), tuple(text.aside(lambda: arrive(text)))))
+    return lines
+
+
+def _instant(text: TransientBuilder, scheme: FixedSteps, c: float) -> Instant:
+    """Return when a part of step `n` is; outputs a delay ago are those of its start, or its end."""
 
     def past(at: ir.Expression) -> ir.Expression:
         first = _ring_at(text, THEN_AT, at)
         return first if c == 0.0 else first + PART * (_ring_at(text, NEXT_AT, at) - first)
 
-    return past
-
-
-def _ring(text: TransientBuilder, scheme: FixedSteps) -> list[ir.Statement]:
-    """Return the head of a step, which finds the ring's places."""
-    late = lag(text.template, scheme.step)
-    lines: list[ir.Statement] = []
-    if delays_outputs(text.template):
-        slots = late + 1
-        lines = [
-            ir.fixed(NOW_AT, ir.ROUND % slots, of="int"),
-            ir.fixed(THEN_AT, ir.call("max", ir.ROUND - late, 0) % slots, of="int"),
-            ir.fixed(NEXT_AT, ir.call("max", ir.ROUND + 1 - late, 0) % slots, of="int"),
-            ir.fixed(PART, _share(text, scheme)),
-        ]
-    if text.has_history:
-        lines.append(ir.Branch(ir.ROUND.equals(late), tuple(text.aside(arrive))))
-    return lines
+    step = ir.Number(scheme.step) if _own_delay(text) is None else SPAN
+    time = step * ir.real(ir.ROUND) + ir.Number(c) * H if text.template.gains else ir.ZERO
+    return Instant(time, past)
 
 
 def _own_delay(text: TransientBuilder) -> ir.Name | None:
@@ -122,119 +174,16 @@ def _own_delay(text: TransientBuilder) -> ir.Name | None:
     return None if own is None else own.delay
 
 
-def _share(text: TransientBuilder, scheme: FixedSteps) -> ir.Expression:
-    """Return the length of a step over that of all but the last."""
-    if _own_delay(text) is not None:
-        return H / SPAN
-    return last_number(scheme.count, 1.0, scheme.last / scheme.step)
-
-
-def _instant(text: TransientBuilder, scheme: FixedSteps, c: float) -> Instant:
-    step = ir.Number(scheme.step) if _own_delay(text) is None else SPAN
-    time = step * ir.real(ir.ROUND) + ir.Number(c) * H if text.template.gains else ir.ZERO
-    return Instant(time, _past(text, c))
-
-
-def _own_steps(text: TransientBuilder, scheme: FixedSteps, delay: ir.Name) -> FixedSteps:
-    """Append the step of each frame, the same part of its delay in all; return more steps.
-
-    A delay is within a ladder's rung, so that no frame takes more steps than that times the usual.
-    """
-    late = ir.Number(1.0 / lag(text.template, scheme.step))
-    text.body.append(ir.fixed(SPAN, delay * late))
-    return replace(scheme, count=math.ceil(LADDER * scheme.count) + 1)
-
-
 def _length(text: TransientBuilder, scheme: FixedSteps) -> ir.Expression:
     """Return the length of step `n`: 0 where a frame is at its end."""
     if _own_delay(text) is None:
-        return last_number(scheme.count, scheme.step, scheme.last)
+        return _last(scheme, scheme.step, scheme.last)
     left = ir.Number(text.solver.duration) - SPAN * ir.real(ir.ROUND)
     return ir.call("clamp", left, ir.ZERO, SPAN)
 
 
-def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
-    """Append steps of a fixed length and return the figures of the run."""
-    if scheme.stages > 1:
-        _declare_stages(text, scheme.stages, 0)
-    if delays_outputs(text.template):
-        text.array(RING, (lag(text.template, scheme.step) + 1) * text.states)
-    if (delay := _own_delay(text)) is not None:
-        scheme = _own_steps(text, scheme, delay)
-    head = _ring(text, scheme)
-    body = text.aside(_euler_step if scheme.stages == 1 else _several_stages, scheme)
-    figures = repeated(text, scheme, _length(text, scheme), [*head, *body])
-    if _own_delay(text) is not None and not scheme.settle:
-        taken = ir.Number(text.solver.duration) / SPAN - ir.Number(SLIVER)
-        figures["steps"] = ir.call("ceil", taken)
-    return figures
-
-
-def _declare_stages(text: TransientBuilder, stages: int, first: int) -> None:
-    """Append the arrays of the rates from one stage on, and of the states at stages."""
-    for name in (*(rates_of(stage) for stage in range(first, stages)), XS):
-        text.array(name, text.states)
-
-
-def _limited(text: TransientBuilder, state: ir.Expression) -> ir.Expression:
-    return ir.clip(state) if text.template.output.limited else state
-
-
-def _euler_step(text: TransientBuilder, scheme: FixedSteps) -> None:
-    outputs(text, text.each(X))
-    _remember(text)
-
-    def then(at: ir.Expression, layer: int) -> list[ir.Statement]:
-        change = [watch_change(text, X[at])] if scheme.settle else []
-        (weight,) = scheme.of(layer).b
-        move = RATE if weight == 1 else ir.Number(float(weight)) * RATE
-        return [*change, ir.Assign(X[at], _limited(text, X[at] + H * move))]
-
-    rates(text, X, then, _instant(text, scheme, 0.0))
-
-
-def _several_stages(text: TransientBuilder, scheme: FixedSteps) -> None:
-    tableaux = [scheme.of(layer) for layer in range(text.layers)]
-    for stage in range(scheme.stages):
-        c = float(sum(tableaux[0].a[stage]))
-        lines = text.aside(_stage, tableaux, stage, _instant(text, scheme, c))
-        text.body.append(ir.Block(tuple(lines)))
-    body: list[ir.Statement] = []
-    for layer, tableau in enumerate(tableaux):
-        at = text.at(layer)
-        if scheme.settle:
-            body.append(ir.block(ir.fixed(RATE, K0[at]), watch_change(text, X[at])))
-        end: ir.Expression = X[at]
-        if tableau.carried:
-            end = end + ir.Number(tableau.carried) * (XS[at] - X[at])
-        body.append(ir.Assign(X[at], _limited(text, end + H * combination(tableau.b, at))))
-    text.over_cells(body)
-
-
-def sweeps(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
-    """Return a step's statements as sweeps over all cells, a stage after the other."""
-    tableaux = tuple(scheme.of(layer) for layer in range(text.layers))
-    _declare_stages(text, scheme.tableau.stages, 1)
-    stages: list[ir.Statement] = []
-    for stage in range(1, scheme.tableau.stages):
-        c = ir.Number(float(sum(scheme.tableau.a[stage])))
-        lines = text.aside(_stage, tableaux, stage, Instant(TIME + c * H))
-        stages.append(ir.Block(tuple(lines)))
-    return taken_over(text, scheme, stages)
-
-
-def taken_over(
-    text: TransientBuilder, scheme: AdaptiveSteps, stages: Sequence[ir.Statement]
-) -> Attempt:
-    """Return a step of these stages, with its judgement: the worst error, the change at its end."""
-    last, body = rates_of(scheme.tableau.stages - 1), list[ir.Statement]()
-    for layer in range(text.layers):
-        at, tableau = text.at(layer), scheme.of(layer)
-        left_out = ir.total([ir.size(H * combination(d, at)) for d in tableau.truncation])
-        error: ir.Expression = H * combination(tableau.error, at)
-        lines = list[ir.Statement]()
-        if scheme.bends:
-            lines.append(ir.fixed(LEFT_OUT, left_out))
-            error, left_out = ir.call("fmax", ir.size(error), LEFT_OUT), LEFT_OUT
-        body.append(ir.block(*lines, *judged(text, at, error, left_out, last)))
-    return Attempt(stages, [ir.sweep(ir.CELL, text.cells, body)], advance(text, last))
+def _last(scheme: FixedSteps, usual: float, last: float) -> ir.Expression:
+    """Return a number that is another one in the last step."""
+    if math.isclose(usual, last, rel_tol=1e-9):
+        return ir.Number(usual)
+    return ir.Choice(ir.ROUND.equals(scheme.count - 1), ir.Number(last), ir.Number(usual))

@@ -4,17 +4,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import NOW, SUM, TransientBuilder
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import drive_of
+from cnnum.engines.opencl.transients.names import CHANGE, NOW, PART, RATE, SUM, XP, YD, X, Y
 from cnnum.engines.opencl.transients.nonlinear_couplings import gain_name, gains, nonlinear
 from cnnum.graph.parts import has_feedback
 from cnnum.templating.network import taps
 from cnnum.templating.reads import delays_outputs, moving_inputs, reads_states
 
-Y, PADDED_STATES, DELAYED = ir.names("y xp yd")
-"""Padded outputs, states, and outputs a delay ago."""
-
-RATE, CHANGE, PART = ir.names("rate change part")
+RESTS = CHANGE <= ir.ONE
+"""Whether nothing changes any more."""
 
 Then = Callable[[ir.Expression, int], Sequence[ir.Statement]]
 """Statements on `rate`, by the cell's place among the stacked states and by its layer."""
@@ -47,13 +46,13 @@ class Instant:
 
 def declare_outputs(text: TransientBuilder) -> None:
     """Append the padded arrays of outputs (and states), and the fixed parts of their rims."""
-    names = [Y, *([PADDED_STATES] if reads_states(text.template) else [])]
-    names += [DELAYED] if delays_outputs(text.template) else []
+    names = [Y, *([XP] if reads_states(text.template) else [])]
+    names += [YD] if delays_outputs(text.template) else []
     boundary = text.template.boundary
     for name in names:
         text.array(name, text.layers * text.padded)
         if boundary.constant is not None:
-            value = boundary.constant if name == PADDED_STATES else text.rim_output()
+            value = boundary.constant if name == XP else text.rim_output()
             text.fill_rims(name, text.layers, boundary, value)
 
 
@@ -69,47 +68,45 @@ def outputs(
         if keep is not None:
             inner.append(ir.Assign(keep[text.at(layer)], NOW))
         if reads_states(template):
-            inner.append(ir.Assign(PADDED_STATES[text.padded_at(layer)], NOW))
+            inner.append(ir.Assign(XP[text.padded_at(layer)], NOW))
         inner.append(ir.Assign(Y[text.padded_at(layer)], text.output(NOW)))
         body.append(ir.block(*inner))
     text.over_grid(body)
     text.copy_rims(Y)
     if reads_states(template):
-        text.copy_rims(PADDED_STATES)
+        text.copy_rims(XP)
 
 
 def rates(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) -> None:
     """Append the evaluation of `rate` = dx/dt in every cell of every layer, and `then` on it."""
-    _delayed_outputs(text, instant)
+    if instant.past is not None and delays_outputs(text.template):
+        past = enumerate(map(instant.past, text.places))
+        text.over_grid([ir.Assign(YD[text.padded_at(m)], output) for m, output in past])
+        text.copy_rims(YD)
     text.body += gains(text, instant.time)
-    text.over_grid(_rate_lines(text, state, then, lambda layer: _couplings(text, layer)))
+    text.over_grid(_rate_lines(text, state, then))
 
 
-def rates_once(text: TransientBuilder, state: ir.Name, then: Then, instant: Instant) -> None:
-    """Append the same of states whose outputs are not known yet.
+def rates_once(text: TransientBuilder, then: Then, instant: Instant) -> None:
+    """Append the same of the states `x`, whose outputs are not known yet.
 
     The statements of `then` may not change values that other cells see.
     """
     # couplings see anything that changes, or any input
     if has_feedback(text.template) or moving_inputs(text.template):
-        outputs(text, text.each(state))
-        rates(text, state, then, instant)
+        outputs(text, text.each(X))
+        rates(text, X, then, instant)
     else:
         text.body += gains(text, instant.time)
-        text.over_cells(_rate_lines(text, state, then, lambda _: []))
+        text.over_cells(_rate_lines(text, X, then))
 
 
-def _rate_lines(
-    text: TransientBuilder,
-    state: ir.Name,
-    then: Then,
-    couplings: Callable[[int], Sequence[ir.Statement]],
-) -> list[ir.Statement]:
-    """Return statements that find the rates of a cell; those of `couplings` add to its sum."""
+def _rate_lines(text: TransientBuilder, state: ir.Name, then: Then) -> list[ir.Statement]:
+    """Return statements that find the rates of a cell."""
     body: list[ir.Statement] = [ir.Declare("real", ((SUM, None), (RATE, None)))]
     for layer, now in enumerate(text.each(state)):
         body.append(ir.Assign(SUM, drive_of(text, layer) - now))
-        body += couplings(layer)
+        body += _couplings(text, layer)
         body.append(ir.Assign(RATE, text.rate(layer) * SUM))
         if text.template.output.limited:
             # at the rails, a rate that drives a state outwards is 0
@@ -129,26 +126,18 @@ def _couplings(text: TransientBuilder, layer: int) -> list[ir.Statement]:
     for source, k in gained.items():
         part = text.weighted(Y, tuple(tap for tap in found if tap.source == source), PART)
         lines.append(ir.block(ir.declare(PART, ir.ZERO), *part, ir.add(SUM, gain_name(k) * PART)))
-    for coupling in template.nonlinear:
-        if not coupling.static and coupling.to == layer:
-            lines += nonlinear(text, coupling)
+    lines += nonlinear(text, layer, static=False)
     if template.delayed is not None and delays_outputs(text.template):
-        lines += text.weighted(DELAYED, taps(template.delayed.A, layer))
+        lines += text.weighted(YD, taps(template.delayed.A, layer))
     return lines
 
 
-def _delayed_outputs(text: TransientBuilder, instant: Instant) -> None:
-    if instant.past is None or not delays_outputs(text.template):
-        return
-    past = [instant.past(text.at(layer)) for layer in range(text.layers)]
-    text.over_grid([ir.Assign(DELAYED[text.padded_at(m)], output) for m, output in enumerate(past)])
-    text.copy_rims(DELAYED)
-
-
-def watch_change(text: TransientBuilder, state: ir.Expression) -> ir.Accumulate:
+def watched(
+    text: TransientBuilder, state: ir.Expression, rate: ir.Expression = RATE
+) -> ir.Accumulate:
     """Return the statement that keeps the largest rate, in units of the tolerance, in `change`.
 
     A state whose rate times its layer's τ is below the tolerance stays within about that of its
     equilibrium.
     """
-    return ir.Accumulate(CHANGE, "greater", ir.size(text.slowest() * RATE) / text.scale(state))
+    return ir.Accumulate(CHANGE, "greater", ir.size(text.slowest() * rate) / text.scale(state))

@@ -65,8 +65,6 @@ def _term(
     number: Callable[[float], ir.Expression],
     value: Callable[[Tap], ir.Expression],
 ) -> ir.Expression:
-    if len(group) == 1:
-        return number(group[0].weight) * value(group[0])
     weight, total = group[0].weight, None
     for _, column in groupby(group, key=lambda tap: (tap.source, tap.col)):
         first, *others = column

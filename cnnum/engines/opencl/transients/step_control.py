@@ -8,27 +8,36 @@ import numpy as np
 
 from cnnum import kernels as ir
 from cnnum.engines.opencl.lowering.storage import UNFINISHED
-from cnnum.engines.opencl.transients.builder import TransientBuilder, X
-from cnnum.engines.opencl.transients.state_equation import CHANGE, Instant, into, rates_once
+from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.names import (
+    CHANGE,
+    RUNNING,
+    SETTLED,
+    STEPS,
+    TIME,
+    XS,
+    H,
+    X,
+    zeros,
+)
+from cnnum.engines.opencl.transients.state_equation import RESTS, Instant, into, rates_once, watched
 from cnnum.integrators.estimate import LOST, ROUNDINGS, SMALLEST_RATE, error_growth
 from cnnum.integrators.schemes import MAX_STEPS, AdaptiveSteps, ChebyshevSteps
 
 LARGEST_EXPONENT = 80.0
 """e to this is a number of single precision."""
 
-K0, XS = ir.names("k0 xs")
-"""The rates at a step's start, and the states at its stages, in the end at its end."""
+K0 = ir.Name("k0")
+"""The rates at a step's start."""
 
-H, TIME, STEPS, SETTLED = ir.names("h time steps settled")
-STILL = ir.Name("still")
-"""Steps in a row in which nothing changed."""
+ACCEPT, WORST, ADDED, SPEED, E = ir.names("accept worst added speed e")
+"""Of an attempt: whether it counts, its error over the tolerance, its part of the error, the
+largest rate; and a cell's error."""
 
-ERROR, RUNNING, ACCEPT = ir.names("error running accept")
-WORST, ADDED, SPEED = ir.names("worst added speed")
-"""Of an attempt: its error over the tolerance, its part of the error, the largest rate."""
+ACCEPTED = ACCEPT.differs(ir.ZERO)
 
-SPEED_BEFORE, BEHIND, AHEAD, REACHED = ir.names("speed_before behind ahead reached")
-FASTER, GROWN, E = ir.names("faster grown e")
+ERROR, BEHIND, AHEAD, REACHED = ir.names("error behind ahead reached")
+SPEED_BEFORE, FASTER, GROWN = ir.names("speed_before faster grown")
 
 Figures = dict[str, ir.Expression]
 """Of a run: time, steps, settled, error."""
@@ -61,11 +70,6 @@ class Attempt:
 Controlled = AdaptiveSteps | ChebyshevSteps
 
 
-def rates_of(stage: int) -> ir.Name:
-    """Return the array of a stage's rates."""
-    return ir.Name(f"k{stage}")
-
-
 def controlled(
     text: TransientBuilder,
     scheme: Controlled,
@@ -77,45 +81,34 @@ def controlled(
     """
     text.array(K0, text.states)
     attempt = attempts(text, scheme)
-    first_rates = text.aside(rates_once, X, into(K0), Instant(TIME))
+    first_rates = text.aside(lambda: rates_once(text, into(K0), Instant(TIME)))
     pair, longest = isinstance(scheme, AdaptiveSteps), ir.Number(scheme.control.longest)
     duration = ir.Number(text.solver.duration)
-    zeros = [TIME, STEPS, SETTLED, ERROR]
-    carried = [(BEHIND, ir.ZERO)] if pair else []
-    begun = (*((name, ir.ZERO) for name in zeros), (H, ir.Number(scheme.first_step)))
-    left, many = duration - TIME, "" if pair else ", stages follow the steps"
-    length = ir.call("fmin", H, ir.call("fmin", longest, left))
-    if pair:
-        length = ir.call("fmin", ir.call("fmin", H, longest), left)
+    many = "" if pair else ", stages follow the steps"
+    length = ir.call("fmin", ir.call("fmin", H, longest), duration - TIME)
+    fastest = ir.Accumulate(SPEED_BEFORE, "greater", ir.size(K0[ir.CELL]))
+    step = (
+        ir.Declare("real", zeros(WORST, ADDED, SPEED, CHANGE)),
+        ir.Assign(H, length),
+        *attempt.stages,
+        *attempt.judge,
+        ir.fixed(ACCEPT, ir.pick(WORST <= ir.ONE, RUNNING, ir.ZERO)),
+        *attempt.advance,
+        *(_carried_on() if pair else [ir.add(TIME, ACCEPT * H)]),
+        ir.add(STEPS, RUNNING),
+        *_followed(text),
+        *_next(scheme, duration),
+    )
+    first = (H, ir.Number(scheme.first_step))
     text.body += [
         ir.Note(f"// {scheme.name}: steps follow the error estimate{many}"),
-        ir.Declare("real", begun),
-        ir.Declare("real", ((SPEED_BEFORE, ir.ZERO), *carried)),
-        ir.Declare("real", ((RUNNING, ir.pick(TIME < duration, ir.ONE, ir.ZERO)),)),
+        ir.Declare("real", (*zeros(TIME, STEPS, SETTLED, ERROR), first)),
+        ir.Declare("real", zeros(SPEED_BEFORE, *([BEHIND] if pair else []))),
+        ir.declare(RUNNING, ir.pick(TIME < duration, ir.ONE, ir.ZERO)),
         ir.Block(tuple(first_rates)),
         *attempt.begin,
-        ir.sweep(
-            ir.CELL, text.states, [ir.Accumulate(SPEED_BEFORE, "greater", ir.size(K0[ir.CELL]))]
-        ),
-        ir.Counted(
-            ir.ROUND,
-            0,
-            MAX_STEPS,
-            RUNNING,
-            (
-                ir.Declare(
-                    "real", tuple((name, ir.ZERO) for name in (WORST, ADDED, SPEED, CHANGE))
-                ),
-                ir.Assign(H, length),
-                *attempt.stages,
-                *attempt.judge,
-                ir.fixed(ACCEPT, ir.pick(WORST <= ir.ONE, RUNNING, ir.ZERO)),
-                *attempt.advance,
-                *(_carried_on() if pair else [ir.add(TIME, ACCEPT * H), ir.add(STEPS, RUNNING)]),
-                *_followed(text),
-                *_next(scheme, duration),
-            ),
-        ),
+        ir.sweep(ir.CELL, text.states, [fastest]),
+        ir.Counted(ir.ROUND, 0, MAX_STEPS, RUNNING, step),
         ir.Assign(UNFINISHED, ir.call("fmax", UNFINISHED, RUNNING)),
         *attempt.end,
     ]
@@ -130,7 +123,6 @@ def _carried_on() -> list[ir.Statement]:
         ir.Declare("real", ahead, fixed=True),
         ir.Assign(BEHIND, (REACHED - TIME) - AHEAD),
         ir.Assign(TIME, REACHED),
-        ir.add(STEPS, RUNNING),
     ]
 
 
@@ -145,24 +137,20 @@ def _followed(text: TransientBuilder) -> list[ir.Statement]:
         ir.Note("// an error grows as the rates do, within the bound of the feedback"),
         ir.fixed(FASTER, ir.call("fmax", SPEED / before, ir.ONE)),
         ir.fixed(GROWN, ir.call("fmin", FASTER, ir.call("exp", growth))),
-        ir.Assign(ERROR, ir.pick(ACCEPT.differs(ir.ZERO), sum, ERROR)),
-        ir.Assign(SPEED_BEFORE, ir.pick(ACCEPT.differs(ir.ZERO), SPEED, SPEED_BEFORE)),
+        ir.Assign(ERROR, ir.pick(ACCEPTED, sum, ERROR)),
+        ir.Assign(SPEED_BEFORE, ir.pick(ACCEPTED, SPEED, SPEED_BEFORE)),
     ]
 
 
 def _next(scheme: Controlled, duration: ir.Expression) -> list[ir.Statement]:
     """Return statements that set the length of the next step, and whether there is one."""
-    rests = (ACCEPT * ir.Number(float(scheme.settle))).differs(ir.ZERO) & (CHANGE <= ir.ONE)
+    rests = (ACCEPT * ir.Number(float(scheme.settle))).differs(ir.ZERO) & RESTS
     ends = (TIME >= duration * ir.Number(1.0 - 1e-6)) | SETTLED.differs(ir.ZERO)
     follows = scheme.control
-    least_error = ir.call("R", ir.Constant("1e-10"))
+    shares = ("1e-10", f"{follows.caution:g}", f"{follows.least:g}")
+    least_error, caution, least = (ir.real(ir.Constant(share)) for share in shares)
     power = ir.call("pow", ir.call("fmax", WORST, least_error), ir.Number(-1.0 / follows.order))
-    factor = ir.call(
-        "clamp",
-        ir.call("R", ir.Constant(f"{follows.caution:g}")) * power,
-        ir.call("R", ir.Constant(f"{follows.least:g}")),
-        ir.call("R", 5),
-    )
+    factor = ir.call("clamp", caution * power, least, ir.real(5))
     return [
         ir.Assign(SETTLED, ir.pick(rests, ir.ONE, SETTLED)),
         ir.Assign(RUNNING, ir.pick(ends, ir.ZERO, RUNNING)),
@@ -172,11 +160,8 @@ def _next(scheme: Controlled, duration: ir.Expression) -> list[ir.Statement]:
 
 def advance(text: TransientBuilder, last: ir.Name) -> list[ir.Statement]:
     """Return statements that take a step over where `accept` is not 0."""
-    accepted = ACCEPT.differs(ir.ZERO)
-    body = [
-        ir.Assign(X[ir.CELL], ir.pick(accepted, XS[ir.CELL], X[ir.CELL])),
-        ir.Assign(K0[ir.CELL], ir.pick(accepted, last[ir.CELL], K0[ir.CELL])),
-    ]
+    pairs = [(state[ir.CELL], end[ir.CELL]) for state, end in ((X, XS), (K0, last))]
+    body = [ir.Assign(state, ir.pick(ACCEPTED, end, state)) for state, end in pairs]
     return [ir.sweep(ir.CELL, text.states, body)]
 
 
@@ -211,5 +196,5 @@ def judged(
         ir.Accumulate(WORST, "greater", E / text.scale(larger)),
         ir.Accumulate(ADDED, "greater", left_out + rounding(text) * ir.size(after)),
         ir.Accumulate(SPEED, "greater", ir.size(last)),
-        ir.Accumulate(CHANGE, "greater", ir.size(text.slowest() * last) / text.scale(after)),
+        watched(text, after, last),
     ]

@@ -13,23 +13,22 @@ from cnnum.engines.opencl.large_arrays.strip_steps import (
     strip_steps,
     strips_fit,
 )
-from cnnum.engines.opencl.transients.builder import TransientBuilder, X
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.chebyshev_steps import chebyshev_sweeps
 from cnnum.engines.opencl.transients.closed_form import exact
 from cnnum.engines.opencl.transients.euler_in_registers import fits_rows, row_steps
 from cnnum.engines.opencl.transients.feedforward import drive
 from cnnum.engines.opencl.transients.fused_euler import fused_euler, fuses
-from cnnum.engines.opencl.transients.runge_kutta_steps import fixed_steps, sweeps
-from cnnum.engines.opencl.transients.stage_loop import rolled, rolls
+from cnnum.engines.opencl.transients.names import CHANGE, X
+from cnnum.engines.opencl.transients.pair_steps import rolled, rolls, sweeps
+from cnnum.engines.opencl.transients.runge_kutta_steps import fixed_steps
 from cnnum.engines.opencl.transients.state_equation import (
-    CHANGE,
     Instant,
     declare_outputs,
     rates_once,
-    watch_change,
+    watched,
 )
 from cnnum.engines.opencl.transients.step_control import Attempt, Figures, controlled
-from cnnum.engines.opencl.transients.uncoupled_cells import separate
 from cnnum.integrators.estimate import LOST
 from cnnum.integrators.propagator import Decay, Propagator
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
@@ -83,66 +82,33 @@ STAGES_STAY = "all stages of a few rows stay in the cache"
 LAST = "every scheme runs so"
 
 STRATEGIES = (
-    Strategy(
-        "closed form",
-        "the array is linear, and its end a product",
-        (Decay, Propagator, Spectral),
-        exact,
-        starts=False,
-        pads=False,
-    ),
-    Strategy(
-        "cell by cell",
-        "no cell sees another, so its way is known in pieces",
-        (Separate,),
-        separate,
-        starts=False,
-        pads=False,
-    ),
-    Strategy(
-        "strips of states",
-        "an output costs less to make again than to keep",
-        (FixedSteps,),
-        state_strips,
-        lambda text, scheme: strips_fit(text, scheme) and states_suffice(text, scheme),
-        pads=False,
-    ),
-    Strategy(
-        "strips",
-        "several steps of a few rows stay in the cache",
-        (FixedSteps,),
-        strip_steps,
-        strips_fit,
-        pads=False,
-    ),
+    Strategy("closed form", "the array is linear, and its end a product",
+             (Decay, Propagator, Spectral), exact, starts=False, pads=False),
+    Strategy("cell by cell", "no cell sees another, so its way is known in pieces",
+             (Separate,), exact, starts=False, pads=False),
+    Strategy("strips of states", "an output costs less to make again than to keep",
+             (FixedSteps,), state_strips,
+             lambda text, scheme: strips_fit(text, scheme) and states_suffice(text, scheme),
+             pads=False),
+    Strategy("strips", "several steps of a few rows stay in the cache",
+             (FixedSteps,), strip_steps, strips_fit, pads=False),
     Strategy("strips", STAGES_STAY, (ChebyshevSteps,), _followed(chebyshev_attempts), strips_fit),
     Strategy("strips", STAGES_STAY, (AdaptiveSteps,), _followed(pair_attempts), strips_fit),
-    Strategy(
-        "rows in registers",
-        "a row of a single frame fits a vector, and all rows fit the registers",
-        (FixedSteps,),
-        row_steps,
-        lambda text, scheme: fuses(text, scheme) and fits_rows(text),
-    ),
-    Strategy(
-        "fused sweeps",
-        "a step of linear couplings is one sweep with the step in its weights",
-        (FixedSteps,),
-        fused_euler,
-        lambda text, scheme: text.tables.lanes > 1 and fuses(text, scheme),
-        own_weights=True,
-    ),
-    Strategy(
-        "rolled stages",
-        "a loop over the stages of a single small frame is built quickly",
-        (AdaptiveSteps,),
-        _followed(rolled),
-        lambda text, _: rolls(text),
-    ),
+    Strategy("rows in registers",
+             "a row of a single frame fits a vector, and all rows fit the registers",
+             (FixedSteps,), row_steps,
+             lambda text, scheme: fuses(text, scheme) and fits_rows(text)),
+    Strategy("fused sweeps", "a step of linear couplings is one sweep with the step in its weights",
+             (FixedSteps,), fused_euler,
+             lambda text, scheme: text.tables.lanes > 1 and fuses(text, scheme),
+             own_weights=True),
+    Strategy("rolled stages", "a loop over the stages of a single small frame is built quickly",
+             (AdaptiveSteps,), _followed(rolled), lambda text, _: rolls(text)),
     Strategy("sweeps", LAST, (FixedSteps,), fixed_steps, own_weights=True),
     Strategy("sweeps", LAST, (ChebyshevSteps,), _followed(chebyshev_sweeps)),
     Strategy("sweeps", LAST, (AdaptiveSteps,), _followed(sweeps), own_weights=True),
-)
+)  # fmt: skip
+"""In their order: the first that fits is taken."""
 
 
 def strategy_of(text: TransientBuilder) -> Strategy:
@@ -182,4 +148,4 @@ def settled_now(text: TransientBuilder, strategy: Strategy) -> None:
     if not strategy.pads:
         declare_outputs(text)
     instant = Instant(ir.Number(text.solver.duration), lambda at: text.output(X[at]))
-    rates_once(text, X, lambda at, _: [watch_change(text, X[at])], instant)
+    rates_once(text, lambda at, _: [watched(text, X[at])], instant)

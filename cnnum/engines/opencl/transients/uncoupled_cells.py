@@ -6,10 +6,9 @@ The formulas, and the meaning of d, stand in `cnnum.integrators.separate`.
 import math
 
 from cnnum import kernels as ir
-from cnnum.engines.opencl.transients.builder import NOW, TransientBuilder, X
-from cnnum.engines.opencl.transients.closed_form import LARGEST, begin_exact, exact_figures
+from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import drive_of
-from cnnum.engines.opencl.transients.step_control import Figures
+from cnnum.engines.opencl.transients.names import LARGEST, NOW, X
 from cnnum.integrators.separate import STEEPEST, Separate, growth, moved, roundings
 
 FROM, TO, DRIVE, S, E, EDGE, AWAY = ir.names("from to drive s e edge away")
@@ -21,13 +20,12 @@ G, B, AT_B, CROSSES, OVER, BETWEEN, LEFT, ENDS = ir.names("g b at_b crosses over
 SEEN, AFTER, GROWN, SIZES = ir.names("seen after grown sizes")
 
 
-def separate(text: TransientBuilder, scheme: Separate) -> Figures:
-    """Append statements that set the states `x` to their end; return the figures of the run."""
-    begin_exact(text, ": no cell sees another")
+def separate(text: TransientBuilder, scheme: Separate) -> float:
+    """Append statements that set the states `x` to their end; return its roundings of `largest`."""
     text.array(X, text.states)
     for layer in range(text.layers):
         text.over_cells(_cell(text, scheme, layer))
-    return exact_figures(text, roundings(text.template))
+    return roundings(text.template)
 
 
 def _cell(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.Statement]:
@@ -56,49 +54,37 @@ def _cell(text: TransientBuilder, scheme: Separate, layer: int) -> list[ir.State
 
 def _inside(slope: float, time: float) -> list[ir.Statement]:
     """Return where cells are at the end that are in the middle piece at first, or enter it."""
-    if math.isinf(time):
-        return _at_rest(ir.Number(slope))
-    return _weight_of_two(time) if slope == 1.0 else _on_time(slope, time)
-
-
-def _at_rest(slope: ir.Expression) -> list[ir.Statement]:
-    """Return where cells come to rest that are in the middle piece, or enter it."""
-    crosses = ir.pick(B * AT_B > ir.ZERO, ir.ONE, ir.ZERO)
-    return [
-        ir.Declare("real", ((CROSSES, crosses), (OVER, B + AT_B)), fixed=True),
-        ir.fixed(BETWEEN, ir.pick(G.differs(ir.ZERO), -DRIVE / slope, NOW)),
-    ]
-
-
-def _weight_of_two(time: float) -> list[ir.Statement]:
-    """Return where they are on time for m = 1, as most templates have it: e^t = 1/d is at hand."""
-    d, grown = ir.Number(math.exp(-time)), ir.Number(growth(1.0, time))
-    left = ir.pick(EDGE > d, d / EDGE, d)
-    return [
-        ir.Declare("real", ((LEFT, left), (ENDS, G / AT_B)), fixed=True),
-        ir.fixed(CROSSES, ir.pick((B * AT_B > ir.ZERO) & (LEFT < ENDS), ir.ONE, ir.ZERO)),
-        ir.fixed(OVER, B + AT_B * (ir.ONE - LEFT / ENDS)),
-        ir.fixed(BETWEEN, NOW + G * (grown * ir.pick(EDGE > d, EDGE, ir.ONE) - ir.ONE)),
-    ]
-
-
-def _on_time(slope: float, time: float) -> list[ir.Statement]:
-    """Return where they are on time for any m."""
     m, d = ir.Number(slope), ir.Number(math.exp(-time))
-    ends: ir.Expression = (B - NOW) / G
-    entered: ir.Expression = LEFT
-    if slope != 0.0:
-        ends = ir.call("log1p", m * (B - NOW) / G) / m
-        entered = ir.call("expm1", ir.call("fmin", m * LEFT, ir.Number(math.log(STEEPEST)))) / m
-    along = ir.Number(moved(slope, time))
+    entered, crosses, begun = EDGE > d, B * AT_B > ir.ZERO, list[ir.Statement]()
+    over: ir.Expression
+    between: ir.Expression
+    if math.isinf(time):
+        over, between = B + AT_B, ir.pick(G.differs(ir.ZERO), -DRIVE / m, NOW)
+    elif slope == 1.0:  # as most templates have it: e^t = 1/d is at hand
+        both = ((LEFT, ir.pick(entered, d / EDGE, d)), (ENDS, G / AT_B))
+        begun = [ir.Declare("real", both, fixed=True)]
+        crosses, over = crosses & (LEFT < ENDS), B + AT_B * (ir.ONE - LEFT / ENDS)
+        grown = ir.Number(growth(1.0, time)) * ir.pick(entered, EDGE, ir.ONE)
+        between = NOW + G * (grown - ir.ONE)
+    else:
+        ends: ir.Expression = (B - NOW) / G
+        moves: ir.Expression = LEFT
+        if slope != 0.0:
+            steepest = ir.Number(math.log(STEEPEST))
+            ends = ir.call("log1p", m * (B - NOW) / G) / m
+            moves = ir.call("expm1", ir.call("fmin", m * LEFT, steepest)) / m
+        # the time that is left, from where it enters, and that it takes to leave again; a quotient
+        # of decays is exact near the end
+        left = ir.pick(entered, ir.call("log", EDGE / d), ir.Number(time))
+        begun = [ir.fixed(LEFT, left), ir.fixed(ENDS, ends)]
+        crosses = crosses & (ENDS < LEFT)
+        over = B + AT_B * (ir.ONE - ir.call("exp", ENDS - LEFT))
+        between = NOW + G * ir.pick(entered, moves, ir.Number(moved(slope, time)))
     return [
-        # time that is left, from where it enters; a quotient of decays is exact near the end
-        ir.fixed(LEFT, ir.pick(EDGE > d, ir.call("log", EDGE / d), ir.Number(time))),
-        # and that it takes to leave the middle piece again
-        ir.fixed(ENDS, ends),
-        ir.fixed(CROSSES, ir.pick((B * AT_B > ir.ZERO) & (ENDS < LEFT), ir.ONE, ir.ZERO)),
-        ir.fixed(OVER, B + AT_B * (ir.ONE - ir.call("exp", ENDS - LEFT))),
-        ir.fixed(BETWEEN, NOW + G * ir.pick(EDGE > d, entered, along)),
+        *begun,
+        ir.fixed(CROSSES, ir.pick(crosses, ir.ONE, ir.ZERO)),
+        ir.fixed(OVER, over),
+        ir.fixed(BETWEEN, between),
     ]
 
 

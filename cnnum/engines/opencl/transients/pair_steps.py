@@ -1,0 +1,94 @@
+"""Steps of a pair that estimates its own error, as sweeps over all cells.
+
+A single small frame has its stages in one loop. Written out a stage after the other the text is
+several times as long. It takes as much longer to build. Each round takes all rates so far, those
+that its stage does not weigh times 0. The sum has the same terms in the same order. But where a 0
+stands between two products compilers may fuse others of the multiply-adds, which round otherwise.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cnnum import kernels as ir
+from cnnum.engines.opencl.transients.builder import TransientBuilder
+from cnnum.engines.opencl.transients.names import RATE, TIME, XS, H, X, rates_of
+from cnnum.engines.opencl.transients.runge_kutta_steps import combination, declare_stages, stages
+from cnnum.engines.opencl.transients.state_equation import Instant, outputs, rates
+from cnnum.engines.opencl.transients.step_control import Attempt, advance, judged
+from cnnum.integrators.schemes import AdaptiveSteps
+
+LEFT_OUT = ir.Name("left_out")
+"""The truncation error of a step in a cell."""
+
+LATER_RATES, STAGE = ir.names("later stage")
+"""The rates of all stages but the first, one after the other; the stage at hand."""
+
+
+def sweeps(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
+    """Return a step's statements as sweeps over all cells, a stage after the other."""
+    declare_stages(text, 1, scheme.tableau.stages)
+    each = stages(text, scheme, 1, lambda c: Instant(TIME + ir.Number(c) * H))
+    return _judged(text, scheme, each)
+
+
+def rolls(text: TransientBuilder) -> bool:
+    """Whether steps are to be built quickly: frames side by side are worth the longer text."""
+    return text.arena.private and text.tables.lanes == 1
+
+
+def rolled(text: TransientBuilder, scheme: AdaptiveSteps) -> Attempt:
+    """Return a step's statements as a loop over its stages."""
+    count, n = scheme.tableau.stages, text.states
+    text.array(LATER_RATES, (count - 1) * n)
+    text.array(XS, n)
+    names = [f"*const k{stage} = later + {(stage - 1) * n}" for stage in range(1, count)]
+    text.body.append(ir.Verbatim((f"__private real {', '.join(names)};",)))
+    once = "__attribute__((opencl_unroll_hint(1)))"
+    stage = tuple(text.aside(lambda: _round(text, scheme)))
+    body: list[ir.Statement] = [
+        # rates that a refused step left may be infinite, and are multiplied by 0
+        ir.sweep(ir.CELL, (count - 1) * n, [ir.Assign(LATER_RATES[ir.CELL], ir.ZERO)]),
+        ir.Counted(STAGE, 1, count, None, stage, hint=once),
+    ]
+    return _judged(text, scheme, body)
+
+
+def _round(text: TransientBuilder, scheme: AdaptiveSteps) -> None:
+    """Append the round of one stage."""
+    count, states = scheme.tableau.stages, list[ir.Expression]()
+    for layer, place in enumerate(text.places):
+        rows = np.zeros((count, count - 1))
+        for stage, row in enumerate(scheme.of(layer).a):
+            rows[stage, : len(row)] = [float(weight) for weight in row]
+        weights = [ir.Name(f"a{layer}_{m}") for m in range(count - 1)]
+        start = ir.Integer(text.tables.data(rows)) + STAGE * (count - 1)
+        text.body += [
+            ir.fixed(weight, text.tables.number_at(start + m)) for m, weight in enumerate(weights)
+        ]
+        terms = [weight * rates_of(m)[place] for m, weight in enumerate(weights)]
+        states.append(X[place] + H * ir.total(terms))
+    outputs(text, states, keep=XS)
+    time: ir.Expression = ir.ZERO
+    times = np.array([float(sum(row)) for row in scheme.tableau.a])
+    if text.template.gains:
+        time = TIME + text.tables.constant(times, STAGE) * H
+
+    def keep(at: ir.Expression, _: int) -> list[ir.Statement]:
+        return [ir.Assign(LATER_RATES[ir.after((STAGE - 1) * text.states, at)], RATE)]
+
+    rates(text, XS, keep, Instant(time))
+
+
+def _judged(text: TransientBuilder, scheme: AdaptiveSteps, each: Sequence[ir.Statement]) -> Attempt:
+    """Return a step of these stages, with its judgement: the worst error, the change at its end."""
+    last, body = rates_of(scheme.tableau.stages - 1), list[ir.Statement]()
+    for layer, at in enumerate(text.places):
+        tableau, lines = scheme.of(layer), list[ir.Statement]()
+        left_out = ir.total([ir.size(H * combination(d, at)) for d in tableau.truncation])
+        error: ir.Expression = H * combination(tableau.error, at)
+        if scheme.bends:
+            lines.append(ir.fixed(LEFT_OUT, left_out))
+            error, left_out = ir.call("fmax", ir.size(error), LEFT_OUT), LEFT_OUT
+        body.append(ir.block(*lines, *judged(text, at, error, left_out, last)))
+    return Attempt(each, [ir.sweep(ir.CELL, text.cells, body)], advance(text, last))
