@@ -175,7 +175,7 @@ def test_kernel_and_buffers_hold_no_more_than_that(name, opencl, whole, scenes):
     executable = scene.plan.executable
     one = executable.one(executable.new_memory(1))
     numbers = len(scene.plan.schedule.outputs) - len(maps)
-    assert len(one.packed) == 64 * len(maps) + numbers + 1
+    assert len(one.output.host) == 64 * len(maps) + numbers + 1
 
 
 def test_values_that_travel_are_those_of_channels_that_are_read(opencl):
@@ -184,7 +184,7 @@ def test_values_that_travel_are_those_of_channels_that_are_read(opencl):
     way = scene.path()
     assert frame.values.shape == (8, 8, 4)
     assert way.step(0, frame).values.shape == (8, 8, 1)
-    assert scene.plan.executable.one(scene.plan.executable.new_memory(1)).shape == (8, 8, 1)
+    assert scene.plan.executable.one(scene.plan.executable.new_memory(1)).given.shape == (8, 8, 1)
 
 
 @pytest.fixture(scope="module")
