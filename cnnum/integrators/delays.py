@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Floats, Shape
+from cnnum.arrays import Floats, Shape, distinct
 from cnnum.integrators.enclosure import Discs, discs, torus_coupling
 from cnnum.integrators.spectral import diagonal_in_modes, mode_rates
 from cnnum.integrators.tableau import ButcherTableau, Row
@@ -188,7 +188,7 @@ def _few(now: Complexes, late: Complexes) -> tuple[Complexes, Complexes]:
         at = np.unique(keys, return_index=True)[1]
         if len(at) <= MODES:
             break
-    chosen = np.unique(np.concatenate([at, both.argmin(axis=1), both.argmax(axis=1)]))
+    chosen = distinct(np.concatenate([at, both.argmin(axis=1), both.argmax(axis=1)]))
     return now[chosen], late[chosen]
 
 

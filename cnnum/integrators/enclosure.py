@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Floats
+from cnnum.arrays import Floats, distinct
 from cnnum.integrators.estimate import error_growth
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.network import Network
@@ -46,7 +46,7 @@ class Box:
         along = np.linspace(self.left, min(self.right, 0.0), POINTS)
         up = 1j * np.linspace(0.0, self.height, POINTS)
         sides = (along + 0j, along + 1j * self.height, along[0] + up, along[-1] + up)
-        return np.unique(np.concatenate(sides).astype(np.complex128))
+        return distinct(np.concatenate(sides).astype(np.complex128))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -78,7 +78,7 @@ def discs(network: Network) -> Discs:
         # a cell that saturates sees nothing of itself; a linear one does not saturate
         least, seen = (slope * float(own[layer]) for slope in template.output.slope)
         parts.append(_around(least - 1.0, seen - 1.0, _others(template, layer)) / tau)
-    return Discs(np.unique(np.concatenate(parts)), growth, reach)
+    return Discs(distinct(np.concatenate(parts)), growth, reach)
 
 
 def _around(one: float, other: float, radius: float) -> Complexes:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.arrays import Floats, Shape
+from cnnum.arrays import Floats, Shape, distinct
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method, stages_about
 from cnnum.integrators.estimate import linear_growth
 from cnnum.integrators.schemes import AdaptiveSteps
@@ -84,7 +84,7 @@ class Motion:
         """Return instants from the start to the end, closer at the start."""
         first = min(self.duration, 1.0 / float(np.abs(self.rates).max()))
         later = np.geomspace(1e-3 * first, self.duration, TIMES)
-        return np.unique(np.concatenate([[0.0], later, [self.busy]]))
+        return distinct(np.concatenate([[0.0], later, [self.busy]]))
 
     def wanted(self, times: Floats, order: int) -> Floats:
         """Return the rate that sets the steps of a method of that order at each instant."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum import kernels as ir
+from cnnum.arrays import distinct
 from cnnum.engines.opencl.text import fill
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import constant_drive
@@ -135,7 +136,7 @@ def _moved(text: TransientBuilder, layer: int, row: int) -> list[ir.Statement]:
     """Return a row of outputs as each column offset that any weight has sees it."""
     cols, radius = text.shape[1], text.radius
     source, outputs = _sources(text, cols), _row("y", layer, row)
-    columns = np.unique(np.argwhere(text.template.A)[:, 3]) - text.template.A.shape[-1] // 2
+    columns = distinct(np.argwhere(text.template.A)[:, 3]) - text.template.A.shape[-1] // 2
     lines: list[ir.Statement] = []
     for offset in columns[columns != 0].tolist():
         seen = source[radius + offset : radius + offset + cols].tolist()
