@@ -286,7 +286,7 @@ class Plan:
         lead, channels = array.shape[:-3], self.schedule.channels
         if array.shape[-3:] != (*self.schedule.shape, len(channels)):
             raise self.misshapen("(..., ", channels, array.shape)
-        frames = array.reshape(-1, *array.shape[-3:])
+        frames = array.reshape(-1, *array.shape[-3:]) if lead else array[np.newaxis]
         if len(frames) == 0:
             raise ArrayError("A batch needs at least one frame, got none.")
         read = self.schedule.channels_read
