@@ -117,8 +117,8 @@ def all_finite(array: NDArray[np.floating]) -> bool:
     """
     if array.size > FEW:
         return bool(np.isfinite(array).all())
-    numbers = array if array.ndim == 1 else array.ravel(order="K")  # as they lie in memory: no copy
-    return math.isfinite(np.vdot(numbers, numbers)) or bool(np.isfinite(array).all())
+    # np.dot would warn of the overflow
+    return math.isfinite(np.vdot(array, array)) or bool(np.isfinite(array).all())
 
 
 def magnitude(array: NDArray[np.floating]) -> float:
@@ -128,8 +128,7 @@ def magnitude(array: NDArray[np.floating]) -> float:
     one, or where that sum overflows. It is NaN or infinite only if a number of the array is.
     """
     if array.size <= FEW:
-        numbers = array.ravel(order="K")
-        bound = math.sqrt(np.vdot(numbers, numbers))
+        bound = math.sqrt(np.vdot(array, array))
         if math.isfinite(bound):
             return bound
     return largest(array)

@@ -44,6 +44,11 @@ class Stream:
     _before: Numbers = field(default=())  # memories before the last unusual frame
     _frames_before: int = field(default=0)
     _watch: int = field(default=0)  # frames during which that is still kept
+    _read: tuple[int, int, int] = field(init=False)  # shape of the channels read
+
+    def __post_init__(self) -> None:
+        schedule = self.plan.schedule
+        self._read = (*schedule.shape, len(schedule.channels_read))
 
     def push(self, frame: ArrayLike) -> dict[str, Floats]:
         """Run the program on the next frame of every array and bring the memories up to date.
@@ -85,15 +90,14 @@ class Stream:
         ArrayError
             If they have another shape; FrameError and MethodError as `push`.
         """
-        schedule = self.plan.schedule
-        if values.shape != (*schedule.shape, len(schedule.channels_read)):
-            raise self.plan.misshapen("(", schedule.channels_read, values.shape)
+        if values.shape != self._read:
+            raise self.plan.misshapen("(", self.plan.schedule.channels_read, values.shape)
         if size is None:
             size = magnitude(values)
         with self._turn:
-            self._open()
             one = self._one
             if one is None or self._watch or size > self._usual:
+                self._open()
                 return self._carefully(values[np.newaxis], (), size)
             outputs = one.run(values, first=self.frames == 0)
             if not all_finite(one.packed):

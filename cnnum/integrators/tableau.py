@@ -75,7 +75,7 @@ class Pair(Protocol):
         """The error that sets the length of steps; with zeros it refuses none."""
         ...
 
-    @property
+    @cached_property
     def truncation(self) -> tuple[Row, ...]:
         """Parts of the error that a step adds."""
         ...
@@ -183,7 +183,7 @@ class ButcherTableau:
         """Whether it estimates its own error."""
         return bool(self.error)
 
-    @property
+    @cached_property
     def truncation(self) -> tuple[Row, ...]:
         """Rows d, each with a part h Σ_i d_i k_i of the step's own truncation error, in order.
 
@@ -194,7 +194,7 @@ class ButcherTableau:
         Dormand–Prince: 0.19), where that of the embedded method may vanish. A stage that reaches no
         higher power than the one before shows no part of its own.
         """
-        growth = self._stage_polynomials()
+        growth = self._stage_polynomials
         gaps = [
             Fraction(1, factorial(q + 1)) - sum(b * growth[i][q] for i, b in enumerate(self.b))
             for q in range(self.stages)
@@ -202,6 +202,7 @@ class ButcherTableau:
         shows = [growth[q][q] != 0 for q in range(self.stages)]
         return tuple(self._row_of(q, gap, growth) for q, gap in enumerate(gaps) if gap and shows[q])
 
+    @cached_property
     def _stage_polynomials(self) -> list[list[Fraction]]:
         """Return the coefficients of K_i(z) = 1 + z Σ_j a_ij K_j(z), lowest power first."""
         growth: list[list[Fraction]] = []
@@ -225,7 +226,7 @@ class ButcherTableau:
     @cached_property
     def estimate_smooth(self) -> float:
         """Error estimate of a small step of x' = λx, over |hλ|^order · |x|."""
-        growth, power = self._stage_polynomials(), self.order - 1
+        growth, power = self._stage_polynomials, self.order - 1
         return abs(float(sum(e * k[power] for e, k in zip(self.error, growth, strict=True))))
 
     @cached_property

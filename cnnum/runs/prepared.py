@@ -124,8 +124,7 @@ class PreparedRun:
                 if isinstance(array, np.ndarray):
                     self._frame[..., at] = array
                     at += 1
-            numbers = self._frame.ravel()
-            squares = np.vdot(numbers, numbers)
+            squares = np.vdot(self._frame, self._frame)
             # below: every number is finite, and none is too large for the precision
             if not squares < self._square:
                 return None

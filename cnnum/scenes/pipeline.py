@@ -5,7 +5,7 @@ import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 from cnnum.arrays import Floats, Shape, number_type
 from cnnum.drivers.driver import Driver
@@ -33,9 +33,8 @@ from cnnum.scenes.summary import Summary
 from cnnum.stream import Stream
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FrameResult:
-    """One frame on its way through the scene.
+class FrameResult(NamedTuple):
+    """One frame on its way through the scene; a tuple, as one is made for every frame.
 
     Attributes
     ----------
