@@ -8,7 +8,7 @@ from cnnum.errors import MethodError, name_error
 from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.delays import delayed_rates, delayed_step, keeps_delays
 from cnnum.integrators.evaluations import Effort, chebyshev, effort, motion, pair
-from cnnum.integrators.propagator import DENSE_LIMIT, decay, propagator
+from cnnum.integrators.exact import exact_end
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, implicit_steps
 from cnnum.integrators.schemes import (
     CHEBYSHEV,
@@ -18,9 +18,7 @@ from cnnum.integrators.schemes import (
     ChebyshevSteps,
     FixedSteps,
 )
-from cnnum.integrators.separate import separate
-from cnnum.integrators.solver import Exact, Scheme, Solver, Stepping
-from cnnum.integrators.spectral import spectral
+from cnnum.integrators.solver import Scheme, Solver, Stepping
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.stability import stability_bound, tableau_step
 from cnnum.integrators.tableau import (
@@ -88,7 +86,7 @@ def choose(transient: Transient, shape: tuple[int, int]) -> Solver:
     if duration < SHORTEST:
         duration = 0.0
     if spec.method in ("auto", "propagator") and spec.dt is None:
-        exact, reason = _exact(transient, network, math.inf if settle else duration)
+        exact, reason = exact_end(transient, network, math.inf if settle else duration)
         if exact is not None:
             return Solver("propagator", reason, exact, duration, settle, spec.rtol, spec.atol)
         if spec.method == "propagator":
@@ -132,32 +130,6 @@ def check_spec(spec: RunSpec) -> None:
 def _none_or_more(value: object) -> bool:
     """Return whether a value is one real, finite number from 0 up."""
     return is_real(value) and value >= 0.0
-
-
-def _exact(transient: Transient, network: Network, duration: float) -> tuple[Exact | None, str]:
-    template = transient.template
-    if template.output.limited or template.output.discrete:
-        return None, "its state is limited, or runs in discrete time"
-    if not template.plain:
-        return None, "it has nonlinear, delayed or time-varying couplings"
-    if template.uncoupled:
-        return decay(template, duration), "A = 0: every cell decays on its own, exactly"
-    pieces = separate(template, duration)
-    if pieces is not None:
-        return pieces, "no cell sees another: its linear pieces are exact, one after the other"
-    if not template.output.linear:
-        return None, "its output saturates, so the array is not linear"
-    if transient.has_mask:
-        return None, "its fixed-state mask is only known at run time"
-    modal = spectral(network, duration)
-    if modal is not None:
-        return modal, "the array is linear, and exact in the modes of its boundary"
-    if network.states > DENSE_LIMIT:
-        return None, f"{network.states} states are more than the {DENSE_LIMIT} of a dense product"
-    exact = propagator(network, duration)
-    if exact is None:
-        return None, "not every mode of the array decays, so it has no equilibrium"
-    return exact, "the array is linear: one dense product is exact"
 
 
 PAIRS = (BOGACKI_SHAMPINE, DORMAND_PRINCE)

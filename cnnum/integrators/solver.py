@@ -10,12 +10,11 @@ from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
 
 Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps | ImplicitSteps
-Linear = Decay | Propagator | Spectral
+Linear = Decay | Propagator | Spectral | Circulant
 """Exact schemes whose end is an affine map of start and drive."""
 
 Exact = Linear | Separate
-Scheme = Exact | Stepping | Circulant
-"""`Circulant` is of programs in whole numbers alone: engines relax on a torus."""
+Scheme = Exact | Stepping
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -75,7 +75,7 @@ class Pair(Protocol):
         """The error that sets the length of steps; with zeros it refuses none."""
         ...
 
-    @cached_property
+    @property
     def truncation(self) -> tuple[Row, ...]:
         """Parts of the error that a step adds."""
         ...
@@ -183,7 +183,7 @@ class ButcherTableau:
         """Whether it estimates its own error."""
         return bool(self.error)
 
-    @cached_property
+    @property
     def truncation(self) -> tuple[Row, ...]:
         """Rows d, each with a part h Σ_i d_i k_i of the step's own truncation error, in order.
 
@@ -194,6 +194,10 @@ class ButcherTableau:
         Dormand–Prince: 0.19), where that of the embedded method may vanish. A stage that reaches no
         higher power than the one before shows no part of its own.
         """
+        return self._truncation
+
+    @cached_property
+    def _truncation(self) -> tuple[Row, ...]:
         growth = self._stage_polynomials
         gaps = [
             Fraction(1, factorial(q + 1)) - sum(b * growth[i][q] for i, b in enumerate(self.b))

@@ -6,7 +6,7 @@ from cnnum.arrays import Shape
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.choice import choose
-from cnnum.integrators.propagator import Circulant, Decay, Propagator, circulant
+from cnnum.integrators.propagator import SHIFTS, Circulant, Decay, Propagator, circulant
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
 from cnnum.integrators.spectral import Spectral
@@ -46,10 +46,13 @@ def whole_solver(transient: Transient, shape: Shape) -> Solver:
 def _exact(transient: Transient, shape: Shape) -> Solver:
     """Return the method that "auto" takes; on a torus the equilibrium as a product of shifts."""
     found = choose(replace(transient, spec=replace(transient.spec, method="auto")), shape)
-    if not found.settle or transient.has_mask or isinstance(found.scheme, Decay | Spectral):
+    if (
+        not found.settle
+        or transient.has_mask
+        or isinstance(found.scheme, Decay | Spectral | Circulant)
+    ):
         return found
     around = circulant(Network(transient.template, shape))
     if around is None:
         return found
-    reason = "the array is linear on a torus: its equilibrium is a product of shifts"
-    return replace(found, method="propagator", reason=reason, scheme=around)
+    return replace(found, method="propagator", reason=SHIFTS, scheme=around)

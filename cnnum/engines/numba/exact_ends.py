@@ -13,7 +13,13 @@ from cnnum.arrays import Floats, Shape
 from cnnum.engines.numba.cells import add
 from cnnum.engines.numba.compiling import ROOM, kept
 from cnnum.engines.numba.records import Real, Reals
-from cnnum.integrators.propagator import Decay, Propagator, passes_in_fours, rounded_gain
+from cnnum.integrators.propagator import (
+    Circulant,
+    Decay,
+    Propagator,
+    passes_in_fours,
+    rounded_gain,
+)
 from cnnum.integrators.separate import Separate, evaluate, roundings
 from cnnum.integrators.solver import Exact
 from cnnum.integrators.spectral import Spectral
@@ -106,11 +112,22 @@ def _through_modes(scheme: Spectral, start: Reals, drive: Reals) -> End:
     return np.stack(ends, axis=1) + scheme.constant, None
 
 
+def _around_torus(scheme: Circulant, start: Reals, drive: Reals) -> End:
+    (batch, layers), cells = drive.shape[:2], drive.shape[2:]
+    ends = np.zeros((layers, drive[:, 0].size), drive.dtype)
+    by_layer = np.moveaxis(drive, 1, 0)
+    for shift in np.ndindex(*cells):
+        seen = np.roll(by_layer, shift, axis=(2, 3)).reshape(layers, -1)
+        add_products(np.ascontiguousarray(scheme.drive[:, :, *shift]), seen, ends)
+    return np.moveaxis(ends.reshape(layers, batch, *cells), 0, 1), None
+
+
 _ENDS: dict[type, Callable[[Any, Reals, Reals], End]] = {
     Decay: _decayed,
     Separate: _by_pieces,
     Propagator: _propagated,
     Spectral: _through_modes,
+    Circulant: _around_torus,
 }
 
 
@@ -154,6 +171,12 @@ def _roundings(template: Template, shape: Shape, scheme: Exact) -> float:
         return float(np.count_nonzero(template.B)) + 4.0
     if isinstance(scheme, Propagator):
         return _of_products(template, scheme)
+    if isinstance(scheme, Circulant):
+        sums = shape[0] * shape[1] * float(passes_in_fours(template.layers).max())
+        # a weight as it is held, its product, its sum of four, and a cell's drive
+        return (
+            0.5 * max(scheme.gain(range(template.layers)), 1.0) * (sums + 5.0 + _control(template))
+        )
     gains = (float(np.abs(part).sum(axis=1).max()) for part in (scheme.state, scheme.drive))
     # modes keep lengths, so that they spread roundings over the cells and do not add them up
     return (2.0 * sum(shape) + 2.0) * max(sum(gains), 1.0)
@@ -164,10 +187,15 @@ def _of_products(template: Template, scheme: Propagator) -> float:
     sums = passes_in_fours(len(scheme.constant))
     added = float(sums.max(initial=0.0))
     own = 1.0 + 2.0 + 2.0  # the product, its sum of four, and matrix and state as they are held
-    control = np.count_nonzero(template.B) / template.layers + 2.0
+    control = _control(template)
     later = own + sums
     parts, times = [scheme.drive], [later + control]
     if scheme.state.any():
         parts, times = [scheme.state, *parts], [later + added, *times]
     rim = np.abs(scheme.constant).max(initial=0.0) * (2.0 * added + 2.0)
     return 0.5 * (max(rounded_gain(parts, times), 1.0) + float(rim))
+
+
+def _control(template: Template) -> float:
+    """Return how often the drive of a cell is rounded, about."""
+    return float(np.count_nonzero(template.B) / template.layers) + 2.0

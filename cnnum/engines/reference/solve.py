@@ -20,7 +20,7 @@ from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.engines.reference.implicit import march_implicit
 from cnnum.engines.reference.march import march
 from cnnum.errors import MethodError
-from cnnum.integrators.propagator import Circulant, Decay
+from cnnum.integrators.propagator import Decay
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Exact, Solver, Stepping
@@ -119,7 +119,7 @@ def _marched(equation: StateEquation, solver: Solver) -> Answer:
         return Answer(*march(equation, solver, scheme), math.inf)
     if isinstance(scheme, ImplicitSteps):
         return Answer(*march_implicit(equation, solver, scheme))
-    assert not isinstance(scheme, Exact | Circulant)
+    assert not isinstance(scheme, Exact)
     return Answer(*march_adaptive(equation, solver, scheme))
 
 

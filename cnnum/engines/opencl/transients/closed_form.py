@@ -13,13 +13,19 @@ from cnnum.engines.opencl.transients.feedforward import constant_drive, drive_of
 from cnnum.engines.opencl.transients.names import LARGEST, SUM, W, X
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.engines.opencl.transients.uncoupled_cells import separate
-from cnnum.integrators.propagator import Decay, Propagator, passes_in_fours, rounded_gain
+from cnnum.integrators.propagator import (
+    Circulant,
+    Decay,
+    Propagator,
+    passes_in_fours,
+    rounded_gain,
+)
 from cnnum.integrators.separate import Separate
 from cnnum.integrators.solver import Exact
 from cnnum.integrators.spectral import Spectral
 
 X0, HALFWAY, MODES = ir.names("x0 halfway modes")
-J, K, V = ir.names("j k v")
+J, K, V, TO, DOWN = ir.names("j k v to d")
 
 
 def exact(text: TransientBuilder, scheme: Exact) -> Figures:
@@ -59,14 +65,22 @@ def _parts(text: TransientBuilder, scheme: Propagator | Spectral) -> list[tuple[
     if scheme.state.any():
         text.start(X0)
         parts.append((X0, scheme.state))
-    constant = constant_drive(text)
-    if constant is None or any(constant):
+    if _driven(text):
         parts.append((W, scheme.drive))
-    if constant is not None and any(constant):
+    return parts
+
+
+def _driven(text: TransientBuilder) -> list[int]:
+    """Append the array of drives where they are constant; return the layers that have one."""
+    constant = constant_drive(text)
+    if constant is None:
+        found = text.template.B.any(axis=(1, 2, 3)) | (text.template.z != 0.0)
+        return [n for n in range(text.layers) if found[n] or text.operands.biases]
+    if any(constant):
         text.array(W, text.states)
         pairs = zip(text.each(W), constant, strict=True)
         text.over_cells([ir.Assign(w, ir.Number(z)) for w, z in pairs])
-    return parts
+    return [n for n, z in enumerate(constant) if z]
 
 
 def _propagate(text: TransientBuilder, scheme: Propagator) -> float:
@@ -103,6 +117,31 @@ def _of_products(text: TransientBuilder, scheme: Propagator, matrices: list[Floa
         rim = float(np.abs(scheme.constant).max()) * (later[0] + 2.0)
     # one counts half of the distance from 1 to the next number
     return 0.5 * (max(rounded_gain(matrices, [later + own] * len(matrices)), 1.0) + rim)
+
+
+def _around_torus(text: TransientBuilder, scheme: Circulant) -> float:
+    """Append sums of shifted drives, each weighed by its distance on the torus.
+
+    A table holds the weights of distances from 1 − n to n − 1, so that no place wraps around.
+    """
+    (rows, cols), driven = text.shape, _driven(text)
+    apart = np.ix_(*(np.arange(1 - n, n) for n in text.shape))
+    width, block = 2 * cols - 1, (2 * rows - 1) * (2 * cols - 1)
+    state = X[TO * text.cells + ir.ROW * cols + K]
+    shift = (ir.ROW - DOWN + (rows - 1)) * width + (K - J + (cols - 1))
+    body: list[ir.Statement] = [ir.Loop(K, cols, (ir.Assign(state, ir.ZERO),))]
+    for source in driven:
+        weights = np.stack([scheme.drive[to, source][apart] for to in range(text.layers)])
+        weight = text.tables.constant(weights, TO * block + shift)
+        row = ir.Loop(K, cols, (ir.add(state, V * weight),))
+        seen = ir.fixed(V, W[ir.Integer(source * text.cells) + DOWN * cols + J])
+        body.append(ir.Loop(DOWN, rows, (ir.Loop(J, cols, (seen, row)),)))
+    text.array(X, text.states)
+    text.body.append(ir.Sweep(ir.ROW, rows, (ir.Loop(TO, text.layers, tuple(body)),)))
+    text.over_cells([_largest(W[text.at(source)]) for source in driven])
+    # a weight as it is held, its product, the sum of a cell's drive, and all later additions
+    passes = len(driven) * text.cells + np.count_nonzero(text.template.B) / text.layers + 4.0
+    return 0.5 * max(scheme.gain(driven), 1.0) * float(passes)
 
 
 def _spectral(text: TransientBuilder, scheme: Spectral) -> float:
@@ -175,6 +214,7 @@ _ENDS: dict[type, Callable[[TransientBuilder, Any], float]] = {
     Decay: _decay,
     Propagator: _propagate,
     Spectral: _spectral,
+    Circulant: _around_torus,
     Separate: separate,
 }
 """Each appends an end, and returns how many roundings of the largest number it is off at most."""

@@ -30,7 +30,7 @@ from cnnum.engines.opencl.transients.state_equation import (
 )
 from cnnum.engines.opencl.transients.step_control import Attempt, Figures, controlled
 from cnnum.integrators.estimate import LOST
-from cnnum.integrators.propagator import Decay, Propagator
+from cnnum.integrators.propagator import Circulant, Decay, Propagator
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
 from cnnum.integrators.separate import Separate
 from cnnum.integrators.spectral import Spectral
@@ -83,7 +83,7 @@ LAST = "every scheme runs so"
 
 STRATEGIES = (
     Strategy("closed form", "the array is linear, and its end a product",
-             (Decay, Propagator, Spectral), exact, starts=False, pads=False),
+             (Decay, Propagator, Spectral, Circulant), exact, starts=False, pads=False),
     Strategy("cell by cell", "no cell sees another, so its way is known in pieces",
              (Separate,), exact, starts=False, pads=False),
     Strategy("strips of states", "an output costs less to make again than to keep",

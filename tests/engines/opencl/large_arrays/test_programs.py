@@ -33,6 +33,15 @@ def layers():
     )  # fmt: skip
 
 
+def torus():
+    """Return more states than a dense product takes."""
+    rng = np.random.default_rng(3)
+    return cnnum.Template(
+        "torus", rng.normal(size=(11, 11, 3, 3)) * 0.01, rng.normal(size=(11, 1, 3, 3)), [0.1] * 11,
+        boundary="periodic", initial=0.0, output="linear", duration="settle",
+    )  # fmt: skip
+
+
 RULES = [(strip_steps, "lanes_fit"), (feedforward, "lanes_fit")]
 """Functions that decide whether neighbours are read by vectors."""
 
@@ -45,6 +54,7 @@ CASES = {
     "exponential": (template(), {"method": "etd-rk2", "dt": 0.1}),
     "propagator": (template(output="linear"), {"method": "propagator"}),
     "decay": (template(A=[[0]], boundary=0.0), {}),
+    "shifts on a torus": (torus(), {"method": "propagator"}),
     "uncoupled": (template(A=[[2]], boundary=0.0), {}),
     "full-range": (template(output="full-range"), {"dt": 0.1}),
     "sign": (template(output="sign", duration=4.0, tau=1.0), {}),
