@@ -53,11 +53,12 @@ def halfspace_equilibrium(
     slabs : int
         All of them: the base lies at thickness · slabs / layers and does not move.
     tolerance : float
-        Share of the displacements that may be left to come. Where the cover is nearly
-        incompressible, single precision cannot separate rates from roundings and refuses: ask for
-        float64.
+        Share of the displacements that may be left to come where steps lead to the rest. Of a
+        nearly incompressible cover single precision cannot separate rates from roundings then, and
+        refuses: ask for float64.
     method : str
-        Integration method; "auto" takes Runge–Kutta–Chebyshev steps.
+        Integration method. "auto" has the rest of up to 1024 cells as one exact product, unless
+        slabs are many; larger arrays take Runge–Kutta–Chebyshev steps.
     match : bool
         Lower short waves of the loads, which the lattice fades too little on the way to the
         taxels; without, the answer is the lattice's own.

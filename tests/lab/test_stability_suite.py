@@ -20,7 +20,7 @@ GIVEN = Case(
 QUICK = (
     "layers-1e+06", "diffusion-1e+06-standard", "coupled-feedback-1000", "bottleneck", "saddle",
     "pinned-front-8", "never-settles-2", "input-1e+30", "sum-beyond-float32", "edge-1x97",
-    "cancelling-weights", "elastic-block-0.499", "form-zero-strain-ring",
+    "cancelling-weights", "elastic-block-0.499", "relaxing-block-0.499", "form-zero-strain-ring",
     "late-2",
 )  # fmt: skip
 

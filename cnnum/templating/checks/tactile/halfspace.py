@@ -121,8 +121,8 @@ FORMS = (
     ),
     ProgramForm(
         "elastic-block", "halfspace_equilibrium",
-        ("displacement_x", "displacement_y", "displacement_z"), _block_case, _share, 1e-2,
-        "twice the 5e-3 of the displacements that the program leaves to come",
+        ("displacement_x", "displacement_y", "displacement_z"), _block_case, _share, 1e-5,
+        "roundings in single precision of sums over all cells",
         "displacement of a block, by a direct solve of its energy",
         engines=("opencl", "numba"),
         left_out="takes minutes to settle such a block",
