@@ -8,7 +8,8 @@ from dataclasses import MISSING, fields, is_dataclass
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, cast, get_args, get_origin, get_type_hints
 
-from cnnum.errors import SceneError
+from cnnum.errors import ArrayError, SceneError
+from cnnum.recordings.recording import channel_names
 from cnnum.safety.names import shown
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST as LARGEST_FILE
@@ -182,3 +183,17 @@ def require(key: str, holds: bool, expected: str, value: object) -> None:
     """
     if not holds:
         raise _wrong(key, expected, value)
+
+
+def require_axes(axes: Sequence[str]) -> None:
+    """Refuse names of axes that name no channels.
+
+    Raises
+    ------
+    SceneError
+        With the sentence of `channel_names`.
+    """
+    try:
+        channel_names(axes, len(axes))
+    except ArrayError as error:
+        raise SceneError(str(error)) from None

@@ -8,7 +8,7 @@ from cnnum.errors import MethodError, name_error
 from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.integrators.delays import delayed_rates, delayed_step, keeps_delays
 from cnnum.integrators.evaluations import Effort, chebyshev, effort, motion, pair
-from cnnum.integrators.exact import exact_end
+from cnnum.integrators.exact_ends.choice_of_end import exact_end
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, implicit_steps
 from cnnum.integrators.schemes import (
     CHEBYSHEV,

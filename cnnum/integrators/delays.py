@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape, distinct
 from cnnum.integrators.enclosure import Discs, discs, torus_coupling
-from cnnum.integrators.spectral import diagonal_in_modes, mode_rates
+from cnnum.integrators.exact_ends.spectral import diagonal_in_modes, mode_rates
 from cnnum.integrators.tableau import ButcherTableau, Row
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template

@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from cnnum.integrators.propagator import Circulant, Decay, Propagator
+from cnnum.integrators.exact_ends.circulant import Circulant
+from cnnum.integrators.exact_ends.propagator import Decay, Propagator
+from cnnum.integrators.exact_ends.separate import Separate
+from cnnum.integrators.exact_ends.spectral import Spectral
 from cnnum.integrators.rosenbrock import ImplicitSteps
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
-from cnnum.integrators.separate import Separate
-from cnnum.integrators.spectral import Spectral
 
 Stepping = FixedSteps | AdaptiveSteps | ChebyshevSteps | ImplicitSteps
 Linear = Decay | Propagator | Spectral | Circulant

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Shape
 from cnnum.integrators.enclosure import Discs, discs, field_of_values, torus_coupling
-from cnnum.integrators.spectral import diagonal_in_modes, mode_rates
+from cnnum.integrators.exact_ends.spectral import diagonal_in_modes, mode_rates
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
 from cnnum.drivers.codecs.checksums import CHECKS
-from cnnum.drivers.options import read_options_file, require
-from cnnum.errors import ArrayError, CodecError, SceneError
+from cnnum.drivers.options import read_options_file, require, require_axes
+from cnnum.errors import CodecError
 from cnnum.recordings.recording import channel_names
 
 CELLS = ("u8", "i8", "u16", "i16", "u32", "i32", "f32", "text")
@@ -103,10 +103,7 @@ class Descriptor:
         require("header", found, "given, or 'tail' or 'request': else no packet can be found", "")
         holds = rows * cols * len(self.axes) <= MOST_BYTES // 8
         require("shape", holds, f"{MOST_BYTES // 8} numbers at most", list(self.shape))
-        try:
-            channel_names(self.axes, len(self.axes))
-        except ArrayError as error:
-            raise SceneError(str(error)) from None
+        require_axes(self.axes)
 
     def saturated(self, raw: Floats) -> bool:
         """Return whether a raw number stands at the end of the range."""

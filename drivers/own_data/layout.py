@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from cnnum.drivers.options import read_options_file, require
+from cnnum.drivers.options import read_options_file, require, require_axes
 from cnnum.drivers.text_table import TextForm
-from cnnum.errors import ArrayError, SceneError
+from cnnum.errors import SceneError
 from cnnum.recordings.recording import FASTEST, channel_names
 
 EXAMPLE = 'shape = [4, 4], axes = ["x", "y", "z"], rate = 60.0, unit = "count"'
@@ -94,10 +94,7 @@ class DataLayout:
         holds = len(self.separator) == 1 and self.separator not in '\r\n"' + self.decimal
         require("separator", holds, "one sign other than that of 'decimal'", self.separator)
         require("skip", 0 <= self.skip <= MOST_SKIPPED, f"0 to {MOST_SKIPPED}", self.skip)
-        try:
-            channel_names(self.axes, len(self.axes))
-        except ArrayError as error:
-            raise SceneError(str(error)) from None
+        require_axes(self.axes)
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -11,10 +11,10 @@ from scipy.linalg import expm
 from cnnum.errors import MethodError, UnknownNameError
 from cnnum.integrators.chebyshev import chebyshev_method, stages_for
 from cnnum.integrators.choice import FixedSteps
+from cnnum.integrators.exact_ends.propagator import propagator
+from cnnum.integrators.exact_ends.spectral import Spectral, spectral
 from cnnum.integrators.exponential import ETD_RK2, EXPONENTIAL_EULER, EXPONENTIAL_METHODS, phi
-from cnnum.integrators.propagator import propagator
 from cnnum.integrators.schemes import ChebyshevSteps
-from cnnum.integrators.spectral import Spectral, spectral
 from cnnum.integrators.spectrum import spectrum
 from cnnum.integrators.stability import stability_bound
 from cnnum.integrators.tableau import (

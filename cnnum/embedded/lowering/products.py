@@ -12,8 +12,9 @@ from cnnum.embedded.arithmetic.whole import call
 from cnnum.embedded.lowering.builder import CELL, COLUMN, FINE, ROW
 from cnnum.embedded.lowering.transient_work import TransientWork
 from cnnum.embedded.program import Array
-from cnnum.integrators.propagator import Circulant, Propagator
-from cnnum.integrators.spectral import Spectral
+from cnnum.integrators.exact_ends.circulant import Circulant
+from cnnum.integrators.exact_ends.propagator import Propagator
+from cnnum.integrators.exact_ends.spectral import Spectral
 
 J = ir.Name("j", (0, 1 << 16))
 DOWN = ir.Name("d", (0, 1 << 16))

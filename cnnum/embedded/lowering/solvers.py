@@ -6,10 +6,11 @@ from cnnum.arrays import Shape
 from cnnum.graph.nodes import Transient
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.choice import choose
-from cnnum.integrators.propagator import SHIFTS, Circulant, Decay, Propagator, circulant
+from cnnum.integrators.exact_ends.circulant import SHIFTS, Circulant, circulant
+from cnnum.integrators.exact_ends.propagator import Decay, Propagator
+from cnnum.integrators.exact_ends.spectral import Spectral
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.integrators.solver import Solver
-from cnnum.integrators.spectral import Spectral
 from cnnum.templating.network import Network
 
 EXPORTED = (Decay, Propagator, Spectral, Circulant, FixedSteps)

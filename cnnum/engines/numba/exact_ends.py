@@ -13,16 +13,11 @@ from cnnum.arrays import Floats, Shape
 from cnnum.engines.numba.cells import add
 from cnnum.engines.numba.compiling import ROOM, kept
 from cnnum.engines.numba.records import Real, Reals
-from cnnum.integrators.propagator import (
-    Circulant,
-    Decay,
-    Propagator,
-    passes_in_fours,
-    rounded_gain,
-)
-from cnnum.integrators.separate import Separate, evaluate, roundings
+from cnnum.integrators.exact_ends.circulant import Circulant
+from cnnum.integrators.exact_ends.propagator import Decay, Propagator, passes_in_fours, rounded_gain
+from cnnum.integrators.exact_ends.separate import Separate, evaluate, roundings
+from cnnum.integrators.exact_ends.spectral import Spectral
 from cnnum.integrators.solver import Exact
-from cnnum.integrators.spectral import Spectral
 from cnnum.templating.template import Template
 
 

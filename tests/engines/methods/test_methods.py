@@ -9,8 +9,8 @@ from cnnum.engine import Engine
 from cnnum.engines.numba import transients
 from cnnum.engines.reference.equation import Given, StateEquation
 from cnnum.errors import MethodError
+from cnnum.integrators.exact_ends.spectral import MODE_LIMIT
 from cnnum.integrators.exponential import EXPONENTIAL_METHODS
-from cnnum.integrators.spectral import MODE_LIMIT
 from cnnum.templating.template import Template
 
 EVEN = np.array([[0.02, 0.3, 0.02], [0.1, -1.7, 0.1], [0.02, 0.3, 0.02]])

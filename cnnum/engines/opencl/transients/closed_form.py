@@ -13,16 +13,11 @@ from cnnum.engines.opencl.transients.feedforward import constant_drive, drive_of
 from cnnum.engines.opencl.transients.names import LARGEST, SUM, W, X
 from cnnum.engines.opencl.transients.step_control import Figures
 from cnnum.engines.opencl.transients.uncoupled_cells import separate
-from cnnum.integrators.propagator import (
-    Circulant,
-    Decay,
-    Propagator,
-    passes_in_fours,
-    rounded_gain,
-)
-from cnnum.integrators.separate import Separate
+from cnnum.integrators.exact_ends.circulant import Circulant
+from cnnum.integrators.exact_ends.propagator import Decay, Propagator, passes_in_fours, rounded_gain
+from cnnum.integrators.exact_ends.separate import Separate
+from cnnum.integrators.exact_ends.spectral import Spectral
 from cnnum.integrators.solver import Exact
-from cnnum.integrators.spectral import Spectral
 
 X0, HALFWAY, MODES = ir.names("x0 halfway modes")
 J, K, V, TO, DOWN = ir.names("j k v to d")

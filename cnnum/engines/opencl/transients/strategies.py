@@ -30,10 +30,11 @@ from cnnum.engines.opencl.transients.state_equation import (
 )
 from cnnum.engines.opencl.transients.step_control import Attempt, Figures, controlled
 from cnnum.integrators.estimate import LOST
-from cnnum.integrators.propagator import Circulant, Decay, Propagator
+from cnnum.integrators.exact_ends.circulant import Circulant
+from cnnum.integrators.exact_ends.propagator import Decay, Propagator
+from cnnum.integrators.exact_ends.separate import Separate
+from cnnum.integrators.exact_ends.spectral import Spectral
 from cnnum.integrators.schemes import AdaptiveSteps, ChebyshevSteps, FixedSteps
-from cnnum.integrators.separate import Separate
-from cnnum.integrators.spectral import Spectral
 
 Lower = Callable[[TransientBuilder, Any], Figures]
 """Appends the statements of a scheme, from and to the states `x`, and returns the figures."""

@@ -1,6 +1,6 @@
 """Cells that see only themselves: the pieces of their way, without a step.
 
-The formulas, and the meaning of d, stand in `cnnum.integrators.separate`.
+The formulas, and the meaning of d, stand in `cnnum.integrators.exact_ends.separate`.
 """
 
 import math
@@ -9,7 +9,7 @@ from cnnum import kernels as ir
 from cnnum.engines.opencl.transients.builder import TransientBuilder
 from cnnum.engines.opencl.transients.feedforward import drive_of
 from cnnum.engines.opencl.transients.names import LARGEST, NOW, X
-from cnnum.integrators.separate import STEEPEST, Separate, growth, moved, roundings
+from cnnum.integrators.exact_ends.separate import STEEPEST, Separate, growth, moved, roundings
 
 FROM, TO, DRIVE, S, E, EDGE, AWAY = ir.names("from to drive s e edge away")
 """Start and end; the piece, where it pulls, when a cell leaves it, and whether it never does."""
@@ -89,7 +89,7 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
 
 
 def _rounded(own: float, time: float) -> list[ir.Statement]:
-    """Return the bound on rounding, as `cnnum.integrators.separate` has it."""
+    """Return the bound on rounding, as `cnnum.integrators.exact_ends.separate` has it."""
     slope, left = own - 1.0, ir.Number(math.exp(-time))
     at_rest = ir.Number(growth(slope, time))
     sum = ir.size(TO) + ir.pick(AWAY.differs(ir.ZERO), left, GROWN) * SIZES

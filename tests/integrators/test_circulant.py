@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from cnnum.integrators.propagator import circulant, propagator
+from cnnum.integrators.exact_ends.circulant import circulant
+from cnnum.integrators.exact_ends.propagator import propagator
 from cnnum.templates.tactile.cover_model.elastic_lattice import ElasticLattice
 from cnnum.templating.network import Network
 from cnnum.templating.template import Template

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
-from cnnum.integrators.propagator import EXPONENTIAL
+from cnnum.integrators.exact_ends.propagator import EXPONENTIAL
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import Network

@@ -3,17 +3,11 @@
 import math
 
 from cnnum.graph.nodes import Transient
-from cnnum.integrators.propagator import (
-    DENSE_LIMIT,
-    SHIFTS,
-    circulant,
-    decay,
-    propagator,
-    shifts_fit,
-)
-from cnnum.integrators.separate import separate
+from cnnum.integrators.exact_ends.circulant import SHIFTS, circulant, shifts_fit
+from cnnum.integrators.exact_ends.propagator import DENSE_LIMIT, decay, propagator
+from cnnum.integrators.exact_ends.separate import separate
+from cnnum.integrators.exact_ends.spectral import spectral
 from cnnum.integrators.solver import Exact
-from cnnum.integrators.spectral import spectral
 from cnnum.templating.network import Network
 
 

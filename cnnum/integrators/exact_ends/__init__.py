@@ -1,0 +1,1 @@
+"""Ends of transients that are known without a time step."""
