@@ -24,7 +24,9 @@ def parse_toml(text: str) -> dict[str, Any]:
         If it is no TOML, is nested too deep, or holds a whole number of more than 64 bits; the
         message says which and ends without a full stop.
     """
-    if long := _LONG_KEY.search(text):
+    # the pattern is tried where a line has the dots for it alone: it takes a fifth of a file's time
+    dotted = any(line.count(".") >= DEEPEST for line in text.split("\n"))
+    if dotted and (long := _LONG_KEY.search(text)):
         raise ValueError(f"the key '{long[0]:.40}…' has more than {DEEPEST} parts")
     try:
         table = tomllib.loads(text)

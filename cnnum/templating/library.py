@@ -101,7 +101,7 @@ def _load(path: Path) -> Entry:
 
 def _walk() -> Iterator[Path]:
     with resources.as_file(resources.files("cnnum.templates")) as root:
-        yield from sorted(root.glob(f"*/*{_SUFFIX}"))
+        yield from sorted(root.glob(f"*/*{_SUFFIX}"), key=str)  # paths compare part by part
 
 
 def _unique(pairs: Iterator[tuple[str, Path]]) -> Mapping[str, Path]:
