@@ -111,7 +111,7 @@ def _in_words(value: object) -> str:
 def all_finite(array: NDArray[np.floating]) -> bool:
     """Return whether no number of an array is NaN or infinite.
 
-    The sum of squares of a small array takes a third of the time of looking at every number; where
+    The sum of squares of a small array takes a third of the time of looking at every number. Where
     it overflows, every number is looked at. BLAS shares large sums between threads, whose waiting
     for each other takes milliseconds on a busy machine.
     """

@@ -94,7 +94,7 @@ class Frame:
     quality : Quality
     truth : Truth or None
     monotonic_ns, wall_ns : int or None
-        When it came, by the host's clock that never goes back and by the time of day; None of
+        When it came, by the host's clock that never goes back and by the time of day. None of
         frames that did not just come.
     calibration : str
         Id of the calibration that belongs to the values (`Calibration.identity`); empty where the

@@ -184,8 +184,8 @@ class Plan:
         Parameters
         ----------
         frame : (..., rows, cols, channels) float
-            Leading axes are a batch; the channels are those the plan was compiled for, and a
-            single channel may come without its axis.
+            Leading axes are a batch. The channels are those the plan was compiled for. A single
+            channel may come without its axis.
 
         Returns
         -------
@@ -269,7 +269,7 @@ class Plan:
         Raises
         ------
         ArrayError
-            If it is not of real numbers, or holds NaN or infinity; FrameError if a number is too
+            If it is not of real numbers, or holds NaN or infinity. FrameError if a number is too
             large for the precision.
         """
         array, channels = numbers("frame", frame), self.schedule.channels

@@ -56,8 +56,8 @@ class Stream:
         Raises
         ------
         FrameError
-            If a number does not fit the precision, or an output or a memory would not be finite;
-            the memories are as before the frame.
+            If a number does not fit the precision, or an output or a memory would not be finite.
+            The memories are as before the frame.
         ArrayError
             If the frame's leading axes are not those of the stream, or it holds NaN or infinity.
         MethodError

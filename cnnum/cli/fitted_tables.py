@@ -47,7 +47,7 @@ def fitted(made: Table, width: int, spare: Sequence[str] = ()) -> tuple[Table, t
     made : Table
     width : int
     spare : sequence of str
-        Columns that go first, in this order; then long texts go, numbers from right to left, and
+        Columns that go first, in this order. Then long texts go, numbers from right to left, and
         short texts, such as verdicts, last.
     """
     if needed(made) <= width:

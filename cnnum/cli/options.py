@@ -114,8 +114,8 @@ def scene_options(function: Function) -> Function:
 def assignments(settings: Iterable[str], prefix: str = "") -> dict[str, object]:
     """Return the values of `--set` options, by dotted key.
 
-    A value is read as TOML (number, string in quotes, true, list); anything else is
-    a string as it stands, so that paths and names need no quotes.
+    A value is read as TOML (number, string in quotes, true, list). Anything else is a string as it
+    stands, so that paths and names need no quotes.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """The commands by name. A new command is one new file and one line here.
 
-A command's module is imported when the command is called, so that `cnnum --help` is quick; it
-holds the command as `command`.
+A command's module is imported when the command is called, so that `cnnum --help` is quick. The
+module holds the command as `command`.
 """
 
 from collections.abc import Mapping

@@ -1,6 +1,6 @@
 """Gradients where outputs are smooth: the adjoint of a run of fixed steps, exact but for rounding.
 
-A step is k_i = F(x_i), x_i = x + h Σ_j a_ij k_j, x⁺ = x + h Σ_i b_i k_i, and its adjoint, from the
+A step is k_i = F(x_i), x_i = x + h Σ_j a_ij k_j, x⁺ = x + h Σ_i b_i k_i. Its adjoint goes from the
 last stage to the first (Hager 2000):
 
     κ_i = h (b_i λ + Σ_j a_ji μ_j),   μ_i = F'(x_i)ᵀ κ_i,   λ ← λ + Σ_i μ_i

@@ -57,8 +57,8 @@ def decision_entry(
 ) -> Entry:
     """Return the record of a template that decides by the sign of its state.
 
-    A cell that starts from 0 keeps the sign of its drive z + Σ B u, so that margins are those of
-    the drive. Each draw of the flips is a template under mismatch with an example of its own.
+    A cell that starts from 0 keeps the sign of its drive z + Σ B u. So margins are those of the
+    drive. Each draw of the flips is a template under mismatch with an example of its own.
 
     Parameters
     ----------

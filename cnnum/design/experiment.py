@@ -56,14 +56,14 @@ class Experiment:
     template : str
         Name in the library, or file.
     axes : mapping of str to tuple
-        Values by the axis: "boundary", "size", "precision", "method", "tau", "noise" (standard
-        deviation of the inputs), "mismatch" (of all weights, as a share, alike in all cells),
-        "offset" (standard deviation of a bias of each cell), "drift" (of a bias that grows along
-        a line: of its slope times the array's half diagonal), "bits" (of weights, matrix by
-        matrix), "z", single weights as in "A[0, 1]", and "A" and "B" (factors of all their
-        weights). Those of a `Chip`: "weight_bits", "state_bits" (of maps, which saturate at 1),
-        "chip_noise" (of the output), "chip_mismatch" (of B and z each cell's own) and "chip_seed"
-        (drawn anew for each run unless given).
+        Values by the axis: "boundary", "size", "precision", "method", "tau", "z", single weights as
+        in "A[0, 1]". "A" and "B" are factors of all their weights. "noise" is the standard
+        deviation of the inputs. "mismatch" is that of all weights, as a share, alike in all cells.
+        "offset" is that of a bias of each cell. "drift" is that of a bias that grows along a line:
+        of its slope times the array's half diagonal. "bits" are of weights, matrix by matrix. Those
+        of a `Chip`: "weight_bits", "state_bits" (of maps, which saturate at 1) and "chip_noise" (of
+        the output). "chip_mismatch" is of B and z, each cell's own. "chip_seed" is drawn anew for
+        each run unless given.
     draws : int
         Of the random numbers, at each place.
     pictures : int

@@ -67,7 +67,7 @@ class Found:
     ----------
     template : Template
     loss : float
-        Share of draws with a wrong cell, and the share of wrong cells; of templates that flip on
+        Share of draws with a wrong cell, and the share of wrong cells. Of templates that flip on
         the further draws alone, those over the number of first ones.
     evaluations : int
         Templates that were run.

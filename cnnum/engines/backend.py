@@ -105,7 +105,7 @@ class Executable(Protocol):
         ----------
         frames : (batch, rows, cols, channels read) float
         memory : object
-            The object from `new_memory`; it holds the values stored at the end of the frame before,
+            The object from `new_memory`. It holds the values stored at the end of the frame before,
             and is brought up to date in place.
         first : bool
             Whether this is the first frame of the streams.

@@ -230,8 +230,8 @@ class Product:
 class Pick:
     """One of several answers: of a transient, a layer's output or state, or a figure of its run.
 
-    Of a transient `what` is "output", "state", "time", "steps", "settled" or "error"; of a loop
-    it is "carried", "iterations" or "finished".
+    Of a transient `what` is "output", "state", "time", "steps", "settled" or "error". Of a loop it
+    is "carried", "iterations" or "finished".
     """
 
     what: str

@@ -59,7 +59,7 @@ MOST_COUNTED = 2**31 - 1
 
 JUMP_STEP = 0.01
 """Step of a template whose rates jump. Its state may slide along a jump and then chatters by a
-step's change; MatCNN's own advice for such a template (MEDIAN) is at most 0.02."""
+step's change. MatCNN's own advice for such a template (MEDIAN) is at most 0.02."""
 
 
 def choose(transient: Transient, shape: tuple[int, int]) -> Solver:

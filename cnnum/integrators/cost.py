@@ -19,8 +19,8 @@ FREE = (Constant, ConstantMap, Parameter, Pick)
 class Work:
     """The work of nodes for one frame.
 
-    A loop is an operation itself, and so is each in its body; a branch is a loop of one round.
-    The test that ends a loop where no carried value changes is not counted as arithmetic.
+    A loop is an operation itself, and so is each in its body. A branch is a loop of one round. The
+    test that ends a loop where no carried value changes is not counted as arithmetic.
 
     Attributes
     ----------

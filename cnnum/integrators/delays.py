@@ -130,8 +130,8 @@ def delayed_step(method: ButcherTableau, rates: DelayedRates) -> float:
     Returns
     -------
     float
-        A whole part of the delay, as steps are; infinite where no step is too long, 0 where none
-        is found, or the method needs outputs between the steps.
+        A whole part of the delay, as steps are. It is infinite where no step is too long. It is 0
+        where none is found, or the method needs outputs between the steps.
     """
     if not keeps_delays(method):
         return 0.0

@@ -3,9 +3,10 @@
 A step is as long as stability and the tolerance allow, and both change along the way:
 
 * Stability allows a pair its bound, all the time; Chebyshev's stages grow with the root of a step.
-* A mode e^{−λt} of size 1 lets a method of order p with the error estimate c |hλ|^p take steps
-  h = (tol/c)^{1/p} e^{λt/p} / λ: fast modes set the steps at first and then die. So a mode takes p
-  (c/tol)^{1/p} steps in all, however fast it is. Of many modes the one that asks most counts.
+* Take a mode e^{−λt} of size 1 and a method of order p with the error estimate c |hλ|^p. Steps are
+  then h = (tol/c)^{1/p} e^{λt/p} / λ: fast modes set the steps at first and then die. So a mode
+  takes p (c/tol)^{1/p} steps in all, however fast it is. Of many modes the one that asks most
+  counts.
 * Where an array grows until its cells saturate, cells switch one after the other, at the rate of
   its growth. They do so until a front may have crossed the array. Each cell bends the rates where
   it leaves the linear range: a step across a bend has an error of h², whatever the order. Across a
@@ -159,7 +160,7 @@ def chebyshev(name: str, fastest: float) -> Stepper:
     """Return Chebyshev's method for rates that are real.
 
     Its estimate is 0.8 (x − x⁺) + 0.4 h (k₀ + k₁). With P(z) = 1 + z + z²/2 + c z³ it is
-    (0.2 − 0.8 c) |z|³, c = 0 for two stages and 1/10 for many; where the rate bends at θ it is
+    (0.2 − 0.8 c) |z|³, c = 0 for two stages and 1/10 for many. Where the rate bends at θ it is
     0.4 θ (1 − θ) h², where it jumps |0.8 θ − 0.4| h.
     """
     longest = chebyshev_method(MAX_STAGES).real_stability / fastest

@@ -133,7 +133,7 @@ class ButcherTableau:
     b : row
     order : int
     error : row, optional
-        b − b̂ of the embedded method, whose last stage is the first of the next step; without it
+        b − b̂ of the embedded method, whose last stage is the first of the next step. Without it
         steps are fixed, and of zeros it refuses none.
 
     Raises
@@ -189,10 +189,10 @@ class ButcherTableau:
 
         On x' = λx, z = hλ, the stages are k_i = λ K_i(z) x with K_i of degree i. The step is off by
         e^z − R(z). Its leading parts up to z^s are combinations of the stages: a row each. Between
-        corners of f an array is linear, so that they show its error; at a corner, their sum of
-        absolute values is seldom below the error (Bogacki–Shampine: never below 0.37 of it,
-        Dormand–Prince: 0.19), where that of the embedded method may vanish. A stage that reaches no
-        higher power than the one before shows no part of its own.
+        corners of f an array is linear, so that they show its error. At a corner, their sum of
+        absolute values is seldom below the error. Bogacki–Shampine's is never below 0.37 of it,
+        Dormand–Prince's never below 0.19. That of the embedded method may vanish there. A stage
+        that reaches no higher power than the one before shows no part of its own.
         """
         return self._truncation
 

@@ -6,7 +6,7 @@ registers, one a frame. The host repeats the kernels of loops. Where frames of a
 different ways, a register of their own says whether a part is theirs.
 
 A printer gives each kernel a head. It declares the names `piece`, `frame` and `batch`, and the
-arrays `registers` and `partials`, whose numbers are of the type `scalar`.
+arrays `registers` and `partials`. The arrays' numbers are of the type `scalar`.
 """
 
 from collections import ChainMap

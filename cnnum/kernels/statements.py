@@ -32,8 +32,8 @@ class Declare:
     Attributes
     ----------
     type : str
-        `real`, a number of the kernel, in every lane; `int`, a place or a count; or `scalar`, a
-        number of a buffer's type.
+        `real`, a number of the kernel, in every lane. `int`, a place or a count. `scalar`, a number
+        of a buffer's type.
     variables : tuple of (Name, Expression or None)
     fixed : bool
         Nothing assigns to them.

@@ -1,7 +1,7 @@
 """A picture: one frame with its results, as the few bytes that the page draws.
 
-Little-endian: number u32, flags u32, time f64 (s), wait f32 (ms), load f32, then shear x, shear y
-and normal of all taxels (f32), then a mark a taxel (u8): bit 0 contact, bit 1 bump, bit 2 edge.
+Little-endian: number u32, flags u32, time f64 (s), wait f32 (ms), load f32. Then shear x, shear y
+and normal of all taxels (f32). Then a mark a taxel (u8): bit 0 contact, bit 1 bump, bit 2 edge.
 """
 
 import struct

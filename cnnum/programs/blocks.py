@@ -24,8 +24,8 @@ class Block(NamedTuple):
     share : (rows, cols) float
         1 in its cells, 0 elsewhere.
     total, inner : callable
-        Sum of a map over its cells; and over those of them that touch no other block, for the
-        results of templates, which would mix both.
+        `total` sums a map over its cells. `inner` does so over those that touch no other block, for
+        the results of templates, which would mix both.
     """
 
     cells: int

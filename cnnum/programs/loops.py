@@ -65,8 +65,8 @@ def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> 
     limit : int
         The largest number of runs of the body; see `Looped.finished`.
     until : callable, optional
-        Takes the new values and returns a flag that ends the loop; without it the loop ends when
-        no carried value changes any more.
+        Takes the new values and returns a flag that ends the loop. Without it the loop ends when no
+        carried value changes any more.
 
     Raises
     ------

@@ -12,10 +12,10 @@ KIND = "cnnum recording 1"
 
 
 def write_hdf5(file: IO[bytes], contents: Contents) -> None:
-    """Write ``values`` (frames, rows, cols, channels) and, a number a frame, ``time`` (s),
-    ``log_time`` (ns), ``sequence``, ``quality`` and ``truth/NAME``; attributes say the rest.
+    """Write ``values`` (frames, rows, cols, channels), and numbers by frame.
 
-    A chunk of the recording at a time is held.
+    These are ``time`` (s), ``log_time`` (ns), ``sequence``, ``quality`` and ``truth/NAME``, a
+    number a frame. Attributes say the rest. A chunk of the recording at a time is held.
 
     Raises
     ------

@@ -31,7 +31,7 @@ class Packed:
     Attributes
     ----------
     frames : (pictures, n, rows, cols, channels) float32
-        The last `n` that had come by the picture's time, the newest last; before the first frame
+        The last `n` that had come by the picture's time, the newest last. Before the first frame
         has come often enough, the first stands in.
     new : (pictures,) int
         How many of them came since the picture before.

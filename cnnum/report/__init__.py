@@ -1,7 +1,8 @@
 """Reports: the results of a scene, as one HTML page that stands alone.
 
-The way of the data: `record` (collected while the scene runs) → `verdicts` (against the ground
-truth) → `encoding` (all of it as JSON) and the pictures → `sections` → `page` → `write`.
+The way of the data: `record` → `verdicts` → `encoding` and the pictures → `sections` → `page` →
+`write`. `record` is collected while the scene runs. `verdicts` are against the ground truth.
+`encoding` gives all of it as JSON.
 """
 
 from cnnum.report.plan_cost import PlanCost

@@ -188,7 +188,7 @@ def _direction(record: SceneRecord, lane: Lane, frame: int) -> float | None:
 def compare(record: SceneRecord) -> tuple[Verdict, ...]:
     """Return every true event with its report, and every report without one, in order of time.
 
-    Reports of kinds that the ground truth does not know are left alone; without any ground truth
+    Reports of kinds that the ground truth does not know are left alone. Without any ground truth
     there is nothing to compare.
     """
     if not record.truth:

@@ -132,7 +132,7 @@ def climb_ladder(
 
     It is None where an engine refuses a rung, or is of float32 and the rung is below `SINGLE`.
 
-    The pictures are those of the template's check; the truth is the reference engine's at
+    The pictures are those of the template's check. The truth is the reference engine's at
     `REFERENCE_RTOL`, or the answer of an `EXACT` check, found once. Engines refuse a step beyond
     the stability bound, or a propagator of an array that is not linear.
 

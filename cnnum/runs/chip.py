@@ -36,7 +36,7 @@ class Chip:
     gets its noise first, and is rounded then.
 
     The weights of B and z are multiplied by 1 + ε, with an ε of its own in every cell. Those of A
-    are, too; in `Engine.run` cells share their ε, as most engines have no feedback that differs
+    are, too. In `Engine.run` cells share their ε, as most engines have no feedback that differs
     from cell to cell. In a program, `Engine("reference").compile(..., chip=...)`, they have their
     own. There, each map has its largest number as its full scale, and noise is a share of that.
 

@@ -2,10 +2,10 @@
 
 A delay is a whole number of steps. So no step has a length of its own, and none has an error
 estimate. Heun's method is of order 2, also where an output has a corner: a step that jumps over it
-is off by O(h²). The second of two runs, in steps of half the length, is off by d / (r − 1): d is
-their difference, and r by how much that fell since the two runs before (Richardson; Hairer, Nørsett
-& Wanner, Solving ODEs I, section II.4). Four times that is stated, and half the tolerance asked of
-it.
+is off by O(h²). The second of two runs, in steps of half the length, is off by d / (r − 1). Here d
+is their difference, and r by how much that fell since the two runs before. This is Richardson's way
+(Hairer, Nørsett & Wanner, Solving ODEs I, section II.4). Four times d / (r − 1) is stated, and half
+the tolerance asked of it.
 """
 
 from collections.abc import Callable, Mapping

@@ -4,8 +4,8 @@ Small rates are no proof: a state may pass a bottleneck, or leave a saddle, as s
 Where the output is piecewise linear the array is linear around the state: dx/dt = −M (x − x*), with
 M = 1 − A over the cells that are not saturated. There is one:
 
-* no eigenvalue of M has a real part below 0, so that the array does not leave the equilibrium;
-* x* lies where the same cells are saturated, so that it exists; how far it is off is known then.
+* No eigenvalue of M has a real part below 0, so that the array does not leave the equilibrium.
+* x* lies where the same cells are saturated, so that it exists. How far it is off is known then.
 
 Diagonal dominance shows both for most arrays at once; a factorisation does for the others.
 """

@@ -31,10 +31,11 @@ class Result:
         Whether |dx/dt|·τ is below the tolerance in every cell.
     error : (...) float
         Estimated error of the state: the sum of the steps' local errors and roundings, times a
-        safety factor; of an exact answer, its roundings; with a delay, that of runs in steps of
-        half the length. Infinity means that nothing is known of it: so it is of steps of a fixed
-        length, or in discrete time, which are not followed unless `estimate=True`; of runs with a
-        delay up to a rest; of steps that were forced; and where an estimate grew beyond 1e30.
+        safety factor. Of an exact answer, it is its roundings; with a delay, that of runs in steps
+        of half the length. Infinity means that nothing is known of it. So it is of steps of a fixed
+        length, or in discrete time, which are not followed unless `estimate=True`. So it is, too,
+        of runs with a delay up to a rest, and of steps that were forced. So it is where an estimate
+        grew beyond 1e30.
     method : str
     reason : str
         Why this method: why the array is exact, or about how many evaluations of the rates it

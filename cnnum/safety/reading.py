@@ -47,7 +47,7 @@ def open_regular(path: Path, *, most: int | None = None) -> IO[bytes]:
     Raises
     ------
     OSError
-        If the path names no file, another thing than a regular file, or a file that is too large;
+        If the path names no file, another thing than a regular file, or a file that is too large.
         `strerror` says which.
     """
     try:

@@ -23,7 +23,7 @@ CLEAR = 20.0
 
 OUTWEIGHS = 2.0
 """Peak of the pulls over that of the pushes. Around a push under a cover, strain is a pull of 0.2
-times its peak; around a pull along the skin, of as much as the push."""
+times its peak. Around a pull along the skin, it is a pull of as much as the push."""
 
 HELD = ("slip", "twist", "mindlin_slip", "grasp_code")
 """Programs that may begin with a held object: its release reads as a pull rightly."""

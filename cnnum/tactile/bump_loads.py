@@ -1,7 +1,7 @@
 """From readings of taxels under a bumpy cover to the load on every bump, by finite elements.
 
 Each bump's load reaches the taxels of its neighbours too. The readings of all bumps are the loads
-filtered by the cover's 3×3 influence from bump to bump; this is that filter's inverse.
+filtered by the cover's 3×3 influence from bump to bump. This is that filter's inverse.
 """
 
 from functools import cache
@@ -45,7 +45,7 @@ def bump_inverse(taxels: Taxels, pitch: float, depth: float, spacing: float = 1.
     -------
     (3, 3, 7, 7) float
         [load, reading, row, column], of (Q_x, Q_y, P) over E r² for strain and over r² for stress
-        and pads; readings as pushes: −ε or −σ of the three-axial taxels, and the outputs of `Pad`.
+        and pads. Readings are pushes: −ε or −σ of the three-axial taxels, and the outputs of `Pad`.
 
     Raises
     ------

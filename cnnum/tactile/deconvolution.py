@@ -1,8 +1,8 @@
 """The small filter that takes the cover's blur off: from readings to the load above each.
 
 It is the least-squares inverse of Love's solution for a load as wide as a taxel's pitch. Under a
-cover no thicker than the pitch, 7×7 weights give the cell averages of the pressure to a few per
-cent. That holds for stress and for strain.
+cover no thicker than the pitch, 7×7 weights give the pressure's cell averages to a few per cent.
+That holds for stress and for strain.
 """
 
 from functools import cache

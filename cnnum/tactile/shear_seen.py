@@ -82,8 +82,8 @@ def shear_seen(shape: tuple[int, int], depth: float) -> ShearSeen:
 def pulled_normal(depth: float, reads: Reads, reach: int) -> Array:
     """Return the normal readings of a pull on a cell, as weights of a correlation.
 
-    Ahead of a pull the skin is squeezed along it and swells, behind it is stretched and sinks in;
-    strain falls off with no more than the square of the distance.
+    Ahead of a pull the skin is squeezed along it and swells. Behind, it is stretched and sinks in.
+    Strain falls off with no more than the square of the distance.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ def pulled_far(depth: float, reads: Reads, reach: int) -> Array:
     Returns
     -------
     (2, 2 n + 1, 2 n + 1) float
-        n the next multiple of 3 from `reach`; 0 but in every third row and column, for the sum of
-        a pull on the block around.
+        n is the next multiple of 3 from `reach`. The numbers are 0 but in every third row and
+        column, for the sum of a pull on the block around.
     """
     most = -(-reach // BLOCK) * BLOCK
     away = np.arange(most, -most - 1.0, -BLOCK)

@@ -2,7 +2,7 @@
 
 A surface is a profile along the stroke. The round bump traces it as a stylus does (the envelope of
 its own circle). It is pressed as a Hertz contact, and is pushed along by friction on the slope that
-it stands on; the taxel below adds its gains and noise.
+it stands on. The taxel below adds its gains and noise.
 """
 
 from dataclasses import dataclass

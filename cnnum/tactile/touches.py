@@ -1,6 +1,6 @@
 """Spheres pressed on a half-space and pulled, as an array under the cover reads them.
 
-Tractions are Hertz's and Cattaneo–Mindlin's, averaged over cells of a part of the pitch; readings
+Tractions are Hertz's and Cattaneo–Mindlin's, averaged over cells of a part of the pitch. Readings
 are Love's and Cerruti's solutions for these cells.
 """
 

@@ -52,7 +52,7 @@ class NonlinearCoupling:
     """A sum over the neighbourhood of weight · f(argument), into one layer.
 
     The argument is the neighbour's quantity, or centre − neighbour, as the CNN Software Library's
-    files mean it; MatCNN's tables mean neighbour − centre (`reversed_sign`).
+    files mean it. MatCNN's tables mean neighbour − centre (`reversed_sign`).
 
     Attributes
     ----------

@@ -1,7 +1,7 @@
 """The template library: finds a template by its name among the installed template files.
 
-A file of the library is called as its template, in lower case, so that one name costs one file;
-only an alias or an unknown name makes the library read all of them.
+A file of the library is called as its template, in lower case, so that one name costs one file.
+Only an alias or an unknown name makes the library read all of them.
 """
 
 import difflib

@@ -35,7 +35,7 @@ def run_all(
     -------
     int
         0 where all have come to their end but for those that want an extra that is not
-        installed; 130 where one was stopped, after which none begins; 2 where one has failed.
+        installed. 130 where one was stopped, after which none begins. 2 where one has failed.
     """
     unfinished: dict[str, str] = {}
     names, code = list(benchmarks), 0

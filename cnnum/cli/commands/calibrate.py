@@ -38,9 +38,9 @@ def command(
 ) -> int:
     """Fit a taxel's calibration to SCAN, a CSV file of point loads on its cover.
 
-    Columns: x, y (m, from the taxel), fx, fy, fz (N), left, right, top, bottom (V, amplified);
-    a column time (s, since switch-on) lets the offsets drift. The calibration is written as TOML,
-    for the key 'calibration.file' of a scene.
+    Columns: x, y (m, from the taxel), fx, fy, fz (N), left, right, top, bottom (V, amplified). A
+    column time (s, since switch-on) lets the offsets drift. The calibration is written as TOML, for
+    the key 'calibration.file' of a scene.
     """
     from cnnum.drivers.text_table import read_table
     from cnnum.tactile.taxel import fit_calibration

@@ -33,11 +33,11 @@ def command(
 ) -> None:
     """Show OpenCL devices, try and measure each, and say which one would be used.
 
-    Each first shows in a process of its own that it works; one that does not is listed as broken,
+    Each first shows in a process of its own that it works. One that does not is listed as broken,
     with the reason.
 
-    The peak counts a single-precision multiply-add as two operations and is that of the best of
-    several kernels; the bandwidth counts bytes read and written by a copy. Both are the best of
+    The peak counts a single-precision multiply-add as two operations. It is that of the best of
+    several kernels. The bandwidth counts bytes read and written by a copy. Both are the best of
     several runs just now: a busy machine shows less.
 
     With --self-test nothing is measured: each device runs templates whose results are known, in

@@ -69,9 +69,9 @@ def check(
 ) -> int:
     """Run templates on random pictures and compare them with their closed forms.
 
-    NAMES are templates of the library, template files, folders of them, or tactile programs; all
-    that have a check unless given. A template with measured figures must also agree with them.
-    Of a single file, the stability, steps, robustness and cost of the template are shown too.
+    NAMES are templates of the library, template files, folders of them, or tactile programs. Unless
+    given, they are all that have a check. A template with measured figures must also agree with
+    them. Of a single file, the stability, steps, robustness and cost of the template are shown too.
     Exits with 1 if one fails.
     """
     used = _engines(engines, device, precision)

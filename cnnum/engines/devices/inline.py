@@ -3,7 +3,7 @@
 A launch on the usual device of a processor wakes a thread of its pool. The pool wakes the host
 again. That takes 20 to 60 µs on a virtual machine, more than the work of a small frame. Threads
 cannot share such a frame anyway. PoCL has a second device for the same processor that does neither
-("basic"; "cpu-minimal" from version 4 on), but offers it only where it is asked for by name.
+("basic"; "cpu-minimal" from version 4 on). PoCL offers it only where it is asked for by name.
 """
 
 import os

@@ -26,9 +26,9 @@ FEEDBACK, CONTROL, LATE_FEEDBACK, LATE_CONTROL, MOVING, STILL = range(6)
 """Kinds of taps: A, B, delayed A and B; nonlinear ones that follow the states, or inputs alone."""
 
 STATE, MOVED, OUTPUT, INPUT, DRIVE, PACE, PAST, LATER, SLOPES = range(9)
-"""Maps of a frame at work: x; x at a stage; y = f(x); u; the drive of the cells; 1/τ, or 0 where a
-cell is held; outputs a delay ago; the sum of delayed inputs when the delay is over; and from SLOPES
-on one dx/dt a stage, then the outputs of the last steps."""
+"""Maps of a frame at work: x; x at a stage; y = f(x); u; the drive of the cells. Then 1/τ, or 0
+where a cell is held; outputs a delay ago; the delayed inputs' sum when the delay is over. From
+SLOPES on one dx/dt a stage, then the outputs of the last steps."""
 
 NOTHING = -1
 """Centre of a nonlinear coupling that reads only the neighbour."""

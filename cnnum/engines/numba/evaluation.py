@@ -1,6 +1,6 @@
 """Operations of a program on a whole batch: local arithmetic in NumPy, transients compiled.
 
-Maps are (batch, rows, cols), stacks (batch, maps · rows, cols) and numbers (batch, 1, 1); the batch
+Maps are (batch, rows, cols), stacks (batch, maps · rows, cols) and numbers (batch, 1, 1). The batch
 is 1 where all frames share the value.
 """
 

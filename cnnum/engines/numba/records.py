@@ -33,9 +33,9 @@ SETTINGS = np.dtype(
         ("step", "f8"),
         ("longest", "f8"),
         ("last", "f8"),
-        # of steps that follow their error: part of the longest that it allows, the smallest change;
-        # the square of Chebyshev's stages less 1 a unit of time; whether the truncation error sets
-        # them, too; Chebyshev's largest number of stages
+        # of steps that follow their error: part of the longest that it allows, the smallest change.
+        # The square of Chebyshev's stages less 1 a unit of time. Whether the truncation error sets
+        # them, too. Chebyshev's largest number of stages
         ("caution", "f8"),
         ("least", "f8"),
         ("reach", "f8"),
@@ -66,7 +66,7 @@ TAP = np.dtype(
         ("weight", "f8"),
         ("gain", "i8"),
         # of a nonlinear coupling: its reads of the neighbour and of the centre, and where that
-        # lies; the sign of the argument; whether it is multiplied by it; the function
+        # lies. Then the sign of the argument, whether it is multiplied by it, the function
         ("neighbour", "i8"),
         ("centre", "i8"),
         ("centre_offset", "i8"),
@@ -162,8 +162,8 @@ class Frame(NamedTuple):
     gains : (layers² + 1,) float
         Gain of every pair of layers, and the 1 of couplings that have none.
     found : (bands, 4) float
-        Of every band: error in units of the tolerance, a step's share in the error of the state,
-        change in units of the tolerance, largest rate.
+        Of every band: error in units of the tolerance, a step's share in the error of the state.
+        Then change in units of the tolerance, largest rate.
     """
 
     work: Reals

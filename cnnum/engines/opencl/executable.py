@@ -28,8 +28,8 @@ from cnnum.integrators.solver import Solvers
 from cnnum.safety.memory import refuse_beyond
 
 WIDE_CELLS = 256
-"""Largest array whose frames lie side by side in lanes; the compiler vectorises along the
-columns of larger ones, whose lanes would no longer fit the cache."""
+"""Largest array whose frames lie side by side in lanes. The compiler vectorises along the columns
+of larger ones, whose lanes would no longer fit the cache."""
 
 MOST_LANES = 16
 

@@ -1,8 +1,8 @@
 """Steps that follow their own error estimate, in NumPy: pairs, and Chebyshev's stages.
 
 The control is that of the other engines, so that the steps are too: each as long as the estimate
-of the one before allows (Hairer, Nørsett & Wanner, Solving ODEs I, section II.4; Sommeijer,
-Shampine & Verwer, J. Comput. Appl. Math. 88 (1998) 315-326, section 2.2).
+of the one before allows. See Hairer, Nørsett & Wanner, Solving ODEs I, section II.4, and Sommeijer,
+Shampine & Verwer, J. Comput. Appl. Math. 88 (1998) 315-326, section 2.2.
 """
 
 import math

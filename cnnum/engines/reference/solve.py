@@ -29,8 +29,8 @@ from cnnum.templating.reads import jumps
 from cnnum.templating.template import Template
 
 PRECISION = 1e-10
-"""Relative tolerance of the solver. A kink of f costs steps; where all stages of a step miss it,
-it costs accuracy, up to 1e-3 of it."""
+"""Relative tolerance of the solver. A kink of f costs steps. Where all stages of a step miss it, it
+costs accuracy, up to 1e-3 of it."""
 
 COARSER = 1e-8
 """Tolerance of a second solution, whose steps lie elsewhere: how far it is off is the error."""

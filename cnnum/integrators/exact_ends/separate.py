@@ -8,7 +8,7 @@ A state moves one way only, so that it passes each piece once at most. Times are
 * between, with the slope m = a − 1 and the rate g(x) = m x + w: x = x₀ + g(x₀) (e^{mt} − 1)/m. It
   comes to b = sign g, if g(b) has g's sign, at t = ln(1 + m (b − x₀)/g(x₀))/m.
 
-Both quotients by m are those of `expm1` and `log1p`, as they cancel where a is near 1; for m = 0
+Both quotients by m are those of `expm1` and `log1p`, as they cancel where a is near 1. For m = 0
 they are t and (b − x₀)/g(x₀).
 """
 

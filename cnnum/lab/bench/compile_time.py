@@ -88,7 +88,7 @@ class CompileTime:
 def measure_compile(engine: Engine, *, repeats: int = 3) -> Iterator[CompileTime | None]:
     """Yield the row of a plan of a dozen 8×8 templates on an engine, after None for each start.
 
-    Each start is a process of its own, `STARTS` a repeat; the caches of PoCL and of cnnum lie in a
+    Each start is a process of its own, `STARTS` a repeat. The caches of PoCL and of cnnum lie in a
     folder that is empty at first.
     """
     cold: list[_Start] = []

@@ -45,7 +45,7 @@ class Denormals:
         The same difference next to zero as it is, against an absolute tolerance of 1e-5 where steps
         follow their error. None of a program, whose outputs have units of their own.
     error_of_start : float
-        That over the largest state that the run begins with; of a program, over the largest value
+        That over the largest state that the run begins with. Of a program, over the largest value
         that the output has in the ordinary run.
     """
 

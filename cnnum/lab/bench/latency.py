@@ -74,7 +74,7 @@ class Latency:
     p50_us, p99_us : float
         From a single frame of a stream, in host memory, to its events.
     first_us : float
-        Median of the first frame after other work, which finds the caches full of that; it is in
+        Median of the first frame after other work, which finds the caches full of that. It is in
         neither of the two.
     empty_launch_us : float
         Median of a launch on the device that does nothing, with copies of as many bytes in and
@@ -229,7 +229,7 @@ def _turns(
     """Return s of calls in turns of a hundred, so that all see the same disturbances.
 
     Turns are shorter where the first call, a frame, is slow. One more call begins each turn and is
-    not counted, as it comes after another's work; those of the frames are returned, too.
+    not counted, as it comes after another's work. Those of the frames are returned, too.
     """
     first = min(_times(calls[0], WARM_UP))
     for call in calls[1:]:

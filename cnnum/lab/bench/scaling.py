@@ -19,9 +19,9 @@ WORK = 1.5e8
 """Updates by nine weights that a timed run takes at most; a larger case takes fewer steps."""
 
 TIME_S = 110.0
-"""s for all places; the rest is shared out evenly, so that builds and slow places use up
-time of later ones. Each place takes three turns, however little is left. A run ends within three
-minutes on a machine that is not busy with others' work."""
+"""s for all places. The rest is shared out evenly, so that builds and slow places use up time of
+later ones. Each place takes three turns, however little is left. A run ends within three minutes on
+a machine that is not busy with others' work."""
 
 MOST_S = 3.0
 """s a place at most: more turns add nothing."""
@@ -43,8 +43,8 @@ class Scaling:
     ns_per_update : float
         The same as time.
     growth : float or None
-        The same over that of the `BASE` array in the same run; None where it is not the array
-        that grows.
+        The same over that of the `BASE` array in the same run. None where it is not the array that
+        grows.
     seconds : float
         Median of the longer run, host to host, s.
     spread : float

@@ -1,7 +1,7 @@
 """A program's C on a microcontroller: built by Zig's compiler, run and counted by Unicorn.
 
 Counts are instructions that were executed, not cycles. Both tools are extras for measuring and
-testing (Unicorn is under the GPL); nothing of them is part of the package.
+testing (Unicorn is under the GPL). Nothing of them is part of the package.
 """
 
 import subprocess

@@ -57,8 +57,8 @@ class Events:
     false_reports : float
         In ten minutes.
     reports_differ : float
-        Share of the frames with a report here or in float32 that lack it in one of them; NaN
-        where none has one.
+        Share of the frames with a report here or in float32 that lack it in one of them. NaN where
+        none has one.
     """
 
     slip_recall: float

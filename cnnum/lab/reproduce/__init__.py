@@ -1,7 +1,7 @@
 """Every number and figure of the dissertation that a model can give, with the published one.
 
-An `Item` is one published result and the function that computes ours; `run` makes a `Row` of
-it; `write_report` puts the rows and the figures on one page.
+An `Item` is one published result and the function that computes ours. `run` makes a `Row` of it.
+`write_report` puts the rows and the figures on one page.
 """
 
 from cnnum.lab.reproduce.record import Item, Row

@@ -37,7 +37,7 @@ class Item:
         Of the numbers; "" where they have none.
     rule : str
         Kind of error: "absolute" |got − expected|, "relative" that over |expected|, "within"
-        the distance from the range, "at least" and "at most" the part missing or too much.
+        the distance from the range. "at least" is the part missing, "at most" the part too much.
     kind : str
         "check", or "comparison" where the model is not meant to give the number.
     figure : str or None

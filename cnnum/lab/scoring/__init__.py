@@ -1,9 +1,10 @@
 """Scoring: slip and twist judged on scenes beyond the simulator's own, and on real recordings.
 
-The way of the data: `families` (scenes by seed) or `recorded` (real trials) → a `trial` (frames
-with their truth) → `judged_programs` → `judge` and `onsets` (reports
-against the truth) → `family_tables`, `levels`, `left_out` and `recordings` (with `baselines`) →
-a `table`. `suites` puts it together, `page` writes it down.
+The way of the data: `families` or `recorded` → a `trial` → `judged_programs` → `judge` and `onsets`
+→ `family_tables`, `levels`, `left_out` and `recordings` → a `table`. `families` are scenes by seed,
+`recorded` are real trials. A `trial` holds frames with their truth. `judge` and `onsets` hold
+reports against the truth. `recordings` go with `baselines`. `suites` puts it together, `page`
+writes it down.
 """
 
 from cnnum.lab.scoring.suites import SUITES, Gathered, Request, score

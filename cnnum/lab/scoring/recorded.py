@@ -27,8 +27,8 @@ SETTING: dict[str, float | bool] = {"push": 1.0, "shear_gain": 2.0, "axes": Fals
 """Raw counts that rise under a push; the axes' signs are not documented."""
 
 FAST, SLOW, WINDOW, SEEN = 6e-3, 1.5e-3, 0.12, 0.7
-"""m/s of a slip at least, and of none at most; s to each side of a speed; share of rows there in
-which the marker must be seen."""
+"""m/s of a slip at least, and of none at most. Then s to each side of a speed, and the share of
+rows there that must show the marker."""
 
 LOST = 10.0
 """m: where a marker is that is not seen."""

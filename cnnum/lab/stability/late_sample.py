@@ -3,9 +3,9 @@
     python -m cnnum.lab.stability.late_sample 64
     python -m cnnum.lab.stability.late_sample 16 opencl
 
-One layer or two with their own time constants, radius 1 or 2, every output and boundary; a delay of
-0.1 to 3 time constants, whose couplings are up to three times as strong as the decay. The truth is
-SciPy's Dormand–Prince 8(5,3) by the method of steps, as the `reference` engine has it.
+One layer or two with their own time constants, radius 1 or 2, every output and boundary. The delay
+is 0.1 to 3 time constants, and its couplings are up to three times as strong as the decay. The
+truth is SciPy's Dormand–Prince 8(5,3) by the method of steps, as the `reference` engine has it.
 """
 
 import sys

@@ -3,8 +3,8 @@
     python -m cnnum.lab.stability.stated_error 40
     python -m cnnum.lab.stability.stated_error 40 numba reference
 
-It also says how many runs by steps are off by more than their tolerance, which is that of a step:
-errors of many steps add up, and an array that decides lets them grow.
+It also says how many runs by steps are off by more than their tolerance. That is the tolerance of a
+step: errors of many steps add up, and an array that decides lets them grow.
 
 The sample is that of `followed_steps`: one layer or two with their own time constants, radius 1 or
 2, every output and boundary. Their feedback contracts or decides. Each network is run for its time

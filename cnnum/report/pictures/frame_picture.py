@@ -51,7 +51,7 @@ class MapScale:
 def frame_picture(record: SceneRecord, frame: int, scale: MapScale, label: str) -> str:
     """Return a frame as an SVG element of equal squares, seen from above.
 
-    The solid circle is the true contact, the dashed one the true stick region; the same lines
+    The solid circle is the true contact, the dashed one the true stick region. The same lines
     around cells are the program's results.
     """
     rows, cols = record.shape

@@ -25,7 +25,7 @@ def cell_average(
     The circle cuts each cell, whose sides are set to x = a sin φ, y = √(a² - x²) sin θ. This takes
     a root (or its inverse) at the rim out of the integrand. The rest is summed by Gauss points
     between the places where the circle crosses the cell. A field that is smooth inside comes back
-    to about 1e-8 of its peak, and so does the total load; a kink inside leaves some 1e-3 in the
+    to about 1e-8 of its peak, and so does the total load. A kink inside leaves some 1e-3 in the
     cells that it crosses.
 
     Parameters

@@ -27,8 +27,8 @@ class ContactState:
     contact_radius : float, m
         Radius a of the contact, 0 without load.
     stick_radius : float, m
-        Radius c of the stick zone; under force and torque together the smaller of the two taken
-        alone, an upper bound.
+        Radius c of the stick zone. Under force and torque together it is the smaller of the two
+        taken alone, an upper bound.
     peak_pressure : float, Pa
         Pressure at the centre.
     regime : str
@@ -79,7 +79,7 @@ def sphere_traction(
     Under a force alone the cells hold the exact averages of the Cattaneo-Mindlin traction. Under a
     torque alone they hold those of the Lubkin traction. *Under both, the result is an
     approximation*: the two tractions are scaled, added and cut to friction times pressure cell by
-    cell. So both loads are carried; when the contact slides, friction points along the motion about
+    cell. So both loads are carried. When the contact slides, friction points along the motion about
     the pole that the ratio of the loads asks for.
 
     Parameters

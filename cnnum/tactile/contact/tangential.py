@@ -15,9 +15,9 @@ from cnnum.tactile.contact.normal import Hertz, inverse_root
 class PartialSlip:
     """Stick zone and traction of a sphere, under a tangential force that only grew.
 
-    The traction points along the force everywhere (Cattaneo, Mindlin), which is exact for
-    ν = 0 and the field's usual approximation else; normal and tangential loads do not couple,
-    which is exact at ν = 0.5 against a rigid body.
+    The traction points along the force everywhere (Cattaneo, Mindlin). That is exact for ν = 0 and
+    the field's usual approximation else. Normal and tangential loads do not couple, which is exact
+    at ν = 0.5 against a rigid body.
 
     Parameters
     ----------

@@ -36,8 +36,8 @@ class BumpCover:
     origin : (x, y) float, m
         Of one of the bumps.
     rigid_base : bool
-        False for taxels within a thick cover, as in the dissertation's model; True for taxels
-        on the rigid base of a layer as thick as their depth, where ε_zz is zero.
+        False for taxels within a thick cover, as in the dissertation's model. True for taxels on
+        the rigid base of a layer as thick as their depth, where ε_zz is zero.
     tables : BumpTables, optional
         Others than the shipped ones.
 

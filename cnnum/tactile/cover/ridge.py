@@ -19,7 +19,7 @@ class RidgeCover:
 
     The model is statics. Only the ridge is touched; a load next to it rests on its edge. Across,
     the ridge hands on force and moment; a shear force acts at its height. The traction is linear
-    over the foot's width; along, the load has spread by `spread` to each side when it reaches the
+    over the foot's width. Along, the load has spread by `spread` to each side when it reaches the
     foot. It moves on as over a flat cover. So it is direction-selective, as in Fig. 6.7.
 
     Attributes

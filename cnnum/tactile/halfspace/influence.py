@@ -1,12 +1,12 @@
 """Response of the half-space to a unit load, written once for points, rectangles and waves.
 
 Displacement, stress and strain are the load times sums of a few harmonic functions of the place. A
-point load takes the functions themselves, a uniform rectangle their integrals, a sinusoidal load
-their Fourier transforms; the sums are the same.
+point load takes the functions themselves, a uniform rectangle their integrals. A sinusoidal load
+takes their Fourier transforms. The sums are the same.
 
-With r the distance, V = 1/r, L = ln(r + z), W = z ln(r + z) - r (so W_z = L and L_z = V), the
-general solution (Johnson, Contact Mechanics, 3.4-3.9; Boussinesq, Cerruti, Love) splits into
-the incompressible part and a part that vanishes with 1 - 2ν::
+Let r be the distance, V = 1/r, L = ln(r + z), W = z ln(r + z) - r (so W_z = L, L_z = V). The
+general solution (Johnson, Contact Mechanics, 3.4-3.9; Boussinesq, Cerruti, Love) splits into the
+incompressible part and a part that vanishes with 1 - 2ν::
 
     u_i  = (1+ν)/(2πE) (S_ij + (1-2ν) D_ij) f_j    S_ij  = δ_ij/r + x_i x_j / r³
     σ_ij = (-M_ijk + (1-2ν) C_ijk) f_k / (2π)      M_ijk = 3 x_i x_j x_k / r⁵

@@ -24,8 +24,8 @@ _CHUNK_BYTES = 1e6  # the working set stays in the cache
 class SurfaceToDepth:
     """The map from surface tractions to stress or strain at one depth, kernels computed once.
 
-    Every cell carries a uniform traction; its exact influence (Love, Cerruti) on the point below
-    each cell's centre is summed by a zero-padded FFT. So the surface around the map is free, and
+    Every cell carries a uniform traction. A zero-padded FFT sums its exact influence (Love,
+    Cerruti) on the point below each cell's centre. So the surface around the map is free, and
     nothing wraps around.
 
     Parameters

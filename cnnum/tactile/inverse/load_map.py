@@ -31,8 +31,8 @@ class SurfaceLoad:
         RMS traction that was taken as likely before looking: detail finer or weaker than
         noise / regularisation was left out.
     residual : (...) float
-        RMS of the unexplained signal, in units of the noise; well above 1, the frame is
-        not that of tractions on this map.
+        RMS of the unexplained signal, in units of the noise. Well above 1, the frame is not that of
+        tractions on this map.
     """
 
     traction: Array
@@ -98,8 +98,8 @@ class LoadMap:
     def condition(self) -> float:
         """The best over the worst seen pattern of tractions, in signal over noise.
 
-        By how much noise counts more in the worst pattern without `regularisation`; infinite where
-        a pattern is not seen at all.
+        By how much noise counts more in the worst pattern without `regularisation`. It is infinite
+        where a pattern is not seen at all.
         """
         best, worst = float(self._sizes[0]), float(self._sizes[-1])
         unseen = (
@@ -127,13 +127,13 @@ class LoadMap:
         strain : (..., n, channels) float
             Strain rows at the taxels, tension positive.
         regularisation : (...) float, Pa, optional
-            RMS traction taken as likely; if not given, the one under which the frame itself is
-            most probable (evidence; MacKay, Neural Computation 4 (1992) 415).
+            RMS traction taken as likely. If not given, the one under which the frame itself is most
+            probable (evidence; MacKay, Neural Computation 4 (1992) 415).
         push_only : bool
-            Let no pressure be negative. The strain hardly sees a uniform pressure; that nothing
-            pulls where nothing touches pins it down, and the map comes nearer. Noise then can
-            only add, so the total force comes out too large rather than too small. Each frame is
-            a problem of its own, solved one after the other.
+            Let no pressure be negative. The strain hardly sees a uniform pressure. That nothing
+            pulls where nothing touches pins it down, and the map comes nearer. Noise then can only
+            add, so the total force comes out too large rather than too small. Each frame is a
+            problem of its own, solved one after the other.
 
         Returns
         -------
@@ -224,8 +224,8 @@ class LoadMap:
     def _likeliest(self, amount: Array) -> Array:
         """Return the prior under which the frame is most probable, for its known noise.
 
-        With tractions and noise normal, each amount has the variance 1 + (prior · size)²; the
-        grid is refined once, to 1 %, far finer than the maximum is wide.
+        With tractions and noise normal, each amount has the variance 1 + (prior · size)². The grid
+        is refined once, to 1 %, far finer than the maximum is wide.
         """
         low, high = (log(factor / float(self._sizes[0])) for factor in _PRIORS)
         step = (high - low) / _STEPS

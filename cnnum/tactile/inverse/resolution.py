@@ -24,8 +24,8 @@ def resolution_limit(
     """Return the smallest half period of a pressure pattern that taxels under a cover can see.
 
     Under a pressure wave of wave number k the normal strain falls as kz e^{−kz}. The stress falls
-    as (1 + kz) e^{−kz}. Where that is below the noise, nothing is left of the wave; and a wave
-    shorter than twice the pitch of the taxels is mistaken for a longer one.
+    as (1 + kz) e^{−kz}. Where that is below the noise, nothing is left of the wave. A wave shorter
+    than twice the pitch of the taxels is mistaken for a longer one.
 
     Parameters
     ----------

@@ -33,8 +33,7 @@ class SpatialLoad:
         Radius that holds the true place in 95 % of cases, for the given noise.
     force_error : (..., 3) float, N
         Half-width that holds each component in 95 % of cases. Where the taxels leave a direction
-        open (all on one line), it also spans the friction cone; infinite if it
-        allows any.
+        open (all on one line), it also spans the friction cone. It is infinite if that allows any.
     residual : (...) float
         RMS strain that the load does not explain: far above the noise, it is not one point load.
     determined : bool
@@ -65,7 +64,7 @@ def locate_load(
     """Return place and three components of the point load that an array of taxels sees.
 
     The dissertation takes the place from one taxel and the force from three by (5.13). It divides
-    by ε_zz at each, which fails on the ring ρ = √2 z. Here its answers are only starts; then place
+    by ε_zz at each, which fails on the ring ρ = √2 z. Here its answers are only starts. Then place
     and force are fitted to the three components at all taxels at once.
 
     Parameters

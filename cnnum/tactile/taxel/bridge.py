@@ -18,8 +18,8 @@ class Bridge:
     """Four piezoresistive bridges in half-bridge circuits.
 
     The defaults are Table 3.I: stresses at 10 mN, per newton. A positive normal force pushes
-    into the silicon and shortens all four bridges; a positive shear shortens the one in front
-    of it.
+    into the silicon and shortens all four bridges. A positive shear shortens the one in front of
+    it.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ class Bridge:
         Parameters
         ----------
         voltages : (..., 4) float, V
-            Before the amplifier; a part that no force explains (a mismatch of opposite pairs) is
+            Before the amplifier. A part that no force explains (a mismatch of opposite pairs) is
             left out in the least-squares sense.
 
         Returns
@@ -135,9 +135,9 @@ class Bridge:
     def von_mises_bound(self, force: ArrayLike) -> Floats:
         """Return an upper bound of the von Mises stress, (...) Pa.
 
-        Equivalent stress is a norm, so normal and shear parts add at most; a shear along a
-        bridge is the worst direction (Table 3.I: 293 against 270 MPa). Parameter and error are
-        those of `resistance_change`.
+        Equivalent stress is a norm, so normal and shear parts add at most. A shear along a bridge
+        is the worst direction (Table 3.I: 293 against 270 MPa). Parameter and error are those of
+        `resistance_change`.
         """
         load = trailing("force", finite("force", force), 3, "(F_x, F_y, F_z)")
         sideways = np.hypot(load[..., 0], load[..., 1])

@@ -105,8 +105,8 @@ class ClosedForm:
     compares : "output" or "state"
         The compared parts of a run.
     rtol : float
-        Asked of the engine, and a tenth of it as the absolute error of a step; smaller than an
-        engine's own where the errors of steps are never forgotten and add up.
+        Asked of the engine, and a tenth of it as the absolute error of a step. It is smaller than
+        an engine's own where the errors of steps are never forgotten and add up.
     """
 
     name: str

@@ -22,10 +22,10 @@ class Measured:
     mean, rms : float
         Of the states at the end of the check's run on 8×8 cells.
     settle : tuple of (cells along a side, time constants)
-        When the outputs come within 0.01 of their end, on square arrays; empty where they never
-        do within the longest run, or where the check stops before.
+        When the outputs come within 0.01 of their end, on square arrays. It is empty where they
+        never do within the longest run, or where the check stops before.
     margin : float or None
-        The largest number that may be added to the bias, and taken from it, with no wrong cell;
+        The largest number that may be added to the bias, and taken from it, with no wrong cell.
         None where the answer is gray.
     """
 

@@ -57,7 +57,7 @@ class Proof:
     bound : float or None
         No weights have a larger relative margin; None where that is not known.
     settle : float or None
-        Time constants until every cell of exact weights is black or white; None where cells wait
+        Time constants until every cell of exact weights is black or white. None where cells wait
         for each other, or never are.
     flips : tuple of FlipRate
     area : float or None

@@ -1,7 +1,7 @@
 """Reading `.tem` files of the CNN Software Library: linear, nonlinear, D, delayed, several layers.
 
 The semantics are those that the library's own templates prove: "a-" is a of centre less neighbour,
-"a0" a of the neighbour; `interp` 0 is piecewise constant, 1 piecewise linear; in the D form "x-u#"
+"a0" a of the neighbour. `interp` 0 is piecewise constant, 1 piecewise linear. In the D form "x-u#"
 the argument is x of the cell less u of the neighbour. "x-x#x-x" multiplies by it.
 """
 

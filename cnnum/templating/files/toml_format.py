@@ -1,11 +1,11 @@
 """Templates as TOML: the format of the library.
 
 Keys: name, A, B, z, tau, boundary, input_boundary, initial, duration, output, description, source,
-aliases; the words about it: input, state, tags, experimental, published_boundary; the tables
+aliases. The words about it: input, state, tags, experimental, published_boundary. The tables are
 [[nonlinear]] (neighbour, weights, interpolation, points, and where needed centre, to, source,
-centre_source, times_argument, reversed_sign), [[gain]] (to, source, interpolation, points) and
-[delayed] (delay, A, B); the table [check] with the name of a closed form and its parameters; and
-the tables [measured] and [proof] that commands write. Matrices are nested lists of rows, (k, k) or
+centre_source, times_argument, reversed_sign). Then [[gain]] (to, source, interpolation, points) and
+[delayed] (delay, A, B). The table [check] has the name of a closed form and its parameters.
+Commands write the tables [measured] and [proof]. Matrices are nested lists of rows, (k, k) or
 [to][from][row][col].
 """
 

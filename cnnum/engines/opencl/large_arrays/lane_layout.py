@@ -114,8 +114,8 @@ class RowLayout:
 
         Where the boundary is fixed they are all `constant`.
         """
-        # the last piece may have room for some; lanes of vectors beyond are copies of these, too,
-        # and of short pieces even of vectors beyond
+        # the last piece may have room for some; lanes of vectors beyond are copies of these, too.
+        # Where pieces are short, they are copies even of vectors beyond
         end, room = self.cols + self.radius, self.length * self.width
         lines = [self._virtual(col, constant) for col in range(self.cols, min(end, room))]
         for n in range(self.radius):

@@ -1,6 +1,6 @@
 """One of Chebyshev's steps, strip by strip: as many levels as its length needs.
 
-Level 0 makes Y₁ of Y₀ = x; level j makes Y_{j+1} in the place of Y_{j−1}; level s judges Y_s, and
+Level 0 makes Y₁ of Y₀ = x. Level j makes Y_{j+1} in the place of Y_{j−1}. Level s judges Y_s, and
 leaves its rates in the place of Y_{s−1}. So two arrays hold the states of the stages of even and of
 odd number. Two more hold the begin of a step. A step that is taken over changes which array is
 which. An array that the plan's body sets holds that, the number of stages and their coefficients.
@@ -24,8 +24,8 @@ ARRAYS = ("strip_0", "strip_1", "strip_2", "strip_3")
 """The arrays of states and rates: at first x, k0, then the stages."""
 
 STEP, STAGES_AT, STATE, RATES, EVEN, ODD, ROWS = range(7)
-"""Registers: h; the stages; the numbers of the arrays of x, of its rates, and of stages of even and
-odd number; then the method's rows of 4 numbers."""
+"""Registers: h; the stages; the numbers of the arrays of x, of its rates, and of even and odd
+stages. Then the method's rows of 4 numbers."""
 
 SIZE = ROWS + 4 * MAX_STAGES
 """The number of registers."""

@@ -20,8 +20,8 @@ from cnnum.templating.couplings import Quantity
 from cnnum.templating.network import Tap, taps
 
 FROM, PAST, NEXT, PART, STATES = ir.names("from past next part states")
-"""Variables of the kernel: the outputs of the level before; those a delay before it, those of the
-step after them, and how far between both the level is; and the states of the level before."""
+"""Variables of the kernel: the outputs of the level before; those a delay before it; those of the
+step after them. Then how far between both the level is, and the states of the level before."""
 
 
 Value = Callable[[int, int, int], ir.Expression]

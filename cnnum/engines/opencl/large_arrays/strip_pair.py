@@ -1,6 +1,6 @@
 """One step of a pair that estimates its own error: its stages, and the estimate.
 
-The first stage takes over the step before, if it was accepted, and makes the first state; the last
+The first stage takes over the step before, if it was accepted, and makes the first state. The last
 one finds the worst of the error in a strip, and leaves the step to be judged.
 """
 

@@ -32,8 +32,8 @@ class OneFrame:
     given : (rows, cols, channels) float
         The numbers of `input` that travel to the device.
     places : Places
-        Of the outputs in the numbers that come back; the last of them says whether a transient or
-        a loop did not reach its end.
+        Of the outputs in the numbers that come back. The last of them says whether a transient or a
+        loop did not reach its end.
     """
 
     queue: cl.CommandQueue

@@ -35,7 +35,7 @@ def fixed_steps(text: TransientBuilder, scheme: FixedSteps) -> Figures:
     if delays_outputs(text.template):
         text.array(RING, (late + 1) * text.states)
     if delay is not None:
-        # the step of a frame is the same part of its delay in all; a delay is within a ladder's
+        # the step of a frame is the same part of its delay in all. A delay is within a ladder's
         # rung, so that no frame takes more steps than that times the usual
         text.body.append(ir.fixed(SPAN, delay * ir.Number(1.0 / late)))
         scheme = replace(scheme, count=math.ceil(LADDER * scheme.count) + 1)

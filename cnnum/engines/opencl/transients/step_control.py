@@ -56,8 +56,8 @@ class Attempt:
     advance : sequence of Statement
         Statements that take the step over where `accept` is not 0.
     begin, end : sequence of Statement
-        Before all steps, once `k0` holds the rates at the start `x`; and after them, to bring the
-        state back to `x`.
+        `begin` comes before all steps, once `k0` holds the rates at the start `x`. `end` comes
+        after them, to bring the state back to `x`.
     """
 
     stages: Sequence[ir.Statement]

@@ -73,7 +73,7 @@ def _inside(slope: float, time: float) -> list[ir.Statement]:
             steepest = ir.Number(math.log(STEEPEST))
             ends = ir.call("log1p", m * (B - NOW) / G) / m
             moves = ir.call("expm1", ir.call("fmin", m * LEFT, steepest)) / m
-        # the time that is left, from where it enters, and that it takes to leave again; a quotient
+        # the time that is left, from where it enters, and that it takes to leave again. A quotient
         # of decays is exact near the end
         left = ir.pick(entered, ir.call("log", EDGE / d), ir.Number(time))
         begun = [ir.fixed(LEFT, left), ir.fixed(ENDS, ends)]

@@ -1,7 +1,7 @@
 """How far `surface_load` is from true loads: `python -m cnnum.lab.bench.programs.load_errors`.
 
-Frames are Love's and Cerruti's solutions for rectangular contacts at random, with noise; bias
-is weighed against the noise that is let in, for every number of rounds.
+Frames are Love's and Cerruti's solutions for rectangular contacts at random, with noise. Bias is
+weighed against the noise that is let in, for every number of rounds.
 """
 
 import math

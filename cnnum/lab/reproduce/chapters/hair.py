@@ -32,7 +32,7 @@ def sliding(x: Floats, way: float) -> tuple[Floats, Floats]:
 def hair_signals(x: Floats, way: float) -> Floats:
     """Return (n, 3) T_x, T_y, S_n of a taxel with a hair: the pressure under its foot, Pa.
 
-    S_n is the mean pressure; T the difference of pressure between opposite rims of the foot,
+    S_n is the mean pressure. T is the difference of pressure between opposite rims of the foot,
     which bends opposite bridges against each other.
     """
     rod = hair()

@@ -28,8 +28,8 @@ STATICS = (
 def screw_signals(cover: Cover, angle: float, shift: Floats) -> Floats:
     """Return (n, 2) shear along the motion × β and normal signal under a screw, strain.
 
-    The turns are point loads a pitch apart along the motion, each with its share of friction;
-    over a ridge only those count that stand on it.
+    The turns are point loads a pitch apart along the motion, each with its share of friction. Over
+    a ridge only those count that stand on it.
     """
     turns = THREAD * np.arange(-3, 4)
     along = np.array([np.cos(angle), np.sin(angle)])

@@ -1,5 +1,6 @@
 """Families of scenes: how an object is pulled, its kind, the cover, the taxels, and holding.
 
-The way of a scene: `draw` (numbers by seed) → `pulls` (the hand) or `held` → `spheres` (by the
-simulated `arrays`) or `faces` and `dragged` → `taxel_effects` → a trial. `catalogue` lists all.
+The way of a scene: `draw` → `pulls` or `held` → `spheres` or `faces` and `dragged` →
+`taxel_effects` → a trial. `draw` gives numbers by seed, `pulls` the hand. `spheres` go by the
+simulated `arrays`. `catalogue` lists all.
 """

@@ -3,7 +3,7 @@
 Friction follows Ciavarella's and Jäger's principle: the shear under a pull is μ (p(P) − p(P*)). The
 pressures are those of the same body under its load and under a smaller one. The way is μ E*/G*
 times the difference of the two approaches. A flat face is pressed evenly at any load, so all of it
-sticks until all of it slides; the rough faces' pressures come from another solver
+sticks until all of it slides. The rough faces' pressures come from another solver
 (`rough_faces.npz`: see `tests/oracle/rough_faces.py`).
 """
 

@@ -1,7 +1,7 @@
 """Stick–slip: an object on a springy hand, under friction that falls with the sliding speed.
 
-The contact holds the object by Mindlin's force up to its limit; the limit falls from the static
-to the kinetic one as sliding gets faster: μ(v)/μ(0) = k + (1 − k)/(1 + v/v₀).
+The contact holds the object by Mindlin's force up to its limit. The limit falls from the static to
+the kinetic one as sliding gets faster: μ(v)/μ(0) = k + (1 − k)/(1 + v/v₀).
 """
 
 from dataclasses import dataclass

@@ -105,7 +105,7 @@ def _rest(name: str, title: str, template: Template, start: Floats, end: Floats)
 
 def _not_at_rest() -> Iterator[Case]:
     slow = Template("bottleneck", [[0.0, 0.0, 0.0], [1e-3, 2.0, 1e-3], [0.0, 0.0, 0.0]], z=-1.00101)
-    # all at 2: y = 1, and x' = −x + 2.002 − 1.00101 would be at rest at 1.00099; from there the
+    # all at 2: y = 1, and x' = −x + 2.002 − 1.00101 would be at rest at 1.00099. From there the
     # rim, which lacks a neighbour, goes down first and takes the others with it
     yield _rest(
         "bottleneck",

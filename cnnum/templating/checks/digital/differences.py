@@ -91,7 +91,7 @@ def _line(template: Template, case: Case) -> Floats:
     """Count the neighbours that are as a line would have them.
 
     Of the pattern, '#' cells belong to the line: no darker than the cell by `similar`, or within
-    it either way where there is `darker`; 'o' cells are paler by more than `darker`, or `similar`.
+    it either way where there is `darker`. 'o' cells are paler by more than `darker`, or `similar`.
     """
     rows = text(template, "pattern").split("/")
     at, radius = neighbours(case.pictures, template.input_boundary, len(rows) // 2), len(rows) // 2

@@ -1,10 +1,10 @@
 """The language of rules: a Boolean expression of a cell's black-and-white neighbourhood.
 
-Names: the eight neighbours `nw n ne e se s sw w` and the cell `c`; the counts `edges`, `corners`,
-`ring` (all eight) and `ring24` (of the 5×5 neighbourhood) of black ones. `before` is the cell in
-the initial state, and `u` that in the input. `u_ring` is the count of its black neighbours there.
-`match("#o#/.#./#o#")` is true where the neighbourhood is the pattern ('#' black, 'o' white, '.'
-any); `mismatch` counts the cells that differ, '+' and '-' being black and white of half weight.
+Names: the eight neighbours `nw n ne e se s sw w` and the cell `c`. The counts of black ones are
+`edges`, `corners`, `ring` (all eight) and `ring24` (of the 5×5 neighbourhood). `before` is the cell
+in the initial state, and `u` that in the input. `u_ring` is the count of its black neighbours
+there. `match("#o#/.#./#o#")` is true where the neighbourhood is the pattern ('#' black, 'o' white,
+'.' any). `mismatch` counts the cells that differ, '+' and '-' being black and white of half weight.
 Operators: `and or not`, comparisons, `+ - *` and whole numbers.
 """
 

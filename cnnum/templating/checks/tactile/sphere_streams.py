@@ -37,8 +37,8 @@ MODULUS = 0.75
 """E of an incompressible cover whose E* = E/(1 − ν²) is 1."""
 
 REST, PRESS, HOLD = 20, 16, 34
-"""Frames without contact, of a load that grows as a constant speed makes it, and before it moves;
-programs learn rest from 16 frames, and a force at rest from 32."""
+"""Frames without contact, of a load that grows as a constant speed makes it, and before it moves.
+Programs learn rest from 16 frames, and a force at rest from 32."""
 
 BEGIN = REST + PRESS + HOLD
 """The first frame in which the sphere has moved."""
