@@ -3,7 +3,7 @@
 `python docs/figures/incipient_slip.py [--count 6] [--seed 2000000] [--contact 3.2e-3]` plays
 families of scenes of `cnnum score`. In some a sphere is pulled over a half-space, and the truth is
 Mindlin's c/a. In the others the law does not hold for the bodies. The program knows friction, cover
-and rate of each scene, as its user has to; in two families it is given a wrong depth. A report is
+and rate of each scene, as its user has to. In two families it is given a wrong depth. A report is
 in time while less than half the radius sticks, early before that. With `--contact` all spheres have
 that contact radius, m. It prints the rows of the table in `docs/scoring.md`.
 """

@@ -4,7 +4,7 @@
 are the inputs of a template of one cell, whose weights gradients set. `--out` keeps the template of
 all families, with its proof; its area is the mean over the families left out.
 
-With `maps` the inputs are the maps of the array, and their change over 80 ms; the mean over the
+With `maps` the inputs are the maps of the array, and their change over 80 ms. The mean over the
 cells is the strength. Each takes a minute.
 """
 

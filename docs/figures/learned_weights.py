@@ -6,14 +6,14 @@
 Each family of scenes, or each object, is left out in turn: SciPy's Nelder–Mead sets the weights on
 all others, and they are judged on those left out. Families learn on `--count` scenes of tuning
 seeds and are judged on `--scenes` of scoring seeds. The read-outs come from the templates of
-`slip`, once; its decision is the formula at the head of its file, with seven numbers to set:
+`slip`, once. Its decision is the formula at the head of its file, with seven numbers to set:
 
     moves^a · loosens^b · ratio^c / (still + trend · |trend| + swing · jolt + pull · grows)
 
 The region that sticks, and the weights of where a motion and a shear lie, stay as they are.
 
-For families the level is the one with four false reports in ten minutes on the others, for the
-physical weights too. Rolling counts as a false report only with `--rolling`.
+For families the level is the one with four false reports in ten minutes on the others. That holds
+for the physical weights, too. Rolling counts as a false report only with `--rolling`.
 """
 
 import argparse
