@@ -23,7 +23,7 @@ class Counters:
     bad : int
         Packets or rows whose check failed.
     dropped : int
-        Scans that never arrived whole, as the device's own numbers show; the bad ones are among
+        Scans that never arrived whole, as the device's own numbers show. The bad ones are among
         them, and so are those that a full queue pushed out. Of a recording, rows of its scans too
         that another of its files lacks.
     repeated : int
@@ -59,9 +59,10 @@ class Counters:
 class Driver(Protocol):
     """A source of frames: an array at a port, a recording, a simulation.
 
-    Three attributes more are used where a driver has them: ``calibration`` (a
-    `cnnum.tactile.taxel.Calibration`), ``pitch`` (distance of the taxels, m), and ``full_scale``,
-    the largest magnitude that a value can have; a frame with a larger one is a bad frame.
+    Three attributes more are used where a driver has them. ``calibration`` is a
+    `cnnum.tactile.taxel.Calibration`, and ``pitch`` is the distance of the taxels, m.
+    ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is a
+    bad frame.
     """
 
     @property

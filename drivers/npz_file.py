@@ -1,9 +1,9 @@
 """Recordings as NumPy archives: written by `cnnum record`, read again as an array.
 
 An archive holds, a row a frame: ``values`` (frames, rows, cols, channels), ``sequence``, ``time``
-(s), ``quality`` (flags of `cnnum.frame.Quality`) and ``truth`` (frames, truths); next to these
-``channels``, ``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibration_*`` where the array had
-a calibration. ``kind`` marks it as one.
+(s), ``quality`` (flags of `cnnum.frame.Quality`) and ``truth`` (frames, truths). Next to these it
+holds ``channels``, ``unit``, ``rate`` (Hz), ``truths`` (names) and ``calibration_*`` where the
+array had a calibration. ``kind`` marks it as one.
 """
 
 import math

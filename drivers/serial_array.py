@@ -54,8 +54,8 @@ class SerialOptions:
     longest_backoff : float
         s, below 3600.
     depth : int
-        Scans that may wait for a slow reader in mode "every", at most 10⁶; beyond it the oldest
-        are dropped and counted.
+        Scans that may wait for a slow reader in mode "every", at most 10⁶. Beyond it the oldest are
+        dropped and counted.
     stale : float
         s that a scan may wait for its reader; one that waited longer has the flag `STALE`.
     """

@@ -1,7 +1,7 @@
 """Contactile PapillArray, PTS 2: sensors of 3×3 pillars with force, displacement and slip.
 
 Facts of the wire: the public parser and tests of ``contactile_pts_lab``. A frame is a start marker,
-data, a u16 sum of the data's bytes, and an end marker; everything is little-endian.
+data, a u16 sum of the data's bytes, and an end marker. Everything is little-endian.
 """
 
 import struct

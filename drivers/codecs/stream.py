@@ -133,8 +133,9 @@ class Decoder:
 
 
 def to_marker(data: bytearray, marker: bytes, *, ended: bool) -> Skip | None:
-    """Return the bytes before the first marker, or those that cannot begin one; None where it is
-    in front, or may be.
+    """Return the bytes before the first marker, or those that cannot begin one.
+
+    None is returned where the marker is in front, or may be.
     """
     at = data.find(marker)
     if at == 0:

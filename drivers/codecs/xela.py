@@ -1,7 +1,7 @@
 """XELA uSkin: the JSON messages of its server, one a line, over a WebSocket or any stream.
 
 Facts of the wire: the public ROS node ``xela_server_ros``. A message has a counter and an object a
-sensor; a taxel's x, y and z are hexadecimal, row by row from the top left.
+sensor. A taxel's x, y and z are hexadecimal, row by row from the top left.
 """
 
 import json

@@ -29,8 +29,9 @@ class DataFileOptions:
     path : Path
         A .csv, .npy, .npz, .h5 or .hdf5 file.
     layout : Path, optional
-        The TOML file that names its columns and their meaning (`DataLayout`); that of the same name
-        with the suffix .toml unless given. A CSV file that `cnnum record` wrote needs none.
+        The TOML file that names its columns and their meaning (`DataLayout`). Unless given, it is
+        that of the same name with the suffix .toml. A CSV file that `cnnum record` wrote needs
+        none.
     """
 
     path: Path

@@ -33,11 +33,11 @@ class DataLayout:
     ----------
     shape : (rows, cols)
     axes : tuple of str
-        Names of a taxel's numbers in their order, as the file writes them; "x", "y" and "z" are the
+        Names of a taxel's numbers in their order, as the file writes them. "x", "y" and "z" are the
         shear to the right, the shear downwards and the normal load.
     values : str or tuple of str
         Of a CSV file a pattern of its columns, as in "t{n}_{axis}" or "r{row}c{col}{axis}", or all
-        columns row by row; of other files the name of the array.
+        columns row by row. Of other files the name of the array.
     order : "axis-last" or "axis-first"
         Of an array: (frames, rows, cols, axes), or (frames, axes, rows, cols).
     first : int

@@ -45,7 +45,7 @@ class Settings:
         of the pitch.
     taxel_height : float, m
         Of a "layer": how high above its base the strain is read, 50 µm as in
-        `cnnum.tactile.cover.comparison`; on the base itself there is no normal strain.
+        `cnnum.tactile.cover.comparison`. On the base itself there is no normal strain.
     bump_radius : float, m
         At most half the pitch.
     youngs_modulus : float, Pa

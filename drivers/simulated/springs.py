@@ -3,7 +3,7 @@
 A sphere on an elastic half-space is the same as a row of independent springs (the method of
 dimensionality reduction): one at each distance s from the centre. Each has a shear deflection u(s)
 and a twist F(s) of its own, which slip at limits of their own. Under a force that only grows this
-is Cattaneo and Mindlin's solution, under a torque Lubkin's, exactly; under any other history,
+is Cattaneo and Mindlin's solution, under a torque Lubkin's, exactly. Under any other history it is
 Jäger's. The tractions on the surface follow by Abel's transform::
 
     q(ρ) = -(1/π) ∫ G* u'(s) / √(s² - ρ²) ds,    τ(ρ) = -(4Gρ/π) ∫ F'(s) / √(s² - ρ²) ds

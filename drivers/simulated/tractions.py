@@ -102,8 +102,8 @@ class Tractions:
 def abel(s: Floats) -> tuple[Floats, Floats]:
     """Return the points ρ and the matrix of f ↦ -(1/π) ∫ f'(s) / √(s² - ρ²) ds from ρ on.
 
-    f is linear between the springs, so every piece is a difference of inverse hyperbolic
-    cosines; the points lie midway between the springs.
+    f is linear between the springs, so every piece is a difference of inverse hyperbolic cosines.
+    The points lie midway between the springs.
 
     Parameters
     ----------

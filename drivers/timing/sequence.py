@@ -21,8 +21,8 @@ class Step:
 def step(before: int, after: int, wrap: int = 1 << 32) -> Step:
     """Compare two sequence numbers modulo `wrap`.
 
-    A number less than half the range ahead has left scans out; one behind means that the device
-    has started again, and the loss is unknown.
+    A number less than half the range ahead has left scans out. One behind means that the device has
+    started again, and the loss is unknown.
     """
     ahead = (after - before) % wrap
     return Step(0, True) if ahead >= wrap // 2 else Step(ahead, False)
@@ -31,7 +31,7 @@ def step(before: int, after: int, wrap: int = 1 << 32) -> Step:
 class FrameClock:
     """Give each scan its place in the run: sequence and time never go back.
 
-    Where a device does not count, the scans that came are counted; where it has no clock, time is
+    Where a device does not count, the scans that came are counted. Where it has no clock, time is
     that of arrival.
 
     Attributes

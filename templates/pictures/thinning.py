@@ -22,7 +22,7 @@ FAMILIES = {
 def thinning(frame: FrameFields, *, family: str = "SKELE") -> Mapping[str, Field]:
     """Thin the black objects of a picture with a family of templates.
 
-    `SKELE`, `SKLHV` and `SKL` are MatCNN's families of eight elements; `HORSKEL` peels west and
+    `SKELE`, `SKLHV` and `SKL` are MatCNN's families of eight elements. `HORSKEL` peels west and
     east sides, `VERSKEL` north and south sides.
 
     Returns

@@ -198,8 +198,8 @@ def _nearest(links: list[_Link]) -> Field:
 def _between(out: _Link, back: _Link, way: tuple[int, int]) -> Field:
     """Return where outlines pass between a taxel and its neighbour to the right, or below.
 
-    `out` ends towards that neighbour and `back` away from it. Where a place lies inside of the
-    taxel whose load ends, or where that is the neighbour, the link before holds it.
+    `out` ends towards that neighbour and `back` away from it. A place may lie inside of the taxel
+    whose load ends, or that taxel may be the neighbour. Then the link before holds it.
     """
     ahead, behind = out.crosses & (out.place >= 0.0), back.crosses & (back.place < 0.0)
     own = maximum(where(ahead, out.place, -1.0), where(behind, -1.0 * back.place, -1.0))

@@ -33,7 +33,7 @@ def grasp_code(
     """The state of a grasp by the signs of the shear under two fingers.
 
     The grasp's axes are the first finger's. Shear has a part that both fingers share there (the
-    object moves), and the opposite part (they are pressed against each other).
+    object moves). It has an opposite part, too (the fingers are pressed against each other).
 
     * slip: both fingers are pulled the same way, all taxels of a finger alike;
     * tilt: pulled opposite ways: the object turns about an axis across the fingers;

@@ -58,10 +58,10 @@ def halfspace_equilibrium(
         refuses: ask for float64.
     method : str
         Integration method. "auto" has the rest of up to 1024 cells as one exact product, unless
-        slabs are many; larger arrays take Runge–Kutta–Chebyshev steps.
+        slabs are many. Larger arrays take Runge–Kutta–Chebyshev steps.
     match : bool
-        Lower short waves of the loads, which the lattice fades too little on the way to the
-        taxels; without, the answer is the lattice's own.
+        Lower short waves of the loads, which the lattice fades too little on the way to the taxels.
+        Without, the answer is the lattice's own.
 
     Returns
     -------

@@ -35,7 +35,7 @@ def halfspace_stress(
     """Stress that taxels see under a load on an incompressible cover.
 
     On the lattice k is the root of the five-point Laplacian's eigenvalue. No flux crosses the rim
-    of the array, as if the load went on mirrored; the error against the half-space falls as the
+    of the array, as if the load went on mirrored. The error against the half-space falls as the
     square of the cell over the thickness.
 
     Parameters

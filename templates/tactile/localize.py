@@ -41,8 +41,8 @@ def localize(
     Parameters
     ----------
     frame : FrameFields
-        One cell a bump: strain or stress of the taxel under it, or the output of `Pad` for a pad of
-        pressure taxels (with push = 1).
+        One cell a bump: strain or stress of the taxel under it. For a pad of pressure taxels (with
+        push = 1) it is the output of `Pad`.
     push : float
         −1 for strain and stress, which count tension as positive; +1 for signals and counts that
         rise under a push.

@@ -1,14 +1,14 @@
 """Slip of an object on the skin or in the hand, by signs that every skin shows.
 
 Slip is a contact whose pattern moves and whose shear rearranges, under a shear load. It counts as
-far as it exceeds the effect of a load that changes, or of a ratio of shear to normal load that
-still grows, and once less than half of the contact sticks:
+far as it exceeds the effect of a load that changes. The same holds for a ratio of shear to normal
+load that still grows. And it counts once less than half of the contact sticks:
 
     slip_strength = (moves² · loosens)^⅓ · ratio / (still + |trend| + swing · jolt + pull · grows)
 
 All of these are rates in 1/s, but for `ratio`, which is shear over normal load. Where the axes are
-known, the strength is weighed by how far the pattern moves along the shear, and by whether that
-lies where the contact presses.
+known, the strength is weighed by how far the pattern moves along the shear. It is weighed, too, by
+whether the shear lies where the contact presses.
 """
 
 from collections.abc import Mapping
@@ -79,7 +79,7 @@ def slip(
     floor : float
         Least load of a pad, in noise of its sum.
     still, pull, swing : float, 1/s, none, none
-        Slowest movement that counts, in contact sizes a second; weights of a ratio that still
+        Slowest movement that counts, in contact sizes a second. Weights of a ratio that still
         grows, and of a load that swings.
     false_reports, hold_time : float, 1/10 min, s
         Accepted rate, which sets the level of a report; it ends once below half of that for a time.

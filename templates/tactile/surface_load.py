@@ -54,8 +54,8 @@ def surface_load(
         (Wiener's choice).
     drag : float
         The same of the tractions along each axis of the surface, over that of the pressures. Long
-        waves of pressure and of a pull along them strain the cover alike; `drag` shares out
-        the signal between them.
+        waves of pressure and of a pull along them strain the cover alike. `drag` shares out the
+        signal between them.
     reach : int
         Taxels, along each axis, over which a load is felt.
     tolerance : float
@@ -64,7 +64,7 @@ def surface_load(
         Highest coefficient of friction to expect: from a round on, nothing drags by more than that
         of the pressure above the noise.
     rounds : int
-        Fits after the first. More of them lower the bias and let more noise in; at 0 the answer is
+        Fits after the first. More of them lower the bias and let more noise in. At 0 the answer is
         that of least squares, linear in the strain.
 
     Returns

@@ -28,8 +28,8 @@ def texture(
 ) -> Mapping[str, Field]:
     """Friction and roughness of the surface on each taxel, over the last frames.
 
-    Every taxel keeps its last frames in local memories; (6.3) and (6.4) are summed over them, mean
-    first, so that a small scatter is not the difference of large sums.
+    Every taxel keeps its last frames in local memories. Over them (6.3) and (6.4) are summed, mean
+    first. So a small scatter is not the difference of large sums.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 """Twist of an object on the skin or in the hand, from the curl of its shear.
 
 The curl over the normal load must exceed the ratio of shear to normal load, else the contact is
-pulled, and a share of the divergence: a shear that settles pulls apart as well as it turns. Curl
-and divergence at the load's last change are taken off: a press alone can show both.
+pulled. It must exceed a share of the divergence, too: a shear that settles pulls apart as well as
+it turns. Curl and divergence at the load's last change are taken off: a press alone can show both.
 """
 
 from collections.abc import Mapping

@@ -1,8 +1,8 @@
 """The elastic half-space as a stack of cellular layers, one a depth, that relaxes to harmonic.
 
 Layer j stands for the plane at depth z_j. It holds F = exp(−kz)/k u, the harmonic function of slope
-−u on the surface. Between two planes a wave follows cosh and sinh, so that the planes of
-equal slabs d obey, without any error of depth,
+−u on the surface. Between two planes a wave follows cosh and sinh. So the planes of equal slabs d
+obey, without any error of depth,
 
     2 cosh(kd) F_j = F_{j−1} + F_{j+1},       cosh(kd) F_0 − F_1 = (sinh(kd)/k) u,
 
@@ -11,7 +11,7 @@ and where slabs begin to be twice as thick, with c = cosh(kd) and C = cosh(2kd),
     (1 + 2C) F_j = 2c F_{j−1} + F_{j+1}.
 
 With k² = −Laplacian, the series of cosh to k² is a 3×3 template, to k⁴ a 5×5 one: the error falls
-as d² or d⁴. Each row is divided by the largest weight of its own layer, which makes it the
+as d² or d⁴. Each row is divided by the largest weight of its own layer. That makes it the
 equilibrium of a CNN layer.
 """
 

@@ -1,10 +1,10 @@
 """The equilibrium of an elastic solid on a staggered lattice of cellular layers.
 
 (1 − 2ν) Δu + grad div u = 0, equation (4.8) of Vásárhelyi's dissertation (2007), is divergence of
-stress. On the staggered lattice (Harlow & Welch 1965; for solids Virieux 1986) normal stress lies
+stress. The lattice is staggered (Harlow & Welch 1965; for solids Virieux 1986). Normal stress lies
 in the middle of a cell, displacement on its faces, shear stress on its edges. So every difference
 is central, of second order, and nothing locks as ν nears 1/2: an incompressible solid is a place
-like any other. Columns run along x, rows along y, slabs along z; u_x and u_y of slab s lie between
+like any other. Columns run along x, rows along y, slabs along z. u_x and u_y of slab s lie between
 the planes s and s + 1, u_z lies on the planes. The traction on plane 0 is the input; the last plane
 is held. Lengths are cells, displacements are times the shear modulus.
 """

@@ -115,8 +115,8 @@ def depth_in_cells(thickness: float, pitch: float, cells: int) -> float:
     Raises
     ------
     ProgramError
-        If one of them is not above 0, `cells` is not whole, or the cover is thinner or thicker
-        than the programs can compute with.
+        If one of them is not above 0, or `cells` is not whole. Also if the cover is thinner or
+        thicker than the programs can compute with.
     """
     if not (thickness > 0 and pitch > 0 and cells >= 1 and int(cells) == cells):
         raise ProgramError(

@@ -4,8 +4,8 @@ A wave of number k fades with depth as exp(−kz). On a lattice of cells of 1 it
 
     (2/s) sinh(κs/2) = √(4 sin²(k_x/2) + 4 sin²(k_y/2)),
 
-which is less: κ < k. A template of 3×3 gives loads the difference, exp(−(k − κ)z), as near as nine
-weights come on the waves that reach the taxels.
+which is less: κ < k. A template of 3×3 gives loads the difference, exp(−(k − κ)z). It does so as
+near as nine weights come on the waves that reach the taxels.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """The first step of the tactile programs: loads above rest, noise at rest, the contact.
 
-The first frames of a stream define rest. While nothing touches, rest and noise are followed
-slowly, so that an offset or its drift never becomes a load; while something touches, both are kept.
+The first frames of a stream define rest. While nothing touches, rest and noise are followed slowly,
+so that an offset or its drift never becomes a load. While something touches, both are kept.
 """
 
 from dataclasses import dataclass

@@ -114,9 +114,8 @@ def _carried(loads: Loads, normal: Field, noise: Field, share: float) -> Pressed
 def _under_cover(loads: Loads, normal: Field, noise: Field, cover: _Cover) -> Pressed:
     """Return the pressure on a cover: its shape and the pull's are found in turns.
 
-    In an incompressible cover a pull strains the skin as a pressure behind it would, so
-    that one map looks like the other. But the sum of the shear is the pull, and
-    it acts where the pressure does.
+    In an incompressible cover a pull strains the skin as a pressure behind it would. So one map
+    looks like the other. But the sum of the shear is the pull, and it acts where the pressure does.
     """
     gained = noise_gain(cover.depth, cover.reads) * noise
     shape, found = _start(loads, normal), loads.frame.constant(0.0)
@@ -180,8 +179,8 @@ def _pulls(loads: Loads, shape: Field, whole: Field, depth: float) -> tuple[Fiel
     """Return the tangential loads: the whole array's shear, with the part beyond the array.
 
     Shear strain and stress add up to the load on an endless array. On this one a cell's load adds
-    up to a share that depends on its place; the pressure's own shear, which
-    cancels on an endless array, is taken off. Shear is taken to be spread as the pressure is.
+    up to a share that depends on its place. The pressure's own shear, which cancels on an endless
+    array, is taken off. Shear is taken to be spread as the pressure is.
     """
     seen = shear_seen(loads.frame.shape, depth)
     found: list[Field] = []
@@ -199,9 +198,9 @@ def _missed(pressure: Field, weight: Field, touched: Field, cover: _Cover) -> Fi
     """Return the factor of a load over its part on the touched taxels.
 
     Strain passes no mean, so the pressure comes back on a ground below 0, the lower the wider the
-    contact; and a load between taxels, or narrower than one, comes back too high, in a hollow of
-    its own. The filter's result on a load of this shape, on the taxels touched and around them,
-    against the found one, gives the factor.
+    contact. And a load between taxels, or narrower than one, comes back too high, in a hollow of
+    its own. The filter is run on a load of this shape. Its result on the taxels touched and around
+    them, against the found one, gives the factor.
     """
     kernel = left_kernel(cover.depth, cover.reads)
     left = filter_template(f"left {cover.reads} {cover.depth:g}", kernel, "The residual of unblur.")
