@@ -1,8 +1,8 @@
 """Slip of an object on the skin or in the hand, by signs that every skin shows.
 
-Slip is a contact whose pattern moves and whose shear rearranges, under a shear load. It counts as
-far as it exceeds the effect of a load that changes. The same holds for a ratio of shear to normal
-load that still grows. And it counts once less than half of the contact sticks:
+Slip is a contact whose pattern moves and whose shear rearranges, under a shear load. Two things
+move a pattern, too: a load that changes, and a ratio of shear to normal load that still grows. Slip
+counts as far as it exceeds their effect, once less than half of the contact sticks:
 
     slip_strength = (moves² · loosens)^⅓ · ratio / (still + |trend| + swing · jolt + pull · grows)
 
