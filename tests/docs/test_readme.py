@@ -45,6 +45,13 @@ def test_links_lead_somewhere(page):
             assert (page.parent / target).exists(), f"{page.name} links to {target}"
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_no_line_is_lost_as_a_comment(page):
+    """The site leaves out a line that begins with a percent sign: one that is wrapped there."""
+    prose = re.sub(r"```.*?```", "", page.read_text(), flags=re.DOTALL)
+    assert not re.findall(r"^ {0,3}%.*", prose, re.MULTILINE)
+
+
 def test_first_template_finds_the_corners():
     """The README's template on its picture: the four corners of a rectangle."""
     import numpy as np
