@@ -1,4 +1,4 @@
-"""(4.8) relaxed on layers: against a direct solve assembled otherwise, and against (4.9)."""
+"""(4.8) at rest on layers: against a direct solve assembled otherwise, and against (4.9)."""
 
 from functools import cache
 
@@ -20,7 +20,7 @@ PLANE = 2
 """Slabs above the taxels."""
 
 
-def relaxed(
+def at_rest(
     engine, load, *, slabs, thickness, cells=1, poisson, tolerance, match=False, method="auto"
 ):
     program = halfspace_equilibrium.bind(
@@ -39,7 +39,7 @@ def test_it_rests_at_the_direct_solution(poisson, method):
     load = np.random.default_rng(1).normal(size=(6, 5, 3))
     wanted = on_plane(block_displacement(load, 6, 0.75, poisson), PLANE)
     engine = Engine(precision="float64")
-    got = relaxed(
+    got = at_rest(
         engine, load, slabs=6, thickness=1.5, poisson=poisson, tolerance=1e-5, method=method
     )
     # ten times the share that steps leave to come: loads of many waves leave more than one does
@@ -76,8 +76,8 @@ def off_4_9(cells, axis, poisson, match):
     load[cells : 2 * cells, cells : 2 * cells, axis] = 1.0
     load[5 * cells : 6 * cells, 5 * cells : 6 * cells, axis] = -1.0
     exact = infinite(cells, side, depth, axis, poisson)
-    # OpenCL, which takes seconds to build each of these, relaxes as Numba: see above
-    got = relaxed(
+    # OpenCL, which takes seconds to build each of these, rests as Numba: see above
+    got = at_rest(
         Engine("numba", precision="float64"), load, slabs=6 * cells, thickness=depth, cells=cells,
         poisson=poisson, tolerance=1e-5, match=match,
     )  # fmt: skip
@@ -86,7 +86,7 @@ def off_4_9(cells, axis, poisson, match):
 
 @pytest.mark.parametrize("poisson", [0.3, 0.49])
 @pytest.mark.parametrize("axis", [0, 2], ids=["Q", "F"])
-def test_what_relaxes_nears_4_9_as_the_square_of_the_cell(poisson, axis):
+def test_the_lattice_nears_4_9_as_the_square_of_the_cell(poisson, axis):
     errors = [off_4_9(cells, axis, poisson, match=False) for cells in (1, 2)]
     # second order is 4; at one cell a load of that size the terms beyond still help
     assert 3.5 <= errors[0] / errors[1] <= 8.0, errors

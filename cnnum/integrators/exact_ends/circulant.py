@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape
+from cnnum.integrators.exact_ends.propagator import DECAYS
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.network import Network
 
@@ -23,9 +24,6 @@ MOST_CELLS = 1024
 
 WAVE_BYTES = 80
 """Held at once for a wave of one pair of layers: complex numbers, their inverse and copies."""
-
-DECAYS = 1e-9
-"""1/time: a wave that decays more slowly counts as one that does not."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

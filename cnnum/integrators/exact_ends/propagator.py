@@ -18,6 +18,9 @@ DENSE_LIMIT = 1024
 """Cells of all layers above which the dense product is not offered: its matrices take n² numbers,
 and time stepping with few taps is cheaper."""
 
+DECAYS = 1e-9
+"""1/time: a mode or wave that decays more slowly counts as one that does not."""
+
 EXPONENTIAL = 64.0 * float(np.finfo(np.float64).eps)
 """The error bound of an exponential of a matrix, as a part of ‖M‖t: squaring adds to one rounding;
 47 were seen, over 10 to 10,000 turns."""
@@ -131,7 +134,7 @@ def propagator(network: Network, duration: float) -> Propagator | None:
     system = network.linear_system()
     n = network.states
     if math.isinf(duration):
-        if float(np.linalg.eigvals(system.matrix).real.max()) >= -1e-9:
+        if float(np.linalg.eigvals(system.matrix).real.max()) >= -DECAYS:
             return None
         drive = solve(system.matrix, -np.diag(system.rates))
         return Propagator(np.zeros((n, n)), drive, drive @ system.rim)

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from cnnum.arrays import Floats, Shape
-from cnnum.integrators.exact_ends.propagator import EXPONENTIAL
+from cnnum.integrators.exact_ends.propagator import DECAYS, EXPONENTIAL
 from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.network import Network
@@ -163,7 +163,7 @@ def spectral(network: Network, duration: float) -> Spectral | None:
     inverse_tau = np.broadcast_to(np.diag(1.0 / template.tau), rates.shape)
     turned = 0.0
     if math.isinf(duration):
-        if np.linalg.eigvals(rates).real.max() >= -1e-9:
+        if np.linalg.eigvals(rates).real.max() >= -DECAYS:
             return None
         state = np.zeros_like(rates)
         drive = np.asarray(-np.linalg.solve(rates, inverse_tau), dtype=np.float64)
