@@ -5,6 +5,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint requirements.lock
 export PIP_CONSTRAINT := requirements.lock
+# a plain path in place of an import hook, which type checkers of a user's scripts cannot follow
+EDITABLE := --config-settings editable_mode=compat --editable
 # one more than the cores: some tests wait for ports, processes and the disk
 WORKERS := $(shell $(PYTHON) -c "import os; print(min((os.cpu_count() or 1) + 1, 4))")
 # the workers and the hundreds of processes that tests start load compiled modules, whatever is set here
@@ -97,18 +99,18 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/run.stamp: pyproject.toml requirements.lock | $(VENV)/bin/python
-	$(PIP) --editable .
+	$(PIP) $(EDITABLE) .
 	touch $@
 
 $(VENV)/dev.stamp: pyproject.toml requirements.lock | $(VENV)/bin/python
-	$(PIP) --editable '.[dev]'
+	$(PIP) $(EDITABLE) '.[dev]'
 	touch $@ $(VENV)/run.stamp
 
 # Resolve anew: everything of the run and dev sets, at the newest versions that fit together.
 lock:
 	rm -rf $(VENV)-lock && $(PYTHON) -m venv $(VENV)-lock
 	PIP_CONSTRAINT= $(VENV)-lock/bin/python -m pip install --quiet setuptools '.[dev]'
-	$(VENV)-lock/bin/python -m pip freeze --all --exclude cnnum --exclude pip > requirements.lock
+	$(VENV)-lock/bin/python -m pip freeze --all --exclude cnnum-emulator --exclude pip > requirements.lock
 	rm -rf $(VENV)-lock
 
 clean:

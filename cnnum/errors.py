@@ -140,6 +140,28 @@ class MissingExtraError(CnnumError, ImportError):
     """An optional dependency is not installed; the sentence names the extra."""
 
 
+def missing_extra(purpose: str, library: str, extra: str, instead: str = "") -> MissingExtraError:
+    """Return the error for an optional library that is not installed, with the cure in it.
+
+    cnnum is on no package index, where its name is another project's, so the cure is a command for
+    a checkout.
+
+    Parameters
+    ----------
+    purpose : str
+        What needs the library: "The live view", "HDF5 files"…
+    library, extra : str
+        The library, and the extra of cnnum that brings it.
+    instead : str
+        Another way out, as a clause.
+    """
+    other = f", {instead}" if instead else ""
+    return MissingExtraError(
+        f"For {purpose}, cnnum needs the library '{library}', which its extra '{extra}' brings: "
+        f"run pip install '.[{extra}]' in a checkout of cnnum{other}."
+    )
+
+
 def name_error(kind: str, name: object, known: Iterable[str]) -> UnknownNameError:
     """Return the error for an unknown name, with the valid choices in it.
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, finite
-from cnnum.errors import ArrayError, MissingExtraError, PictureError
+from cnnum.errors import ArrayError, PictureError, missing_extra
 from cnnum.safety.values import as_path
 
 WHITE = 255
@@ -86,7 +86,7 @@ def load_picture(path: str | Path) -> Floats:
     MissingExtraError
         If Pillow is not installed.
     """
-    image = pillow("Picture files")
+    image = pillow("picture files")
     try:
         with image.open(as_path(path, PictureError)) as file:
             if file.width * file.height > MOST_PIXELS:
@@ -137,7 +137,7 @@ def save_picture(picture: ArrayLike, path: str | Path, *, scale: int = 1) -> Non
             f"A picture file has up to {MOST_PIXELS:,} pixels, got "
             f"{pixels.size * int(scale) ** 2:,}: take a smaller scale."
         )
-    image = pillow("Picture files")
+    image = pillow("picture files")
     try:
         image.fromarray(pixels.repeat(scale, axis=0).repeat(scale, axis=1)).save(target)
     except (OSError, ValueError) as error:
@@ -163,7 +163,4 @@ def pillow(things: str, instead: str = "") -> Any:
     try:
         return import_module("PIL.Image")
     except ImportError:
-        also = f"; {instead}" if instead else ""
-        raise MissingExtraError(
-            f"{things} need Pillow: pip install 'cnnum[pictures]'{also}."
-        ) from None
+        raise missing_extra(things, "Pillow", "pictures", instead) from None

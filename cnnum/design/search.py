@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import MissingExtraError, TemplateError
+from cnnum.errors import TemplateError, missing_extra
 from cnnum.templating.checks.robustness import Judge, flips, mismatched
 from cnnum.templating.checks.running import Engine
 from cnnum.templating.numbers import weights_of, with_numbers
@@ -179,4 +179,4 @@ def _library() -> Any:
     try:
         return import_module("cma")
     except ImportError:
-        raise MissingExtraError("A search needs cma: pip install 'cnnum[search]'.") from None
+        raise missing_extra("a search", "cma", "search") from None

@@ -15,7 +15,7 @@ from cnnum.arrays import Floats
 from cnnum.design.chunk_store import ChunkStore
 from cnnum.design.experiment import DRAW, Experiment
 from cnnum.design.run_task import BLOCK, run_task
-from cnnum.errors import MissingExtraError, TemplateFileError
+from cnnum.errors import TemplateFileError, missing_extra
 from cnnum.safety.files import write_whole
 from cnnum.sharing.tables import dataset
 
@@ -146,9 +146,7 @@ def _on_cluster(
     try:
         distributed: Any = import_module("dask.distributed")
     except ImportError:
-        raise MissingExtraError(
-            "A sweep on several machines needs Dask: pip install 'cnnum[cluster]'."
-        ) from None
+        raise missing_extra("a sweep on several machines", "distributed", "cluster") from None
     with distributed.Client(scheduler, timeout="30s") as client:
         futures = client.map(
             timed_task, [experiment] * len(tasks), tasks, key=f"sweep-{experiment.key}", pure=False

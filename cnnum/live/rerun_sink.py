@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import MissingExtraError, SceneError
+from cnnum.errors import SceneError, missing_extra
 from cnnum.live.picture import Read, planes
 
 if TYPE_CHECKING:
@@ -48,9 +48,7 @@ class RerunSink:
         try:
             self._rerun: Any = import_module("rerun")
         except ImportError:
-            raise MissingExtraError(
-                "Rerun needs the library 'rerun-sdk': pip install rerun-sdk."
-            ) from None
+            raise missing_extra("Rerun", "rerun-sdk", "rerun") from None
         conversion = scene.conversion
         self._channels = conversion.channels
         self._read: Read = conversion.reader(conversion.channels, checks=False)

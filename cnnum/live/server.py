@@ -13,7 +13,7 @@ from importlib import resources
 from typing import TYPE_CHECKING, Any, cast
 from urllib.parse import parse_qs, urlsplit
 
-from cnnum.errors import MissingExtraError, PortError, SceneError
+from cnnum.errors import PortError, SceneError, missing_extra
 from cnnum.live.feeds import Feed
 from cnnum.live.hub import Hub
 from cnnum.scenes.pipeline import FrameResult
@@ -241,9 +241,7 @@ async def serving(feed: Feed, place: Place) -> "AsyncGenerator[tuple[Server, Pag
     try:
         from websockets.asyncio.server import serve
     except ImportError:
-        raise MissingExtraError(
-            "The live view needs the library 'websockets': pip install 'cnnum[view]'."
-        ) from None
+        raise missing_extra("the live view", "websockets", "view") from None
     pages = Pages(feed, place)
     try:
         server = await serve(

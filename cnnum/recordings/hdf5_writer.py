@@ -5,7 +5,7 @@ from typing import IO, Any
 
 import numpy as np
 
-from cnnum.errors import MissingExtraError
+from cnnum.errors import missing_extra
 from cnnum.recordings.reader import Contents
 
 KIND = "cnnum recording 1"
@@ -29,9 +29,7 @@ def write_hdf5(file: IO[bytes], contents: Contents) -> None:
     try:
         h5py: Any = import_module("h5py")
     except ImportError:
-        raise MissingExtraError(
-            "HDF5 files need the library 'h5py': pip install 'cnnum[hdf5]'."
-        ) from None
+        raise missing_extra("HDF5 files", "h5py", "hdf5") from None
     layout = contents.layout
     with h5py.File(file, "w") as target:
         target.attrs.update(

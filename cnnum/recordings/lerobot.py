@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
-from cnnum.errors import ArrayError, MissingExtraError, RecordingError
+from cnnum.errors import ArrayError, RecordingError, missing_extra
 from cnnum.recordings.recording import Recording
 
 TACTILE, NEW = "observation.tactile", "observation.tactile_new"
@@ -101,9 +101,7 @@ def write_lerobot(
         arrow: Any = import_module("pyarrow")
         parquet: Any = import_module("pyarrow.parquet")
     except ImportError:
-        raise MissingExtraError(
-            "LeRobot's layout needs the library 'pyarrow': pip install pyarrow."
-        ) from None
+        raise missing_extra("LeRobot's layout", "pyarrow", "lerobot") from None
     touch = packed(recording, fps)
     rows = len(touch.times)
     zeros, numbers = np.zeros(rows, np.int64), np.arange(rows)

@@ -154,7 +154,7 @@ def _write_moving(path: Path, template: Template, times: Floats, result: Result)
 
 
 def _pillow() -> Any:
-    return pillow("Pictures of a transient", "a .html page does not")
+    return pillow("pictures of a transient", "or write a .html page, which needs no library")
 
 
 WRITERS: Mapping[str, Callable[[Path, Template, Floats, Result], None]] = {

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from importlib import import_module
 from typing import Any
 
-from cnnum.errors import MissingExtraError
+from cnnum.errors import missing_extra
 
 Variables = Mapping[str, tuple[Sequence[str], Any]]
 """Name of a variable to the names of its axes, and its values."""
@@ -53,6 +53,4 @@ def _library(name: str) -> Any:
     try:
         return import_module(name)
     except ImportError:
-        raise MissingExtraError(
-            f"Tables and datasets need {name}: pip install 'cnnum[tables]'."
-        ) from None
+        raise missing_extra("tables and datasets", name, "tables") from None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from cnnum.errors import ArrayError, MissingExtraError
+from cnnum.errors import ArrayError, missing_extra
 from cnnum.tactile import checks
 from cnnum.tactile.checks import Array
 from cnnum.tactile.texture import WINDOW, texture
@@ -202,10 +202,7 @@ def _sklearn(module: str) -> Any:
     try:
         return import_module(f"sklearn.{module}")
     except ImportError as missing:
-        raise MissingExtraError(
-            "Classifying textures needs scikit-learn, which is not installed: install the extra "
-            "'texture', as in pip install 'cnnum[texture]'."
-        ) from missing
+        raise missing_extra("classifying textures", "scikit-learn", "texture") from missing
 
 
 def drift(material: Material, changed: Sequence[Stroke], *, draws: int = 8, seed: int = 1) -> Array:

@@ -13,7 +13,7 @@ from cnnum.arrays import Floats
 from cnnum.drivers.npz_archive import read_arrays
 from cnnum.drivers.own_data.layout import DataLayout
 from cnnum.drivers.text_table import read_table
-from cnnum.errors import CodecError, MissingExtraError, RecordingError
+from cnnum.errors import CodecError, RecordingError, missing_extra
 from cnnum.safety.memory import host_bytes
 from cnnum.safety.names import shown
 from cnnum.safety.reading import open_regular
@@ -58,9 +58,7 @@ def hdf5_arrays(path: Path, layout: DataLayout) -> Arrays:
     try:
         h5py: Any = import_module("h5py")
     except ImportError:
-        raise MissingExtraError(
-            f"'{path.name}' is an HDF5 file, which needs h5py: pip install 'cnnum[hdf5]'."
-        ) from None
+        raise missing_extra(f"the HDF5 file '{path.name}'", "h5py", "hdf5") from None
     try:
         with h5py.File(path, "r") as file:
             names: list[str] = []

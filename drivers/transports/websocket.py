@@ -3,7 +3,7 @@
 from contextlib import ExitStack
 from urllib.parse import urlsplit
 
-from cnnum.errors import MissingExtraError, PortError
+from cnnum.errors import PortError, missing_extra
 
 POLL = 0.05
 """s that a read waits for a message: how soon a closed driver notices."""
@@ -33,9 +33,7 @@ class WebSocketPort:
             from websockets.exceptions import WebSocketException
             from websockets.sync.client import connect
         except ImportError:
-            raise MissingExtraError(
-                "An array at a WebSocket needs the library 'websockets': pip install 'cnnum[view]'."
-            ) from None
+            raise missing_extra("an array at a WebSocket", "websockets", "view") from None
         self._address = address
         self._held = ExitStack()
         self._faults = (OSError, WebSocketException)

@@ -180,8 +180,8 @@ def test_data_names_the_command_that_made_it(typed, kept, tmp_path):
 def test_brackets_are_text_and_no_markup(capsys):
     shown = Output(as_json=False)
     cells = table("Name", "Install")
-    cells.add_row("covers[1].npz", "pip install 'cnnum[fem]'")
-    shown.show("Written: covers[1].npz; pip install 'cnnum[fem]'", cells)
+    cells.add_row("covers[1].npz", "pip install '.[fem]'")
+    shown.show("Written: covers[1].npz; pip install '.[fem]'", cells)
     first, *rest = capsys.readouterr().out.splitlines()
-    assert first == "Written: covers[1].npz; pip install 'cnnum[fem]'"
-    assert any("covers[1].npz" in line and "'cnnum[fem]'" in line for line in rest)
+    assert first == "Written: covers[1].npz; pip install '.[fem]'"
+    assert any("covers[1].npz" in line and "'.[fem]'" in line for line in rest)

@@ -1,5 +1,7 @@
 """The wheel holds every module and data file, and installs nothing but `cnnum`."""
 
+import ast
+import re
 import subprocess
 import sys
 import tomllib
@@ -10,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-SHIPPED = {".py", ".toml", ".cl", ".css", ".js", ".html", ".npz"}
+SHIPPED = {".py", ".pyi", ".toml", ".cl", ".css", ".js", ".html", ".npz"}
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +98,49 @@ def test_installed_wheel_runs_from_any_folder(wheel, tmp_path):
     assert "simulated" in drivers
 
 
+def missing_extras():
+    """The library and the extra that each sentence on a missing library names."""
+    for folder in ("cnnum", "drivers", "templates"):
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "missing_extra":
+                    yield node.args[1], node.args[2]
+
+
+def test_sentences_name_extras_that_bring_the_library():
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
+        "optional-dependencies"
+    ]
+    constants = [
+        (library.value, extra.value)
+        for library, extra in missing_extras()
+        if isinstance(library, ast.Constant) and isinstance(extra, ast.Constant)
+    ]
+    assert len(constants) > 8
+    for library, extra in constants:
+        brought = {re.split(r"[\[>=<;]", item)[0].lower() for item in extras[extra]}
+        assert library.lower() in brought, f"extra '{extra}' does not bring {library}"
+
+
+def test_no_page_or_sentence_installs_a_stranger():
+    """On the package index 'cnnum' is another project, so nothing may say to install that."""
+    own = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["name"]
+    assert own == "cnnum-emulator"
+    stranger = re.compile(r"pip3? install ['\"]?cnnum(?!-emulator|/)\b|\bcnnum\[")
+    named = subprocess.run(
+        ["git", "ls-files", "*.py", "*.md", "*.toml", "*.yml", "Makefile"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split()
+    pages = [ROOT / name for name in named if not name.startswith("tests/")]
+    assert len(pages) > 400
+    assert not [path.name for path in pages if stranger.search(path.read_text())]
+    assert stranger.search("pip install cnnum")
+    assert stranger.search("pip install 'cnnum[view]'")
+
+
 def test_conda_has_the_dependencies_of_pip():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     asked = {item.split(";")[0] for item in project["dependencies"]}
@@ -116,6 +161,6 @@ def test_lock_file_pins_every_dependency():
     }
     asked = [*project["dependencies"]]
     for extra in project["optional-dependencies"].values():
-        asked += [item for item in extra if not item.startswith("cnnum[")]
+        asked += [item for item in extra if not item.startswith("cnnum-emulator[")]
     names = {item.split(">=")[0].split("[")[0].lower() for item in asked}
     assert names <= locked

@@ -98,7 +98,10 @@ def test_a_wrong_target_and_a_missing_library_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "rerun", None)
-    for target, sentence in (("slide.txt", "ends in .rrd"), ("slide.rrd", "pip install rerun-sdk")):
+    for target, sentence in (
+        ("slide.txt", "ends in .rrd"),
+        ("slide.rrd", "pip install '.[rerun]'"),
+    ):
         done = run(tmp_path, target)
         assert done.exit_code == 2
         assert sentence in done.stderr

@@ -14,7 +14,7 @@ import pytest
 import cnnum
 from cnnum.templating.checks.registry import form_of
 
-pytest.importorskip("flint", reason="python-flint is an extra: pip install 'cnnum[oracles]'")
+pytest.importorskip("flint", reason="python-flint is an extra: pip install '.[oracles]'")
 
 
 def loaded():

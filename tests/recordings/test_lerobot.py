@@ -80,6 +80,6 @@ def test_without_pyarrow_the_library_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
-    with pytest.raises(MissingExtraError, match="pip install pyarrow"):
+    with pytest.raises(MissingExtraError, match=r"'pyarrow'.*pip install '\.\[lerobot\]'"):
         write_lerobot(recording(), tmp_path / "set", 30.0)
     assert not (tmp_path / "set").exists()

@@ -22,7 +22,7 @@ from cnnum.embedded.c.files import identifier
 from cnnum.embedded.c.layout import packed, record_type
 from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.making import Made
-from cnnum.errors import DeviceError, MissingExtraError, name_error
+from cnnum.errors import DeviceError, missing_extra, name_error
 
 CORES = {"m0": "cortex_m0", "m4": "cortex_m4", "m7": "cortex_m7"}
 """By the name that users give: as Zig calls them."""
@@ -106,10 +106,7 @@ class Board:
         if core not in CORES:
             raise name_error("core", core, CORES)
         if tools := missing_tools():
-            raise MissingExtraError(
-                f"Counting instructions needs {', '.join(tools)}: install the extra with "
-                "pip install 'cnnum[embedded]'."
-            )
+            raise missing_extra("counting instructions", ", ".join(tools), "embedded")
         name = identifier(made.program.name)
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder)

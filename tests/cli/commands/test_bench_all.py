@@ -32,7 +32,7 @@ def rows():
 
 
 def wants_an_extra():
-    raise MissingExtraError("It wants celnn: install it with \"pip install 'cnnum[peers]'\".")
+    raise MissingExtraError("It wants celnn: install it with \"pip install '.[peers]'\".")
 
 
 def fails():
@@ -75,7 +75,7 @@ def test_what_wants_an_extra_is_named_and_the_rest_goes_on(among, call):
     assert result.stdout.count("Anything [else] is left out.") == 2
     end = result.stdout[result.stdout.index("Run to the end: first, third.") :]
     assert "second: It wants celnn" in end
-    assert "cnnum[peers]" in end  # not taken for markup
+    assert ".[peers]" in end  # not taken for markup
     assert result.stderr == ""
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import CnnumError, MissingExtraError
+from cnnum.errors import CnnumError, missing_extra
 
 STEPS, STEP = 20, 0.1
 """Euler's steps of a run, and their length in time constants."""
@@ -140,10 +140,7 @@ def _module(name: str) -> Any:
         return import_module(name)
     except (ImportError, OSError) as error:  # OSError is PyTorch's, of a library that is gone
         if isinstance(error, ModuleNotFoundError) and error.name == package:
-            raise MissingExtraError(
-                f"Learning as celnn does needs '{extra}': install it with "
-                f"\"pip install '{extra}'\"."
-            ) from None
+            raise missing_extra("learning as celnn does", extra, "race") from None
         raise CnnumError(
             f"'{package}' is installed, but cannot be imported ({error}): install it again with "
             f"\"pip install --force-reinstall '{extra}'\"."

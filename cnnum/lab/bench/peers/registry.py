@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from cnnum.errors import MissingExtraError
+from cnnum.errors import MissingExtraError, missing_extra
 from cnnum.lab.bench.peers.work import Work
 
 Run = Callable[[Work], NDArray[np.floating]]
@@ -53,10 +53,7 @@ class Peer:
         try:
             module = import_module(f"cnnum.lab.bench.peers.{self.module}")
         except ModuleNotFoundError:
-            raise MissingExtraError(
-                f"Peer '{self.name}' needs '{self.package}': install it with "
-                f"\"pip install 'cnnum[{self.extra}]'\"."
-            ) from None
+            raise missing_extra(f"peer '{self.name}'", self.package, self.extra) from None
         except ImportError as error:
             raise MissingExtraError(
                 f"Peer '{self.name}': '{self.package}' cannot be imported ({error})."

@@ -3,7 +3,7 @@
 from importlib import import_module
 from typing import Any
 
-from cnnum.errors import MissingExtraError
+from cnnum.errors import missing_extra
 
 
 def load_skfem() -> Any:
@@ -17,7 +17,6 @@ def load_skfem() -> Any:
     try:
         return import_module("skfem")
     except ImportError:
-        raise MissingExtraError(
-            "Finite elements need scikit-fem, which is not installed: "
-            "install it with pip install 'cnnum[fem]', or use the coefficients that are shipped."
+        raise missing_extra(
+            "finite elements", "scikit-fem", "fem", "or use the coefficients that are shipped"
         ) from None
