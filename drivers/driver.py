@@ -59,10 +59,12 @@ class Counters:
 class Driver(Protocol):
     """A source of frames: an array at a port, a recording, a simulation.
 
-    Three attributes more are used where a driver has them. ``calibration`` is a
-    `cnnum.tactile.taxel.Calibration`, and ``pitch`` is the distance of the taxels, m.
-    ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is a
-    bad frame.
+    Five attributes more are used where a driver has them. ``calibration`` is a
+    `cnnum.tactile.taxel.Calibration`, ``pitch`` is the distance of the taxels, m, and ``pads`` the
+    number of skins that lie side by side in the columns. ``bumps`` is the
+    `cnnum.tactile.cover.BumpCover` over the taxels, whose geometry goes to the programs that undo
+    it. ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is
+    a bad frame.
     """
 
     @property

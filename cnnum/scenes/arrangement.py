@@ -1,7 +1,8 @@
 """Agreement of a scene, its program and its array: parameters and wanted outputs."""
 
 import inspect
-from collections.abc import Collection
+import logging
+from collections.abc import Collection, Mapping
 from difflib import get_close_matches
 
 from cnnum.drivers.driver import Driver
@@ -11,12 +12,19 @@ from cnnum.programs.quantities import PITCH, takes_pitch
 from cnnum.safety.names import LONGEST, shown
 from cnnum.scenes.events import EVENT_RULES
 from cnnum.scenes.scene_file import EVERYTHING, SceneSpec
+from cnnum.tactile.cover import BumpCover
 
 COUNT = "count"
 """Unit of values without a scale."""
 
 PHYSICAL = ("thickness", "youngs_modulus")
 """Parameters of programs that take strain or stress, and nothing else."""
+
+BUMP = "bump"
+"""The name of every output of a bump begins so."""
+
+ALL = "tactile"
+"""The program with the outputs of the others: bumps are a part of it that few scenes want."""
 
 PADS, NARROWEST = "pads", 3
 """Of a pad's columns: a neighbourhood of a taxel is as wide."""
@@ -50,7 +58,48 @@ def bound(program: Program, spec: SceneSpec, driver: Driver) -> Program:
     pads = getattr(driver, "pads", None)
     if PADS in known and PADS not in given and isinstance(pads, int):
         given[PADS] = pads
+    if "bump_pitch" in known and (program.name != ALL or _wants_bumps(spec)):
+        given = {**_of_bumps(driver, known, given), **given}
     return program.bind(**given)
+
+
+def _wants_bumps(spec: SceneSpec) -> bool:
+    return any(want == EVERYTHING or want.startswith(BUMP) for want in spec.wants)
+
+
+def events_of_everything(spec: SceneSpec, driver: Driver) -> tuple[str, ...]:
+    """Return the events that "everything" stands for: bumps only where the array has them.
+
+    An array that knows that it has none, and a scene that asks for them by name, get a warning on
+    the logger "cnnum".
+    """
+    if isinstance(getattr(driver, "bumps", None), BumpCover):
+        return tuple(EVENT_RULES)
+    asked = [want for want in spec.wants if want.startswith(BUMP)]
+    if asked and hasattr(driver, "bumps"):
+        logging.getLogger("cnnum").warning(
+            "Scene '%s' wants '%s', and its array has no bumps: what is reported as the load on a "
+            "bump means nothing there; set 'array.cover' to \"bumpy\", or leave it out.",
+            spec.name,
+            asked[0],
+        )
+    return tuple(name for name in EVENT_RULES if name != BUMP)
+
+
+def _of_bumps(
+    driver: Driver, known: Collection[str], given: Mapping[str, object]
+) -> dict[str, object]:
+    """Return the parameters of a program that the array's bumps give."""
+    bumps, pitch = getattr(driver, "bumps", None), getattr(driver, "pitch", None)
+    if not isinstance(bumps, BumpCover) or not isinstance(pitch, float):
+        return {}
+    strain = given.get("taxels", "strain") == "strain"
+    newtons = bumps.bump_radius**2 * (bumps.youngs_modulus if strain else 1.0)
+    return {
+        "bump_pitch": pitch / bumps.bump_radius,
+        "bump_depth": bumps.relative_depth,
+        "bump_unit" if "bump_unit" in known else "unit": newtons,
+    }
 
 
 def refuse_unfit(program: Program, spec: SceneSpec, driver: Driver, unit: str) -> None:

@@ -199,6 +199,15 @@ EVENT_RULES: dict[str, tuple[EventRule, ...]] = {
         ),
     ),
     "edge": (EventRule("edge", "edge_count", where=("edge_row", "edge_column")),),
+    "bump": (
+        EventRule(
+            "bump",
+            "bump_count",
+            ends="bump_release",
+            where=("bump_row", "bump_column"),
+            strength="bump_normal",
+        ),
+    ),
 }
 """The events that a scene can want: name to rules. Of slip, `tactile` reports the gross phase; a
 program that detects incipient slip has an output for it."""

@@ -17,7 +17,7 @@ from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
 from cnnum.programs.library import get_program
 from cnnum.safety.names import shown
-from cnnum.scenes.arrangement import bound, refuse_unfit, unknown_want
+from cnnum.scenes.arrangement import bound, events_of_everything, refuse_unfit, unknown_want
 from cnnum.scenes.bad_frames import BadFrames
 from cnnum.scenes.conversion import ByCalibration, Conversion, Reader, conversion_for, unit_of
 from cnnum.scenes.dead_cells import DeadCells
@@ -186,7 +186,7 @@ class Scene:
             program = bound(get_program(spec.program), spec, driver)
             refuse_unfit(program, spec, driver, unit_of(conversion, driver))
             outputs = program.trace(driver.shape, conversion.channels).outputs
-            wants = _wants(spec, outputs)
+            wants = _wants(spec, outputs, events_of_everything(spec, driver))
             measured = unit_of(conversion, driver)
             rules = with_units(_rules(spec, wants, outputs), program, measured)
             fields = tuple(want for want in wants if want not in EVENT_RULES)
@@ -324,14 +324,14 @@ def _range(spec: SceneSpec, driver: Driver, conversion: Conversion, precision: s
     )
 
 
-def _wants(spec: SceneSpec, outputs: Collection[str]) -> tuple[str, ...]:
+def _wants(spec: SceneSpec, outputs: Collection[str], known: Collection[str]) -> tuple[str, ...]:
     """Return the outputs that a scene wants, by name where it wants everything."""
     if EVERYTHING not in spec.wants:
         for want in spec.wants:
             if want not in EVENT_RULES and want not in outputs:
                 raise unknown_want(spec, want, outputs)
         return spec.wants
-    events = (want for want in EVENT_RULES if rules_that_fit([want], outputs))
+    events = (want for want in known if rules_that_fit([want], outputs))
     return tuple(dict.fromkeys((*events, *outputs)))
 
 

@@ -9,8 +9,12 @@ from cnnum.scenes.events import EventRule
 SCORE = "score"
 """Of slip and twist: a pure number, see `docs/events.md`."""
 
-LOAD = "load_normal"
-"""Output whose unit is that of the array's values, or of the program's parameter `unit`."""
+LOADS: Mapping[str, Mapping[str, str]] = {
+    "load_normal": {"": "unit"},
+    "bump_normal": {"": "unit", "tactile": "bump_unit"},
+}
+"""Outputs that are loads: by program, or of any, the parameter that makes them newtons. Without it
+they are in the unit of the array's values."""
 
 SHARES: Mapping[str, str] = {"mindlin_slip": "share"}
 """Programs whose strength is the share of the contact that slides: 0 to 1."""
@@ -25,13 +29,17 @@ def with_units(
     ----------
     rules : sequence of EventRule
     program : Program
-        With its parameters: where `unit` is given, its loads are newtons.
+        With its parameters: where the one of `LOADS` is given, that load is in newtons.
     measured : str
         Unit of the values that the program sees.
     """
-    load = "N" if "unit" in dict(program.parameters) else measured
-    score = SHARES.get(program.name, SCORE)
-    return tuple(
-        replace(rule, unit=load if rule.strength == LOAD else score if rule.strength else "")
-        for rule in rules
-    )
+    return tuple(replace(rule, unit=_unit(rule.strength, program, measured)) for rule in rules)
+
+
+def _unit(strength: str, program: Program, measured: str) -> str:
+    if not strength:
+        return ""
+    if strength not in LOADS:
+        return SHARES.get(program.name, SCORE)
+    of = LOADS[strength]
+    return "N" if of.get(program.name, of[""]) in dict(program.parameters) else measured

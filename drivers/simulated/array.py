@@ -18,6 +18,7 @@ from cnnum.drivers.simulated.tractions import Tractions
 from cnnum.drivers.simulated.truth import truth_of
 from cnnum.errors import PhysicsError
 from cnnum.frame import Frame, Quality, Truth
+from cnnum.tactile.cover import BumpCover
 from cnnum.tactile.grid import Grid
 from cnnum.tactile.taxel import SIDES, Calibration, Coupling, Reading, Readout, Taxel
 
@@ -35,6 +36,8 @@ class SimulatedArray(Closing):
     ----------
     calibration : Calibration
         The exact way back from voltages to strain at the taxels.
+    bumps : BumpCover or None
+        The bumps of a bumpy cover.
     total_frames : int
         Scans of the whole script.
     surface : Grid
@@ -56,6 +59,7 @@ class SimulatedArray(Closing):
         self.unit = "V"
         self.rate = options.rate
         self.pitch = options.pitch
+        self.bumps = _bumps(options)
         self._springs = _springs(options)
         layout = Layout(options.shape, options.pitch)
         self.surface: Grid = layout.surface
@@ -185,6 +189,14 @@ def _springs(options: Settings) -> Springs:
             "'youngs_modulus'."
         )
     return Springs(pair, reach=1.02 * widest)
+
+
+def _bumps(options: Settings) -> BumpCover | None:
+    if options.cover != "bumpy":
+        return None
+    return BumpCover(
+        options.thickness, options.youngs_modulus, options.bump_radius, pitch=options.pitch
+    )
 
 
 def _taxel(options: Settings, rng: np.random.Generator) -> Taxel:

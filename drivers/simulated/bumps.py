@@ -1,4 +1,4 @@
-"""The bumpy cover as finite elements have it, for the same taxels and cells as `cover`."""
+"""The bumpy cover, by the coefficients of finite elements: same taxels and cells as `cover`."""
 
 import numpy as np
 
@@ -8,13 +8,16 @@ from cnnum.tactile.cover import BumpCover
 from cnnum.tactile.grid import make_grid
 
 
-def bumps_fem_influence(
+def bumpy_influence(
     layout: Layout, thickness: float, youngs_modulus: float, bump_radius: float
 ) -> Floats:
     """Return the strain at each taxel under a unit traction on each cell of a bumpy cover.
 
-    Only bumps are touched. Each takes the whole load of its pitch square on its top, and bends
-    as the shipped coefficients say: a shear force makes a moment, too.
+    Only bumps are touched, and each takes the whole load of its pitch square on its top. A drag
+    acts above the bump's foot, so it also tips the bump: its front edge presses down and its rear
+    edge lifts. On the axis below, that moment shears the layer against the drag, and from 0.63 bump
+    radii on it outweighs the drag's own shear, which fades as the fourth power of the depth. The
+    sign of ε_xz under a bump is therefore the opposite of the sign under a flat cover.
 
     Parameters
     ----------

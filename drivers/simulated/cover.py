@@ -91,43 +91,6 @@ def offsets(count: int, size: float) -> Floats:
     return np.asarray(np.arange(1 - count, count) * size, dtype=np.float64)
 
 
-def bumpy_influence(
-    layout: Layout, thickness: float, youngs_modulus: float, bump_radius: float
-) -> Floats:
-    """Return the same for a cover with a hemispherical bump above every taxel.
-
-    The model: only bumps are touched. Each takes the whole load of its pitch square. It hands it on
-    to the layer below as a uniform traction on the bump's round foot.
-
-    Parameters
-    ----------
-    layout, thickness, youngs_modulus
-        As in `flat_influence`; the thickness is that of the layer under the bumps.
-    bump_radius : float, m
-    """
-    flat = flat_influence(layout, thickness, youngs_modulus)
-    square = layout.nearest().reshape(-1)
-    cells = flat.reshape(*layout.shape, square.size, 3, 3)
-    share = _shares(square, _feet(layout, bump_radius).reshape(-1))
-    bumps = np.einsum("bs,rcslk->rcblk", share, cells)
-    return np.asarray(bumps[:, :, square].reshape(flat.shape))
-
-
-def _shares(square: NDArray[np.intp], feet: NDArray[np.bool_]) -> Floats:
-    """Return how each bump's load is spread over the cells of its foot, (bumps, cells)."""
-    share = np.zeros((int(square.max()) + 1, square.size))
-    share[square[feet], np.flatnonzero(feet)] = 1.0
-    return np.asarray(share / share.sum(axis=1, keepdims=True))
-
-
-def _feet(layout: Layout, radius: float) -> NDArray[np.bool_]:
-    """Return which cells of the surface lie on the foot of a bump."""
-    away = [
-        (np.arange(n) % CELLS - CELLS // 2) * layout.pitch / CELLS for n in layout.surface.shape
-    ]
-    return np.asarray(np.hypot(away[0][:, None], away[1][None, :]) <= radius * (1 + 1e-9))
-
-
 def _kernel(surface: Grid, depth: float, youngs_modulus: float) -> Floats:
     """Return the strain of one cell at every offset, (2 rows - 1, 2 cols - 1, load, component)."""
     x, y = offsets(surface.cols, surface.dx), offsets(surface.rows, surface.dy)

@@ -1,8 +1,8 @@
 """The influence of the cover that a scene asks for."""
 
 from cnnum.arrays import Floats
-from cnnum.drivers.simulated.bumps import bumps_fem_influence
-from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
+from cnnum.drivers.simulated.bumps import bumpy_influence
+from cnnum.drivers.simulated.cover import Layout, flat_influence
 from cnnum.drivers.simulated.layer import layer_influence
 from cnnum.drivers.simulated.settings import Settings
 from cnnum.safety.memory import refuse_on_host
@@ -35,8 +35,6 @@ def influence_of(options: Settings, layout: Layout) -> Floats:
     cover = (layout, options.thickness, options.youngs_modulus)
     if options.cover == "bumpy":
         return bumpy_influence(*cover, options.bump_radius)
-    if options.cover == "bumps-fem":
-        return bumps_fem_influence(*cover, options.bump_radius)
     if options.cover == "layer":
         return sharpened(layer_influence(*cover, options.taxel_height), CELLS)
     return sharpened(flat_influence(*cover), CELLS)

@@ -37,12 +37,12 @@ class Settings:
     shape : (rows, cols)
     rate : float, Hz
     pitch : float, m
-    cover : "flat", "bumpy", "bumps-fem" or "layer"
-        "flat" is a half-space, "layer" a layer on a rigid base. "bumpy" spreads a bump's load
-        evenly over its foot, "bumps-fem" as finite elements do.
+    cover : "flat", "bumpy" or "layer"
+        "flat" is a half-space, "layer" a layer on a rigid base. "bumpy" has a hemisphere over every
+        taxel, with the response that finite elements give (`cnnum.tactile.cover.BumpCover`).
     thickness : float, m
-        Of the cover; with bumps, of the layer under them. A "layer" has at least a twentieth
-        of the pitch.
+        Of the cover; with bumps, of the layer under them, 0.5 to 5 bump radii. A "layer" has at
+        least a twentieth of the pitch.
     taxel_height : float, m
         Of a "layer": how high above its base the strain is read, 50 µm as in
         `cnnum.tactile.cover.comparison`. On the base itself there is no normal strain.
@@ -81,7 +81,7 @@ class Settings:
     shape: tuple[int, int] = (8, 8)
     rate: float = 200.0
     pitch: float = 1.5e-3
-    cover: Literal["flat", "bumpy", "bumps-fem", "layer"] = "flat"
+    cover: Literal["flat", "bumpy", "layer"] = "flat"
     thickness: float = 1.0e-3
     taxel_height: float = 50e-6
     bump_radius: float = 0.6e-3

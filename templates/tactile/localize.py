@@ -60,7 +60,9 @@ def localize(
     -------
     mapping
         `bump_contact` (logic map), `bump_count`, `bump_load_x`, `bump_load_y`, `bump_load_normal`
-        (maps of each bump's own load, 0 where it is not touched), `bump_patches` (number of
+        (maps of each bump's own load, 0 where it is not touched), `bump_x`, `bump_y`,
+        `bump_normal` (their sums), `bump_row`, `bump_column` (centroid of the normal load, cells;
+        afterwards, where it was last), `bump_patches` (number of
         contacts: touched bumps that are neighbours, diagonal ones too, make one), `bump_patch`
         (map: which contact, 0 for none), `bump_patch_row`, `bump_patch_column` (maps: in each
         bump of a contact the centroid of its normal load, cells).
@@ -86,12 +88,20 @@ def localize(
     noise = float(gain) * sqrt(loads.normal_noise)
     touched = loads.contact & (normal > maximum(share * normal.max(), LIFT * noise))
     patches = patches_of(frame, touched, normal)
+    own_x, own_y, own_normal = (where(touched, part, 0.0) for part in (x, y, normal))
+    row, column = frame.centroid(own_normal)
+    any_touched = touched.any()
     return {
         "bump_contact": touched,
         "bump_count": touched.count(),
-        "bump_load_x": where(touched, x, 0.0),
-        "bump_load_y": where(touched, y, 0.0),
-        "bump_load_normal": where(touched, normal, 0.0),
+        "bump_load_x": own_x,
+        "bump_load_y": own_y,
+        "bump_load_normal": own_normal,
+        "bump_x": own_x.sum(),
+        "bump_y": own_y.sum(),
+        "bump_normal": own_normal.sum(),
+        "bump_row": frame.memory("last bump row", scalar=True).hold(row, any_touched),
+        "bump_column": frame.memory("last bump column", scalar=True).hold(column, any_touched),
         "bump_patches": patches.count,
         "bump_patch": patches.label,
         "bump_patch_row": patches.row,

@@ -10,6 +10,8 @@ from cnnum.tactile.indenters import Reads
 from cnnum.templates.tactile.contact import contact
 from cnnum.templates.tactile.cover_model.deconvolution import DEPTH, READS
 from cnnum.templates.tactile.edges import edges
+from cnnum.templates.tactile.localize import DEPTH as BUMP_DEPTH
+from cnnum.templates.tactile.localize import PITCH as BUMP_PITCH
 from cnnum.templates.tactile.localize import localize
 from cnnum.templates.tactile.shared.loads import PUSH
 from cnnum.templates.tactile.slip import slip
@@ -24,6 +26,9 @@ def tactile(
     depth: float = DEPTH,
     reads: Reads = READS,
     unit: float = 1.0,
+    bump_pitch: float = BUMP_PITCH,
+    bump_depth: float = BUMP_DEPTH,
+    bump_unit: float = 1.0,
     rate: float = 200.0,
     rest: float = 0.4,
     slip_false_reports: float = 2.0,
@@ -37,6 +42,8 @@ def tactile(
     ----------
     frame, push, depth, reads, unit
         As in `contact`; taxels that each carry their own load have no edges.
+    bump_pitch, bump_depth, bump_unit
+        As `bump_pitch`, `bump_depth` and `unit` of `localize`.
     rate, rest : float, Hz, s
         Frames a second, and the time at the start without contact, for `slip` and `twist`.
     slip_false_reports, twist_false_reports : float, 1/10 min
@@ -49,11 +56,12 @@ def tactile(
     """
     refuse_outside(depth=(depth, 1e-6, 1e6))
     cover = {"push": push, "depth": depth, "reads": reads}
+    bumps = {"bump_pitch": bump_pitch, "bump_depth": bump_depth, "unit": bump_unit}
     times = {"push": push, "rate": rate, "rest": rest}
     return {
         **contact.bind(**cover, unit=unit)(frame),
         **slip.bind(**times, false_reports=slip_false_reports)(frame),
         **twist.bind(**times, false_reports=twist_false_reports)(frame),
         **edges.bind(**cover)(frame),
-        **localize.bind(push=push)(frame),
+        **localize.bind(push=push, **bumps)(frame),
     }

@@ -11,7 +11,7 @@ from scipy.integrate import dblquad
 from cnnum.drivers import open_driver
 from cnnum.drivers.serial_array import SerialOptions
 from cnnum.drivers.simulated.array import SimulatedArray, SimulatedOptions
-from cnnum.drivers.simulated.cover import Layout, bumpy_influence, flat_influence
+from cnnum.drivers.simulated.cover import Layout, flat_influence
 from cnnum.drivers.simulated.script import DEFAULT, Phase
 from cnnum.drivers.simulated.springs import State
 from cnnum.drivers.simulated.tractions import Tractions
@@ -217,22 +217,6 @@ def test_incipient_slip_begins_where_cattaneo_and_mindlin_say(scene: list[Frame]
     # c < a/2 is Q > 7/8 μP; a scan more is 4 of the 236 µm to sliding, 1.7 % of the way
     share = np.hypot(truth["shear_x"], truth["shear_y"]) / (0.6 * truth["normal_force"])
     assert 7 / 8 - 0.01 < share < 7 / 8 + 0.02
-
-
-def test_a_bump_hands_on_the_load_of_its_square() -> None:
-    layout = Layout((4, 5), 1.5e-3)
-    flat = flat_influence(layout, 1e-3, 0.87e6)
-    bumpy = bumpy_influence(layout, 1e-3, 0.87e6, 0.6e-3)
-    square = layout.nearest()
-    assert np.bincount(square.ravel()).tolist() == [25] * (6 * 7)
-    here = bumpy[..., square == square[7, 7], :, :]
-    assert (here == here[:, :, :1]).all()
-    # the foot of radius 0.6 mm is 13 cells around the square's middle
-    middle = [
-        flat[:, :, 7 + i, 7 + j] for i in range(-2, 3) for j in range(-2, 3) if i**2 + j**2 <= 4
-    ]
-    assert len(middle) == 13
-    np.testing.assert_allclose(here[:, :, 0], np.mean(middle, axis=0), rtol=1e-12, atol=1e-18)
 
 
 def test_a_bumpy_cover_reads_more_below_its_bumps() -> None:
