@@ -4,7 +4,7 @@ The public names stand in `__init__.pyi`, once. Each is imported when it is firs
 `import cnnum` is quick and needs NumPy alone.
 """
 
-# pyright: reportUnknownVariableType=false, reportUnknownMemberType=false
+# pyright: reportUnknownVariableType=false, reportUnknownMemberType=false, reportMissingTypeStubs=false
 # (lazy_loader has no types; the stub beside this file has those of the public names)
 import lazy_loader
 
