@@ -50,6 +50,15 @@ class Stream:
         schedule = self.plan.schedule
         self._read = (*schedule.shape, len(schedule.channels_read))
 
+    def __enter__(self) -> "Stream":
+        """Return the stream itself."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Let go of the memories; the next frame would be the first."""
+        with self._turn:
+            self._clear()
+
     def push(self, frame: ArrayLike) -> dict[str, Floats]:
         """Run the program on the next frame of every array and bring the memories up to date.
 

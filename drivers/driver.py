@@ -59,12 +59,13 @@ class Counters:
 class Driver(Protocol):
     """A source of frames: an array at a port, a recording, a simulation.
 
-    Five attributes more are used where a driver has them. ``calibration`` is a
+    Six attributes more are used where a driver has them. ``calibration`` is a
     `cnnum.tactile.taxel.Calibration`, ``pitch`` is the distance of the taxels, m, and ``pads`` the
     number of skins that lie side by side in the columns. ``bumps`` is the
     `cnnum.tactile.cover.BumpCover` over the taxels, whose geometry goes to the programs that undo
     it. ``full_scale`` is the largest magnitude that a value can have. A frame with a larger one is
-    a bad frame.
+    a bad frame. ``live`` is true where frames that were taken are gone, so that a second pass over
+    a scene is refused; without it each call of `frames` begins at the first frame.
     """
 
     @property

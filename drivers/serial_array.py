@@ -123,11 +123,18 @@ class SerialOptions:
 class SerialArray(Closing):
     """An array at a port: a thread reads and decodes, `frames` hands on.
 
+    Attributes
+    ----------
+    live : bool
+        True: frames that were taken are gone.
+
     Raises
     ------
     PortError
         If the port does not open, or brings no good packet in time.
     """
+
+    live = True
 
     def __init__(self, options: SerialOptions) -> None:
         self._options = options

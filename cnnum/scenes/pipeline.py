@@ -2,7 +2,8 @@
 
 import math
 import time
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple, cast
@@ -168,6 +169,7 @@ class Scene:
     _begun: int = 0
     _repeated: int = 0
     _longest_gap: float = 0.0
+    _passes: int = 0
 
     @classmethod
     def of(cls, spec: SceneSpec, engine: Engine | None = None) -> "Scene":
@@ -205,14 +207,69 @@ class Scene:
         return cls(spec, used, driver, conversion, plan, rules, within, dead, tuple(outputs), push)
 
     def results(self) -> Iterator[FrameResult]:
-        """Yield every frame with its results, until the source ends or the caller stops."""
-        way = self.path()
-        with self.driver:
-            for number, frame in enumerate(self.driver.frames()):
+        """Yield every frame with its results, until the source ends or the caller stops.
+
+        Each call is a pass from the first frame, with memories and counts of its own. The array is
+        closed when the pass ends.
+
+        Raises
+        ------
+        SceneError
+            If the array is live and its frames were taken before, or a later pass has begun.
+        """
+        with closing(self._frames()) as frames:
+            way = self.path()
+            for number, frame in enumerate(frames):
                 self._begun = number + 1
                 moment = way.step(number, frame)
                 self._count(moment, way)
                 yield moment
+
+    def _frames(self) -> Generator[Frame, None, None]:
+        """Begin a pass: yield the frames of the source from its first one, and close it.
+
+        Raises
+        ------
+        SceneError
+            If the source is live and had its pass, or a later pass has taken the source over.
+        """
+        live = getattr(self.driver, "live", False)
+        if self._passes:
+            if live:
+                raise SceneError(
+                    f"The array of scene '{self.spec.name}' is live, and the frames of its first "
+                    "pass are gone: load the scene again, or record the array with 'cnnum record' "
+                    "and replay it."
+                )
+            self.push.begin()
+            self.bad, self._micros, self._late = BadFrames(), Histogram(), Histogram()
+            self._begun = self._repeated = 0
+            self._longest_gap = 0.0
+        self._passes += 1
+        own = self._passes
+        try:
+            for frame in self.driver.frames():
+                if self._passes != own:
+                    raise SceneError(
+                        f"Another pass over scene '{self.spec.name}' has begun, and a scene gives "
+                        "its frames to one pass at a time: load the scene twice for two."
+                    )
+                yield frame
+        finally:
+            if self._passes == own:
+                self.driver.close()
+
+    def close(self) -> None:
+        """Let go of the array; a scene of a recording or a simulation can still begin a pass."""
+        self.driver.close()
+
+    def __enter__(self) -> "Scene":
+        """Return the scene itself."""
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        """Close the scene's array."""
+        self.close()
 
     def path(self) -> "FramePath":
         """Return the way of a frame from host memory to its events, with memories of its own."""
@@ -236,7 +293,7 @@ class Scene:
             self._repeated += 1
 
     def events(self) -> Iterator[Event]:
-        """Yield the events of the scene as they come."""
+        """Yield the events of the scene as they come; each call is a pass as of `results`."""
         for moment in self.results():
             yield from moment.events
 
@@ -277,8 +334,8 @@ class Scene:
             If the scene has no such frame, or it was bad or a repeat and nothing ran on it.
         """
         way = self._path(self.plan.keeping_everything(), ())
-        with self.driver:
-            for at, frame in enumerate(self.driver.frames()):
+        with closing(self._frames()) as frames:
+            for at, frame in enumerate(frames):
                 moment = way.step(at, frame)
                 if at == number and moment.values is None:
                     raise SceneError(f"Frame {number} is bad or a repeat: nothing runs on it.")

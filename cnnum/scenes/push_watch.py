@@ -50,10 +50,15 @@ class PushWatch:
         default = known["push"].default if able else 1.0
         value = dict(program.parameters).get("push", default)
         self._push = float(value) if isinstance(value, int | float) else 1.0
-        self._count = self._agreed = 0
         self._rest: Floats | float = 0.0
         self._square: Floats | float = 0.0
         self.said = False
+        self.begin()
+
+    def begin(self) -> None:
+        """Begin anew with the next frame; a message that was said is not said again."""
+        self._count = self._agreed = 0
+        self._rest = self._square = 0.0
 
     def look(self, values: Floats) -> None:
         """Take in the (rows, cols, channels) values of a good frame."""

@@ -93,7 +93,7 @@ class SimulatedArray(Closing):
             If the contact leaves the surface.
         """
         self._rng.bit_generator.state = self._noise
-        self._counters = Counters()
+        self._counters, self._closed = Counters(), False
         scans = self.scans()
         first, memory = 0, self._creeping.rest()
         while chunk := list(islice(scans, CHUNK)):

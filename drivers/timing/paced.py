@@ -30,6 +30,7 @@ class Paced(Closing):
         self.shape, self.channels = driver.shape, driver.channels
         self.unit, self.rate = driver.unit, driver.rate
         self.calibration = getattr(driver, "calibration", None)
+        self.live: bool = getattr(driver, "live", False)
         self._speed, self._begin, self._end = speed, begin or 0.0, end
 
     @property

@@ -24,7 +24,7 @@ from cnnum.drivers.serve import scan_of
 from cnnum.drivers.virtual.array import VirtualArray
 from cnnum.drivers.virtual.faults import LineFaults, Spoiler
 from cnnum.drivers.virtual.line import VirtualLine
-from cnnum.errors import PortError
+from cnnum.errors import PortError, SceneError
 from cnnum.frame import FORCE_AXES, Frame
 from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.pipeline import load_scene
@@ -310,3 +310,12 @@ def test_a_silent_port_and_one_that_is_not_there_are_reported(tmp_path: Path) ->
     assert "silent" in guess(PortInfo(str(tmp_path / "quiet"), ""), seconds=0.05).said
     line.close()
     assert "There is no port" in guess(PortInfo(str(tmp_path / "gone"), "")).said
+
+
+def test_a_live_scene_has_one_pass(tmp_path: Path) -> None:
+    array = {"driver": "serial", "port": str(tmp_path / "tty")}
+    with offered(tmp_path / "tty"):
+        scene = load_scene("contact", changes={"array": array})
+        assert len(list(islice(scene.results(), 5))) == 5
+        with pytest.raises(SceneError, match=r"is live.*load the scene again"):
+            next(scene.results())
