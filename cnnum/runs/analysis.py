@@ -2,9 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Shape, as_shape
 from cnnum.errors import ProgramError, TemplateError
@@ -13,7 +14,9 @@ from cnnum.graph.nodes import RunSpec, Transient
 from cnnum.graph.passes import schedule
 from cnnum.integrators.choice import choose
 from cnnum.integrators.delays import delayed_rates
+from cnnum.integrators.enclosure import torus_coupling
 from cnnum.integrators.estimate import error_growth
+from cnnum.integrators.exact_ends.spectral import diagonal_in_modes, mode_rates
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS
 from cnnum.integrators.spectrum import EIGENVALUE_LIMIT, Spectrum, spectrum
 from cnnum.integrators.stability import METHODS, StabilityBound, stability_bound
@@ -23,11 +26,16 @@ from cnnum.runs.planning import graph_of
 from cnnum.safety.values import expect
 from cnnum.templating.library import by_name
 from cnnum.templating.network import Network
+from cnnum.templating.output_functions import OUTPUT_FUNCTIONS
 from cnnum.templating.stability_class import StabilityClass, stability_class
+from cnnum.templating.state_box import refuted, sampled_slopes, state_bound
 from cnnum.templating.template import Template
 
 STILL = 1e-9
 """Part of the fastest rate below which a mode neither decays nor grows: some roundings."""
+
+ROUNDINGS = 1e-13
+"""Part of the largest singular value below which the smallest is one of roundings alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,23 +51,26 @@ class Analysis:
     source : str
         Where the rates are from: "the modes of its boundary", Gershgorin's discs, and so on.
     exact : bool
-        The rates are the eigenvalues of the array, not a bound on them.
+        `fastest` is that of the eigenvalues of the array, not of a bound on them.
     fastest : float
-        Largest |λ| of the array, whatever cells saturate, 1/time.
+        Largest |λ| of the array, whatever cells saturate, 1/time. With a delay, of the modes that
+        do not decay.
     slowest : float
         Smallest rate of decay while no cell saturates, 1/time; NaN where none decays or is known.
     growth, turning : float
-        Largest real and imaginary part of a rate while no cell saturates, 1/time.
+        Largest real and imaginary part of a rate while no cell saturates, 1/time; NaN where the
+        rates are not known.
     stiffness : float
         Largest rate of decay over the smallest; NaN as `slowest`.
     condition : float
-        Of the matrix 1 − A that gives the state at rest while no cell saturates: by how much more
-        an error of the drive may count there than the drive itself. Infinite where a mode neither
-        grows nor decays; NaN where it is not known.
+        Of the matrix 1 − A that gives the state at rest while no cell saturates, whatever time
+        constants the layers have: by how much more an error of the drive may count there than the
+        drive itself. Infinite where 1 − A is singular; NaN where it is not known.
     saturation : str
         The effect of cells that saturate, in a sentence.
     largest : float
-        Bound on |x| for inputs and starts within [−1, 1]; infinite where the output is not bounded.
+        Bound on |x| for inputs within [−1, 1], beyond the rim those of the boundary, and for starts
+        within [−1, 1] or at the template's initial state; infinite where none is known.
     bounds : mapping of str to StabilityBound
         The longest stable step of every method.
     method, reason : str
@@ -105,7 +116,9 @@ def analyse(template: Template | str, shape: Sequence[int] = (8, 8)) -> Analysis
     Notes
     -----
     Rates are exact in the modes of the boundary, or by the eigenvalues of up to 256 states. Else
-    Gershgorin's discs bound them.
+    Gershgorin's discs bound them. Rates "while no cell saturates" are those of f(x) = x, and so not
+    known of an output function of one's own. Where samples of such a function show slopes beyond
+    those that it declares, the figures are those of the sampled slopes, and no theorem is named.
     """
     known = by_name(template) if isinstance(template, str) else template
     expect("template", known, Template, TemplateError)
@@ -140,47 +153,87 @@ def analyse_program(
 
 
 def _analysed(transient: Transient, shape: Shape) -> Analysis:
-    template = transient.template
-    found = spectrum(template, shape)
-    delayed = delayed_rates(template, shape)
-    fastest = found.fastest
-    free = spectrum(as_linear(template), shape) if template.plain else found
-    decays = -free.values.real[free.values.real < -STILL * fastest]
+    solver, template = choose(transient, shape), transient.template
+    kind = stability_class(template, shape)
+    template = _as_sampled(template)
+    found, delayed = spectrum(template, shape), delayed_rates(template, shape)
+    free = _unsaturated(template, shape)
+    decays = np.zeros(0) if free is None else -free.values.real
+    decays = decays[decays > STILL * (0.0 if free is None else np.abs(free.values).max())]
     slowest = float(decays.min()) if len(decays) else math.nan
-    solver = choose(transient, shape)
+    exact = found.exact and delayed is None
+    fastest = float(np.abs(found.values).max(initial=0.0)) if exact else found.fastest
     return Analysis(
         template=template.name,
         shape=shape,
-        kind=stability_class(template),
+        kind=kind,
         source=found.reason if delayed is None else delayed.reason,
-        exact=found.exact and delayed is None,
-        fastest=fastest,
+        exact=exact,
+        fastest=fastest if delayed is None else fastest + delayed.reach,
         slowest=slowest,
-        growth=max(0.0, float(free.values.real.max(initial=-math.inf))),
-        turning=float(np.abs(free.values.imag).max(initial=0.0)),
+        growth=math.nan if free is None else max(0.0, float(free.values.real.max())),
+        turning=math.nan if free is None else float(np.abs(free.values.imag).max()),
         stiffness=float(decays.max()) / slowest if len(decays) else math.nan,
-        condition=_condition(template, shape, free),
+        condition=_condition(template, shape),
         saturation=_saturation(template, found),
-        largest=_largest(template),
+        largest=state_bound(template),
         bounds={name: stability_bound(name, template, shape) for name in METHODS},
         method=solver.method,
         reason=solver.reason,
     )
 
 
-def _condition(template: Template, shape: Shape, free: Spectrum) -> float:
-    """Return the condition of the array's matrix: from itself, or from modes that are known."""
-    network = Network(template, shape)
-    if not template.plain:
+def _as_sampled(template: Template) -> Template:
+    """Return the template with the slopes of its output as samples show them, where they differ."""
+    output = template.output
+    sampled = sampled_slopes(output, state_bound(template))
+    if output.discrete or not refuted(output, sampled):
+        return template
+    if not np.isfinite(sampled).all():
+        raise TemplateError(
+            f"The output function '{output.name}' of template '{template.name}' is no finite "
+            "number everywhere: nothing can be said of its rates."
+        )
+    slope = (min(output.slope[0], sampled[0]), max(output.slope[1], sampled[1]))
+    return replace(template, output=replace(output, slope=slope))
+
+
+def _linear_range(template: Template) -> Template | None:
+    """Return the template with f(x) = x; None where its output or couplings are none such."""
+    own = OUTPUT_FUNCTIONS.get(template.output.name) is not template.output
+    return None if own or template.output.discrete or not template.plain else as_linear(template)
+
+
+def _unsaturated(template: Template, shape: Shape) -> Spectrum | None:
+    """Return the rates while no cell saturates, None where they are not known one by one."""
+    linear = _linear_range(template)
+    if linear is None:
+        return None
+    found = spectrum(linear, shape)
+    return found if found.exact else None
+
+
+def _condition(template: Template, shape: Shape) -> float:
+    """Return the condition of 1 − A: from itself, or from modes that are known.
+
+    Modes are orthonormal, so that its singular values are those of the modes' own matrices.
+    """
+    if (linear := _linear_range(template)) is None:
         return math.nan
+    linear = replace(linear, tau=np.ones(linear.layers))
+    network = Network(linear, shape)
+    matrix: NDArray[np.float64] | NDArray[np.complex128]
     if network.states <= EIGENVALUE_LIMIT:
-        sizes = np.linalg.svd(network.linear_system().matrix, compute_uv=False)
-    elif free.exact and free.real:
-        sizes = np.abs(free.values)
+        matrix = network.linear_system().matrix
+    elif diagonal_in_modes(linear):
+        matrix = mode_rates(linear, shape)
+    elif linear.boundary.pad_mode == "wrap":
+        matrix = torus_coupling(linear, shape) - np.eye(linear.layers)
     else:
         return math.nan
+    sizes = np.linalg.svd(matrix, compute_uv=False)
     most, least = float(sizes.max()), float(sizes.min())
-    return most / least if least > STILL * most else math.inf
+    return most / least if least > ROUNDINGS * most else math.inf
 
 
 def _saturation(template: Template, found: Spectrum) -> str:
@@ -200,16 +253,6 @@ def _saturation(template: Template, found: Spectrum) -> str:
     growth = max(error_growth(template), 0.0)
     most = f"they may grow at {growth:.3g} at most" if growth else "none grows"
     return f"With any cells saturated, rates are {reach:.3g} at most, and {most} (Gershgorin)."
-
-
-def _largest(template: Template) -> float:
-    """Return 1 + max (Σ|A| + Σ|B| + |z|) of a bounded output (Chua & Yang 1988, theorem 1)."""
-    if template.output.linear or not template.plain:
-        return math.inf
-    if template.output.limited:
-        return 1.0
-    weights = np.abs(template.A).sum(axis=(1, 2, 3)) + np.abs(template.B).sum(axis=(1, 2, 3))
-    return 1.0 + float((weights + np.abs(template.z)).max())
 
 
 def text(analysis: Analysis) -> list[tuple[str, str]]:

@@ -1,11 +1,24 @@
-"""The class of stability of a template, and the theorem that puts it there."""
+"""The class of stability of a template on an array, and the theorem that puts it there.
 
+A theorem is named only where each of its conditions is looked at: the couplings of the array with
+its boundary, the slopes of the output, and a box that no state leaves. Time constants may differ
+from layer to layer: no proof here uses that they are equal.
+"""
+
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cnnum.arrays import Shape
+from cnnum.templating.boundary import halo_sources
+from cnnum.templating.output_functions import OUTPUT_FUNCTIONS
 from cnnum.templating.reads import autonomous
+from cnnum.templating.state_box import refuted, sampled_slopes, state_bound
 from cnnum.templating.template import Template
+
+BOX = "for inputs and starts within [-1, 1]"
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,8 +28,8 @@ class StabilityClass:
     Attributes
     ----------
     name : str
-        "linear and stable", "bistable cells", "symmetric A", "feed-forward",
-        "positive cell-linking" or "unknown".
+        "linear and stable", "contracting", "monostable cells", "bistable cells", "symmetric A",
+        "feed-forward", "positive cell-linking" or "unknown".
     why : str
         A sentence.
     """
@@ -25,97 +38,183 @@ class StabilityClass:
     why: str
 
 
-def stability_class(template: Template) -> StabilityClass:
-    """Return the first class that a template belongs to, the plainest one first."""
-    if template.output.discrete:
+def stability_class(template: Template, shape: Shape = (8, 8)) -> StabilityClass:
+    """Return the first class that a template on an array belongs to, the plainest one first.
+
+    Parameters
+    ----------
+    template : Template
+    shape : (rows, cols)
+        Of the array: on a torus, or with mirrors at the rim, couplings depend on it.
+
+    Notes
+    -----
+    Slopes of an output function of one's own are those that it declares. They are held against
+    samples, and a declaration that samples refute proves nothing.
+    """
+    output = template.output
+    if output.discrete:
         return StabilityClass("unknown", "It runs in discrete time, in which cells may alternate.")
     if not autonomous(template):
         return StabilityClass("unknown", "No theorem here covers delays or gains in time.")
     if not all(coupling.static for coupling in template.nonlinear):
         return StabilityClass("unknown", "No theorem here covers couplings nonlinear in the state.")
+    sampled = sampled_slopes(output, bound := state_bound(template))
+    if refuted(output, sampled):
+        low, high = output.slope
+        return StabilityClass(
+            "unknown",
+            f"Its output '{output.name}' declares slopes from {low:g} to {high:g}, but samples of "
+            f"it show {sampled[0]:.4g} to {sampled[1]:.4g}: declare slopes that hold.",
+        )
+    if (contracting := _contracting(template)) is not None:
+        return contracting
+    if output.linear:
+        return StabilityClass(
+            "unknown", "Its output is linear: it rests if every mode decays, which its rates say."
+        )
+    if (alone := _uncoupled(template)) is not None:
+        return alone
+    if not (math.isfinite(bound) or OUTPUT_FUNCTIONS.get(output.name) is output):
+        return StabilityClass("unknown", "No bound is known on its states, which rest needs.")
     return (
-        _contracting(template)
-        or _unbounded(template)
-        or _uncoupled(template)
-        or _symmetric(template)
-        or _feed_forward(template)
-        or _positive(template)
+        _symmetric(template)
+        or _feed_forward(template, shape)
+        or _positive(template, shape, sampled[0])
         or StabilityClass(
-            "unknown", "A is neither symmetric, nor feed-forward, nor linked by positive weights."
+            "unknown",
+            "On this array cells act on each other both ways, A is not symmetric with the array's "
+            "boundary, and no other theorem here covers its weights and its output.",
         )
     )
 
 
 def _contracting(template: Template) -> StabilityClass | None:
-    pull = np.abs(template.A).sum(axis=(1, 2, 3))
-    if (pull >= 1.0).any():
+    """In the largest difference of two states, whatever time constants the layers have."""
+    if not template.A.any():
+        return StabilityClass("linear and stable", "A is 0, so that every cell decays on its own.")
+    pull = float(np.abs(template.A).sum(axis=(1, 2, 3)).max()) * template.output.steepest
+    if pull >= 1.0:
         return None
+    steep = template.output.steepest
+    times = "" if steep == 1.0 else f" times the output's slope of up to {steep:g}"
     return StabilityClass(
-        "linear and stable",
-        f"The weights of A sum to {pull.max():.3g} in size, below 1, so that differences decay.",
+        "linear and stable" if template.output.linear else "contracting",
+        f"The sizes of A's weights{times} sum to {pull:.3g}, below 1, so that differences decay.",
     )
-
-
-def _unbounded(template: Template) -> StabilityClass | None:
-    """Theorems of rest need outputs that are bounded."""
-    if not template.output.linear:
-        return None
-    return StabilityClass(
-        "unknown", "Its output is linear: it rests if every mode decays, which its rates say."
-    )
-
-
-def _centre(template: Template) -> float:
-    middle = template.A.shape[-1] // 2
-    return float(template.A[0, 0, middle, middle])
 
 
 def _uncoupled(template: Template) -> StabilityClass | None:
+    """A cell of its own is an equation of one state, which rests wherever it is bounded."""
     middle = template.A.shape[-1] // 2
     others = template.A.copy()
     others[range(template.layers), range(template.layers), middle, middle] = 0.0
     if others.any() or template.layers > 1:
         return None
-    own = _centre(template)
-    kind = "bistable cells" if own > 1.0 else "monostable cells"
-    beyond = "above 1: each ends black or white" if own > 1.0 else "at most 1: each has one end"
-    return StabilityClass(kind, f"Cells act on themselves alone, with a00 = {own:g}, {beyond}.")
+    own, output = float(template.A[0, 0, middle, middle]), template.output
+    cells = f"Cells act on themselves alone, with a00 = {own:g}"
+    if max(own * slope for slope in output.slope) <= 1.0:
+        # −x + a f(x) never rises, and is flat where the product is 1
+        exactly = ", or stays where its drive is exactly in balance" if own > 0.0 else ""
+        limit = "at most 1" if output.slope == (0.0, 1.0) else "too small for two ends"
+        return StabilityClass("monostable cells", f"{cells}, {limit}: each has one end{exactly}.")
+    if OUTPUT_FUNCTIONS.get(output.name) is not output:
+        return None
+    ends = "comes to one of two ends" if output.smooth else "ends black or white"
+    return StabilityClass(
+        "bistable cells",
+        f"{cells}, above 1: each {ends}, unless it starts exactly between them.",
+    )
 
 
 def _symmetric(template: Template) -> StabilityClass | None:
+    """The energy falls at the rate Σ τ f' (dx/dt)², so that f must not fall (Hopfield 1984)."""
+    if template.output.slope[0] < 0.0:
+        return None
     mirrored = template.A.transpose(1, 0, 2, 3)[:, :, ::-1, ::-1]
     # a mirror at the rim keeps couplings symmetric only if they are even along each axis
     even = np.array_equal(template.A, template.A[:, :, ::-1])
     mirror = template.boundary.pad_mode == "symmetric"
     if not np.array_equal(template.A, mirrored) or (mirror and not even):
         return None
+    own = OUTPUT_FUNCTIONS.get(template.output.name) is not template.output
+    holds = f", {BOX}" if own else ""
     return StabilityClass(
-        "symmetric A", "A is symmetric, so that an energy falls until rest (Chua & Yang 1988)."
+        "symmetric A",
+        "A is symmetric and its output never falls, so that an energy falls until rest (Chua & "
+        f"Yang 1988; Hopfield 1984){holds}.",
     )
 
 
-def _feed_forward(template: Template) -> StabilityClass | None:
-    if template.layers > 1:
+def _feed_forward(template: Template, shape: Shape) -> StabilityClass | None:
+    """Each cell is an equation of one state, driven by cells that have come to rest."""
+    if not (_one_sided(template) or _loops(template, shape) == math.prod(shape) * template.layers):
         return None
-    middle = template.A.shape[-1] // 2
-    offsets = [tuple(place) for place in np.argwhere(template.A[0, 0]) - middle if place.any()]
-    angles = np.sort([np.arctan2(down, east) for down, east in offsets])
-    gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
-    if gaps.max() <= np.pi + 1e-9:
-        return None
+    holds = "" if OUTPUT_FUNCTIONS.get(template.output.name) is template.output else f", {BOX}"
     return StabilityClass(
         "feed-forward",
-        "All neighbours that act on a cell lie on one side of it, so that cells settle in turn.",
+        "No cell acts back on one that acts on it, not even through others, so that cells settle "
+        f"in turn{holds}.",
     )
 
 
-def _positive(template: Template) -> StabilityClass | None:
+def _one_sided(template: Template) -> bool:
+    """Whether all neighbours that act on a cell lie on one side of it, and the rim acts on none."""
+    if template.layers > 1 or template.boundary.constant is None:
+        return False
     middle = template.A.shape[-1] // 2
-    others = template.A[0, 0].copy()
-    others[middle, middle] = 0.0
-    if template.layers > 1 or (others < 0.0).any():
+    offsets = [tuple(place) for place in np.argwhere(template.A[0, 0]) - middle if place.any()]
+    if not offsets:
+        return True
+    angles = np.sort([np.arctan2(down, east) for down, east in offsets])
+    gaps = np.diff(np.append(angles, angles[0] + 2.0 * np.pi))
+    return bool(gaps.max() > np.pi + 1e-9)
+
+
+def _loops(template: Template, shape: Shape) -> int:
+    """Return how many groups of cells there are that act on each other, both ways."""
+    from scipy.sparse import coo_array  # imported late: it takes longer than the rest of this
+    from scipy.sparse.csgraph import connected_components
+
+    radius, cells = template.A.shape[-1] // 2, math.prod(shape)
+    halo = halo_sources(template.boundary, shape, radius)
+    to, source = list[NDArray[np.intp]](), list[NDArray[np.intp]]()
+    for layer, other, row, col in np.argwhere(template.A).tolist():
+        seen = halo[row : row + shape[0], col : col + shape[1]].ravel()
+        inside = np.flatnonzero(seen >= 0)
+        to.append(layer * cells + inside)
+        source.append(other * cells + seen[inside])
+    states = cells * template.layers
+    places = (np.concatenate(to), np.concatenate(source))
+    graph = coo_array((np.ones(len(places[0]), dtype=np.int8), places), (states, states))
+    return int(connected_components(graph.tocsr(), connection="strong")[0])
+
+
+def _positive(template: Template, shape: Shape, rise: float) -> StabilityClass | None:
+    """Hirsch's theorem (1988): a steady slope above 0, and every cell acts on every other."""
+    middle, layers = template.A.shape[-1] // 2, range(template.layers)
+    others = template.A.copy()
+    others[layers, layers, middle, middle] = 0.0
+    if (others < 0.0).any():
         return None
+    output = template.output
+    rises = output.smooth and not output.limited and output.slope[0] >= 0.0
+    if OUTPUT_FUNCTIONS.get(output.name) is not output:
+        rises = rises and rise > 0.0
+    if not rises:
+        return StabilityClass(
+            "unknown",
+            "No cell pushes another away, but the theorem for that needs an output that rises "
+            "steadily everywhere, and this one does not (Chua & Roska 1990; Hirsch 1988).",
+        )
+    if _loops(template, shape) != 1:
+        return StabilityClass(
+            "unknown",
+            "No cell pushes another away, but the theorem for that needs every cell to act on "
+            "every other, if through others (Chua & Roska 1990; Hirsch 1988).",
+        )
     return StabilityClass(
         "positive cell-linking",
-        "No cell pushes another away, so that almost all transients settle (Chua & Roska 1990).",
+        "No cell pushes another away and all are linked, so that almost all transients settle "
+        "(Chua & Roska 1990; Hirsch 1988).",
     )

@@ -1,6 +1,7 @@
 """The analysis before a run, against eigenvalues of dense matrices and runs of the arrays."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import cnnum
 from cnnum.errors import ArrayError, ProgramError, TemplateError, UnknownNameError
 from cnnum.integrators.stability import METHODS
 from cnnum.templating.network import Network
+from cnnum.templating.output_functions import OutputFunction
 from cnnum.templating.stability_class import stability_class
 
 SHAPE = (5, 6)
@@ -58,11 +60,107 @@ def test_a_linear_array_that_grows_is_of_no_class():
 def test_a_mirror_makes_a_slanting_coupling_one_sided():
     """Along a diagonal A is its own mirror image; at a rim of zero flux its matrix is not."""
     slanting = np.diag([0.5, 2.0, 0.5])
-    for boundary, kind in ((0.0, "symmetric A"), ("zero-flux", "positive cell-linking")):
-        template = cnnum.Template("slant", slanting, boundary=boundary)
+    for boundary, kind in ((0.0, "symmetric A"), ("zero-flux", "unknown")):
+        template = cnnum.Template("slant", slanting, boundary=boundary, output="tanh")
         matrix = Network(template, SHAPE).linear_system().matrix
         assert np.array_equal(matrix, matrix.T) == (kind == "symmetric A")
-        assert stability_class(template).name == kind
+        assert stability_class(template, SHAPE).name == kind
+
+
+def own(f, expression, **options):
+    return OutputFunction("own", f, expression, **options)
+
+
+STEEP = own(lambda x: np.tanh(3.0 * x), "tanh(R(3) * x)", smooth=True)
+HUMP = own(lambda x: np.exp(-x * x), "exp(-x * x)", slope=(-0.86, 0.86), smooth=True)
+WEST = [[0.0, 0.0, 0.0], [-2.0, 1.5, 0.0], [0.0, 0.0, 0.0]]
+NORTH = [[0.5, 0.0, -0.5], [0.0, 1.2, 0.0], [0.0, 0.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("template", "shape", "kind"),
+    [
+        # in a ring a cell acts on itself through the others: this one swings by 6.4 for ever
+        (cnnum.Template("t", WEST, boundary="periodic"), (1, 3), "unknown"),
+        (cnnum.Template("t", WEST, boundary="zero-flux"), (1, 3), "feed-forward"),
+        # mirrored, the two cells north of one are two beside it
+        (cnnum.Template("t", NORTH), (4, 4), "feed-forward"),
+        (cnnum.Template("t", NORTH, boundary="zero-flux"), (4, 4), "unknown"),
+        # at radius 2 a mirror shows the first cell the second
+        (cnnum.Template("t", [5 * [0], 5 * [0], [-2, 0, 1.5, 0, 0], 5 * [0], 5 * [0]]),
+         (1, 3), "feed-forward"),
+        (cnnum.Template("t", [5 * [0], 5 * [0], [-2, 0, 1.5, 0, 0], 5 * [0], 5 * [0]],
+                        boundary="zero-flux"), (1, 3), "unknown"),
+        # slopes that are not as declared, or not below one over the weights
+        (cnnum.Template("t", [[0.9]], output=STEEP), (2, 2), "unknown"),
+        (cnnum.Template("t", [[0.9]], output=replace(STEEP, slope=(0.0, 3.0))), (2, 2),
+         "symmetric A"),
+        (cnnum.Template("t", [[0.3]], output=replace(STEEP, slope=(0.0, 3.0))), (2, 2),
+         "contracting"),
+        # an output that falls somewhere has no energy that falls
+        (cnnum.Template("t", [[0, 0, 0], [2, 0, 2], [0, 0, 0]], output=HUMP), (2, 3), "unknown"),
+        (cnnum.Template("t", [[0, 0, 0], [2, 0, 2], [0, 0, 0]], tau=3.0), (2, 3), "symmetric A"),
+        # an output that is flat somewhere is beyond the theorem of positive weights
+        (cnnum.Template("t", [[0, 1, 0], [0.5, 2, 1], [0, 1, 0]]), (4, 4), "unknown"),
+        (cnnum.Template("t", [[0, 1, 0], [0.5, 2, 1], [0, 1, 0]], output="tanh"), (4, 4),
+         "positive cell-linking"),
+        (cnnum.Template("t", [[0, 1, 0], [1, 2, 0], [0, 1, 0]], output="tanh"), (4, 4), "unknown"),
+    ],
+)  # fmt: skip
+def test_a_theorem_is_named_where_its_conditions_hold(template, shape, kind):
+    assert cnnum.analyse(template, shape).kind.name == kind
+
+
+def test_slopes_that_samples_refute_are_said():
+    found = cnnum.analyse(cnnum.Template("t", [[0.9]], output=STEEP))
+    assert "declares slopes from 0 to 1, but samples" in found.kind.why
+    # −1 + 0.9 · 3, as its samples show it, not −1 + 0.9
+    assert found.fastest == pytest.approx(3.7, rel=1e-3)
+    assert math.isnan(found.growth)
+    broken = own(lambda x: np.where(np.abs(x) < 1.0, x, np.nan), "x")
+    with pytest.raises(TemplateError, match="no finite number"):
+        cnnum.analyse(cnnum.Template("t", [[0.9]], output=broken))
+
+
+def test_the_bound_on_states_counts_the_rim_and_the_output():
+    """By hand: the sums of weights times the largest output and input that a cell can see."""
+    control = [[0.0, 0.0, 0.0], [3.0, 1.0, 0.0], [0.0, 0.0, 0.0]]
+    template = cnnum.Template("t", [[2.0]], control, 1.0, input_boundary=-7.0)
+    assert cnnum.analyse(template).largest == 2.0 + 7.0 * 4.0 + 1.0
+    high = own(lambda x: 3.0 + np.tanh(x), "R(3) + tanh(x)", smooth=True)
+    found = cnnum.analyse(cnnum.Template("t", [[2.0]], output=high)).largest
+    assert 8.0 - 1e-6 < found < 8.1  # it rests at 2 (3 + tanh 8)
+    twice = own(lambda x: 2.0 * x, "R(2) * x", slope=(2.0, 2.0))
+    assert math.isinf(cnnum.analyse(cnnum.Template("t", [[0.6]], output=twice)).largest)
+    assert cnnum.analyse(
+        cnnum.Template("t", [[0.4]], z=1.0, output=twice)
+    ).largest == pytest.approx(5.0)
+    assert cnnum.analyse(cnnum.Template("t", [[0.0]], initial=-9.0)).largest == 9.0
+
+
+def test_the_condition_is_that_of_the_couplings_whatever_the_time_constants():
+    A = [[[[0.5]], [[0.2]]], [[[0.1]], [[0.3]]]]
+    slow = cnnum.Template("t", A, tau=[1.0, 100.0], output="linear")
+    wanted = np.linalg.cond(np.eye(2) - [[0.5, 0.2], [0.1, 0.3]])
+    for shape in ((2, 2), (20, 20)):  # of its matrix, and of its modes
+        assert cnnum.analyse(slow, shape).condition == pytest.approx(wanted)
+
+
+def test_exact_rates_are_the_eigenvalues_and_not_discs():
+    template = cnnum.Template("t", SKEW, boundary="zero-flux", output="linear")
+    found = cnnum.analyse(template, SHAPE)
+    values = np.linalg.eigvals(Network(template, SHAPE).linear_system().matrix)
+    assert found.exact
+    assert found.fastest == pytest.approx(np.abs(values).max())
+    # of more cells nothing is known one by one, and nothing is said
+    large = cnnum.analyse(template, (20, 20))
+    assert not large.exact
+    assert np.isnan([large.growth, large.slowest, large.stiffness]).all()
+
+
+def test_rates_that_are_not_known_are_not_zero():
+    found = cnnum.analyse("HERRING")
+    assert np.isnan([found.growth, found.turning, found.slowest, found.condition]).all()
 
 
 def test_programs_and_templates_of_every_kind():
