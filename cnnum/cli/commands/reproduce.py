@@ -13,7 +13,7 @@ from cnnum.cli.progress import progress
 from cnnum.cli.stopping import until_stopped
 
 if TYPE_CHECKING:
-    from cnnum.lab.reproduce import Row
+    from cnnum.lab.reproduce import Item, Row
 
 CHECKS_FAILED = 1
 
@@ -26,17 +26,28 @@ CHECKS_FAILED = 1
     metavar="DIR|FILE.html",
     help="Write a page with the table and all figures.",
 )
+@click.option(
+    "--mutants",
+    is_flag=True,
+    help="Break the function that each check is about, and report whether the check fails.",
+)
 @json_option
-def command(items: tuple[str, ...], out: Path | None, as_json: bool) -> int:
+def command(items: tuple[str, ...], out: Path | None, mutants: bool, as_json: bool) -> int:
     """Compute the dissertation's results and compare them with the published numbers.
 
     ITEMS are names of rows, or beginnings of them: "W", "fig-4.5", "eq-5"; all unless given.
-    Exits with 1 if a check fails; comparisons with real sensors, which no model here is meant
-    to match, never fail.
+    Exits with 1 if a check fails. Comparisons, which no model here is meant to match, never fail.
+
+    With --mutants every check is computed again with its subject broken: a factor of 1.01, a sign,
+    a cover thicker than it is. Exits with 1 if a check still passes. It takes a minute.
     """
     from cnnum.lab.reproduce import run, select
 
     chosen, output = select(items), Output(as_json)
+    if mutants:
+        if out is not None:
+            raise click.UsageError("'--out' writes the page of the rows; leave out '--mutants'.")
+        return _mutants(chosen, as_json)
     rows: list[Row] = []
     if out is not None and not out.parent.is_dir():
         raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
@@ -51,6 +62,40 @@ def command(items: tuple[str, ...], out: Path | None, as_json: bool) -> int:
     if out is not None:
         _write(out, rows, as_json)
     return CHECKS_FAILED if any(row.passed is False for row in rows) else 0
+
+
+def _mutants(chosen: "tuple[Item, ...]", as_json: bool) -> int:
+    from cnnum.lab.reproduce.faults import Mutant
+    from cnnum.lab.reproduce.faults import mutants as broken
+
+    total, output = sum(len(item.faults) for item in chosen), Output(as_json)
+    made: list[Mutant] = []
+    with until_stopped() as stop, progress("mutants", total, as_json=as_json) as steps:
+        for one in broken(chosen):
+            made.append(one)
+            output.record(one.record())
+            steps.advance(one.item.name)
+    stay = sum(not one.fell for one in made)
+    shown = table("Item", "broken", "fault", ">expected", ">got", ">tolerance", "")
+    for one in made:
+        shown.add_row(
+            one.item.name,
+            one.fault.target,
+            one.fault.what,
+            _expected(one.item),
+            number(one.got, 4),
+            number(one.item.tolerance, 2),
+            Text("fell", style="green") if one.fell else Text("PASSED", style="bold red"),
+        )
+    checks = len({one.item.name for one in made})
+    output.show(
+        shown,
+        f"{len(made) - stay} of {len(made)} faults made their check fail, of {checks} checks; "
+        f"comparisons cannot fail ({sum(not item.faults for item in chosen)}).",
+    )
+    if stop.stopped:
+        return stop.say(len(made), total, "mutants", as_json=as_json)
+    return CHECKS_FAILED if stay else 0
 
 
 def _write(out: Path, rows: "list[Row]", as_json: bool) -> None:
@@ -68,7 +113,7 @@ def _summary(rows: "list[Row]") -> str:
     missing = {row.missing for row in rows if row.missing}
     text = (
         f"{sum(bool(row.passed) for row in checks)} of {len(checks)} checks passed; "
-        f"{others} comparisons with real sensors."
+        f"{others} comparisons."
     )
     return " ".join([text, *sorted(missing)])
 
@@ -79,7 +124,7 @@ def _table(rows: "list[Row]") -> Table:
         item = row.item
         made.add_row(
             item.name,
-            _expected(row),
+            _expected(item),
             number(row.got, 4),
             number(row.error, 2),
             number(item.tolerance, 2) if item.kind == "check" else "",
@@ -97,8 +142,7 @@ def _printed(row: "Row") -> str:
     return "" if row.printed is None else f" · as printed: {number(row.printed, 4)}"
 
 
-def _expected(row: "Row") -> str:
-    item = row.item
+def _expected(item: "Item") -> str:
     if isinstance(item.expected, tuple):
         return f"{number(item.expected[0])}–{number(item.expected[1])}"
     sign = {"at least": "≥ ", "at most": "≤ "}.get(item.rule, "")

@@ -99,7 +99,7 @@ def _head(rows: Sequence[Row]) -> str:
     errata = sum(row.printed is not None for row in rows)
     tiles = [
         (f"{len(checks) - failed} of {len(checks)}", "checks passed"),
-        (f"{compared}", "comparisons with real sensors"),
+        (f"{compared}", "comparisons"),
         (f"{errata}", "errata, shown both ways"),
     ]
     tiled = "".join(f'<div class="tile"><b>{a}</b><span>{b}</span></div>' for a, b in tiles)
@@ -109,8 +109,10 @@ def _head(rows: Sequence[Row]) -> str:
         "Elastic Cover” (Pázmány Péter Catholic University, Budapest 2007). Here is every number "
         "and figure of it that a model can give, with ours next to it.</p>"
         '<p class="soft">Each check states how far it may be off, and why. Where a figure has no '
-        "digits, the row names the comparison: a zero, an extremum, a slope. Real covers and "
-        "sensors deviate from any half-space; those rows are comparisons, and cannot pass.</p>"
+        "digits, the row names the comparison: a zero, an extremum, a slope. A check fails if the "
+        "function that it is about is broken (<code>cnnum reproduce --mutants</code> breaks each). "
+        "What no such fault could fail, and what real covers and sensors do unlike any model here, "
+        "is a comparison, which neither passes nor fails.</p>"
         f'<div class="tiles">{tiled}</div>{_contents(rows)}'
     )
 

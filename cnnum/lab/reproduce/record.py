@@ -6,6 +6,7 @@ from math import inf, isfinite, nan
 from typing import Literal, get_args
 
 from cnnum.errors import PhysicsError
+from cnnum.lab.reproduce.faults import Fault
 from cnnum.lab.reproduce.figure import Figure
 
 Kind = Literal["check", "comparison"]
@@ -44,6 +45,8 @@ class Item:
         Name of the figure that shows it.
     printed : callable or None
         Of an erratum: the value of the formula as it is printed.
+    faults : tuple of Fault
+        Of a check: faults of the library that make it fail, one at least.
     """
 
     name: str
@@ -58,6 +61,7 @@ class Item:
     kind: Kind = "check"
     figure: str | None = None
     printed: Callable[[], float] | None = None
+    faults: tuple[Fault, ...] = ()
 
     def __post_init__(self) -> None:
         if self.rule not in get_args(Rule) or self.kind not in get_args(Kind):
@@ -74,6 +78,11 @@ class Item:
             raise PhysicsError(
                 f"'{self.name}': expected a tolerance of 0 or more and a reason for it, got "
                 f"{self.tolerance} and '{self.reason}'."
+            )
+        if (self.kind == "check") != bool(self.faults):
+            raise PhysicsError(
+                f"'{self.name}': a check names the faults that make it fail, and a comparison, "
+                f"which cannot fail, has none; got a {self.kind} with {len(self.faults)}."
             )
 
     def error(self, got: float) -> float:

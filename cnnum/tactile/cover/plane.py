@@ -1,5 +1,6 @@
 """The plane model of the dissertation's bump, as shipped: the data of Fig. 6.9–6.14."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,22 +96,33 @@ class PlaneFigures:
         line = np.polyval(np.polyfit(self.indentation, self.growth[:, 1], 1), self.indentation)
         return float(np.abs(line - self.growth[:, 1]).max() / np.ptp(self.growth[:, 1]))
 
+    @classmethod
+    def of_tables(cls, tables: Mapping[str, Array]) -> "PlaneFigures":
+        """Return the figures in SI units.
+
+        Parameters
+        ----------
+        tables : mapping of str to array
+            As `cnnum.tactile.cover.fem.generate.plane_tables` gives them: lengths in bump radii,
+            stress in Young's moduli.
+        """
+        return cls(
+            x=RADIUS * tables["plane_x"],
+            z=RADIUS * tables["plane_z"],
+            field=RADIUS * tables["plane_field"],
+            axis=RADIUS * tables["plane_axis"],
+            line=RADIUS * tables["plane_line"],
+            stress=MODULUS * tables["plane_stress"],
+            strain=tables["plane_strain"],
+            force=MODULUS * RADIUS * tables["plane_force"],
+            indentation=RADIUS * tables["plane_indentation"],
+            growth=RADIUS * tables["plane_growth"],
+        )
+
 
 def plane_figures() -> PlaneFigures:
     """Return the plane model in SI units, from the data that ships with the package.
 
     It comes from `cnnum.tactile.cover.fem.generate.regenerate`.
     """
-    tables = load_arrays()
-    return PlaneFigures(
-        x=RADIUS * tables["plane_x"],
-        z=RADIUS * tables["plane_z"],
-        field=RADIUS * tables["plane_field"],
-        axis=RADIUS * tables["plane_axis"],
-        line=RADIUS * tables["plane_line"],
-        stress=MODULUS * tables["plane_stress"],
-        strain=tables["plane_strain"],
-        force=MODULUS * RADIUS * tables["plane_force"],
-        indentation=RADIUS * tables["plane_indentation"],
-        growth=RADIUS * tables["plane_growth"],
-    )
+    return PlaneFigures.of_tables(load_arrays())

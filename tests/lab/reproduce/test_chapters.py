@@ -1,11 +1,14 @@
-"""The dissertation's numbers: every check passes, a wrong number would not."""
+"""The dissertation's numbers: every check passes, and fails if its subject is broken."""
 
 import math
 
 import pytest
 
+import cnnum.tactile.halfspace
+import cnnum.tactile.taxel
 from cnnum.errors import PhysicsError, UnknownNameError
-from cnnum.lab.reproduce.chapters import errata, inverse
+from cnnum.lab.reproduce.chapters import fields, inverse
+from cnnum.lab.reproduce.faults import Fault, changed, misled, mutant, mutants, scaled
 from cnnum.lab.reproduce.record import Item
 from cnnum.lab.reproduce.registry import CHAPTERS, beginnings, figure_makers, item_names, select
 from cnnum.lab.reproduce.run import run, run_item
@@ -25,17 +28,20 @@ ASKED = [
     "A",
     "56",
     "25√5/24",
-    *(f"eq-5.{n}" for n in (3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)),
+    *(f"eq-5.{n}" for n in (1, 2, 3, 4, 5, 6, 7, 8, 10, 12, 13, 14, 15)),
     "fig-5.2",
     "fig-5.3",
     "fig-5.4",
     "hyperacuity",
-    *(f"fig-6.{n}" for n in (5, 7, 9, 10, 11, 12, 14, 16, 17, 18, 19)),
-    *(f"erratum-{n}" for n in ("3.6", "3.11", "5.11", "6.2", "6.3", "6.4")),
+    *(f"fig-6.{n}" for n in (5, 7, 9, 10, 11, 12, 14, 16, 17, 19)),
+    *(f"erratum-{n}" for n in ("3.6", "5.11", "6.2", "6.3", "6.4")),
 ]
 FIGURES = ["3.22", "4.2", "4.3", "4.4", "4.5", "4.6", "4.7", "4.13", "4.16", "4.17", "5.2", "5.3",
            "5.4", "6.5", "6.7", "6.9", "6.10", "6.11", "6.12", "6.14", "6.16", "6.17", "6.18",
            "6.19"]  # fmt: skip
+
+
+BROKEN = (scaled(cnnum.tactile.halfspace.stress, 2.0),)
 
 
 def item(**changes: object) -> Item:
@@ -47,6 +53,7 @@ def item(**changes: object) -> Item:
         "compute": lambda: 2.1,
         "tolerance": 0.2,
         "reason": "because",
+        "faults": BROKEN,
     }
     return Item(**(values | changes))  # type: ignore[arg-type]
 
@@ -58,7 +65,7 @@ def test_every_check_passes(check: Item) -> None:
 
 
 def test_there_are_rows_for_all_that_is_asked() -> None:
-    assert len(CHECKS) >= 45
+    assert len(CHECKS) >= 70
     assert len(set(item_names())) == len(item_names())
     for name in ASKED:
         assert select([name])
@@ -85,8 +92,67 @@ def test_comparisons_neither_pass_nor_fail(comparison: Item) -> None:
     assert math.isfinite(row.got)
 
 
+@pytest.mark.one_in(5)
+@pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.name)
+def test_every_check_fails_if_its_subject_is_broken(check: Item) -> None:
+    """One in five; `cnnum reproduce --mutants` breaks them all in a minute."""
+    for one in mutants([check]):
+        assert one.fell, f"{check.name} passes with {one.fault.target}: {one.fault.what}"
+    assert run_item(check).passed
+
+
+def test_a_check_that_cannot_fail_is_found_out() -> None:
+    deaf = item(compute=lambda: 2.0)
+    (one,) = mutants([deaf])
+    assert not one.fell
+    assert one.record() == {
+        "item": "x", "target": "tactile.halfspace.point:stress", "fault": "× 2", "expected": 2.0,
+        "got": 2.0, "tolerance": 0.2, "fell": False,
+    }  # fmt: skip
+
+
+def test_faults_reach_functions_methods_and_properties_and_leave_no_trace() -> None:
+    place = (1e-4, 0.0, 2e-4, [0.0, 0.0, 1.0])
+    taxel = cnnum.tactile.taxel
+
+    def all_three() -> tuple[float, float, float]:
+        return (
+            float(fields.stress(*place)[2, 2]),
+            float(taxel.Bridge().voltages([0.0, 0.0, 1e-3])[0]),
+            taxel.Piezoresistor().transversal,
+        )
+
+    right = all_three()
+    faults = (
+        scaled(fields.stress, 3.0, entry=(2, 2)),
+        scaled(taxel.Bridge.voltages, 3.0),
+        changed(taxel.Piezoresistor.transversal, "three times", lambda pi: 3.0 * pi),
+    )
+    for n, fault in enumerate(faults):
+        with fault.applied():
+            wrong = all_three()
+        assert wrong[n] == pytest.approx(3.0 * right[n])
+        assert [wrong[k] for k in range(3) if k != n] == [right[k] for k in range(3) if k != n]
+    with misled(fields.stress, 2, "z", factor=2.0, shift=1e-4).applied():
+        assert fields.stress(*place)[2, 2] == all_three()[0] != right[0]
+    assert all_three() == right
+
+
+def test_a_refusal_of_the_library_is_a_fall() -> None:
+    def refuse(*_: object) -> float:
+        raise PhysicsError("No.")
+
+    fault = Fault(fields.stress, "refused", lambda _: refuse)
+    check = item(compute=lambda: float(fields.stress(0.0, 0.0, 1.0, [0.0, 0.0, 1.0])[2, 2]))
+    one = mutant(check, fault)
+    assert one.fell
+    assert math.isnan(one.got)
+
+
 def test_what_is_printed_wrong_would_not_pass() -> None:
-    for one in errata.CHAPTER.items:
+    errata = [one for one in ITEMS if one.printed is not None]
+    assert len(errata) == 7
+    for one in errata:
         row = run_item(one)
         assert row.passed
         assert row.printed is not None
@@ -130,6 +196,8 @@ def test_a_wrong_number_fails() -> None:
         {"tolerance": -1.0},
         {"tolerance": float("nan")},
         {"reason": ""},
+        {"faults": ()},
+        {"kind": "comparison"},
     ],
 )
 def test_an_item_that_is_wrong_refuses_to_exist(changes: dict[str, object]) -> None:
@@ -138,10 +206,10 @@ def test_an_item_that_is_wrong_refuses_to_exist(changes: dict[str, object]) -> N
 
 
 def test_names_are_whole_parts() -> None:
-    assert [one.name for one in select(["fig-5.4"])] == [
-        "fig-5.4",
-        "fig-5.4-measured",
-        "fig-5.4-thin",
+    assert [one.name for one in select(["fig-5.3"])] == [
+        "fig-5.3-place",
+        "fig-5.3-light",
+        "fig-5.3-force",
     ]
     assert {one.name for one in select(["w"])} == {"W", "W-slope", "W-slope-measured"}
     assert len(select(["eq-5"])) == len(inverse.CHAPTER.items)

@@ -11,9 +11,11 @@ import pytest
 from click.testing import CliRunner
 
 import cnnum.lab.reproduce
+import cnnum.tactile.halfspace
 from cnnum.cli.commands.reproduce import command
 from cnnum.errors import MissingExtraError, RecordingError, UnknownNameError
 from cnnum.lab.reproduce.drawing import INK, draw
+from cnnum.lab.reproduce.faults import scaled
 from cnnum.lab.reproduce.figure import Arrows, Curve, Dots, Field, Matrix, Panel
 from cnnum.lab.reproduce.page import figures_of, page, write_page
 from cnnum.lab.reproduce.record import Item
@@ -23,6 +25,7 @@ from cnnum.lab.reproduce.table import number, rows_table, written
 
 NAMES = ("W", "fig-4.3", "fig-5.2", "erratum")
 FIELDS = {"item", "source", "expected", "got", "error", "tolerance", "passed", "kind", "unit"}
+BROKEN = (scaled(cnnum.tactile.halfspace.stress, 2.0),)
 VOID = {"meta", "br", "link", "img", "input", "hr"}
 
 
@@ -77,7 +80,9 @@ def test_page_has_every_row_and_figure(made: str) -> None:
 
 
 def test_failed_check_shows(made: str) -> None:
-    wrong = Item("x", "a number", "nowhere", 2.0, lambda: 3.0, 0.1, "because it must")
+    wrong = Item(
+        "x", "a number", "nowhere", 2.0, lambda: 3.0, 0.1, "because it must", faults=BROKEN
+    )
     assert "✗ failed" not in made
     assert "✗ failed" in rows_table(list(run([wrong])))
 
@@ -143,11 +148,36 @@ def test_command_writes_the_page_and_a_table(tmp_path: Path) -> None:
 
 
 def test_command_fails_with_a_check(monkeypatch: pytest.MonkeyPatch) -> None:
-    wrong = Item("x", "a number", "nowhere", 2.0, lambda: 3.0, 0.1, "because it must")
+    wrong = Item(
+        "x", "a number", "nowhere", 2.0, lambda: 3.0, 0.1, "because it must", faults=BROKEN
+    )
     monkeypatch.setattr(cnnum.lab.reproduce, "select", lambda names: (wrong,))
     result = CliRunner().invoke(command, [], standalone_mode=False)
     assert result.return_value == 1
     assert "FAILED" in result.stdout
+
+
+def test_command_breaks_the_subjects_of_checks(monkeypatch: pytest.MonkeyPatch) -> None:
+    result = CliRunner().invoke(command, ["W", "--mutants", "--json"], standalone_mode=False)
+    made = [json.loads(line) for line in result.stdout.splitlines()]
+    assert result.return_value == 0
+    assert {one["item"] for one in made} == {"W", "W-slope"}
+    assert all(one["fell"] for one in made)
+    shown = CliRunner().invoke(command, ["W", "--mutants"], standalone_mode=False)
+    said = " ".join(shown.stdout.split())
+    assert "3 of 3 faults made their check fail, of 2 checks; comparisons cannot fail (1)" in said
+    deaf = Item("x", "a number", "nowhere", 2.0, lambda: 2.0, 0.1, "because it must", faults=BROKEN)
+    monkeypatch.setattr(cnnum.lab.reproduce, "select", lambda names: (deaf,))
+    result = CliRunner().invoke(command, ["--mutants"], standalone_mode=False)
+    assert result.return_value == 1
+    assert "PASSED" in result.stdout
+
+
+def test_a_page_of_mutants_is_refused(tmp_path: Path) -> None:
+    result = CliRunner().invoke(
+        command, ["W", "--mutants", "--out", str(tmp_path)], standalone_mode=False
+    )
+    assert "--mutants" in str(result.exception)
 
 
 def test_command_refuses_unknown_items() -> None:
@@ -159,7 +189,8 @@ def test_a_missing_package_is_said_and_is_no_failure(monkeypatch: pytest.MonkeyP
     def missing() -> float:
         raise MissingExtraError("Install the extra 'texture'.")
 
-    item = Item("x", "a number", "nowhere", 2.0, missing, 0.1, "because it must", figure="fig-6.19")
+    item = Item("x", "a number", "nowhere", 2.0, missing, 0.1, "because it must", figure="fig-6.19",
+                faults=BROKEN)  # fmt: skip
     (row,) = run([item])
     assert row.passed is None
     assert row.missing == "Install the extra 'texture'."

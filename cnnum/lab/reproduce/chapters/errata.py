@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from cnnum.lab.reproduce.chapters.silicon import sensitivity
+from cnnum.lab.reproduce.faults import changed, scaled
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.tactile.inverse import largest_spacing
 from cnnum.tactile.pad import Pad
@@ -71,27 +71,25 @@ CHAPTER = Chapter(
     (
         Item("erratum-3.6", "π_t, whose second line is printed as π_l", "(3.6)",
              0.5 * (6.6 - 1.1 - 138.1), transversal, 1e-12, "closed form", "1e-11/Pa",
-             printed=lambda: 0.5 * (6.6 - 1.1 + 138.1)),
+             printed=lambda: 0.5 * (6.6 - 1.1 + 138.1),
+             faults=(scaled(Piezoresistor.transversal, -1.0),)),
         Item("erratum-3.6-unit", "ΔR/R under 10 mN; π is printed without its 1e-11",
              "after (3.6); Table 3.I", -0.114, table_change, 5e-4,
-             "the table prints three decimals", printed=lambda: 1e11 * table_change()),
-        Item("erratum-3.11", "sensitivity; the half bridge's factor ¼ is not printed",
-             "(3.11); section 3.4.3", 2.9, sensitivity, 0.05, "the text prints two digits",
-             "mV/mN/V", printed=lambda: 4.0 * sensitivity()),
+             "the table prints three decimals", printed=lambda: 1e11 * table_change(),
+             faults=(scaled(Bridge.resistance_change, 1.01),)),
         Item("erratum-5.11", "largest pitch with three taxels inside √2 z of any load",
-             "(5.11); right: √(8/5) z", sqrt(1.6), third_nearest, 1e-9,
-             "the worst place is a point of the lattice that is searched", "z",
-             printed=lambda: (1.0 + sqrt(2.0)) / 2.0),
-        Item("erratum-5.11-ours", "the same, by our formula", "(5.11); right: √(8/5) z",
-             sqrt(1.6), lambda: float(largest_spacing(1.0)), 1e-12, "closed form", "z",
-             printed=lambda: (1.0 + sqrt(2.0)) / 2.0),
+             "(5.11); right: √(8/5) z", third_nearest(), lambda: float(largest_spacing(1.0)),
+             1e-9, "found by a search over a lattice of loads, on which the worst place lies", "z",
+             printed=lambda: (1.0 + sqrt(2.0)) / 2.0, faults=(scaled(largest_spacing, 1.001),)),
         Item("erratum-6.2", "T_y of four equal pressures, printed S1 − S2 − S3 − S4", "(6.2)",
-             0.0, evenly_pressed, 1e-15, "rounding", printed=lambda: -sqrt(2.0)),
+             0.0, evenly_pressed, 1e-15, "rounding", printed=lambda: -sqrt(2.0),
+             faults=(changed(Pad.to_three_axial, "+ 1e-6", lambda v: v + 1e-6),)),
         Item("erratum-6.3", "mean friction of a constant 0.5, printed as a sum", "(6.3)", FLAT,
-             even_friction, 1e-12, "rounding", printed=lambda: FLAT * (WINDOW + 1)),
+             even_friction, 1e-12, "rounding", printed=lambda: FLAT * (WINDOW + 1),
+             faults=(scaled(texture, 1.001, part="friction"),)),
         Item("erratum-6.4", "roughness of five ratios of variance ½, printed over T − 1",
              "(6.4)", 100.0 * sqrt(0.5), rough, 1e-10, "unbiased variance of T + 1 points: over T",
-             "%", printed=rough_as_printed),
+             "%", printed=rough_as_printed, faults=(scaled(texture, sqrt(0.8), part="roughness"),)),
     ),
     {},
 )  # fmt: skip

@@ -11,11 +11,13 @@ from scipy.special import j0
 
 from cnnum.arrays import Floats
 from cnnum.lab.reproduce.chapters import printed
-from cnnum.lab.reproduce.chapters.field_figures import FIGURES
+from cnnum.lab.reproduce.chapters.field_figures import FIGURES, flat_strip
+from cnnum.lab.reproduce.faults import misled, scaled
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.lab.reproduce.setup import NEWTON, E, Z
 from cnnum.tactile.halfspace import (
     displacement,
+    line_load_stress,
     rectangle_stress,
     strain,
     strain_energy_density,
@@ -155,26 +157,36 @@ def strip_gap() -> float:
     return float(np.abs(long - strip).max())
 
 
-def edge_place() -> float:
-    """Return where σ_zz just below a rigid flat strip is largest, half-widths from its middle."""
-    from cnnum.lab.reproduce.chapters.field_figures import flat_strip
+def flat_gap() -> float:
+    """Return how far the lines of a rigid flat strip are from its closed form, in mean pressures.
 
-    x = np.linspace(0.0, 1.5, 1501)
-    return float(x[np.argmax(np.abs(flat_strip(x, np.array([0.02]))[0]))])
+    With F = 2/(π√(1 − ζ²)) of ζ = x + iz, P = Re F is the pressure's harmonic extension, and
+    σ_zz = −(P − z ∂P/∂z) = −(Re F + z Im F′).
+    """
+    x, z = np.linspace(-2.0, 2.0, 81), np.linspace(0.05, 1.5, 30)
+    place = x + 1j * z[:, np.newaxis]
+    root = 1.0 - place**2
+    # of the two roots the one that makes F fade above the real axis
+    power = 1j / (np.sqrt(place - 1.0) * np.sqrt(place + 1.0))
+    slope = place * power / root
+    exact = -2.0 / pi * (power.real + z[:, np.newaxis] * slope.imag)
+    return float(np.abs(flat_strip(x, z) - exact).max())
 
 
 def _equations() -> tuple[Item, ...]:
     exact = "both are formulas in double precision: the rest is rounding"
     return tuple(
-        Item(f"eq-{number}", title, f"({number})", 0.0, compute, tolerance, exact)
-        for number, title, compute, tolerance in (
+        Item(f"eq-{number}", title, f"({number})", 0.0, compute, tolerance, exact,
+             faults=(scaled(subject, 1.0 + 1e-9), misled(subject, 2, "z", factor=1.0 + 1e-9)))
+        for number, title, compute, tolerance, subject in (
             ("4.9", "displacement at ν = 0.3 against the printed formula",
-             partial(displacement_gap, 0.3), 1e-12),
+             partial(displacement_gap, 0.3), 1e-12, displacement),
             ("4.10", "displacement at ν = 0.5 against the printed formula",
-             partial(displacement_gap, None), 1e-12),
-            ("4.11", "stress at ν = 0.5 against the printed formula", stress_gap, 1e-12),
-            ("4.12", "strain at ν = 0.5 against the printed formula", strain_gap, 1e-12),
-            ("4.13", "strain energy density against the printed formula", energy_gap, 1e-12),
+             partial(displacement_gap, None), 1e-12, displacement),
+            ("4.11", "stress at ν = 0.5 against the printed formula", stress_gap, 1e-12, stress),
+            ("4.12", "strain at ν = 0.5 against the printed formula", strain_gap, 1e-12, strain),
+            ("4.13", "strain energy density against the printed formula", energy_gap, 1e-12,
+             strain_energy_density),
         )
     )  # fmt: skip
 
@@ -189,48 +201,55 @@ CHAPTER = Chapter(
         *_equations(),
         Item("fig-4.2-normal", "σ_zz 0.2 mm below 1 N", "Fig. 4.2; (4.11) at x = y = 0",
              -3.0 / (2.0 * pi * Z**2) / 1e6, lambda: sigma(2, 0.0) / 1e6, 1e-12,
-             "closed form against closed form", "MPa", "relative", figure="fig-4.2"),
+             "closed form against closed form", "MPa", "relative", figure="fig-4.2",
+             faults=(scaled(stress, 1.0 + 1e-9),)),
         Item("fig-4.2-shear", "where |σ_xz| is largest", "Fig. 4.2; (4.11): |x| = z/2",
              0.1, partial(highest, partial(sigma, 0), 0.0, 2 * Z), 1e-6, FOUND, "mm",
-             figure="fig-4.2"),
+             figure="fig-4.2", faults=(misled(stress, 2, "z", factor=1.001),)),
         Item("fig-4.3", "power of depth with which σ_zz falls", "Fig. 4.3; (4.11)",
-             -2.0, decay, 1e-9, "a straight line in logarithms: rounding", figure="fig-4.3"),
+             -2.0, decay, 1e-9, "a straight line in logarithms: rounding", figure="fig-4.3",
+             faults=(misled(stress, 2, "z", shift=1e-9),)),
         Item("fig-4.4-width", "width of σ_zz at twice the depth", "Fig. 4.4 (left); (4.11)",
-             2.0, widening, 1e-9, "roots found to 1e-14", figure="fig-4.4"),
+             2.0, widening, 1e-9, "roots found to 1e-14", figure="fig-4.4",
+             faults=(misled(stress, 2, "z", shift=1e-9),)),
         *(
             Item(f"fig-4.4-filter-{reach}", f"σ_zz passed at wave number {reach}/z",
                  "Fig. 4.4 (right): the transform of (4.11)",
                  (1 + reach) * exp(-reach), partial(transferred, reach), 2e-5,
-                 "the integral is cut at 60 z, where 5e-6 of the load is left", figure="fig-4.4")
+                 "the integral is cut at 60 z, where 5e-6 of the load is left", figure="fig-4.4",
+                 faults=(scaled(stress, 1.001), misled(stress, 2, "z", factor=1.001)))
             for reach in (1, 3)
         ),
         Item("fig-4.5-zero", "where ε_zz is zero", "Fig. 4.5; section 4.3.3: √2 z",
-             sqrt(2.0) * 0.2, zero_of_strain, 1e-6, FOUND, "mm", figure="fig-4.5"),
+             sqrt(2.0) * 0.2, zero_of_strain, 1e-6, FOUND, "mm", figure="fig-4.5",
+             faults=(misled(strain, 2, "z", factor=1.001),)),
         Item("fig-4.5-brim", "where ε_zz has its opposite extremum",
              "Fig. 4.5; section 4.3.3: 2z", 0.4,
              partial(highest, partial(epsilon, 2), 1.5 * Z, 4 * Z), 1e-6, FOUND, "mm",
-             figure="fig-4.5"),
-        Item("fig-4.5-shear", "where |ε_xz| is largest", "Fig. 4.5; (4.20): z/2", 0.1,
-             partial(highest, partial(epsilon, 0), 0.0, 2 * Z), 1e-6, FOUND, "mm",
-             figure="fig-4.5"),
+             figure="fig-4.5", faults=(misled(strain, 2, "z", factor=1.001),)),
         Item("fig-4.6-stress", "half-width of σ_zz, in depths", "Fig. 4.6; (4.11)",
              sqrt(2.0**0.4 - 1.0), partial(half_width, partial(sigma, 2)), 1e-9,
-             "root of the printed formula; found to 1e-14", "z", figure="fig-4.6"),
+             "root of the printed formula; found to 1e-14", "z", figure="fig-4.6",
+             faults=(misled(stress, 2, "z", factor=1.001),)),
         Item("fig-4.6-energy", "half-width of the strain energy density", "Fig. 4.6; (4.13)",
              sqrt(2.0 ** (1.0 / 3.0) - 1.0), partial(half_width, energy_at), 1e-9,
-             "root of the printed formula; found to 1e-14", "z", figure="fig-4.6"),
+             "root of the printed formula; found to 1e-14", "z", figure="fig-4.6",
+             faults=(misled(strain_energy_density, 2, "z", factor=1.001),)),
         Item("fig-4.6-sinking", "half-width of u_z: root of (ρ² + 2)² = (ρ² + 1)³",
              "Fig. 4.6; (4.10)", SINKING,
              partial(half_width, sinking_at), 1e-9, "root of a cubic; found to 1e-14", "z",
-             figure="fig-4.6"),
+             figure="fig-4.6",
+             faults=(misled(displacement, 2, "z", factor=1.001),)),
         Item("fig-4.7-strip", "strip of line loads against a long Love rectangle",
              "Fig. 4.7, “integrated from a line load solution”", 0.0, strip_gap, 1e-6,
              "a rectangle 2000 times as long as wide is a strip to the square of that",
-             "p", figure="fig-4.7"),
-        Item("fig-4.7-edge", "where stress peaks below a flat rigid object",
-             "Fig. 4.7 (top right): “concentrated around the edges”", 1.0, edge_place, 0.03,
-             "no digits: at 0.02 half-widths below the surface the peak stands so far inside",
-             "half-widths", figure="fig-4.7"),
+             "p", figure="fig-4.7", faults=(scaled(rectangle_stress, 1.0001),)),
+        Item("fig-4.7-flat", "stress below a flat rigid strip, lines against its closed form",
+             "Fig. 4.7 (top right): “concentrated around the edges”", 0.0, flat_gap, 1e-9,
+             "400 lines of Chebyshev's weights converge as exp(−800 z) from 0.05 half-widths on",
+             "mean p", figure="fig-4.7",
+             faults=(scaled(line_load_stress, 1.0001),
+                     misled(line_load_stress, 1, "z", factor=1.0001))),
     ),
     FIGURES,
 )  # fmt: skip

@@ -69,7 +69,8 @@ CHAPTER = Chapter(
     (
         Item("fig-6.16", "lateral strain under a bump over that without one",
              "Fig. 6.16: “increased lateral sensitivity”", 1.0, bump_gain, 0.0,
-             "no digits: it must be larger", "", "at least", figure="fig-6.16"),
+             "no digits; two models, one of a bump that bears all of its square's load", "",
+             "at least", kind="comparison", figure="fig-6.16"),
     ),
     {
         "fig-6.16": figure_6_16,

@@ -1,6 +1,7 @@
 """Section 4.3.3: the error of models of a flat cover against measurements on real ones."""
 
 from functools import cache, partial
+from math import sqrt
 
 import numpy as np
 
@@ -10,7 +11,10 @@ from cnnum.tactile.cover.comparison import MODELS, ComparisonRow, compare
 
 BONDED = "bonded layer, strain 50 µm above the base"
 SIZED = f"{BONDED}; needle and taxel"
-NEAR = "bonded cover with an assumed place of sensing; nothing was fitted"
+NEAR = (
+    "one of the eight models of the figure, a bonded cover sensed 50 µm above its base; the place "
+    "of sensing is an assumption"
+)
 POINTED = (
     "half-space, strain",
     "half-space, stress",
@@ -62,26 +66,35 @@ def figure_models() -> Figure:
         "How near do models of a flat cover get?",
         "Each model's slope of W, power of A, inhibition and normal-to-shear ratio next to the "
         "measured one (dashed). * needle and taxel of their real sizes. A model without a point "
-        "has no brim, so no width. A layer bonded to silicon and felt 50 µm above its base comes "
-        "near the measured width, power and inhibition.",
+        "has no brim, so no width. No single model comes near all four. A layer bonded to "
+        "silicon and felt 50 µm above its base has the measured width and power only with the real "
+        "sizes, and the measured inhibition only without them.",
         panels,
     )
 
 
-CHAPTER = Chapter(
-    "Section 4.3.3 — models of the real flat cover",
-    (
-        Item("layer-W-slope", "slope of W: bonded layer, needle and taxel of real size",
-             "Fig. 4.16, section 4.3.3", 1.14, partial(modelled, SIZED, "slope of W"), 0.0, NEAR,
-             kind="comparison", figure="flat-models"),
-        Item("layer-A-power", "power of A: bonded layer, needle and taxel of real size",
-             "Fig. 4.16, section 4.3.3", -1.45, partial(modelled, SIZED, "exponent of A"), 0.0,
-             NEAR, kind="comparison", figure="flat-models"),
-        Item("layer-inhibition", "largest over most negative: bonded layer, point load",
-             "Fig. 4.13, section 4.3.3", 19.0, partial(modelled, BONDED, "lateral"), 0.0, NEAR,
-             kind="comparison", figure="flat-models"),
-    ),
-    {
-        "flat-models": figure_models,
-    },
+QUANTITIES = (
+    ("W-slope", "slope of W", "slope of W", 1.14, "Fig. 4.16, section 4.3.3"),
+    ("A-power", "power of A", "exponent of A", -1.45, "Fig. 4.16, section 4.3.3"),
+    ("inhibition", "largest over most negative", "lateral", 19.0, "Fig. 4.13, section 4.3.3"),
+    ("normal-to-shear", "largest normal over largest shear signal", "largest normal",
+     1.46 * 25.0 * sqrt(5.0) / 24.0, "(4.20), section 4.3.3"),
 )  # fmt: skip
+
+
+def _rows() -> tuple[Item, ...]:
+    """Return every number of the bonded layer, with and without the sizes of needle and taxel."""
+    return tuple(
+        Item(f"layer-{name}-{kind}", f"{title}: bonded layer, {sizes}", source, measured,
+             partial(modelled, model, begins), 0.0, NEAR, kind="comparison", figure="flat-models")
+        for name, title, begins, measured, source in QUANTITIES
+        for kind, model, sizes in (
+            ("point", BONDED, "point load on a point taxel"),
+            ("sized", SIZED, "needle and taxel of real size"),
+        )
+    )  # fmt: skip
+
+
+CHAPTER = Chapter(
+    "Section 4.3.3 — models of the real flat cover", _rows(), {"flat-models": figure_models}
+)

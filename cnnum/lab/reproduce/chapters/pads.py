@@ -7,6 +7,7 @@ from math import pi
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.lab.reproduce.faults import changed, scaled
 from cnnum.lab.reproduce.figure import Arrows, Curve, Dots, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.tactile.grid import make_grid
@@ -184,21 +185,26 @@ CHAPTER = Chapter(
     "Section 6.4.3 — shear from pressure taxels",
     (
         Item("eq-6.1", "shear by four taxels: ours against (6.1) turned by 45°", "(6.1)", 0.0,
-             turned_gap, 1e-14, "rounding"),
+             turned_gap, 1e-14, "rounding",
+             faults=(scaled(Pad.to_three_axial, -1.0, entry=1),
+                     scaled(Pad.to_three_axial, 1.0 + 1e-9, entry=2))),
         Item("fig-6.13", "three-axial taxels of a 9×9 pad", "Fig. 6.13: 4×4", 16.0, bumps, 0.0,
-             "a count"),
+             "a count", faults=(changed(Pad.bumps, "one row less", lambda n: (n[0] - 1, n[1])),)),
         Item("fig-6.17-point", "direction of the vectors, one bump pressed",
              "Fig. 6.17 (left): “nicely follow the circular shear motion”", 0.0,
-             lambda: direction_error(False), 5.0,
-             "no digits: a third of the 15° from one step to the next; 1 % noise makes 0.6°",
-             "°", figure="fig-6.17"),
+             lambda: direction_error(False), 2.0,
+             "no digits: 1 % of noise makes 0.6°, three times that", "°", figure="fig-6.17",
+             faults=(scaled(Pad.to_three_axial, -1.0, entry=1),
+                     scaled(Pad.to_three_axial, 1.2, entry=0))),
         Item("fig-6.17-line", "direction of the vectors under a line load",
-             "Fig. 6.17 (right)", 0.0, lambda: direction_error(True), 5.0,
-             "as above, with the neighbours' cross-talk", "°", figure="fig-6.17"),
+             "Fig. 6.17 (right)", 0.0, lambda: direction_error(True), 3.0,
+             "as above, with the neighbours' cross-talk", "°", figure="fig-6.17",
+             faults=(scaled(Pad.to_three_axial, -1.0, entry=1),
+                     scaled(Pad.to_three_axial, 1.2, entry=0))),
         Item("fig-6.17-cross-talk", "shear read on unpressed neighbours, of the pressed one's",
              "section 6.4.4: “minimal cross-talk”", 0.1, cross_talk, 0.0,
              "no digits: arrows of that size hardly show a tenth", "", "at most",
-             figure="fig-6.17"),
+             kind="comparison", figure="fig-6.17"),
     ),
     FIGURES,
 )  # fmt: skip

@@ -8,6 +8,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.lab.reproduce.chapters.fields import epsilon, highest
+from cnnum.lab.reproduce.faults import misled, scaled
 from cnnum.lab.reproduce.figure import Curve, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.lab.reproduce.setup import (
@@ -20,12 +21,15 @@ from cnnum.lab.reproduce.setup import (
     largest_strain,
     point_strain,
 )
-from cnnum.tactile.taxel import ReceptiveField, receptive_field
+from cnnum.tactile.halfspace import strain
+from cnnum.tactile.taxel import Coupling, ReceptiveField, receptive_field
 
 X = np.linspace(-1.2e-3, 1.2e-3, 2401)
 THICKNESS = np.array([0.18, 0.2, 0.25, 0.3, 0.4, 0.5]) * 1e-3
 TRIALS = 6
 MEASURED_BETA = 1.46
+SENSITIVITIES = (0.7, 1.0, 1.46, 2.0, 3.0)
+"""β_ns of taxels that are scanned."""
 
 
 def exact_field(depth: float) -> ReceptiveField:
@@ -55,6 +59,15 @@ def sensitivities() -> tuple[float, ...]:
         tangential, _, normal = signals(scan(MEASURED_BETA, trial))
         found.append(receptive_field(X, tangential, normal).beta_ns)
     return tuple(found)
+
+
+def sensitivity_gap() -> float:
+    """Return the largest relative error of β_ns by (4.20), over scans of unlike taxels."""
+    found = [
+        receptive_field(X, *signals(scan(beta, 10 + trial))[::2]).beta_ns / beta
+        for trial, beta in enumerate(SENSITIVITIES)
+    ]
+    return float(np.abs(np.array(found) - 1.0).max())
 
 
 def slope_of_width() -> float:
@@ -182,38 +195,48 @@ CHAPTER = Chapter(
     (
         Item("W", "width W of the strain's peak at 0.2 mm", "(4.17): 2√2 z",
              2.0 * sqrt(2.0) * 0.2, lambda: MM * exact_field(Z).width, 1e-5, SCANNED, "mm",
-             figure="fig-4.16"),
+             figure="fig-4.16",
+             faults=(scaled(receptive_field, 1.001, part="width"),
+                     misled(strain, 2, "z", factor=1.001))),
         Item("W-slope", "slope of W against thickness", "section 4.3.3",
              2.82, slope_of_width, 0.01, "the text cuts 2.828 to two decimals",
-             figure="fig-4.16"),
+             figure="fig-4.16", faults=(scaled(receptive_field, 0.99, part="width"),)),
         Item("W-slope-measured", "slope of W on real covers", "Fig. 4.16, section 4.3.3", 1.14,
              slope_of_width, 0.0, REAL, kind="comparison", figure="fig-4.16"),
         Item("A", "amplitude A: |ε_zz| below 1 N at 0.2 mm, E = 0.87 MPa", "(4.18)",
              100.0 * 3.0 / (2.0 * pi * E * Z**2), amplitude, 1e-12,
-             "closed form against closed form", "%", "relative", figure="fig-4.16"),
+             "closed form against closed form", "%", "relative", figure="fig-4.16",
+             faults=(scaled(strain, 1.0 + 1e-9),)),
         Item("A-power", "power of thickness with which A falls", "(4.18): −2", -2.0,
-             power_of_amplitude, 1e-3, SCANNED, figure="fig-4.16"),
+             power_of_amplitude, 1e-3, SCANNED, figure="fig-4.16",
+             faults=(misled(strain, 2, "z", shift=1e-6),)),
         Item("A-power-measured", "power of A on real covers", "Fig. 4.16, section 4.3.3", -1.45,
              power_of_amplitude, 0.0, REAL, kind="comparison", figure="fig-4.16"),
         Item("56", "largest over most negative strain, 25√5", "section 4.3.3", 56.0,
              lambda: exact_field(Z).inhibition, 0.5, "the text rounds 55.90 to 56",
-             figure="fig-4.13"),
+             figure="fig-4.13", faults=(scaled(receptive_field, 0.98, part="inhibition"),)),
         Item("56-measured", "the same ratio on a real cover", "Fig. 4.13, section 4.3.3", 19.0,
              lambda: exact_field(Z).inhibition, 0.0, REAL, kind="comparison",
              figure="fig-4.13"),
         Item("25√5/24", "|ε_zz| at x = 0 over |ε_xz| at x = z/2", "(4.20)",
              25.0 * sqrt(5.0) / 24.0,
-             extrema_ratio, 1e-9, "extrema found by search on our strain", figure="fig-4.13"),
+             extrema_ratio, 1e-9, "extrema found by search on our strain", figure="fig-4.13",
+             faults=(scaled(strain, 1.0 + 1e-6, entry=(0, 2)),)),
         Item("fig-4.13-zero", "zero of S_n of a noisy taxel, from its middle",
              "Fig. 4.13; section 4.3.3: √2 z", sqrt(2.0) * 0.2,
              lambda: 0.5 * MM * receptive_field(X, signals(scan(BETA_SHOWN, 0))[0],
                                                 signals(scan(BETA_SHOWN, 0))[2]).width,
              5e-3, "noise of 2.5 mV against a slope of 6.6 V/mm there, both zeros: ±1 µm, "
-             "and the first sample below zero counts: 5 µm", "mm", figure="fig-4.13"),
-        Item("beta-ns", "β_ns from six noisy scans, set to 1.46 in the simulated taxel",
-             "section 4.3.3: 1.46 ± 0.04", MEASURED_BETA,
-             lambda: float(np.mean(sensitivities())), 0.04, "the published scatter",
-             figure="fig-4.17"),
+             "and the first sample below zero counts: 5 µm", "mm", figure="fig-4.13",
+             faults=(scaled(receptive_field, 1.03, part="width"),
+                     misled(strain, 2, "z", factor=1.03))),
+        Item("eq-4.20", "β_ns from noisy scans of five unlike taxels, the worst error",
+             "(4.20); section 4.3.3", 0.0, sensitivity_gap, 4e-3,
+             "the polynomials over the tops are 1e-3 off, and 2.5 mV of noise makes 9e-4 of the "
+             "smallest shear, 0.34 V: three deviations",
+             "relative", figure="fig-4.17",
+             faults=(scaled(receptive_field, 1.01, part="beta_ns"),
+                     scaled(Coupling.force, 1.01, entry=0))),
         Item("beta-ns-scatter", "scatter of the six β_ns", "section 4.3.3: ± 0.04", 0.04,
              lambda: float(np.std(sensitivities(), ddof=1)), 0.0,
              "electronics' noise alone; the real scatter is that of placing the needle",
@@ -221,7 +244,8 @@ CHAPTER = Chapter(
         Item("fig-4.17", "compensated signals against the strain of (4.16), RMS",
              "Fig. 4.17", 0.0, compensated_gap, 2e-3,
              f"√2 × {1e3 * NOISE} mV of noise on shear × β_ns, over a peak of 2.4 V",
-             "of the peak", figure="fig-4.17"),
+             "of the peak", figure="fig-4.17",
+             faults=(scaled(receptive_field, 1.05, part="beta_ns"),)),
     ),
     FIGURES,
 )  # fmt: skip

@@ -68,7 +68,7 @@ def regenerate(
         "lever": np.asarray(levers),
         "half_space": deep,
         "rigid_base": np.stack(layers),
-        **plane_figures(make_plane_bump(plane_fineness)),
+        **plane_tables(make_plane_bump(plane_fineness)),
     }
     if path is not None:
         _write(Path(path), tables)
@@ -87,7 +87,7 @@ def _layer(fineness: int, depth: float, growth: float) -> Array:
     return bodies.profiles(depth, STRETCH * (1 + depth))
 
 
-def plane_figures(bump: PlaneBump) -> dict[str, Array]:
+def plane_tables(bump: PlaneBump) -> dict[str, Array]:
     """Return the data of Fig. 6.9–6.12 and 6.14, lengths in bump radii, stress in moduli."""
     pressed, dragged = bump.solutions()
     x = np.linspace(-4.0, 4.0, 81)

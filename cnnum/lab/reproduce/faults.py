@@ -1,0 +1,231 @@
+"""Faults put into the library one at a time: a check that passes with its subject broken is none.
+
+Every check of the table names at least one. `mutants` puts each into the function that the check is
+about, computes the row again, and says whether the row fell.
+"""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import wraps
+from types import FunctionType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cnnum.errors import CnnumError, MissingExtraError
+
+if TYPE_CHECKING:
+    from cnnum.lab.reproduce.record import Item
+
+CACHED = ("cnnum.lab.reproduce", "cnnum.tactile")
+"""Packages whose remembered results a fault would not reach."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Fault:
+    """A function or property of the library that gives something else than it should.
+
+    Attributes
+    ----------
+    subject : function or property
+    what : str
+        The fault, in a few words: "× 1.01", "sign of T_y".
+    breaks : callable
+        Makes a wrong function of the right one.
+    """
+
+    subject: Any
+    what: str
+    breaks: Callable[[Callable[..., Any]], Callable[..., Any]]
+
+    @property
+    def target(self) -> str:
+        """The subject's name in its module, such as "tactile.taxel.bridge:Bridge.voltages"."""
+        function = self._function
+        return f"{function.__module__.removeprefix('cnnum.')}:{function.__qualname__}"
+
+    @property
+    def _function(self) -> FunctionType:
+        found: Any = self.subject.fget if isinstance(self.subject, property) else self.subject
+        return found  # type: ignore[no-any-return]
+
+    def _wrong(self) -> Any:
+        wrong = wraps(self._function)(self.breaks(self._function))
+        return property(wrong) if isinstance(self.subject, property) else wrong
+
+    def places(self) -> list[tuple[Any, str]]:
+        """Return every owner and name under which the library finds the subject.
+
+        A method belongs to its class. A function may have been imported by name into any module.
+        """
+        function = self._function
+        path, _, name = function.__qualname__.rpartition(".")
+        if path:
+            owner: Any = sys.modules[function.__module__]
+            for part in path.split("."):
+                owner = getattr(owner, part)
+            return [(owner, name)]
+        modules = [m for key, m in sys.modules.items() if key.split(".")[0] == "cnnum"]
+        return [
+            (module, key)
+            for module in modules
+            for key, value in vars(module).items()
+            if value is self.subject
+        ]
+
+    @contextmanager
+    def applied(self) -> Iterator[None]:
+        """Have the library compute with the fault."""
+        wrong, places = self._wrong(), self.places()
+        kept = [vars(owner)[name] for owner, name in places]
+        _forget()
+        for owner, name in places:
+            setattr(owner, name, wrong)
+        try:
+            yield
+        finally:
+            for (owner, name), right in zip(places, kept, strict=True):
+                setattr(owner, name, right)
+            _forget()
+
+
+def scaled(subject: Any, factor: float, *, part: str = "", entry: Any = ()) -> Fault:
+    """Return a fault that multiplies a result, or a part of it.
+
+    Parameters
+    ----------
+    subject : function or property
+    factor : float
+    part : str
+        A field of the record that it returns; the whole unless given.
+    entry : index
+        An entry along the last axes of the array, such as 1 or (0, 2); all unless given.
+    """
+
+    def change(result: Any) -> Any:
+        if part:
+            return replace(result, **{part: _times(getattr(result, part), factor, entry)})
+        return _times(result, factor, entry)
+
+    indices = entry if isinstance(entry, tuple) else (entry,)
+    names = part + (f"[{', '.join(map(str, indices))}]" if indices else "")
+    return changed(subject, f"{names} × {factor:g}".strip(), change)
+
+
+def changed(subject: Any, what: str, change: Callable[[Any], Any]) -> Fault:
+    """Return a fault that makes another result of the right one."""
+
+    def breaks(function: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda *args, **options: change(function(*args, **options))
+
+    return Fault(subject, what, breaks)
+
+
+def misled(
+    subject: Any, argument: int, name: str, *, factor: float = 1.0, shift: float = 0.0
+) -> Fault:
+    """Return a fault that takes one of the function's arguments for another.
+
+    Parameters
+    ----------
+    subject : function
+    argument : int
+        Which of the positional arguments.
+    name : str
+        Its name, to be read.
+    factor, shift : float
+        It is multiplied, then moved, by these.
+    """
+
+    def breaks(function: Callable[..., Any]) -> Callable[..., Any]:
+        def wrong(*args: Any, **options: Any) -> Any:
+            value = factor * np.asarray(args[argument]) + shift
+            return function(*args[:argument], value, *args[argument + 1 :], **options)
+
+        return wrong
+
+    said = (f" × {factor:g}" if factor != 1.0 else "") + (f" + {shift:g}" if shift else "")
+    return Fault(subject, f"with {name}{said}", breaks)
+
+
+def _times(values: Any, factor: float, entry: Any) -> Any:
+    if np.ndim(values) == 0:
+        return factor * values
+    wrong = np.array(values, dtype=np.float64)
+    place = entry if isinstance(entry, tuple) else (entry,)
+    wrong[(..., *place)] *= factor
+    return wrong
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """A check that was computed with one of its faults.
+
+    Attributes
+    ----------
+    item : Item
+    fault : Fault
+    got : float
+        NaN where the library refused to compute.
+    fell : bool
+        Whether the check failed, as it must.
+    """
+
+    item: "Item"
+    fault: Fault
+    got: float
+    fell: bool
+
+    def record(self) -> dict[str, object]:
+        """Return the mutant as `cnnum reproduce --mutants --json` writes it."""
+        item = self.item
+        return {
+            "item": item.name,
+            "target": self.fault.target,
+            "fault": self.fault.what,
+            "expected": item.expected,
+            "got": self.got,
+            "tolerance": item.tolerance,
+            "fell": self.fell,
+        }
+
+
+def mutants(items: "Iterable[Item]") -> "Iterator[Mutant]":
+    """Compute every check with each of its faults.
+
+    Yields
+    ------
+    Mutant
+        One a fault; comparisons have none.
+
+    Raises
+    ------
+    MissingExtraError
+        If a check needs a package that is not installed.
+    """
+    for item in items:
+        for fault in item.faults:
+            yield mutant(item, fault)
+
+
+def mutant(item: "Item", fault: Fault) -> Mutant:
+    """Return a check as it is with one fault."""
+    with fault.applied():
+        try:
+            got = float(item.compute())
+        except MissingExtraError:
+            raise
+        except CnnumError:  # the library itself noticed
+            got = float("nan")
+    return Mutant(item, fault, got, not item.error(got) <= item.tolerance)
+
+
+def _forget() -> None:
+    """Forget what the table and the closed forms remember."""
+    for key, module in list(sys.modules.items()):
+        if key.startswith(CACHED):
+            for value in list(vars(module).values()):
+                if hasattr(type(value), "cache_clear"):
+                    value.cache_clear()
