@@ -6,7 +6,6 @@ import numpy as np
 
 from cnnum.arrays import Floats, largest
 from cnnum.design.experiment import WEIGHT, Value
-from cnnum.errors import TemplateError
 from cnnum.templating.numbers import on_grid
 from cnnum.templating.template import Template
 
@@ -14,31 +13,21 @@ Parts = dict[str, Floats]
 
 
 def weights_of(template: Template, place: Mapping[str, Value], rng: np.random.Generator) -> Parts:
-    """Return A, B and z of a run.
+    """Return A, B and z of a run; the order of the axes changes nothing.
 
     Mismatch multiplies every number by 1 plus a normal number of that width. Of b bits, a number
     is a whole multiple of the largest of its matrix over 2^(b−1) − 1.
-
-    Raises
-    ------
-    TemplateError
-        If a weight is beyond the neighbourhood.
     """
     parts: Parts = {"A": template.A.copy(), "B": template.B.copy(), "z": template.z.copy()}
     for name, value in place.items():
         if WEIGHT.fullmatch(name):
             row, col = (int(n) for n in name[2:-1].split(","))
-            kernel = parts[name[0]]
-            if max(row, col) >= kernel.shape[-1]:
-                raise TemplateError(
-                    f"The axis '{name}' names a weight beyond the {kernel.shape[-1]}×"
-                    f"{kernel.shape[-1]} cells of '{template.name}'."
-                )
-            kernel[..., row, col] = float(value)
-        elif name in ("A", "B"):
-            parts[name] *= float(value)
-        elif name == "z":
-            parts["z"][:] = float(value)
+            parts[name[0]][..., row, col] = float(value)
+    for name in ("A", "B"):
+        if name in place:
+            parts[name] *= float(place[name])
+    if "z" in place:
+        parts["z"][:] = float(place["z"])
     if "bits" in place:
         parts = {key: rounded(part, int(place["bits"])) for key, part in parts.items()}
     width = float(place.get("mismatch", 0.0))

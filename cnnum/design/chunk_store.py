@@ -5,10 +5,11 @@ import json
 import shutil
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cnnum.arrays import Floats
 from cnnum.errors import TemplateFileError
 from cnnum.safety.files import write_whole
 
@@ -59,19 +60,17 @@ class ChunkStore:
             if not self._file(task).exists():
                 yield task
 
-    def write(self, task: tuple[int, int], figures: dict[str, Floats]) -> None:
+    def write(self, task: tuple[int, int], figures: dict[str, NDArray[Any]]) -> None:
         """Keep the results of a task, whole or not at all."""
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **figures)
         write_whole(self._file(task), buffer.getvalue())
 
-    def read(self, tasks: Sequence[tuple[int, int]]) -> dict[str, Floats]:
-        """Return the results of all tasks, in their order."""
-        parts = list[dict[str, Floats]]()
+    def read(self, tasks: Sequence[tuple[int, int]]) -> Iterator[dict[str, NDArray[Any]]]:
+        """Yield the results of all tasks, in their order."""
         for task in tasks:
             with np.load(self._file(task), allow_pickle=False) as found:
-                parts.append({name: found[name] for name in found.files})
-        return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+                yield {name: found[name] for name in found.files}
 
     def remove(self) -> None:
         """Remove the folder: all its results are elsewhere."""

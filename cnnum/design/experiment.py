@@ -5,8 +5,9 @@ A run is a place on the axes, and knows its own random numbers: no order of runs
 
 import itertools
 import math
+import operator
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from os import PathLike
 from pathlib import Path
@@ -15,8 +16,13 @@ from typing import Any, cast
 import numpy as np
 
 from cnnum.arrays import digest
-from cnnum.errors import TemplateError
+from cnnum.embedded.formats import precision_named
+from cnnum.engines.backend import PRECISIONS, backend_names
+from cnnum.errors import TemplateError, name_error
+from cnnum.integrators.stability import METHODS
 from cnnum.runs.chip import MOST_BITS
+from cnnum.safety.values import is_real
+from cnnum.templating.boundary import parse_boundary
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.files import toml_values as toml
 from cnnum.templating.library import get_template
@@ -43,6 +49,14 @@ WIDTHS = ("noise", "mismatch", "offset", "drift", "chip_noise", "chip_mismatch")
 """Axes of standard deviations."""
 
 WEIGHT = re.compile(r"[AB]\[\d+, ?\d+\]")
+WORDS = ("precision", "method", "boundary")
+"""Axes of names; a boundary may be a number, too."""
+
+RUN_METHODS = ("auto", "propagator", *METHODS)
+
+FORM = "failures apart"
+"""Of results: those of another form are not gone on with."""
+
 DRAW = "draw"
 MOST_RUNS = 100_000_000
 
@@ -57,13 +71,13 @@ class Experiment:
         Name in the library, or file.
     axes : mapping of str to tuple
         Values by the axis: "boundary", "size", "precision", "method", "tau", "z", single weights as
-        in "A[0, 1]". "A" and "B" are factors of all their weights. "noise" is the standard
-        deviation of the inputs. "mismatch" is that of all weights, as a share, alike in all cells.
-        "offset" is that of a bias of each cell. "drift" is that of a bias that grows along a line:
-        of its slope times the array's half diagonal. "bits" are of weights, matrix by matrix. Those
-        of a `Chip`: "weight_bits", "state_bits" (of maps, which saturate at 1) and "chip_noise" (of
-        the output). "chip_mismatch" is of B and z, each cell's own. "chip_seed" is drawn anew for
-        each run unless given.
+        in "A[0, 1]". "A" and "B" are factors of all their weights, of those that an axis sets, too.
+        "noise" is the standard deviation of the inputs. "mismatch" is that of all weights, as a
+        share, alike in all cells. "offset" is that of a bias of each cell. "drift" is that of a
+        bias that grows along a line: of its slope times the array's half diagonal. "bits" are of
+        weights, matrix by matrix. Those of a `Chip`: "weight_bits", "state_bits" (of maps, which
+        saturate at 1) and "chip_noise" (of the output). "chip_mismatch" is of B and z, each cell's
+        own. "chip_seed" is drawn anew for each run unless given.
     draws : int
         Of the random numbers, at each place.
     pictures : int
@@ -75,6 +89,11 @@ class Experiment:
     chunk : int
         Runs a task; measured at the first one where it is 0. Whole multiples of 512 give the same
         bits as any others of them.
+
+    Raises
+    ------
+    TemplateError, UnknownNameError
+        If there is no such axis, value, engine or weight, or the template has no check.
     """
 
     template: str
@@ -87,24 +106,29 @@ class Experiment:
     chunk: int = 0
 
     def __post_init__(self) -> None:
-        for name, values in self.axes.items():
-            if name not in (*OUTER, *INNER) and not WEIGHT.fullmatch(name):
-                raise TemplateError(
-                    f"Unknown axis '{name:.40}': expected one of {', '.join((*OUTER, *INNER))}, or "
-                    "a weight such as 'A[0, 1]'."
-                )
-            if not values:
+        axes = dict[str, tuple[Value, ...]]()
+        for given, values in self.axes.items():
+            name = _axis_name(given)
+            if name in axes:
+                raise TemplateError(f"The axis '{name}' is given twice.")
+            axes[name] = tuple(_plain_value(name, value) for value in values)
+            if not axes[name]:
                 raise TemplateError(f"The axis '{name}' needs at least one value, got none.")
-            _check_values(name, values)
+        object.__setattr__(self, "axes", axes)
+        for part in ("draws", "pictures", "seed", "chunk"):
+            object.__setattr__(self, part, _whole(part, getattr(self, part)))
+        if self.engine not in backend_names():
+            raise name_error("engine", self.engine, backend_names())
         if min(self.draws, self.pictures) < 1 or self.runs > MOST_RUNS:
             raise TemplateError(
                 f"An experiment has 1 to {MOST_RUNS:,} runs, and at least one draw and one "
                 f"picture, got {self.runs:,} runs."
             )
-        if isinstance(self.duration, str | None):
-            right = self.duration in (None, "settle")
+        if is_real(self.duration):
+            object.__setattr__(self, "duration", float(self.duration))
+            right = self.duration > 0.0
         else:
-            right = 0.0 < self.duration < math.inf
+            right = self.duration is None or self.duration == "settle"
         if not right:
             raise TemplateError(
                 "The duration of an experiment is a number above 0 or 'settle', got "
@@ -116,6 +140,8 @@ class Experiment:
                 f"The axis '{min(own)}' is of chips, which have linear couplings, at once and "
                 f"constant in time: '{self.base.name}' has others."
             )
+        for name in axes:
+            _refuse_missing_weight(self.base, name)
 
     @property
     def base(self) -> Template:
@@ -155,12 +181,12 @@ class Experiment:
 
     @property
     def key(self) -> str:
-        """Digest of all that changes a result."""
+        """Digest of all that changes a result, and of the form that results have."""
         kept = [
             getattr(self, one.name) for one in fields(self) if one.name not in ("chunk", "axes")
         ]
         axes = tuple((name, self.axes[name]) for name in self.order[:-1])
-        return digest(*map(str, kept), str(axes), self.base.digest)
+        return digest(FORM, *map(str, kept), str(axes), self.base.digest)
 
     def place(self, run: int) -> dict[str, Value]:
         """Return the values on the axes of a run."""
@@ -221,21 +247,77 @@ def _value(file: str, key: str, value: object) -> Value:
     return value if isinstance(value, str) else toml.number(file, key, value)
 
 
-def _check_values(name: str, values: Sequence[Value]) -> None:
-    words = {"precision", "method", "boundary"}
-    for value in values:
-        if isinstance(value, str) and name not in words:
+def _axis_name(given: object) -> str:
+    """Return the name of an axis, that of a weight in one way."""
+    name = str(given)
+    if WEIGHT.fullmatch(name):
+        row, col = (int(number) for number in name[2:-1].split(","))
+        return f"{name[0]}[{row}, {col}]"
+    if name not in (*OUTER, *INNER):
+        raise TemplateError(
+            f"Unknown axis '{name:.40}': expected one of {', '.join((*OUTER, *INNER))}, or "
+            "a weight such as 'A[0, 1]'."
+        )
+    return name
+
+
+def _plain_value(name: str, value: object) -> Value:
+    """Return a value of an axis as a text or a float, so that equal experiments are equal.
+
+    Raises
+    ------
+    TemplateError, UnknownNameError
+        If the axis has no such value.
+    """
+    if isinstance(value, str):
+        if name == "method" and value not in RUN_METHODS:
+            raise name_error("method", value, RUN_METHODS)
+        if name == "precision" and value not in PRECISIONS:
+            precision_named(value)  # refuses what is no name
+        if name == "boundary":
+            parse_boundary(value)
+        if name not in WORDS:
             raise TemplateError(f"The axis '{name}' takes numbers, got '{value:.40}'.")
-        least = (dict.fromkeys(WIDTHS, 0.0) | dict.fromkeys(BITS, 2.0)
-                 | {"tau": 1e-9, "size": 1.0, "chip_seed": 0.0}).get(name)  # fmt: skip
-        if least is not None and not (isinstance(value, int | float) and value >= least):
-            raise TemplateError(f"The axis '{name}' takes numbers from {least:g}, got {value}.")
-        if name in BITS and not (float(value).is_integer() and float(value) <= MOST_BITS):
-            raise TemplateError(
-                f"The axis '{name}' takes whole numbers from 2 to {MOST_BITS}, got {value}."
-            )
-        if name == "chip_seed" and not float(value).is_integer():
-            raise TemplateError(f"The axis '{name}' takes whole numbers, got {value}.")
+        return str(value)
+    if isinstance(value, bool | np.bool_) or not is_real(value) or name in ("method", "precision"):
+        kind = "names" if name in ("method", "precision") else "finite numbers"
+        raise TemplateError(f"The axis '{name}' takes {kind}, got {value!r:.40}.")
+    number = float(value)
+    least = (dict.fromkeys(WIDTHS, 0.0) | dict.fromkeys(BITS, 2.0)
+             | {"tau": 1e-9, "size": 1.0, "chip_seed": 0.0}).get(name)  # fmt: skip
+    if least is not None and number < least:
+        raise TemplateError(f"The axis '{name}' takes numbers from {least:g}, got {value}.")
+    if name in BITS and not (number.is_integer() and number <= MOST_BITS):
+        raise TemplateError(
+            f"The axis '{name}' takes whole numbers from 2 to {MOST_BITS}, got {value}."
+        )
+    if name in ("chip_seed", "size") and not number.is_integer():
+        raise TemplateError(f"The axis '{name}' takes whole numbers, got {value}.")
+    return number
+
+
+def _whole(part: str, value: Any) -> int:
+    try:
+        number = operator.index(value)
+    except TypeError:
+        number = -1
+    if isinstance(value, bool) or number < 0:
+        raise TemplateError(f"'{part}' is a whole number from 0, got {value!r:.40}.")
+    return number
+
+
+def _refuse_missing_weight(template: Template, name: str) -> None:
+    """Refuse an axis of weights that the template does not have."""
+    if name[0] not in "AB" or name[1:2] not in ("", "["):
+        return
+    kernels = template.A if name[0] == "A" else template.B
+    if not kernels.size:
+        raise TemplateError(f"The axis '{name}' is of inputs, and '{template.name}' has none.")
+    size = kernels.shape[-1]
+    if name[1:] and max(int(number) for number in name[2:-1].split(",")) >= size:
+        raise TemplateError(
+            f"The axis '{name}' names a weight beyond the {size}×{size} cells of '{template.name}'."
+        )
 
 
 def grid(experiment: Experiment) -> Iterator[tuple[Value, ...]]:

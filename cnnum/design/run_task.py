@@ -1,39 +1,59 @@
 """One task of a sweep: runs of one launch, each judged by the template's check."""
 
+import itertools
 from dataclasses import replace
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.design import on_chip
 from cnnum.design.changed_weights import biases_of, weights_of
 from cnnum.design.experiment import DRAW, OUTER, Experiment, Value
 from cnnum.engine import Engine
-from cnnum.errors import CnnumError
+from cnnum.errors import (
+    ArrayError,
+    MethodError,
+    NotSupportedError,
+    SizeError,
+    TemplateError,
+)
 from cnnum.runs.chip import Chip
 from cnnum.runs.result import Result
+from cnnum.safety.memory import refuse_on_host
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks.records import Case
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.template import Template
 
-Figures = dict[str, Floats]
+Figures = dict[str, NDArray[Any]]
 
 NAMES = ("error", "wrong", "flipped", "settled", "time", "steps")
 """Figures of every run. They are the largest error, the share of wrong cells, and whether there is
 one. Then come the share of pictures that rest, the longest time in time constants, and most
 steps."""
 
+REASON = "reason"
+"""Why a run failed, a sentence; empty where it came to its end. Its figures are NaN."""
+
+LONGEST_REASON = 300
+"""Signs of a reason that are kept."""
+
+OWN_FAILURES = (MethodError, NotSupportedError, ArrayError, SizeError, TemplateError)
+"""Errors of what a run is given, which count as its failure. Any other stops the sweep: it is the
+machine's, and would fail every run alike."""
+
 BLOCK = 512
 """Runs of a launch."""
+
+PICTURE_BYTES = 64
+"""Of a cell of the check's pictures, which are at least some of float64 at once."""
 
 HALF = 0.5
 FAR = 1e30
 """A state at which every bounded output has its largest magnitude."""
-
-LOST = np.inf
 
 
 @cache
@@ -57,12 +77,32 @@ def run_task(experiment: Experiment, first: int, last: int) -> Figures:
     Returns
     -------
     dict of str to (runs,) float
+        Those of `NAMES`, and under "reason" (runs,) str.
+
+    Raises
+    ------
+    CnnumError
+        If the check's case cannot be made, or the engine cannot run at all.
     """
     begin = first - first % experiment.launched
     ends = [*range(first + BLOCK - (first - begin) % BLOCK, last, BLOCK), last]
     starts = [first, *ends[:-1]]
     parts = [_block(experiment, *block) for block in zip(starts, ends, strict=True)]
-    return {name: np.concatenate([part[name] for part in parts]) for name in NAMES}
+    return {name: np.concatenate([part[name] for part in parts]) for name in (*NAMES, REASON)}
+
+
+def refuse_launches(experiment: Experiment) -> None:
+    """Make the case of every launch once, so that one that cannot be made is said at the start.
+
+    Raises
+    ------
+    CnnumError
+        If the template has no case at a boundary, size or time constant of the axes.
+    """
+    outer = [name for name in ("boundary", "size", "tau") if name in experiment.axes]
+    for values in itertools.product(*(experiment.axes[name] for name in outer)):
+        shared = dict(zip(outer, values, strict=True))
+        _case(replace(experiment, pictures=1), _form(experiment.base, shared), shared)
 
 
 def _block(experiment: Experiment, first: int, last: int) -> Figures:
@@ -92,11 +132,11 @@ def _block(experiment: Experiment, first: int, last: int) -> Figures:
         result = _run(engine, template, case, drawn, held, chips, method)
         shown = replace(result, output=on_chip.read(chips, list(result.output)))
         return _judged(template, shown, expected)
-    except CnnumError:
+    except OWN_FAILURES as error:
         if last - first == 1:
-            return _lost()  # it diverges, or does not reach its end
+            return _failed(str(error))  # it diverges, or does not reach its end
         parts = [_block(experiment, run, run + 1) for run in range(first, last)]
-        return {name: np.concatenate([part[name] for part in parts]) for name in NAMES}
+        return {name: np.concatenate([part[name] for part in parts]) for name in (*NAMES, REASON)}
 
 
 def _biased(template: Template, case: Case, maps: Floats) -> Floats:
@@ -127,6 +167,7 @@ def _form(base: Template, shared: dict[str, Value]) -> Template:
 def _case(experiment: Experiment, template: Template, shared: dict[str, Value]) -> Case:
     """Return the check's case, with the experiment's number of pictures, evenly taken."""
     side = int(float(shared.get("size", 8)))
+    refuse_on_host("A picture of the check", (side, side), PICTURE_BYTES)
     rng = np.random.default_rng(experiment.seed)
     case = form_of(template).cases(template, rng, (side, side))
     maps = {key: getattr(case, key) for key in ("input", "previous", "state", "bias", "mask")}
@@ -171,7 +212,8 @@ def _judged(template: Template, result: Result, expected: Floats) -> Figures:
     form = form_of(template)
     found = np.asarray(getattr(result, form.compares), dtype=np.float64)
     runs = len(found)
-    apart = np.abs(found - expected).reshape(runs, -1)
+    with np.errstate(invalid="ignore"):  # of infinite numbers, which are no answer
+        apart = np.abs(found - expected).reshape(runs, -1)
     wrong = (apart > (HALF if form.digital else form.tolerance)).mean(axis=1)
     far = form.compares == "output" and np.abs(expected).max() > _reach(template) + form.tolerance
     if far or not np.isfinite(expected).all():
@@ -181,7 +223,7 @@ def _judged(template: Template, result: Result, expected: Floats) -> Figures:
     def of(values: Any) -> Floats:
         return np.asarray(values, dtype=np.float64).reshape(runs, -1)
 
-    return {
+    figures: Figures = {
         "error": apart.max(axis=1),
         "wrong": wrong,
         "flipped": np.where(np.isnan(wrong), np.nan, wrong > 0.0),
@@ -189,6 +231,10 @@ def _judged(template: Template, result: Result, expected: Floats) -> Figures:
         "time": of(result.time).max(axis=1),
         "steps": of(result.steps).max(axis=1),
     }
+    lost = ~np.isfinite(found.reshape(runs, -1)).all(axis=1)
+    for values in figures.values():
+        values[lost] = np.nan
+    return figures | {REASON: np.where(lost, "The result is not finite.", "")}
 
 
 def _reach(template: Template) -> float:
@@ -196,16 +242,9 @@ def _reach(template: Template) -> float:
     return float(np.abs(template.output.numpy(np.array([-FAR, FAR]))).max())
 
 
-def _lost() -> Figures:
-    values = {
-        "error": LOST,
-        "wrong": 1.0,
-        "flipped": 1.0,
-        "settled": 0.0,
-        "time": LOST,
-        "steps": 0.0,
-    }
-    return {name: np.array([values[name]]) for name in NAMES}
+def _failed(reason: str) -> Figures:
+    figures: Figures = {name: np.array([np.nan]) for name in NAMES}
+    return figures | {REASON: np.array([reason[:LONGEST_REASON]])}
 
 
-__all__ = ["DRAW", "NAMES", "run_task"]
+__all__ = ["DRAW", "NAMES", "REASON", "refuse_launches", "run_task"]

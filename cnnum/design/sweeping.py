@@ -1,8 +1,9 @@
 """Sweeps: all runs of an experiment, here or on a Dask cluster, into one dataset."""
 
+import re
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from os import PathLike
@@ -10,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cnnum.arrays import Floats
 from cnnum.design.chunk_store import ChunkStore
 from cnnum.design.experiment import DRAW, Experiment
-from cnnum.design.run_task import BLOCK, run_task
+from cnnum.design.run_task import BLOCK, NAMES, REASON, Figures, refuse_launches, run_task
 from cnnum.errors import TemplateFileError, missing_extra
 from cnnum.safety.files import write_whole
 from cnnum.sharing.tables import dataset
@@ -37,7 +38,9 @@ class Sweep:
     Attributes
     ----------
     results : xarray.Dataset
-        The figures of every run, on the experiment's axes.
+        The figures of every run, on the experiment's axes. `failed` is 0 where a run came to its
+        end, else the number of the reason among those of the attribute "reasons", a line each; the
+        figures of such a run are NaN.
     path : Path or None
         The file that was written.
     tasks, run_now : int
@@ -84,7 +87,10 @@ def sweep(
         If xarray, or Dask where it is asked for, is not installed.
     TemplateFileError
         If the path has another suffix, or belongs to another experiment.
+    CnnumError
+        If a launch of the experiment cannot be made.
     """
+    refuse_launches(experiment)
     begin, target = time.perf_counter(), None if path is None else _target(Path(path))
     if target is None:
         with tempfile.TemporaryDirectory() as folder:
@@ -125,7 +131,7 @@ def _swept(
     return Sweep(results, target, len(tasks), len(missing), time.perf_counter() - begin, middle)
 
 
-def timed_task(experiment: Experiment, task: Task) -> tuple[Task, dict[str, Floats], float]:
+def timed_task(experiment: Experiment, task: Task) -> tuple[Task, Figures, float]:
     """Return a task, its results, and the seconds that it took."""
     begin = time.perf_counter()
     figures = run_task(experiment, *task)
@@ -134,14 +140,14 @@ def timed_task(experiment: Experiment, task: Task) -> tuple[Task, dict[str, Floa
 
 def _here(
     experiment: Experiment, tasks: Sequence[Task], _: str
-) -> Iterator[tuple[Task, dict[str, Floats], float]]:
+) -> Iterator[tuple[Task, Figures, float]]:
     for task in tasks:
         yield timed_task(experiment, task)
 
 
 def _on_cluster(
     experiment: Experiment, tasks: Sequence[Task], scheduler: str
-) -> Iterator[tuple[Task, dict[str, Floats], float]]:
+) -> Iterator[tuple[Task, Figures, float]]:
     """Yield results as the workers of a cluster have them; those of a lost one are run again."""
     try:
         distributed: Any = import_module("dask.distributed")
@@ -165,16 +171,48 @@ def _measured(experiment: Experiment) -> int:
     return int(BLOCK * min(MOST, max(1, blocks)))
 
 
-def _dataset(experiment: Experiment, figures: dict[str, Floats]) -> Any:
+def _dataset(experiment: Experiment, parts: Iterable[Figures]) -> Any:
     axes, shape = experiment.order, experiment.shape
-    variables = {name: (axes, values.reshape(shape)) for name, values in figures.items()}
+    figures: dict[str, list[NDArray[Any]]] = {name: [] for name in (*NAMES, "failed")}
+    reasons = dict[str, tuple[int, str]]()
+    for part in parts:
+        for name in NAMES:
+            figures[name].append(part[name])
+        figures["failed"].append(_numbered(part[REASON], reasons))
+    variables = {
+        name: (axes, np.concatenate(each).reshape(shape)) for name, each in figures.items()
+    }
     coordinates = {name: ((name,), list(experiment.axes[name])) for name in axes if name != DRAW}
     for name, ((axis,), values) in coordinates.items():
         if len({isinstance(value, str) for value in values}) > 1:
             coordinates[name] = ((axis,), [str(value) for value in values])
-    return dataset(
-        variables, coordinates, {"template": experiment.template, "experiment": experiment.key}
-    )
+    attributes = {"template": experiment.template, "experiment": experiment.key}
+    if reasons:
+        attributes["reasons"] = "\n".join(sentence for _, sentence in reasons.values())
+    return dataset(variables, coordinates, attributes)
+
+
+def _numbered(sentences: NDArray[Any], reasons: dict[str, tuple[int, str]]) -> NDArray[np.int32]:
+    """Return the number of each run's reason, 0 for none; those that differ in numbers are one."""
+    found = np.zeros(len(sentences), dtype=np.int32)
+    for run in np.flatnonzero(sentences != "").tolist():
+        sentence = " ".join(str(sentences[run]).split())
+        kind = re.sub(r"[-+]?\d[\d.,]*(e[-+]?\d+)?", "#", sentence)
+        found[run] = reasons.setdefault(kind, (len(reasons) + 1, sentence))[0]
+    return found
+
+
+def failures(results: Any) -> dict[str, int]:
+    """Return how many runs of a sweep failed, by the reason.
+
+    Parameters
+    ----------
+    results : xarray.Dataset
+        Of a sweep.
+    """
+    counts = np.bincount(results["failed"].values.ravel())[1:].tolist()
+    sentences = str(results.attrs.get("reasons", "")).split("\n")
+    return dict(zip(sentences, counts, strict=False))
 
 
 def _target(path: Path) -> Path:

@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from cnnum.design.sweeping import failures
 from cnnum.report.environment import Environment
 from cnnum.report.html import document, paragraph, section
 from cnnum.report.plots import inline_svg, page_style
@@ -16,6 +17,7 @@ FIGURES = (
     ("error", "largest error"),
     ("time", "longest run, τ"),
     ("settled", "share of pictures at rest"),
+    ("lost", "share of runs that failed"),
 )
 LOGARITHMIC = ("error", "time")
 """Figures that may span decades."""
@@ -38,6 +40,7 @@ def write_page(place: Path, results: Any) -> Path:
 
 def page(results: Any) -> str:
     """Return the page's text."""
+    results = results.assign(lost=(results["failed"] > 0).astype("float64"))
     axes = [name for name in results.sizes if name != "draw" and results.sizes[name] > 1]
     numeric = [name for name in axes if results[name].dtype.kind == "f"]
     pairs = list(itertools.combinations(numeric, 2))[:MOST_PAIRS]
@@ -48,6 +51,8 @@ def page(results: Any) -> str:
     here = Environment.here("")
     sizes = " × ".join(_size(str(name), count) for name, count in results.sizes.items())
     lead = paragraph(f"{sizes}. Each point is the mean over all other axes.", "lead")
+    for reason, count in failures(results).items():
+        lead += paragraph(f"{count} of {results['failed'].size} runs failed: {reason}", "note")
     foot = paragraph(f"Written by “cnnum sweep --page” on {here.date}; {here.machine}.", "note")
     attributes = json.dumps({key: str(value) for key, value in results.attrs.items()})
     return document(
@@ -79,7 +84,8 @@ def _lines(results: Any, axis: str) -> str:
             constant.append(f"{label}: infinite everywhere")
             continue
         if np.nanmax(means) == np.nanmin(means):
-            constant.append(f"{label}: {np.nanmin(means):.3g} everywhere")
+            if name != "lost" or means[0] > 0.0:
+                constant.append(f"{label}: {np.nanmin(means):.3g} everywhere")
             continue
         figure: Any = Figure(figsize=(4.4, 2.8), layout="constrained")
         plot = figure.add_subplot()
@@ -91,9 +97,9 @@ def _lines(results: Any, axis: str) -> str:
             plot.set_xticks(places, [str(value) for value in values])
         panels.append(f'<div class="plot">{inline_svg(figure, f"{label} along {axis}")}</div>')
     if unknown:
-        constant.append(
-            f"{', '.join(unknown)}: not known, for the template's check ends before cells saturate"
-        )
+        ends = "the template's check ends before cells saturate"
+        why = "every run failed" if bool((results["lost"] == 1.0).all()) else ends
+        constant.append(f"{', '.join(unknown)}: not known, for {why}")
     note = paragraph("; ".join(constant).capitalize() + ".", "note") if constant else ""
     return f'<div class="panels">{"".join(panels)}</div>{note}'
 

@@ -73,9 +73,10 @@ def stability_class(template: Template, shape: Shape = (8, 8)) -> StabilityClass
         return StabilityClass(
             "unknown", "Its output is linear: it rests if every mode decays, which its rates say."
         )
-    if (alone := _uncoupled(template)) is not None:
+    bounded = math.isfinite(bound) or OUTPUT_FUNCTIONS.get(output.name) is output
+    if (alone := _uncoupled(template, bounded)) is not None:
         return alone
-    if not (math.isfinite(bound) or OUTPUT_FUNCTIONS.get(output.name) is output):
+    if not bounded:
         return StabilityClass("unknown", "No bound is known on its states, which rest needs.")
     return (
         _symmetric(template)
@@ -104,7 +105,7 @@ def _contracting(template: Template) -> StabilityClass | None:
     )
 
 
-def _uncoupled(template: Template) -> StabilityClass | None:
+def _uncoupled(template: Template, bounded: bool) -> StabilityClass | None:
     """A cell of its own is an equation of one state, which rests wherever it is bounded."""
     middle = template.A.shape[-1] // 2
     others = template.A.copy()
@@ -113,7 +114,8 @@ def _uncoupled(template: Template) -> StabilityClass | None:
         return None
     own, output = float(template.A[0, 0, middle, middle]), template.output
     cells = f"Cells act on themselves alone, with a00 = {own:g}"
-    if max(own * slope for slope in output.slope) <= 1.0:
+    steepest = max(own * slope for slope in output.slope)
+    if steepest < 1.0 or (steepest == 1.0 and bounded):
         # −x + a f(x) never rises, and is flat where the product is 1
         exactly = ", or stays where its drive is exactly in balance" if own > 0.0 else ""
         limit = "at most 1" if output.slope == (0.0, 1.0) else "too small for two ends"

@@ -1,8 +1,12 @@
 """Sweeps: judged as the template's check judges, in any chunks, on one machine or a cluster."""
 
 import itertools
+import json
 import os
+import re
 import signal
+import subprocess
+import sys
 import threading
 from dataclasses import replace
 from html import unescape
@@ -13,10 +17,17 @@ from scipy.special import erfc
 
 from cnnum import Chip, Engine, get_template
 from cnnum.design import sweep
-from cnnum.design.changed_weights import biases_of
+from cnnum.design.changed_weights import biases_of, weights_of
 from cnnum.design.experiment import Experiment, load_experiment
 from cnnum.design.run_task import _case, run_task
-from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.design.sweeping import failures
+from cnnum.errors import (
+    DeviceError,
+    SizeError,
+    TemplateError,
+    TemplateFileError,
+    UnknownNameError,
+)
 from cnnum.report.sweep_page import page
 from cnnum.templating.checks.registry import form_of
 from cnnum.templating.checks.robustness import flips
@@ -181,6 +192,129 @@ def test_results_of_another_experiment_are_refused(tmp_path):
     (folder / "manifest.json").write_text('{"key": "another", "chunk": 3}')
     with pytest.raises(TemplateFileError, match="another experiment"):
         sweep(small(), path)
+
+
+BAD_AXES = {
+    'method = ["auto", "exact", "rungekutta"]': "Unknown method 'exact'",
+    'method = ["auto", 3]': "'method' takes names, got 3",
+    'precision = ["float16"]': "Unknown precision 'float16'",
+    'boundary = ["mirror"]': "Unknown boundary 'mirror'",
+    "size = [8.5]": "'size' takes whole numbers, got 8.5",
+    "tau = [inf]": "'tau' takes finite numbers",
+    "noise = [nan]": "'noise' takes finite numbers",
+    '"A[3, 1]" = [1.0]': "beyond the 3×3 cells of 'HOLE'",
+    '"A[1, 1]" = [1.0]\n"A[1,1]" = [2.0]': "'A[1, 1]' is given twice",
+}
+
+
+@pytest.mark.parametrize("axis", BAD_AXES)
+def test_axes_that_cannot_be_run_are_refused_at_the_start(tmp_path, axis):
+    """Before, they were flips."""
+    (tmp_path / "e.toml").write_text(f'template = "HOLE"\nengine = "numba"\n[axes]\n{axis}\n')
+    with pytest.raises((TemplateError, UnknownNameError), match=re.escape(BAD_AXES[axis])):
+        load_experiment(tmp_path / "e.toml")
+
+
+def test_a_bad_axis_is_a_mistake_of_the_user(tmp_path):
+    (tmp_path / "e.toml").write_text('template = "HOLE"\n[axes]\nmethod = ["auto", "exact"]\n')
+    found = cnnum_command(tmp_path, "sweep", "e.toml")
+    assert found.returncode == 2
+    assert "Unknown method 'exact'" in found.stderr
+    assert not list(tmp_path.glob("e.nc*"))
+
+
+def cnnum_command(folder, *words):
+    return subprocess.run(
+        [sys.executable, "-m", "cnnum", *words], cwd=folder, capture_output=True, text=True
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"engine": "cuda"}, "Unknown engine 'cuda'"),
+        ({"draws": 2.5}, "'draws' is a whole number"),
+        ({"axes": {"B": (1.0,)}, "template": "RECALL_WITHOUT_INPUT"}, "Unknown template"),
+        ({"axes": {"z": (10**400,)}}, "'z' takes finite numbers"),
+        ({"axes": {"z": (True,)}}, "'z' takes finite numbers"),
+    ],
+)
+def test_parts_of_an_experiment_are_refused(changes, words):
+    with pytest.raises((TemplateError, UnknownNameError), match=words):
+        small(**changes)
+
+
+def test_a_case_that_cannot_be_made_is_refused_before_any_run():
+    with pytest.raises(SizeError, match="picture of the check of 10000000×10000000 cells"):
+        sweep(small(axes={"size": (8.0, 1e7)}))
+
+
+def test_runs_that_fail_are_counted_apart_with_their_reasons(tmp_path):
+    """HOLE has no propagator: no flips, but failures; those of the other methods are judged."""
+    axes = {"method": ("euler", "propagator"), "A[1, 1]": (3.0, 3.5)}
+    found = sweep(small(axes=axes, draws=2)).results
+    failed = found["failed"].sel({"method": "propagator"})
+    assert (failed > 0).all()
+    assert (found["failed"].sel({"method": "euler"}) == 0).all()
+    assert np.isnan(found["flipped"].sel({"method": "propagator"})).all()
+    assert (found["flipped"].sel({"method": "euler"}) == 0.0).all()
+    ((sentence, count),) = failures(found).items()
+    assert count == 4
+    assert "has no propagator" in sentence
+    text = page(found)
+    assert "4 of 8 runs failed: " in unescape(text)
+    assert "share of runs that failed" in text
+
+
+@pytest.mark.parametrize("methods", ['["propagator"]', '["propagator", "euler"]'])
+def test_failures_are_printed_and_a_sweep_of_nothing_else_has_failed(tmp_path, methods):
+    text = f'template = "HOLE"\nengine = "numba"\n[axes]\nmethod = {methods}\n'
+    (tmp_path / "e.toml").write_text(text)
+    found = cnnum_command(tmp_path, "sweep", "e.toml", "--json")
+    record = json.loads(found.stdout)
+    assert record["failed"] == 1
+    assert list(record["reasons"].values()) == [1]
+    assert record["judged"] == methods.count(",")
+    assert found.returncode == 1 - record["judged"]
+
+
+def test_an_answer_that_is_not_finite_is_a_failure_and_no_success():
+    axes = {"A[1, 1]": (0.5, 1e3)}
+    experiment = Experiment("tactile_diffusion", axes=axes, engine="numba", duration=5.0)
+    with np.errstate(all="ignore"):
+        found = sweep(experiment).results
+    assert found["failed"].values.ravel().tolist() == [0, 1]
+    assert np.isnan(found["flipped"].values.ravel()[1])
+
+
+def test_what_fails_in_the_machine_stops_a_sweep(monkeypatch):
+    def lost(*_, **__):
+        raise DeviceError("The device is gone.")
+
+    monkeypatch.setattr(Engine, "run", lost)
+    with pytest.raises(DeviceError, match="is gone"):
+        sweep(small())
+
+
+def test_a_factor_scales_a_weight_that_is_set_in_any_order():
+    one, other = {"A": (0.5,), "A[1, 1]": (2.0,)}, {"A[1, 1]": (2.0,), "A": (0.5,)}
+    template, rng = get_template("HOLE"), np.random.default_rng(0)
+    for axes in (one, other):
+        parts = weights_of(template, small(axes=axes).place(0), rng)
+        assert parts["A"][0, 0, 1, 1] == 1.0
+
+
+def test_equal_experiments_have_equal_keys():
+    """Whatever types their numbers have, and however a weight's name is spaced."""
+    plain = small(axes={"A[0, 1]": (0.5, 2.0), "size": (8.0,)}, duration=3.0)
+    others = [
+        small(axes={"A[0,1]": (0.5, 2), "size": (8,)}, duration=3),
+        small(axes={"A[0, 1]": np.array([0.5, 2.0]), "size": np.arange(8, 9)}, duration=3.0),
+        small(axes={"A[0, 1]": (np.float32(0.5), np.float64(2.0)), "size": (np.int64(8),)},
+              duration=np.float64(3.0), draws=np.int64(6)),
+    ]  # fmt: skip
+    assert {one.key for one in others} == {plain.key}
+    assert small(axes={"A[0, 1]": (0.5, 3.0), "size": (8.0,)}, duration=3.0).key != plain.key
 
 
 @pytest.mark.parametrize(

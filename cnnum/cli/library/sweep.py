@@ -1,5 +1,6 @@
 """`cnnum sweep`: an experiment over weights, sizes, noise and mismatch, here or on a cluster."""
 
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +39,13 @@ def command(
     """Run the sweep of the TOML file EXPERIMENT.
 
     Results go to the file of --output, or in the experiment's folder if none is given. A sweep that
-    was killed goes on where it was, and ends in the same file.
+    was killed goes on where it was, and ends in the same file. Runs that fail are counted apart,
+    with their reasons; where all of them do, the exit code is 1.
     """
     from dataclasses import replace
 
     from cnnum.design.experiment import load_experiment
-    from cnnum.design.sweeping import sweep
+    from cnnum.design.sweeping import failures, sweep
     from cnnum.templating.checks.intervals import wilson
 
     wanted = load_experiment(experiment)
@@ -64,6 +66,8 @@ def command(
     record: dict[str, Any] = {
         "runs": wanted.runs,
         "judged": judged,
+        "failed": int((found.results["failed"] > 0).sum()),
+        "reasons": failures(found.results),
         "file": str(found.path),
         "tasks": found.tasks,
         "run_now": found.run_now,
@@ -80,6 +84,8 @@ def command(
         record["page"] = str(write_page(page, found.results))
     shown.record(record)
     shown.show(facts(_lines(record)))
+    if record["failed"] == wanted.runs:
+        sys.exit(1)
 
 
 def _lines(record: dict[str, Any]) -> list[tuple[str, str]]:
@@ -89,9 +95,13 @@ def _lines(record: dict[str, Any]) -> list[tuple[str, str]]:
     flip = f"{rate} % ({low}-{high} with 95 % confidence)"
     if not record["judged"]:
         flip = "not known: the template's check ends before cells saturate"
+        if record["failed"]:
+            flip = "not known: no run was judged"
     a_task = quantity(record["task_seconds"], "s")
+    failed = [("failed", f"{count:,}: {why}") for why, count in record["reasons"].items()]
     return [
         ("runs", f"{record['runs']:,} in {record['tasks']} tasks, {record['run_now']} of them now"),
+        *failed,
         ("took", f"{quantity(record['seconds'], 's')}, {a_task} a task"),
         ("templates that flip", flip),
         ("file", str(record["file"])),
