@@ -95,11 +95,13 @@ def _of_bumps(
         return {}
     strain = given.get("taxels", "strain") == "strain"
     newtons = bumps.bump_radius**2 * (bumps.youngs_modulus if strain else 1.0)
-    return {
+    facts: dict[str, object] = {
+        "taxels": "strain",
         "bump_pitch": pitch / bumps.bump_radius,
         "bump_depth": bumps.relative_depth,
         "bump_unit" if "bump_unit" in known else "unit": newtons,
     }
+    return {name: value for name, value in facts.items() if name in known}
 
 
 def refuse_unfit(program: Program, spec: SceneSpec, driver: Driver, unit: str) -> None:

@@ -105,6 +105,35 @@ def bump_readings(
     return seen
 
 
+def shear_over_normal(reads: Reads, depth: float) -> float:
+    """Return what the taxel below a bump reads of a shear force, over an equal normal force.
+
+    It is the cover's own finite elements': |ε_xz/ε_zz| or |σ_xz/σ_zz| of the forces alone. They
+    stick to the patch that a rigid plate touches when it presses a quarter of the bump's radius. A
+    narrower patch reads more shear, a wider one less: from patches of 0.2 to 0.63 radii the ratio
+    of strains one radius deep falls from 0.60 to 0.10, and is 0.33 at the 0.47 of the tables.
+
+    Parameters
+    ----------
+    reads : "strain" or "stress"
+    depth : float
+        Of the taxel below the bump's foot, in bump radii, 0.5 to 5.
+
+    Returns
+    -------
+    float
+
+    Raises
+    ------
+    PhysicsError
+        If the depth is out of range.
+    """
+    cover = BumpCover(depth, 1.0, 1.0)
+    of = cover.strain if reads == "strain" else cover.stress
+    read = of([0.0, 0.0], [0.0, 0.0], np.eye(3))
+    return float(abs(read[0, 0] / read[2, 2]))
+
+
 def _waves(cut: Array) -> NDArray[np.complex128]:
     return np.fft.fft2(np.fft.ifftshift(cut, axes=(2, 3)))
 

@@ -1,17 +1,25 @@
 """Friction and roughness of a surface sliding over taxels, frame by frame (dissertation 6.5)."""
 
 from collections.abc import Mapping
+from typing import Literal, get_args
 
-from cnnum.errors import ProgramError
+import numpy as np
+
+from cnnum.errors import ProgramError, name_error
 from cnnum.programs import program
 from cnnum.programs.fields import Field, maximum, sqrt, square, where
 from cnnum.programs.machine import FrameFields
 from cnnum.programs.parameters import refuse_outside
 from cnnum.programs.several import length
+from cnnum.programs.transients import transient
+from cnnum.templates.tactile.localize import DEPTH, PITCH, SHARE, unmix
 from cnnum.templates.tactile.shared.loads import PUSH, loads_of
 
 WINDOW = 128
 """T of the dissertation: 128 frames of 15 ms."""
+
+Rubbed = Literal["load", "strain", "stress"]
+"""What the taxels read: a load as it is, or the strain or stress below a bump."""
 
 CLEAR = 10.0
 """Normal load, in standard deviations of the noise, from which a taxel is rubbed: its ratio of
@@ -24,6 +32,9 @@ def texture(
     *,
     push: float = PUSH,
     window: int = WINDOW,
+    taxels: Rubbed = "load",
+    bump_pitch: float = PITCH,
+    bump_depth: float = DEPTH,
     ratio: float = 1.0,
 ) -> Mapping[str, Field]:
     """Friction and roughness of the surface on each taxel, over the last frames.
@@ -34,13 +45,20 @@ def texture(
     Parameters
     ----------
     frame : FrameFields
-        Shear and normal signal of each taxel, best under a bump each.
+        Shear and normal signal of each taxel, best under a bump each: below a flat cover a load
+        right above makes no shear.
     push : float
         −1 for strain and stress, +1 for signals that rise under a push.
     window : int
         T: the last T + 1 frames count. Each takes two memories a taxel.
+    taxels : "load", "strain" or "stress"
+        "load" for signals that read shear and normal forces alike. Strain and stress below bumps do
+        not, and feel the neighbours' bumps as well: they are turned into each bump's own load, as
+        `localize` does, by the cover's own finite elements.
+    bump_pitch, bump_depth : float
+        As in `localize`.
     ratio : float
-        Shear signal over normal signal of equal forces; 0.5 for the dissertation's bump.
+        Shear signal over normal signal of an equal load, strain or stress: 1/β_ns.
 
     Returns
     -------
@@ -54,16 +72,28 @@ def texture(
     ------
     ProgramError
         If the window is below 1 frame or the ratio not positive.
+    UnknownNameError
+        If `taxels` is unknown.
+    PhysicsError
+        If the bumps stand too close to be separated, or the depth is not one of their tables.
     """
+    if taxels not in get_args(Rubbed):
+        raise name_error("kind of taxels", taxels, get_args(Rubbed))
     if window < 1 or not ratio > 0.0:
         raise ProgramError(
             f"'window' must be 1 frame or more and 'ratio' above 0, got {window} and {ratio}."
         )
     refuse_outside(window=(window, 1, 10_000), ratio=(ratio, 1e-30, 1e30))
     loads = frame.once(loads_of, push=push)
-    rubbed = loads.contact & (loads.normal > CLEAR * sqrt(loads.normal_noise))
-    shear = length([loads.shear_x, loads.shear_y])
-    now = where(rubbed, shear / (ratio * loads.normal), 0.0)
+    x, y, normal = loads.shear_x / ratio, loads.shear_y / ratio, loads.normal
+    least = CLEAR * sqrt(loads.normal_noise)
+    if taxels != "load":
+        alone = unmix(taxels, bump_pitch, bump_depth)
+        x, y, normal = transient(alone, input=[x, y, normal]).outputs
+        gain = float(np.sqrt((alone.B[2, 2] ** 2).sum()))
+        least = maximum(SHARE * normal.max(), gain * least)
+    rubbed = loads.contact & (normal > least)
+    now = where(rubbed, length([x, y]) / normal, 0.0)
     values, marks = _last(frame, now, rubbed, window)
     count = _sum(marks)
     mean = _sum(values) / maximum(count, 1.0)

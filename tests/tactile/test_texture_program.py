@@ -3,9 +3,12 @@
 import numpy as np
 import pytest
 
-from cnnum.errors import ProgramError
+import cnnum
+from cnnum.errors import PhysicsError, ProgramError, UnknownNameError
+from cnnum.tactile.bump_loads import shear_over_normal
 from cnnum.tactile.texture import texture as whole_recording
 from cnnum.tactile.texture_materials import FOUR, Stroke, rub
+from cnnum.templates.tactile.localize import PITCH
 from cnnum.templates.tactile.texture import texture
 
 
@@ -63,6 +66,112 @@ def test_the_dissertations_window(fast, run):
     )
 
 
+def below_bumps(patch, friction, poisson=0.49):
+    """Readings below a rubbed bump and its neighbours, by finite elements of their own.
+
+    Another mesh, another Poisson ratio and another block than those of the shipped tables. The bump
+    of row 1 and column 2 is touched alone. Its surface moves once around.
+    """
+    pytest.importorskip("skfem")
+    from cnnum.tactile.cover.fem.geometry import Shape
+    from cnnum.tactile.cover.fem.revolution import make_bodies
+
+    bodies = make_bodies(Shape(60.0, 60.0, growth=1.2), 8, poisson=poisson, patch=patch)
+    rows, cols = np.meshgrid(np.arange(4), np.arange(4), indexing="ij")
+    x, y = PITCH * (cols - 2.0), PITCH * (rows - 1.0)
+    away = np.hypot(x, y)
+    pushed = bodies.profiles(1.0, away.reshape(-1)).reshape(7, 4, 4)
+    cos, sin = np.where(away > 0, x, 1.0) / np.where(away > 0, away, 1.0), y / np.maximum(away, 1.0)
+    shear = 1.0 + poisson  # Eε over σ
+    by_z = np.stack([shear * pushed[1] * cos, shear * pushed[1] * sin, pushed[2]], axis=-1)
+    along, across = pushed[4], pushed[5]
+    by_x = np.stack(
+        [
+            shear * (along * cos**2 - across * sin**2),
+            shear * (along + across) * cos * sin,
+            pushed[6] * cos,
+        ],
+        axis=-1,
+    )
+    by_y = np.stack(
+        [
+            shear * (along + across) * cos * sin,
+            shear * (along * sin**2 - across * cos**2),
+            pushed[6] * sin,
+        ],
+        axis=-1,
+    )
+    frames = 1e-5 * np.random.default_rng(2).normal(size=(60, 4, 4, 3))
+    way = np.linspace(0.0, 2.0 * np.pi, 40)[:, None, None, None]
+    frames[20:] += by_z + friction * (np.cos(way) * by_x + np.sin(way) * by_y)
+    return frames
+
+
+@pytest.mark.parametrize(
+    ("patch", "read"),
+    [
+        (np.sin(5 * np.pi / 32), 0.6),  # that of a bump pressed by a quarter of its radius
+        (np.sin(4 * np.pi / 32), 0.6 * 0.44 / 0.333),  # a lighter touch: reads too much
+        (np.sin(6 * np.pi / 32), 0.6 * 0.216 / 0.333),  # a harder one: too little
+    ],
+)
+def test_friction_below_a_bump_is_that_of_finite_elements(fast, run, patch, read):
+    frames = below_bumps(patch, 0.6)
+    got = run(fast, texture.bind(window=8, taxels="strain"), frames)
+    # of ν = 0.49 instead of 0.5, of a coarser mesh, and unmixed to 2 %
+    touched = np.zeros((4, 4), dtype=bool)
+    touched[1, 2] = True
+    assert ((got["texture_friction"][-1] > 0.0) == touched).all()
+    assert got["friction"][-1] == pytest.approx(read, rel=0.02)
+    alike = run(fast, texture.bind(window=8, ratio=0.5), frames)
+    third = alike["texture_friction"][-1][touched]
+    assert abs(third - 0.6) > 0.07  # "about two" of equal displacements is not that of forces
+
+
+def test_the_ratio_of_a_bump_is_below_that_of_equal_displacements():
+    assert shear_over_normal("strain", 1.0) == pytest.approx(1 / 3, abs=0.002)
+    assert shear_over_normal("stress", 1.0) == pytest.approx(0.194, abs=0.002)
+    ratios = [shear_over_normal("strain", depth) for depth in (1.5, 2.0, 3.0, 4.0, 5.0)]
+    assert (np.diff(ratios) < 0.0).all()
+    with pytest.raises(PhysicsError, match="bump radii"):
+        shear_over_normal("strain", 0.1)
+
+
+SCENE = """
+name = "rubbed"
+wants = ["friction", "texture_known"]
+[program]
+name = "texture"
+parameters = {{window = 16}}
+[array]
+driver = "simulated"
+shape = [4, 4]
+friction = {friction}
+cover = "bumpy"
+bump_radius = 0.2e-3
+thickness = 0.2e-3
+noise = 0.0
+script = [
+    {{kind = "hold", duration = 0.3}},
+    {{kind = "press", duration = 0.2, load = 0.05}},
+    {{kind = "pull", duration = 1.0, speed = 2e-3, direction = 0.5}},
+]
+"""
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.6])
+def test_a_scene_takes_the_ratio_from_the_arrays_bumps(tmp_path, friction):
+    (tmp_path / "rubbed.toml").write_text(SCENE.format(friction=friction))
+    with cnnum.load_scene(tmp_path / "rubbed.toml") as scene:
+        last = list(scene.results())[-1]
+    # 12 bits of the converter, and bumps unmixed to 2 %
+    assert last.outputs["friction"] == pytest.approx(friction, rel=0.03)
+
+
 def test_wrong_parameters_are_refused():
     with pytest.raises(ProgramError, match="window"):
         texture.bind(window=0).trace((4, 4))
+    with pytest.raises(UnknownNameError, match="taxels"):
+        texture.bind(taxels="bump").trace((4, 4))
+    with pytest.raises(PhysicsError, match="bump radii"):
+        texture.bind(taxels="strain", bump_depth=9.0).trace((4, 4))

@@ -15,6 +15,7 @@ from cnnum.lab.reproduce.faults import scaled
 from cnnum.lab.reproduce.figure import Curve, Field, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.lab.reproduce.setup import MM, UM, Z
+from cnnum.tactile.bump_loads import shear_over_normal
 from cnnum.tactile.cover.fem.generate import plane_tables
 from cnnum.tactile.cover.fem.library import load_skfem
 from cnnum.tactile.cover.fem.plane import POISSON, PlaneBump, make_plane_bump
@@ -275,6 +276,11 @@ CHAPTER = Chapter(
                  / computed().strain[ASIDE, 0, middle()],
                  "not similar: ε_xz right below a bump is mostly the bump's tilt, and has the "
                  "opposite sign of u_x", "fig-6.11"),
+                ("section-6.4.2-force", "strain of a shear force over that of an equal normal one",
+                 "section 6.4.2: half, of equal displacements", 0.5,
+                 lambda: shear_over_normal("strain", Z * MM / RADIUS_MM),
+                 "forces are not displacements; of the body of revolution, and of its patch",
+                 "fig-6.11"),
                 ("section-6.4.3-stress", "FzTz over FxTx of a pad that feels σ_zz",
                  "Fig. 6.14: “around 4”, of deformation", 4.0,
                  lambda: computed().pad_stress_ratio,
