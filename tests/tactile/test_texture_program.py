@@ -123,9 +123,9 @@ def test_friction_below_a_bump_is_that_of_finite_elements(fast, run, patch, read
     touched[1, 2] = True
     assert ((got["texture_friction"][-1] > 0.0) == touched).all()
     assert got["friction"][-1] == pytest.approx(read, rel=0.02)
-    alike = run(fast, texture.bind(window=8, ratio=0.5), frames)
-    third = alike["texture_friction"][-1][touched]
-    assert abs(third - 0.6) > 0.07  # "about two" of equal displacements is not that of forces
+    if read == 0.6:  # "about two", of equal displacements, is not the ratio of equal forces
+        alike = run(fast, texture.bind(window=8, ratio=0.5), frames)
+        assert alike["texture_friction"][-1][touched] == pytest.approx(0.4, abs=0.02)
 
 
 def test_the_ratio_of_a_bump_is_below_that_of_equal_displacements():
