@@ -14,12 +14,12 @@ PYTEST := OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytes
 QUICK := $(addprefix tests/,cli/commands/test_devices.py cli/commands/test_run.py engines/programs/test_machine.py \
     engines/devices/test_threads.py engines/devices/test_working_devices.py tactile/test_contact.py test_plan.py \
     graph/test_tracing.py scenes/test_scene.py)
-SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html && $(PYTEST) $(QUICK)'
+SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html --force && $(PYTEST) $(QUICK)'
 
 .PHONY: demo test test-full situations faults arrays embedded fuzz mutate platforms docs lint style mypy pyright bench lock clean
 
 demo: $(VENV)/run.stamp
-	$(BIN)/cnnum demo --out cnnum-demo.html
+	$(BIN)/cnnum demo --out cnnum-demo.html --force
 
 # the workers fill the cores: threads of OpenBLAS on top wait for each other, in SciPy's `expm` of
 # small matrices hundreds of times as long as they work
@@ -64,7 +64,7 @@ embedded: $(VENV)/dev.stamp
 	    echo "Install gcc-arm-none-eabi and qemu-system-arm for their counts, too." >&2
 	CNNUM_FRAMES=10000 $(PYTEST) tests/embedded tests/cli/commands/test_bench_embedded.py
 	$(BIN)/cnnum bench embedded --shape 4x4x3 --shape 8x8x3 --shape 16x16x3 --method auto --method euler \
-	    --out bench-results
+	    --force --out bench-results
 
 # faults put into a copy of the code, one at a time: the tests must catch each (tests/mutations)
 mutate: $(VENV)/dev.stamp
@@ -92,7 +92,7 @@ mypy pyright: $(VENV)/dev.stamp
 # `cnnum bench` (work-precision, scaling, peers) take minutes each
 bench: $(VENV)/dev.stamp
 	for each in throughput latency compile; do \
-	    $(BIN)/cnnum bench $$each --quick --out bench-results || exit 1; \
+	    $(BIN)/cnnum bench $$each --quick --force --out bench-results || exit 1; \
 	done
 
 $(VENV)/bin/python:

@@ -1,5 +1,6 @@
 """Pictures as a CNN takes them (+1 black, −1 white), from pixels and image files, and back."""
 
+import io
 from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, finite
 from cnnum.errors import ArrayError, PictureError, missing_extra
+from cnnum.safety.files import write_whole
 from cnnum.safety.values import as_path
 
 WHITE = 255
@@ -104,7 +106,9 @@ def load_picture(path: str | Path) -> Floats:
     return as_picture(np.array(grey, dtype=np.uint8))
 
 
-def save_picture(picture: ArrayLike, path: str | Path, *, scale: int = 1) -> None:
+def save_picture(
+    picture: ArrayLike, path: str | Path, *, scale: int = 1, force: bool = False
+) -> None:
     """Write a picture to an image file, of the kind that its suffix says.
 
     Parameters
@@ -112,16 +116,17 @@ def save_picture(picture: ArrayLike, path: str | Path, *, scale: int = 1) -> Non
     picture : (rows, cols) float
         +1 is black, −1 is white.
     path : str or Path
-        Replaced where it is there.
     scale : int
         Pixels of a cell's side.
+    force : bool
+        Whether a file that is there is replaced.
 
     Raises
     ------
     ArrayError
         If it is not of two axes, or not finite.
     PictureError
-        If the file cannot be written, or the suffix is unknown.
+        If there is such a file, it cannot be written, or the suffix is unknown.
     MissingExtraError
         If Pillow is not installed.
     """
@@ -137,12 +142,18 @@ def save_picture(picture: ArrayLike, path: str | Path, *, scale: int = 1) -> Non
             f"A picture file has up to {MOST_PIXELS:,} pixels, got "
             f"{pixels.size * int(scale) ** 2:,}: take a smaller scale."
         )
-    image = pillow("picture files")
+    image, made = pillow("picture files"), io.BytesIO()
+    kind = image.registered_extensions().get(target.suffix.lower())
+    if kind is None:
+        raise PictureError(
+            f"'{path}' cannot be written as a picture: '{target.suffix}' names no kind of picture; "
+            "take .png."
+        )
     try:
-        image.fromarray(pixels.repeat(scale, axis=0).repeat(scale, axis=1)).save(target)
-    except (OSError, ValueError) as error:
-        why = getattr(error, "strerror", None) or error
-        raise PictureError(f"'{path}' cannot be written as a picture: {why}.") from None
+        image.fromarray(pixels.repeat(scale, axis=0).repeat(scale, axis=1)).save(made, kind)
+    except (OSError, ValueError, KeyError) as error:
+        raise PictureError(f"'{path}' cannot be written as a picture: {error}.") from None
+    write_whole(target, made.getvalue(), error=PictureError, force=force)
 
 
 def pillow(things: str, instead: str = "") -> Any:

@@ -44,12 +44,15 @@ class DemoReport(Closing):
     scene : Scene
     path : Path
         Of the report.
+    force : bool
+        Whether a file that is there, and is no report of cnnum, is replaced.
     as_json : bool
         Whether records are printed, which keeps progress from their terminal.
     """
 
-    def __init__(self, scene: Scene, path: Path, *, as_json: bool) -> None:
+    def __init__(self, scene: Scene, path: Path, *, force: bool, as_json: bool) -> None:
         self._scene, self._path, self._as_json = scene, path, as_json
+        self._force = force
         self._record = SceneRecorder(scene)
         self._folder = TemporaryDirectory(prefix="cnnum-demo-")
         self._frames = Path(self._folder.name) / "frames.mcap"
@@ -80,7 +83,8 @@ class DemoReport(Closing):
             ]
             points = [_told(steps, name, partial(self._climb, name)) for name in LADDERS]
             rungs = list(chain.from_iterable(points))
-            write_demo_report(self._path, self._record.record(), results, rungs, plans)
+            record = self._record.record()
+            write_demo_report(self._path, record, results, rungs, plans, force=self._force)
         return {"report": str(self._path)}
 
     def _cost(self, wants: tuple[str, ...]) -> PlanCost:

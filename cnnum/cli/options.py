@@ -8,6 +8,7 @@ from typing import Any, TypeVar, cast
 
 import click
 
+from cnnum.safety.files import refuse_target
 from cnnum.safety.names import shown
 from cnnum.safety.toml_reading import parse_toml
 
@@ -18,10 +19,26 @@ json_option = click.option("--json", "as_json", is_flag=True, help="One JSON obj
 """Every command takes it."""
 
 
-def in_a_folder(_: click.Context, __: click.Parameter, out: Path | None) -> Path | None:
-    """Return the file to write, refusing one whose folder is not there."""
-    if out is not None and not out.parent.is_dir():
-        raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
+force_option = click.option(
+    "--force", is_flag=True, is_eager=True, help="Replace a file that is there."
+)
+"""Every command that writes files takes it; it is read before the names of the files."""
+
+
+def to_write(ctx: click.Context, _: click.Parameter, out: Path | None) -> Path | None:
+    """Return the file to write, refusing before the work one that could not be written.
+
+    Raises
+    ------
+    click.UsageError
+        If its folder is not there.
+    ReportError
+        If it is no regular file, or there already and not to be replaced.
+    """
+    if out is not None:
+        if not out.parent.is_dir():
+            raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
+        refuse_target(out, force=bool(ctx.params.get("force")))
     return out
 
 
@@ -31,7 +48,7 @@ def file_option(default: str, text: str) -> Callable[[Function], Function]:
         "--out",
         type=click.Path(path_type=Path, dir_okay=False),
         default=Path(default),
-        callback=in_a_folder,
+        callback=to_write,
         show_default=True,
         help=text,
     )
@@ -40,7 +57,11 @@ def file_option(default: str, text: str) -> Callable[[Function], Function]:
 def target_option(name: str, metavar: str, text: str) -> Callable[[Function], Function]:
     """Return an option whose value is a file to write."""
     return click.option(
-        name, type=click.Path(path_type=Path, dir_okay=False), metavar=metavar, help=text
+        name,
+        type=click.Path(path_type=Path, dir_okay=False),
+        metavar=metavar,
+        callback=to_write,
+        help=text,
     )
 
 
@@ -60,7 +81,7 @@ page_option = click.option(
     "--out",
     type=click.Path(path_type=Path, dir_okay=False),
     metavar="FILE.html",
-    callback=in_a_folder,
+    callback=to_write,
     help="Write a page with all tables and pictures.",
 )
 

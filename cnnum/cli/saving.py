@@ -25,14 +25,16 @@ rerun_option = click.option(
 
 
 @contextmanager
-def to_rerun(scene: "Scene", target: str | None) -> Generator[Callable[["FrameResult"], object]]:
+def to_rerun(
+    scene: "Scene", target: str | None, *, force: bool
+) -> Generator[Callable[["FrameResult"], object]]:
     """Yield the function that sends a moment to Rerun; one that does nothing without a target."""
     if target is None:
         yield lambda _: None
         return
     from cnnum.live.rerun_sink import RerunSink
 
-    with RerunSink(scene, target) as sink:
+    with RerunSink(scene, target, force=force) as sink:
         yield sink.add
 
 
@@ -44,6 +46,8 @@ class FieldSaver:
     path : Path or None
         Nothing is kept without one.
     scene : Scene
+    force : bool
+        Whether a file that is there is replaced.
 
     Raises
     ------
@@ -51,10 +55,10 @@ class FieldSaver:
         If the scene wants no field.
     """
 
-    def __init__(self, path: Path | None, scene: "Scene") -> None:
+    def __init__(self, path: Path | None, scene: "Scene", *, force: bool = False) -> None:
         from cnnum.scenes.scene_record import SceneRecord, refuse_no_fields
 
-        self._path = path
+        self._path, self._force = path, force
         self._record = SceneRecord(scene.fields)
         if path is not None:
             refuse_no_fields(scene.fields, scene.offered)
@@ -68,26 +72,21 @@ class FieldSaver:
         """Write the file, and return its place for the summary."""
         if self._path is None:
             return {}
-        self._record.save(self._path)
+        self._record.save(self._path, force=self._force)
         return {"saved": str(self._path)}
 
 
-def refuse_unwritable(save: Path | None, page: Path | None = None) -> None:
-    """Refuse files of an unknown kind, or in a folder that is not there, before the work.
+def refuse_unknown(save: Path | None) -> None:
+    """Refuse a file of fields of an unknown kind, before the work.
 
     Raises
     ------
-    UnknownNameError, ReportError
-        Of the file of fields.
-    click.UsageError
-        Of the page.
+    UnknownNameError
     """
     if save is not None:
         from cnnum.scenes.scene_record import suffix_of
 
         suffix_of(save)
-    if page is not None and not page.parent.is_dir():
-        raise click.UsageError(f"There is no folder '{page.parent}' to write '{page.name}' to.")
 
 
 def watching(*watchers: Callable[["FrameResult"], object]) -> Callable[["FrameResult"], None]:

@@ -1,8 +1,9 @@
 """Results of tasks on disk: a file each, written whole, so that a kill loses none that is done."""
 
-import io
+import contextlib
 import json
-import shutil
+import zipfile
+import zlib
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.errors import TemplateFileError
-from cnnum.safety.files import write_whole
+from cnnum.safety.files import DRAFT, make_folder, sentences, write_whole, written
+from cnnum.safety.reading import MEGABYTE, open_regular, read_text
 
 MANIFEST = "manifest.json"
 
@@ -35,24 +37,47 @@ class ChunkStore:
         Raises
         ------
         TemplateFileError
-            If the folder holds another experiment.
+            If the folder holds another experiment or other files, or its manifest is damaged.
         """
         manifest = self.folder / MANIFEST
         if not manifest.exists():
+            with sentences(self.folder, TemplateFileError):
+                if self.folder.exists() and any(
+                    not path.name.startswith(DRAFT) for path in self.folder.iterdir()
+                ):
+                    raise TemplateFileError(
+                        f"The folder '{self.folder}' holds other files than a sweep's results: "
+                        "give another --output."
+                    )
             return None
-        found = json.loads(manifest.read_text(encoding="utf-8"))
-        if found["key"] != self.key:
+        key, chunk = self._noted(manifest)
+        if key != self.key:
             raise TemplateFileError(
                 f"The folder '{self.folder}' holds another experiment's results: give another "
                 "--output, or remove it."
             )
-        return int(found["chunk"])
+        return chunk
+
+    def _noted(self, manifest: Path) -> tuple[str, int]:
+        """Return the experiment's key and the runs of a task, as the manifest has them."""
+        try:
+            found: Any = json.loads(read_text(manifest, most=MEGABYTE))
+            key, chunk = found["key"], found["chunk"]
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+            key = chunk = None
+        if not isinstance(key, str) or type(chunk) is not int or not 0 < chunk < 1 << 40:
+            raise TemplateFileError(
+                f"'{manifest}' is damaged, so the results beside it cannot be used: give another "
+                "--output, or remove that folder."
+            )
+        return key, chunk
 
     def begin(self, chunk: int) -> None:
         """Make the folder, and note how many runs a task has."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        with sentences(self.folder, TemplateFileError):
+            make_folder(self.folder)
         text = json.dumps({"key": self.key, "chunk": chunk})
-        write_whole(self.folder / MANIFEST, text.encode())
+        write_whole(self.folder / MANIFEST, text, error=TemplateFileError)
 
     def missing(self, tasks: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
         """Yield the tasks whose results are not there."""
@@ -62,19 +87,36 @@ class ChunkStore:
 
     def write(self, task: tuple[int, int], figures: dict[str, NDArray[Any]]) -> None:
         """Keep the results of a task, whole or not at all."""
-        buffer = io.BytesIO()
-        np.savez(buffer, allow_pickle=False, **figures)
-        write_whole(self._file(task), buffer.getvalue())
+        with written(self._file(task), error=TemplateFileError, force=True) as file:
+            np.savez(file, allow_pickle=False, **figures)
 
     def read(self, tasks: Sequence[tuple[int, int]]) -> Iterator[dict[str, NDArray[Any]]]:
-        """Yield the results of all tasks, in their order."""
+        """Yield the results of all tasks, in their order.
+
+        Raises
+        ------
+        TemplateFileError
+            If a file of them is damaged.
+        """
         for task in tasks:
-            with np.load(self._file(task), allow_pickle=False) as found:
-                yield {name: found[name] for name in found.files}
+            place = self._file(task)
+            try:
+                with open_regular(place) as file, np.load(file, allow_pickle=False) as found:
+                    part = {name: found[name] for name in found.files}
+            except (OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error):
+                raise TemplateFileError(
+                    f"'{place}' is damaged: remove it, and the same command makes it anew."
+                ) from None
+            yield part
 
     def remove(self) -> None:
-        """Remove the folder: all its results are elsewhere."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+        """Remove the results, which are elsewhere, and the folder if nothing else is in it."""
+        with contextlib.suppress(OSError):
+            for path in (*self.folder.glob("runs_*.npz"), self.folder / MANIFEST):
+                path.unlink(missing_ok=True)
+            for path in self.folder.glob(f"{DRAFT}*"):  # drafts of a run that was killed
+                path.unlink(missing_ok=True)
+            self.folder.rmdir()
 
     def _file(self, task: tuple[int, int]) -> Path:
         return self.folder / f"runs_{task[0]:09d}_{task[1]:09d}.npz"

@@ -17,7 +17,13 @@ from cnnum.design.chunk_store import ChunkStore
 from cnnum.design.experiment import DRAW, Experiment
 from cnnum.design.run_task import BLOCK, NAMES, REASON, Figures, refuse_launches, run_task
 from cnnum.errors import TemplateFileError, missing_extra
-from cnnum.safety.files import write_whole
+from cnnum.safety.files import (
+    beside,
+    refuse_folder,
+    refuse_target,
+    write_whole,
+    written_folder,
+)
 from cnnum.sharing.tables import dataset
 
 Task = tuple[int, int]
@@ -65,6 +71,7 @@ def sweep(
     *,
     scheduler: str | None = None,
     done: Done | None = None,
+    force: bool = False,
 ) -> Sweep:
     """Run an experiment and return its results.
 
@@ -80,13 +87,16 @@ def sweep(
         Address of a Dask scheduler; this process runs all tasks unless given.
     done : callable, optional
         Called with (tasks done, all tasks) after each one.
+    force : bool
+        Whether results that are there, a NetCDF file or a Zarr folder, are replaced.
 
     Raises
     ------
     MissingExtraError
         If xarray, or Dask where it is asked for, is not installed.
     TemplateFileError
-        If the path has another suffix, or belongs to another experiment.
+        If the path has another suffix, something is there already, it cannot be written, or the
+        parts beside it are those of another experiment.
     CnnumError
         If a launch of the experiment cannot be made.
     """
@@ -97,8 +107,9 @@ def sweep(
             return _swept(
                 experiment, ChunkStore(Path(folder), experiment.key), None, scheduler, done, begin
             )
-    store = ChunkStore(target.with_name(target.name + ".parts"), experiment.key)
-    return _swept(experiment, store, target, scheduler, done, begin)
+    _refuse(target, force=force)
+    store = ChunkStore(beside(target, ".parts"), experiment.key)
+    return _swept(experiment, store, target, scheduler, done, begin, force=force)
 
 
 def _swept(
@@ -108,6 +119,8 @@ def _swept(
     scheduler: str | None,
     done: Done | None,
     begin: float,
+    *,
+    force: bool = False,
 ) -> Sweep:
     dataset({}, {}, {})  # says at once that the extra is missing
     chunk = store.chunk()
@@ -125,7 +138,7 @@ def _swept(
             done(len(tasks) - len(missing) + len(seconds), len(tasks))
     results = _dataset(experiment, store.read(tasks))
     if target is not None:
-        _write(results, target)
+        _write(results, target, force=force)
         store.remove()
     middle = float(np.median(seconds)) if seconds else 0.0
     return Sweep(results, target, len(tasks), len(missing), time.perf_counter() - begin, middle)
@@ -223,10 +236,26 @@ def _target(path: Path) -> Path:
     return path
 
 
-def _write(results: Any, target: Path) -> None:
-    """Write a dataset; a NetCDF file whole or not at all."""
+def _refuse(target: Path, *, force: bool) -> None:
     if target.suffix == ".nc":
-        content = results.to_netcdf(engine="scipy")
-        write_whole(target, bytes(content))
+        refuse_target(target, error=TemplateFileError, force=force)
+    else:
+        refuse_folder(target, error=TemplateFileError, force=force, owns=_is_zarr)
+
+
+def _write(results: Any, target: Path, *, force: bool) -> None:
+    """Write a dataset, whole or not at all."""
+    if target.suffix == ".nc":
+        content = bytes(results.to_netcdf(engine="scipy"))
+        write_whole(target, content, error=TemplateFileError, force=force)
         return
-    results.to_zarr(target, mode="w", consolidated=False)
+    with written_folder(target, error=TemplateFileError, force=force, owns=_is_zarr) as draft:
+        results.to_zarr(draft, mode="w", consolidated=False)
+
+
+def _is_zarr(folder: Path) -> bool:
+    """Return whether a folder holds a Zarr group and its arrays, and no other file."""
+    names = [path.relative_to(folder) for path in folder.rglob("*") if not path.is_dir()]
+    arrays = {name.parts[0] for name in names if len(name.parts) > 1}
+    chunks = all(name.name == "zarr.json" or name.parts[1:2] == ("c",) for name in names)
+    return chunks and all((folder / each / "zarr.json").is_file() for each in ("", *arrays))

@@ -15,7 +15,7 @@ from pathlib import Path
 import platformdirs
 
 from cnnum.engines.notices import say_once
-from cnnum.safety.files import write_whole
+from cnnum.safety.files import draft
 
 VARIABLE = "CNNUM_CACHE"
 """Names another folder; "off" means that nothing is kept."""
@@ -146,7 +146,8 @@ def _write(place: Path, content: bytes) -> None:
     folder.mkdir(exist_ok=True, mode=0o700)
     if place.is_dir():
         _remove(place)
-    write_whole(place, _checksum(content) + b"\n" + content)
+    with draft(place, force=True) as file:
+        file.write(_checksum(content) + b"\n" + content)
     _thin_out(folder)
 
 

@@ -1,6 +1,7 @@
 """Moments of a scene for Rerun, to a file or to a viewer that runs: the one user of its library."""
 
 import json
+from contextlib import ExitStack
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -10,6 +11,7 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.errors import SceneError, missing_extra
 from cnnum.live.picture import Read, planes
+from cnnum.safety.files import written_by_name
 
 if TYPE_CHECKING:
     from cnnum.frame import Frame
@@ -30,6 +32,8 @@ class RerunSink:
     scene : Scene
     target : str
         A file that ends in .rrd, or the address of a viewer ("rerun+http://127.0.0.1:9876/proxy").
+    force : bool
+        Whether a file that is there is replaced.
 
     Raises
     ------
@@ -39,7 +43,7 @@ class RerunSink:
         If the library is not installed.
     """
 
-    def __init__(self, scene: "Scene", target: str) -> None:
+    def __init__(self, scene: "Scene", target: str, *, force: bool = False) -> None:
         if not (target.endswith(".rrd") or "://" in target):
             raise SceneError(
                 f"'--rerun' takes a file that ends in .rrd, or a viewer's address such as "
@@ -54,15 +58,19 @@ class RerunSink:
         self._read: Read = conversion.reader(conversion.channels, checks=False)
         self._due, self._strongest = -np.inf, 0.0
         self._stream = self._rerun.RecordingStream(f"cnnum {scene.spec.name}")
-        self._open(target)
+        self._open_files = ExitStack()
+        self._open(target, force=force)
 
-    def _open(self, target: str) -> None:
+    def _open(self, target: str, *, force: bool) -> None:
         if "://" in target:
             self._stream.connect_grpc(target)
             return
+        path = Path(target)
+        draft = self._open_files.enter_context(written_by_name(path, error=SceneError, force=force))
         try:
-            self._stream.save(Path(target))
+            self._stream.save(draft)
         except (OSError, RuntimeError) as error:
+            self._open_files.close()
             raise SceneError(
                 f"'{target}' cannot be written: {error}; choose a folder that exists."
             ) from None
@@ -95,8 +103,15 @@ class RerunSink:
         return np.stack([x, y], -1).reshape(-1, 2), np.moveaxis(vectors, 0, -1).reshape(-1, 2)
 
     def close(self) -> None:
-        """Write the rest."""
+        """Write the rest, and put the file in its place.
+
+        Raises
+        ------
+        SceneError
+            If it cannot be put there.
+        """
         self._stream.disconnect()
+        self._open_files.close()
 
     def __enter__(self) -> Self:
         """Return the sink itself."""

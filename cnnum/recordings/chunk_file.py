@@ -10,7 +10,7 @@ from cnnum.recordings.attachments import Held, records
 from cnnum.recordings.chunks import beginning
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.mcap_index import write_index
-from cnnum.recordings.place import sync_folder
+from cnnum.safety.files import create, sync_folder
 
 
 class ChunkFile:
@@ -33,7 +33,7 @@ class ChunkFile:
     def __init__(self, path: Path, held: Sequence[Held] = ()) -> None:
         self.path = path
         # unbuffered: a write is a call of the system, and nothing waits in a buffer of ours
-        self._file: IO[bytes] = path.open("xb+", buffering=0)
+        self._file: IO[bytes] = create(path)
         self._end = 0
         try:
             self.append(beginning() + records(held))

@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
 
-from cnnum.errors import name_error
+from cnnum.errors import RecordingError, name_error
 from cnnum.recordings.csv_writer import write_table
 from cnnum.recordings.hdf5_writer import write_hdf5
 from cnnum.recordings.mcap_writer import write_mcap
 from cnnum.recordings.npz_writer import write_archive
-from cnnum.recordings.place import placed
 from cnnum.recordings.reader import Contents
+from cnnum.safety.files import beside, refuse_target, write_whole, written
 
 WRITERS: Mapping[str, Callable[[IO[bytes], Contents], None]] = {
     ".mcap": write_mcap,
@@ -58,14 +58,16 @@ def export(contents: Contents, target: Path, *, force: bool = False) -> None:
     CodecError
         If the recording is none.
     """
-    suffix = suffix_of(target)
-    with placed(target, force=force) as file:
+    suffix, calibration = suffix_of(target), contents.layout.calibration
+    further = suffix == ".csv" and calibration
+    if further:  # the second file shall not be refused when the first is there
+        refuse_target(calibration_of(target), error=RecordingError, force=force)
+    with written(target, error=RecordingError, force=force) as file:
         WRITERS[suffix](file, contents)
-    if suffix == ".csv" and contents.layout.calibration:
-        with placed(calibration_of(target), force=force) as file:
-            file.write(contents.layout.calibration.encode())
+    if further:
+        write_whole(calibration_of(target), calibration, error=RecordingError, force=force)
 
 
 def calibration_of(table: Path) -> Path:
     """Return the file with the calibration of the array whose frames a CSV file holds."""
-    return table.with_suffix(".calibration.toml")
+    return beside(table.with_suffix(""), ".calibration.toml")

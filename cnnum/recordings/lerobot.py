@@ -17,6 +17,13 @@ from numpy.typing import NDArray
 from cnnum.arrays import Floats
 from cnnum.errors import ArrayError, RecordingError, missing_extra
 from cnnum.recordings.recording import Recording
+from cnnum.safety.files import (
+    make_folder,
+    refuse_folder,
+    sentences,
+    write_whole,
+    written_folder,
+)
 
 TACTILE, NEW = "observation.tactile", "observation.tactile_new"
 
@@ -102,6 +109,7 @@ def write_lerobot(
         parquet: Any = import_module("pyarrow.parquet")
     except ImportError:
         raise missing_extra("LeRobot's layout", "pyarrow", "lerobot") from None
+    refuse_folder(folder, error=RecordingError)
     touch = packed(recording, fps)
     rows = len(touch.times)
     zeros, numbers = np.zeros(rows, np.int64), np.arange(rows)
@@ -114,9 +122,10 @@ def write_lerobot(
         "index": numbers,
         "task_index": zeros,
     }
-    try:
-        folder.mkdir(parents=True)
-        data = folder / "data" / "chunk-000" / "episode_000000.parquet"
+    with sentences(folder, RecordingError):
+        make_folder(folder.parent)
+    with written_folder(folder, error=RecordingError) as draft:
+        data = draft / "data" / "chunk-000" / "episode_000000.parquet"
         data.parent.mkdir(parents=True)
         kinds = {np.dtype(np.float32): arrow.float32(), np.dtype(np.int64): arrow.int64()}
         table = arrow.table(
@@ -126,14 +135,7 @@ def write_lerobot(
             }
         )
         parquet.write_table(table, data)
-        _write_meta(recording, folder / "meta", columns, fps, task, robot)
-    except FileExistsError:
-        raise RecordingError(f"'{folder}' is there already: choose another folder.") from None
-    except OSError as error:
-        raise RecordingError(
-            f"'{folder}' cannot be written: {error.strerror or error}; choose a folder that "
-            "has room and may be written to."
-        ) from None
+        _write_meta(recording, draft / "meta", columns, fps, task, robot)
     return rows
 
 
@@ -176,7 +178,7 @@ def _write_meta(
         "features": features,
     }
     meta.mkdir()
-    (meta / "info.json").write_text(json.dumps(info, indent=4), encoding="utf-8")
+    write_whole(meta / "info.json", json.dumps(info, indent=4), error=RecordingError)
     _line(meta / "tasks.jsonl", {"task_index": 0, "task": task})
     _line(meta / "episodes.jsonl", {"episode_index": 0, "tasks": [task], "length": rows})
     stats = {name: _stats(values) for name, values in columns.items()}
@@ -196,4 +198,4 @@ def _stats(values: NDArray[Any]) -> dict[str, object]:
 
 
 def _line(path: Path, record: dict[str, object]) -> None:
-    path.write_text(json.dumps(record, ensure_ascii=False) + "\n", encoding="utf-8")
+    write_whole(path, json.dumps(record, ensure_ascii=False) + "\n", error=RecordingError)

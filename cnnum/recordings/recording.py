@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats, numbers
-from cnnum.errors import ArrayError
+from cnnum.errors import ArrayError, RecordingError
 from cnnum.frame import FORCE_AXES, Frame, Quality, Truth, shown_maps
 from cnnum.recordings.chunks import CHUNK_BYTES, ChunkMaker, beginning
 from cnnum.recordings.export import export, suffix_of
 from cnnum.recordings.layout import Layout
 from cnnum.recordings.mcap_index import write_index
-from cnnum.recordings.place import taken
 from cnnum.recordings.reader import look
+from cnnum.safety.files import refuse_target, written
 from cnnum.safety.names import checked_name, shown
 from cnnum.safety.values import is_real
 from cnnum.sharing import html, tables
@@ -222,8 +222,7 @@ class Recording:
         """
         target = Path(path)
         suffix_of(target)
-        if target.exists() and not force:
-            raise taken(target, "force=True")
+        refuse_target(target, error=RecordingError, force=force)
         with tempfile.TemporaryDirectory(prefix="cnnum-recording-") as folder:
             draft = Path(folder) / "frames.mcap"
             self._write(draft)
@@ -232,7 +231,7 @@ class Recording:
 
     def _write(self, path: Path) -> None:
         """Write all frames in chunks."""
-        with path.open("wb+") as file:
+        with written(path, error=RecordingError) as file:
             file.write(beginning())
             layout = Layout.of(next(self.frames()), self.rate, None)
             maker = ChunkMaker(layout)

@@ -97,7 +97,7 @@ def gallery_page(cards: Iterable[Card]) -> str:
     """Return the page as HTML that needs no other file."""
     articles = [_article(card) for card in cards]
     return f"""<!DOCTYPE html>
-<html lang="en"><head><meta charset="utf-8">
+<html lang="en"><head><meta charset="utf-8"><meta name="generator" content="cnnum">
 <meta name="viewport" content="width=device-width, initial-scale=1">
 <title>The template library</title>
 <style>{_file("gallery.css")}</style></head><body>

@@ -110,6 +110,7 @@ def document(title: str, lead: str, body: str, foot: str, data: str) -> str:
     inside = data.replace("<", "\\u003c")
     return (
         f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8">'
+        '<meta name="generator" content="cnnum">'
         f"<title>{escape(title)}</title>"
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<style>{style}</style></head><body><header><h1>{escape(title)}</h1>{lead}</header>"

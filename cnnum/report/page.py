@@ -13,7 +13,8 @@ def page(data: ReportData) -> str:
     title = f"cnnum: the scene “{data.record.name}”"
     parts = (
         "<!DOCTYPE html>\n",
-        f'<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>',
+        '<html lang="en"><head><meta charset="utf-8"><meta name="generator" content="cnnum">',
+        f"<title>{escape(title)}</title>",
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
         f"<style>{_resource('style.css')}{style_rules()}</style></head><body>",
         sections.head(data),

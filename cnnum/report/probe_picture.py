@@ -1,5 +1,6 @@
 """The picture of `cnnum probe`: a map a channel of rest, noise and drift."""
 
+import io
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -8,6 +9,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import ReportError
+from cnnum.safety.files import write_whole
 
 
 def draw(
@@ -16,6 +18,8 @@ def draw(
     channels: tuple[str, ...],
     unit: str,
     marked: Iterable[tuple[int, int]] = (),
+    *,
+    force: bool = False,
 ) -> None:
     """Draw maps of every cell, one row a kind and one column a channel.
 
@@ -28,11 +32,13 @@ def draw(
     unit : str
     marked : iterable of (row, col)
         Cells that get a cross.
+    force : bool
+        Whether a file that is there is replaced.
 
     Raises
     ------
     ReportError
-        If the picture cannot be written.
+        If there is such a file, or the picture cannot be written.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -50,7 +56,17 @@ def draw(
             figure.colorbar(shown, ax=ax).ax.tick_params(labelsize=7)
     if len(crosses):
         figure.supxlabel("× cell that is dead, stuck or noisy", color="r", fontsize=8)
+    kind = path.suffix.lower().removeprefix(".") or "png"
     try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
+        picture = drawn(figure, kind)
+    except ValueError as error:
         raise ReportError(f"The picture '{path}' cannot be written: {error}.") from None
+    write_whole(path, picture, force=force)
+
+
+def drawn(figure: Any, kind: str = "png") -> bytes:
+    """Return a figure as a picture file; a PNG says that cnnum made it."""
+    made = io.BytesIO()
+    about = {"metadata": {"Software": "cnnum"}} if kind == "png" else {}
+    figure.savefig(made, dpi=110, format=kind, **about)
+    return made.getvalue()

@@ -25,7 +25,7 @@ LOGARITHMIC = ("error", "time")
 MOST_PAIRS = 6
 
 
-def write_page(place: Path, results: Any) -> Path:
+def write_page(place: Path, results: Any, *, force: bool = False) -> Path:
     """Write the page of a dataset, as one file that needs nothing else.
 
     Parameters
@@ -33,8 +33,15 @@ def write_page(place: Path, results: Any) -> Path:
     place : Path
     results : xarray.Dataset
         Of a sweep.
+    force : bool
+        Whether a file that is there, and is no page of cnnum, is replaced.
+
+    Raises
+    ------
+    ReportError
+        If another file is there, or it cannot be written.
     """
-    write_whole(place, page(results).encode("utf-8"))
+    write_whole(place, page(results), force=force)
     return place
 
 

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 
 from cnnum.arrays import Floats
-from cnnum.errors import ReportError
 from cnnum.graph.tracing import TraceStep
 from cnnum.safety.files import write_whole
 from cnnum.sharing import colours
@@ -19,7 +18,9 @@ _SIDE = 132
 """Width of a picture, px."""
 
 
-def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None:
+def write_trace_page(
+    path: Path, title: str, steps: Sequence[TraceStep], *, force: bool = False
+) -> None:
     """Write a self-contained page with every operation's result.
 
     Steps stand by the function of the program that asked for them. Chains of local arithmetic are
@@ -31,14 +32,17 @@ def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None
     title : str
     steps : sequence of TraceStep
         Of one frame: maps (rows, cols), stacks (maps, rows, cols) or numbers.
+    force : bool
+        Whether a file that is there, and is no page of cnnum, is replaced.
 
     Raises
     ------
     ReportError
-        If the file cannot be written.
+        If another file is there, or it cannot be written.
     """
     text = (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
+        '<meta name="generator" content="cnnum">'
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
         f"<title>{escape(title)}</title><style>{_file('trace.css')}{colours.style_rules()}</style>"
         f"</head><body><h1>{escape(title)}: {len(steps)} operations</h1>"
@@ -50,13 +54,7 @@ def write_trace_page(path: Path, title: str, steps: Sequence[TraceStep]) -> None
         f"<span id='count'></span></div>{_functions(steps)}"
         f"<script>{_file('trace.js')}</script></body></html>\n"
     )
-    try:
-        write_whole(path, text.encode("utf-8"))
-    except OSError as error:
-        raise ReportError(
-            f"The trace '{path}' cannot be written: {error.strerror}; check that its folder "
-            "exists and may be written to."
-        ) from None
+    write_whole(path, text, force=force)
 
 
 def folds(steps: Sequence[TraceStep]) -> dict[int, int]:

@@ -3,16 +3,16 @@
 from collections.abc import Callable, Mapping
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.engine import Engine
-from cnnum.errors import ReportError, name_error
+from cnnum.errors import name_error
 from cnnum.pictures import as_pixels, pillow
 from cnnum.runs.result import Result
-from cnnum.safety.files import write_whole
+from cnnum.safety.files import written
 from cnnum.sharing.colours import style_rules
 from cnnum.sharing.html import picture
 from cnnum.templating.template import Template
@@ -78,26 +78,23 @@ def _stacked(shown: Floats, count: int) -> Floats:
     return shown if count == 1 else np.broadcast_to(shown, (count, *shown.shape)).copy()
 
 
-def write_transient(path: Path, template: Template, times: Floats, result: Result) -> None:
+def write_transient(
+    path: Path, template: Template, times: Floats, result: Result, *, force: bool = False
+) -> None:
     """Write the transient: .html with states, .png with outputs side by side, .gif moving.
 
     Raises
     ------
     UnknownNameError, ReportError
-        If the suffix is another one, or the file cannot be written.
+        If the suffix is another one; if there is such a file, or it cannot be written.
     MissingExtraError
         If Pillow is not installed, for .png and .gif.
     """
     suffix = path.suffix.lower()
     if suffix not in WRITERS:
         raise name_error("kind of picture", path.suffix or path.name, WRITERS)
-    try:
-        WRITERS[suffix](path, template, times, result)
-    except OSError as error:
-        raise ReportError(
-            f"'{path}' cannot be written: {error.strerror or error}; check that its folder exists "
-            "and may be written to."
-        ) from None
+    with written(path, force=force) as file:
+        WRITERS[suffix](file, template, times, result)
 
 
 def _layers(values: Floats, template: Template) -> Floats:
@@ -107,7 +104,7 @@ def _layers(values: Floats, template: Template) -> Floats:
     return np.concatenate(list(np.moveaxis(values, 1, 0)), axis=2)
 
 
-def _write_page(path: Path, template: Template, times: Floats, result: Result) -> None:
+def _write_page(file: IO[bytes], template: Template, times: Floats, result: Result) -> None:
     states = _layers(result.state, template)
     top = float(np.abs(states).max())
     shown = "".join(
@@ -118,13 +115,14 @@ def _write_page(path: Path, template: Template, times: Floats, result: Result) -
     name = escape(template.name)
     text = (
         "<!doctype html><html lang='en'><head><meta charset='utf-8'>"
+        '<meta name="generator" content="cnnum">'
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
         f"<title>{name}</title><style>{_STYLE}{style_rules()}</style></head><body><h1>{name}</h1><p>{about}</p>"
         f"<p>The state at {len(times)} times, in time constants: blue above 0, orange below, to "
         f"±{top:.3g}. Method: {escape(result.method)}; estimated error at the end "
         f"{float(np.max(result.error[-1])):.2g}.</p><div class='run'>{shown}</div></body></html>\n"
     )
-    write_whole(path, text.encode("utf-8"))
+    file.write(text.encode("utf-8"))
 
 
 def _frames(template: Template, result: Result) -> list[Any]:
@@ -135,7 +133,7 @@ def _frames(template: Template, result: Result) -> list[Any]:
     return [image.fromarray(p.repeat(scale, axis=0).repeat(scale, axis=1)) for p in pixels]
 
 
-def _write_strip(path: Path, template: Template, times: Floats, result: Result) -> None:
+def _write_strip(file: IO[bytes], template: Template, times: Floats, result: Result) -> None:
     frames = _frames(template, result)
     width, height = frames[0].size
     across = min(len(frames), 7)
@@ -145,19 +143,19 @@ def _write_strip(path: Path, template: Template, times: Floats, result: Result) 
     sheet = _pillow().new("L", size, 160)
     for n, frame in enumerate(frames):
         sheet.paste(frame, ((n % across) * (width + gap), (n // across) * (height + gap)))
-    sheet.save(path)
+    sheet.save(file, "PNG")
 
 
-def _write_moving(path: Path, template: Template, times: Floats, result: Result) -> None:
+def _write_moving(file: IO[bytes], template: Template, times: Floats, result: Result) -> None:
     first, *rest = _frames(template, result)
-    first.save(path, save_all=True, append_images=rest, duration=MILLISECONDS, loop=0)
+    first.save(file, "GIF", save_all=True, append_images=rest, duration=MILLISECONDS, loop=0)
 
 
 def _pillow() -> Any:
     return pillow("pictures of a transient", "or write a .html page, which needs no library")
 
 
-WRITERS: Mapping[str, Callable[[Path, Template, Floats, Result], None]] = {
+WRITERS: Mapping[str, Callable[[IO[bytes], Template, Floats, Result], None]] = {
     ".html": _write_page,
     ".png": _write_strip,
     ".gif": _write_moving,

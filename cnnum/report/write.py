@@ -19,6 +19,8 @@ def write_demo_report(
     checks: Sequence[CheckResult] = (),
     work_precision: Sequence[WorkPrecision] = (),
     plans: Sequence[PlanCost] = (),
+    *,
+    force: bool = False,
 ) -> None:
     """Write the results of a scene as one self-contained HTML file.
 
@@ -33,21 +35,16 @@ def write_demo_report(
         Of a few templates, from `measure_work_precision`.
     plans : sequence of PlanCost
         The scene's own first; the others are compared with it.
+    force : bool
+        Whether a file that is there, and is no report of cnnum, is replaced.
 
     Raises
     ------
     ReportError
-        If there is no frame to show, or the file cannot be written.
+        If there is no frame to show, another file is there, or it cannot be written.
     """
     if record.frames == 0:
         raise ReportError(f"The scene '{record.name}' had no frame; a report needs at least one.")
     data = ReportData(record, tuple(checks), tuple(work_precision), tuple(plans))
     content = page(data).encode("utf-8")
-    target = Path(path)
-    try:
-        write_whole(target, content)
-    except OSError as error:
-        raise ReportError(
-            f"The report '{target}' cannot be written: {error.strerror}; check that its folder "
-            "exists and may be written to."
-        ) from None
+    write_whole(Path(path), content, force=force)

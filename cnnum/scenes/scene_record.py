@@ -1,14 +1,17 @@
 """The results of a scene, frame by frame: events and wanted fields, to keep and to save."""
 
+import csv
+import io
 from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.errors import ReportError, SceneError, name_error
+from cnnum.safety.files import written
 from cnnum.scenes.event_list import EventList
 from cnnum.scenes.events import Event
 from cnnum.sharing import tables
@@ -93,22 +96,26 @@ class SceneRecord:
             columns |= tables.cell_columns(name, self[name])
         return tables.data_frame(columns)
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write the fields to a file: .npz, .csv or .nc (NetCDF 3).
+
+        Parameters
+        ----------
+        path : str or Path
+        force : bool
+            Whether a file that is there is replaced.
 
         Raises
         ------
         UnknownNameError
             If the suffix is another one.
         ReportError
-            If the file cannot be written.
+            If there is such a file, or it cannot be written.
         """
         target = Path(path)
         suffix_of(target)
-        try:
-            WRITERS[target.suffix.lower()](target, self)
-        except OSError as error:
-            raise ReportError(f"'{target}' cannot be written: {error.strerror or error}.") from None
+        with written(target, force=force) as file:
+            WRITERS[target.suffix.lower()](file, self)
 
     def variables(self) -> dict[str, tuple[tuple[str, ...], Floats]]:
         """Return the axes and values of every field."""
@@ -132,42 +139,46 @@ def suffix_of(target: Path) -> None:
         raise ReportError(f"There is no folder '{target.parent}' to write '{target.name}' to.")
 
 
-def _write_npz(path: Path, record: SceneRecord) -> None:
+def _write_npz(file: IO[bytes], record: SceneRecord) -> None:
     fields = {name: record[name] for name in record.names}
-    np.savez_compressed(path, allow_pickle=False, time=record.times, frame=record.numbers, **fields)
+    np.savez_compressed(file, allow_pickle=False, time=record.times, frame=record.numbers, **fields)
 
 
-def _write_csv(path: Path, record: SceneRecord) -> None:
-    import csv
-
+def _write_csv(file: IO[bytes], record: SceneRecord) -> None:
     columns: dict[str, Any] = {"time": record.times, "frame": record.numbers}
     for name in record.names:
         columns |= tables.cell_columns(name, record[name])
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
+    text = io.TextIOWrapper(file, encoding="utf-8", newline="", write_through=True)
+    try:
+        writer = csv.writer(text)
         writer.writerow(columns)
         writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+    finally:
+        text.detach()
 
 
-def _write_netcdf(path: Path, record: SceneRecord) -> None:
+def _write_netcdf(file: IO[bytes], record: SceneRecord) -> None:
     netcdf: Any = import_module("scipy.io").netcdf_file
     named: dict[str, tuple[tuple[str, ...], Any]] = {
         "time": (("time",), record.times),
         "frame": (("time",), record.numbers.astype(np.int32)),
         **record.variables(),
     }
-    with netcdf(path, "w") as file:
+    made = io.BytesIO()  # it is closed with the file, so that it is read before
+    with netcdf(made, "w") as whole:
         for axes, values in named.values():
             for axis, size in zip(axes, values.shape, strict=True):
-                if axis not in file.dimensions:
-                    file.createDimension(axis, size)
+                if axis not in whole.dimensions:
+                    whole.createDimension(axis, size)
         for name, (axes, values) in named.items():
             kind = "i4" if name == "frame" else "f8"
-            file.createVariable(name, kind, axes)[:] = values
-        file.variables["time"].units = "s"
+            whole.createVariable(name, kind, axes)[:] = values
+        whole.variables["time"].units = "s"
+        whole.flush()
+        file.write(made.getbuffer())
 
 
-WRITERS: Mapping[str, Callable[[Path, SceneRecord], None]] = {
+WRITERS: Mapping[str, Callable[[IO[bytes], SceneRecord], None]] = {
     ".npz": _write_npz,
     ".csv": _write_csv,
     ".nc": _write_netcdf,

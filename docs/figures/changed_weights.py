@@ -84,7 +84,7 @@ def main() -> None:
             if given.out is not None:
                 given.out.mkdir(parents=True, exist_ok=True)
                 path = given.out / f"{name}_{label}.toml"
-                save_entry(replace(entry, template=template), path)
+                save_entry(replace(entry, template=template), path, force=True)
                 if entry.measured is not None:
                     write_measured(path, entry.measured)
     total = passed.total()

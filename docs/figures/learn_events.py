@@ -151,7 +151,7 @@ def keep(job: Job, made: Taught, frames: tuple[Floats, Floats], area: float, out
     reads = f"ln(x + 0.001) of the read-outs {', '.join(job.reads)}"
     entry = decision_entry(flat, *frames, Engine(), area=area, inputs_are=reads)
     path = out / f"{flat.name.lower()}.toml"
-    save_entry(entry, path)
+    save_entry(entry, path, force=True)
     return path
 
 

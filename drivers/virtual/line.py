@@ -31,8 +31,10 @@ class VirtualLine:
             raise NotSupportedError(
                 "This system has no pseudo-terminals: simulate the array on Linux or macOS."
             )
-        if link is not None and link.exists() and not link.is_symlink():
-            raise PortError(f"'{link}' is there and is no link: choose another name.")
+        if link is not None and _foreign(link):
+            raise PortError(
+                f"'{link}' is there and is no link to a pseudo-terminal: choose another name."
+            )
         self._link = link
         self._master = self._slave = -1
         self._waiting = bytearray()
@@ -62,7 +64,8 @@ class VirtualLine:
             self.path = name
             return
         try:
-            self._link.unlink(missing_ok=True)
+            if not _foreign(self._link):  # one that was left by a line that was killed
+                self._link.unlink(missing_ok=True)
             self._link.symlink_to(name)
         except OSError as error:
             raise PortError(
@@ -75,7 +78,8 @@ class VirtualLine:
         # first the link: another program may get the number of a terminal that is closed
         if self._link is not None:
             with contextlib.suppress(OSError):
-                self._link.unlink(missing_ok=True)
+                if not _foreign(self._link):
+                    self._link.unlink(missing_ok=True)
         if self.plugged:
             os.close(self._slave)
             os.close(self._master)
@@ -112,3 +116,10 @@ class VirtualLine:
     def close(self) -> None:
         """Unplug for good."""
         self.unplug()
+
+
+def _foreign(link: Path) -> bool:
+    """Return whether something has a name that is no link to a terminal: it is not ours."""
+    if link.is_symlink():
+        return not str(link.readlink()).startswith(("/dev/pts/", "/dev/tty"))
+    return link.exists()

@@ -39,7 +39,8 @@ class Stream:
         self.logged.append((path, dict(self.now), what))
 
     def save(self, path: Path) -> None:
-        self.target = str(path)
+        self.target = path.suffix
+        path.write_bytes(b"RRF2")
 
     def connect_grpc(self, address: str) -> None:
         self.target = address
@@ -76,10 +77,13 @@ def run(tmp_path: Path, target: str) -> Any:
 
 @pytest.mark.parametrize("target", ["slide.rrd", "rerun+http://127.0.0.1:9876/proxy"])
 def test_pictures_and_events_are_logged(tmp_path: Path, streams: list[Stream], target: str) -> None:
-    done = run(tmp_path, target)
+    address = "://" in target
+    done = run(tmp_path, target if address else str(tmp_path / target))
     assert done.exit_code == 0, done.output
     (stream,) = streams
-    assert (stream.name, stream.target, stream.closed) == ("cnnum slide", target, True)
+    asked = target if address else ".rrd"
+    assert (stream.name, stream.target, stream.closed) == ("cnnum slide", asked, True)
+    assert address or (tmp_path / target).read_bytes() == b"RRF2"
     counts = Counter(path for path, _, _ in stream.logged)
     times = [now["time"] for path, now, _ in stream.logged if path == "load"]
     assert min(np.diff(times)) >= 1 / 60 - 1e-9

@@ -9,10 +9,10 @@ import pytest
 from cnnum.cli.commands.recorders import Recorder, journal_of
 from cnnum.drivers import open_driver
 from cnnum.errors import CnnumError, RecordingError
-from cnnum.recordings import place
 from cnnum.recordings.export import export
 from cnnum.recordings.journal import Journal
 from cnnum.recordings.reader import look
+from cnnum.safety.files import written
 
 WHOLE_SECOND = 1.0  # s, as promised
 
@@ -123,7 +123,7 @@ def test_a_file_is_put_in_its_place_and_never_over_another(recorded, tmp_path, m
 def test_a_file_that_comes_during_the_export_is_kept(recorded, tmp_path):
     out = tmp_path / "out.csv"
     with pytest.raises(RecordingError, match="is there already"):  # noqa: PT012, SIM117
-        with place.placed(out, force=False) as file:
+        with written(out, error=RecordingError) as file:
             file.write(b"ours")
             out.write_text("theirs")
     assert out.read_text() == "theirs"

@@ -217,13 +217,17 @@ def test_the_file_is_written_whole_and_nothing_beside_it(
 ) -> None:
     target = tmp_path / "report.html"
     target.write_text("before")
-    write_demo_report(target, record, data.checks, data.work_precision, data.plans)
+    with pytest.raises(ReportError, match="is there already"):
+        write_demo_report(target, record, data.checks, data.work_precision, data.plans)
+    assert target.read_text() == "before"
+    write_demo_report(target, record, data.checks, data.work_precision, data.plans, force=True)
+    write_demo_report(target, record, data.checks, data.work_precision, data.plans)  # its own
     assert target.read_text(encoding="utf-8") == page(data)
     assert list(tmp_path.iterdir()) == [target]
 
 
 def test_a_folder_that_is_not_there_is_one_sentence(tmp_path: Path, record: SceneRecord) -> None:
-    with pytest.raises(ReportError, match=r"cannot be written: No such file.*; check that"):
+    with pytest.raises(ReportError, match=r"cannot be written: there is no folder .*; choose a"):
         write_demo_report(tmp_path / "none" / "report.html", record)
 
 

@@ -10,7 +10,7 @@ import click
 from cnnum.cli.commands.bench_all import run_all
 from cnnum.cli.commands.bench_embedded import Wanted, embedded_options
 from cnnum.cli.following import STOPPED
-from cnnum.cli.options import json_option, results_option, together
+from cnnum.cli.options import force_option, json_option, results_option, together
 from cnnum.cli.output import Output, table
 from cnnum.cli.progress import progress
 from cnnum.cli.signals import stoppable, undisturbed
@@ -33,6 +33,7 @@ _options = together(
     click.option("--device", help="Part of the OpenCL device's name."),
     click.option("--quick", is_flag=True, help="Fewer places and repeats."),
     results_option,
+    force_option,
     json_option,
 )
 
@@ -49,6 +50,7 @@ def _report(
     total: int | None,
     device: str,
     out: Path | None,
+    force: bool,
     as_json: bool,
     omissions: tuple[str, ...] = (),
 ) -> int:
@@ -58,9 +60,9 @@ def _report(
     once. Ctrl-C and SIGTERM end the benchmark, not the report.
     """
     output, rows, left_out = Output(as_json), list[Mapping[str, object]](), list(omissions)
-    if out is not None:  # a folder that cannot be made shall not fail after all has been measured
-        out.mkdir(parents=True, exist_ok=True)
-    stopped = not _collect(name, found, total, output, rows, left_out, out)
+    if out is not None:
+        _refuse(out, name, force=force)
+    stopped = not _collect(name, found, total, output, rows, left_out, out, force)
     if stopped:
         left_out.append("It was stopped here: all later rows are missing.")
     output.record({"kind": "omissions", "bench": name, "omissions": left_out})
@@ -69,12 +71,26 @@ def _report(
     output.show("Left out:", *(f"  {text}" for text in left_out or ["nothing"]))
     if out is not None and rows:
         from cnnum.lab.bench.page import write_report
+        from cnnum.lab.bench.records import rows_file
 
         with undisturbed():
-            paths = write_report(out, name, rows, device, left_out, _asked(name))
-            (out / f"{name}.jsonl").unlink(missing_ok=True)
+            paths = write_report(out, name, rows, device, left_out, _asked(name), force=force)
+            rows_file(out, name).unlink(missing_ok=True)
         output.show(f"Wrote {', '.join(str(path) for path in paths)}.")
     return STOPPED if stopped else 0
+
+
+def _refuse(out: Path, name: str, *, force: bool) -> None:
+    """Refuse, before all is measured, a folder or a file that cannot be written then."""
+    from cnnum.errors import ReportError
+    from cnnum.lab.bench.page import report_files
+    from cnnum.lab.bench.records import rows_file
+    from cnnum.safety.files import make_folder, refuse_target, sentences
+
+    with sentences(out, ReportError):
+        make_folder(out)
+    for path in (rows_file(out, name), *report_files(out, name)):
+        refuse_target(path, force=force)
 
 
 def _asked(name: str) -> str:
@@ -83,7 +99,7 @@ def _asked(name: str) -> str:
     for option in [] if context is None else context.command.params:
         value = cast(click.Context, context).params.get(str(option.name))
         unsaid = value in (None, False, ()) or value == option.default
-        if unsaid or option.name in ("out", "as_json"):
+        if unsaid or option.name in ("out", "force", "as_json"):
             continue
         for one in cast("tuple[object, ...]", value) if option.multiple else (value,):
             words += [option.opts[0]] if one is True else [option.opts[0], str(one)]
@@ -98,6 +114,7 @@ def _collect(
     rows: list[Mapping[str, object]],
     left_out: list[str],
     out: Path | None,
+    force: bool,
 ) -> bool:
     """Gather rows and omissions; return whether that came to its end.
 
@@ -117,7 +134,7 @@ def _collect(
                         for row in several:
                             rows.append(as_row(row))
                             output.record({"kind": name, **rows[-1]})
-                            append_row(out, name, rows)
+                            append_row(out, name, rows, force=force)
                     steps.advance()
         except KeyboardInterrupt:
             return False
@@ -164,7 +181,12 @@ def _table(rows: list[Mapping[str, object]]) -> Any:
 )
 @_options
 def work_precision(
-    names: tuple[str, ...], device: str | None, quick: bool, out: Path | None, as_json: bool
+    names: tuple[str, ...],
+    device: str | None,
+    quick: bool,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
 ) -> int:
     """Error against run time: templates and programs × methods × precisions × engines."""
     from cnnum.lab.bench.work_precision import cases, count, engines_here, measure_cases, omissions
@@ -174,36 +196,42 @@ def work_precision(
     label = engines[0].device
     total = count(chosen, engines, quick=quick)
     left_out = omissions(chosen, quick=quick)
-    return _report("work-precision", found, total, label, out, as_json, left_out)
+    return _report("work-precision", found, total, label, out, force, as_json, left_out)
 
 
 @command.command("throughput")
 @_options
-def throughput(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+def throughput(
+    device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool
+) -> int:
     """Cell updates a second, as a share of the device's own multiply-add peak."""
     from cnnum.lab.bench.throughput import CASES, measure_throughput
 
     engine = _engine(device)
     found = measure_throughput(engine, quick=quick)
-    return _report("throughput", found, len(CASES), engine.device, out, as_json)
+    return _report("throughput", found, len(CASES), engine.device, out, force, as_json)
 
 
 @command.command("latency")
 @click.option("--frames", default=20_000, type=click.IntRange(min=200), help="Frames a program.")
 @_options
-def latency(frames: int, device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+def latency(
+    frames: int, device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool
+) -> int:
     """One frame from host memory to host events, and an empty launch with its copies."""
     from cnnum.lab.bench.latency import OMISSIONS, measure_latency
 
     engine = _engine(device)
     rows = measure_latency(engine, count=2000 if quick else frames)
-    return _report("latency", rows, None, engine.device, out, as_json, OMISSIONS)
+    return _report("latency", rows, None, engine.device, out, force, as_json, OMISSIONS)
 
 
 @command.command("scenes")
 @click.option("--rounds", default=8, type=click.IntRange(min=1), help="Times the frames are run.")
 @_options
-def scenes(rounds: int, device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+def scenes(
+    rounds: int, device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool
+) -> int:
     """Cost of a frame for a scene that wants one event, and for one that wants all."""
     from cnnum.lab.bench.scene_costs import OMISSIONS, SCENES, measure_scenes
 
@@ -211,73 +239,75 @@ def scenes(rounds: int, device: str | None, quick: bool, out: Path | None, as_js
     turns = 1 if quick else rounds
     rows = measure_scenes(engine, rounds=turns)
     total = turns + 1 + len(SCENES)
-    return _report("scenes", rows, total, engine.device, out, as_json, OMISSIONS)
+    return _report("scenes", rows, total, engine.device, out, force, as_json, OMISSIONS)
 
 
 @command.command("compile")
 @_options
-def compile_time(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+def compile_time(
+    device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool
+) -> int:
     """Building a plan of a dozen 8×8 templates: from nothing, and from the caches."""
     from cnnum.lab.bench.compile_time import STARTS, measure_compile
 
     engine, repeats = _engine(device), 1 if quick else 3
     rows = measure_compile(engine, repeats=repeats)
-    return _report("compile", rows, repeats * STARTS + 1, engine.device, out, as_json)
+    return _report("compile", rows, repeats * STARTS + 1, engine.device, out, force, as_json)
 
 
 @command.command("denormals")
 @_options
-def denormals(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+def denormals(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
     """Cost of runs whose states and inputs decay below the smallest normal number."""
     from cnnum.lab.bench.denormals import COUNT, measure_denormals
 
     engine = _engine(device)
     found = measure_denormals(engine, quick=quick)
-    return _report("denormals", found, COUNT, engine.device, out, as_json)
+    return _report("denormals", found, COUNT, engine.device, out, force, as_json)
 
 
 @command.command("fusing")
 @_options
-def fusing(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+def fusing(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
     """Tactile programs with their linear operations fused, and the same with nothing fused."""
     from cnnum.lab.bench.fusing import measure_fusing
 
     engine = _engine(device)
     rows = measure_fusing(engine, quick=quick)
-    return _report("fusing", rows, None, engine.device, out, as_json)
+    return _report("fusing", rows, None, engine.device, out, force, as_json)
 
 
 @command.command("scaling")
 @_options
-def scaling(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+def scaling(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
     """Cost against array, batch, radius, layers and taxel grid."""
     from cnnum.lab.bench.scaling import measure_scaling, points
 
     engine = _engine(device)
     found = measure_scaling(engine, quick=quick)
-    return _report("scaling", found, len(points(quick=quick)), engine.device, out, as_json)
+    return _report("scaling", found, len(points(quick=quick)), engine.device, out, force, as_json)
 
 
 @command.command("peers")
 @_options
-def peers(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+def peers(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
     """Other libraries on the same work to the same measured error; missing ones are named."""
     from cnnum.lab.bench.peer_runs import measure_peers
 
     engine = _engine(device)
     found = measure_peers(engine, quick=quick)
-    return _report("peers", found, None, engine.device, out, as_json)
+    return _report("peers", found, None, engine.device, out, force, as_json)
 
 
 @command.command("design")
 @_options
-def design(device: str | None, quick: bool, out: Path | None, as_json: bool) -> int:
+def design(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
     """Templates from pictures: celnn's two ways against ours, to the loss that it ends at."""
     from cnnum.lab.bench.peers.design_race import measure_design
 
     engine = _engine(device)
     found = measure_design(quick=quick)
-    return _report("design", found, None, engine.device, out, as_json)
+    return _report("design", found, None, engine.device, out, force, as_json)
 
 
 @command.command("embedded")
@@ -299,8 +329,8 @@ def embedded(**asked: Any) -> int:
                 kept.append(one)
             yield one
 
-    out, as_json = asked["out"], bool(asked["as_json"])
-    code = _report("embedded", rows(), len(wanted.cases), wanted.label, out, as_json)
+    out, force, as_json = asked["out"], bool(asked["force"]), bool(asked["as_json"])
+    code = _report("embedded", rows(), len(wanted.cases), wanted.label, out, force, as_json)
     if wanted.bounds.asked and code == 0:
         sentences, output = answers(kept, wanted.bounds), Output(as_json)
         output.record({"kind": "answer", "answers": sentences})
@@ -312,7 +342,12 @@ def embedded(**asked: Any) -> int:
 @_options
 @click.pass_context
 def every(
-    ctx: click.Context, device: str | None, quick: bool, out: Path | None, as_json: bool
+    ctx: click.Context,
+    device: str | None,
+    quick: bool,
+    out: Path | None,
+    force: bool,
+    as_json: bool,
 ) -> int:
     """Every benchmark, one after the other, with the same options.
 
@@ -322,5 +357,5 @@ def every(
     """
     _engine(device)  # a wrong name shall not fail once a benchmark
     benchmarks = {name: one for name, one in command.commands.items() if one is not ctx.command}
-    given = {"device": device, "quick": quick, "out": out, "as_json": as_json}
+    given = {"device": device, "quick": quick, "out": out, "force": force, "as_json": as_json}
     return run_all(ctx, benchmarks, given, Output(as_json))

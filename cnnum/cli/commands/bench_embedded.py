@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, cast
 import click
 
 from cnnum.cli.commands.export import shape_of
-from cnnum.cli.options import json_option, results_option, together
+from cnnum.cli.options import force_option, json_option, results_option, together
 
 if TYPE_CHECKING:
     from cnnum.lab.embedded.answer import Bounds
@@ -34,6 +34,7 @@ embedded_options = together(
     click.option("--rate", help="Frames a second to reach, as 1kHz."),
     click.option("--quick", is_flag=True, help="q15 and q7 alone, and no scenes scored."),
     results_option,
+    force_option,
     json_option,
 )
 """Options of the command."""

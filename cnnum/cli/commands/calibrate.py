@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.options import file_option, json_option
+from cnnum.cli.options import file_option, force_option, json_option
 from cnnum.cli.output import Output, facts, quantity
 
 if TYPE_CHECKING:
@@ -32,9 +32,16 @@ COLUMNS = ("x", "y", "fx", "fy", "fz", "left", "right", "top", "bottom")
 )
 @click.option("--limit", type=float, default=float("inf"), metavar="V", help="End of the range.")
 @file_option("calibration.toml", "The calibration's file.")
+@force_option
 @json_option
 def command(
-    scan: Path, youngs_modulus: float, depth: float | None, limit: float, out: Path, as_json: bool
+    scan: Path,
+    youngs_modulus: float,
+    depth: float | None,
+    limit: float,
+    out: Path,
+    force: bool,
+    as_json: bool,
 ) -> int:
     """Fit a taxel's calibration to SCAN, a CSV file of point loads on its cover.
 
@@ -57,7 +64,7 @@ def command(
         times=times,
         limit=limit,
     )
-    fit.calibration.save(out)
+    fit.calibration.save(out, force=force)
     output = Output(as_json)
     output.record(_record(fit, out, len(numbers)))
     output.show(facts(_facts(fit, len(numbers)), title=f"Written: {out}"))

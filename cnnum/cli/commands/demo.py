@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from cnnum.cli.following import follow
-from cnnum.cli.options import Changes, file_option, json_option, scene_options
+from cnnum.cli.options import Changes, file_option, force_option, json_option, scene_options
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
 
@@ -13,10 +13,12 @@ from cnnum.cli.progress import COMPILING, busy
 @click.command("demo")
 @file_option("cnnum-demo.html", "Where the report goes.")
 @scene_options
+@force_option
 @json_option
 def command(
     out: Path,
     changes: Changes,
+    force: bool,
     as_json: bool,
 ) -> int:
     """Run the scene that comes with the package, and write an HTML report of it.
@@ -30,5 +32,5 @@ def command(
         from cnnum.scenes.pipeline import load_scene
 
         scene = load_scene("demo", changes=changes)
-    with DemoReport(scene, out, as_json=as_json) as report:
+    with DemoReport(scene, out, force=force, as_json=as_json) as report:
         return follow(scene, Output(as_json), watch=report.add, finish=report.write)

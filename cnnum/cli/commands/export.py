@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from cnnum.cli.options import json_option
+from cnnum.cli.options import force_option, json_option
 from cnnum.cli.output import Output
 
 VECTOR = 48
@@ -32,6 +32,7 @@ VECTOR = 48
     type=click.Path(path_type=Path, file_okay=False),
     help="Folder to write.",
 )
+@force_option
 @json_option
 def command(
     program: str,
@@ -40,6 +41,7 @@ def command(
     method: str,
     needs: str | None,
     out: Path,
+    force: bool,
     as_json: bool,
 ) -> int:
     """Write PROGRAM as self-contained C99, with a test vector and a Makefile.
@@ -50,7 +52,7 @@ def command(
     from cnnum.lab.embedded.streams import made, vector_frames
 
     size = shape_of(shape)
-    require_room(out, program)
+    require_room(out, program, force=force)
     wanted = None if needs is None else tuple(name.strip() for name in needs.split(","))
     found = made(program, size, precision, method, wanted)
     about = (
@@ -58,7 +60,7 @@ def command(
         "Written by 'cnnum export'.",
     )
     exported = found.export(vector_frames(size, VECTOR), about)
-    exported.write(out)
+    exported.write(out, force=True)  # what is in the way was looked for before the work
     output = Output(as_json)
     output.record(
         {
@@ -83,7 +85,7 @@ def command(
     return 0
 
 
-def require_room(out: Path, program: str) -> None:
+def require_room(out: Path, program: str, *, force: bool) -> None:
     """Refuse a folder that cannot be made or written, before the work of a minute.
 
     Raises
@@ -96,10 +98,10 @@ def require_room(out: Path, program: str) -> None:
     there = next(place for place in (out, *out.absolute().parents) if place.exists())
     if not (there.is_dir() and os.access(there, os.W_OK | os.X_OK)):
         raise click.UsageError(f"'{out}' cannot be written: '{there}' takes no new files.")
-    if other := in_the_way(out, program):
+    if not force and (other := in_the_way(out, program)):
         raise click.UsageError(
             f"'{out}' has a file '{other}' that no export of '{program}' wrote: choose another "
-            "folder."
+            "folder, or give --force."
         )
 
 

@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.options import assignments, json_option, setting_option, target_option
+from cnnum.cli.options import (
+    assignments,
+    force_option,
+    json_option,
+    setting_option,
+    target_option,
+)
 from cnnum.cli.output import Output, facts, number, quantity
 from cnnum.cli.progress import progress
 from cnnum.cli.signals import stoppable
@@ -28,6 +34,7 @@ SHOWN = 12
 )
 @click.option("--frames", type=click.IntRange(min=1), help="Look at this number of frames.")
 @target_option("--picture", "FILE.png", "Draw rest, noise and drift of every cell.")
+@force_option
 @json_option
 def command(
     source: str,
@@ -35,6 +42,7 @@ def command(
     seconds: float | None,
     frames: int | None,
     picture: Path | None,
+    force: bool,
     as_json: bool,
 ) -> int:
     """Look at the frames of the array SOURCE (a driver's name, or a scene).
@@ -61,7 +69,7 @@ def command(
 
             marks = [cell[:2] for cell in (*figures.dead, *figures.stuck, *figures.noisy)]
             maps = {"rest": figures.rest, "noise": figures.deviation, "drift a min": figures.slope}
-            draw(picture, maps, figures.channels, driver.unit, marks)
+            draw(picture, maps, figures.channels, driver.unit, marks, force=force)
             click.echo(f"Written: {picture}", err=as_json)
     return 130 if stopped else 0
 

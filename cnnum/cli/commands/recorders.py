@@ -10,8 +10,8 @@ from cnnum.frame import Frame
 from cnnum.recordings.attachments import CALIBRATION, SCENE, Held
 from cnnum.recordings.export import export, suffix_of
 from cnnum.recordings.journal import Journal
-from cnnum.recordings.place import put, taken
 from cnnum.recordings.reader import look
+from cnnum.safety.files import beside, put, refuse_target, sentences, taken
 
 if TYPE_CHECKING:
     from cnnum.drivers.driver import Driver
@@ -76,8 +76,7 @@ class Recorder:
         self._target, self._force = target, force
         # a file at this name, also a link to nowhere, is not ours to touch
         there = target.exists() or target.is_symlink()
-        if there and not force:
-            raise taken(target)
+        refuse_target(target, error=RecordingError, force=force)
         direct = suffix_of(target) == ".mcap" and not there
         path = target if direct else journal_of(target)
         calibration = getattr(driver, "calibration", None)
@@ -85,7 +84,7 @@ class Recorder:
             held = _held(calibration, scene)
             self._journal = Journal(path, driver.rate, calibration, held)
         except FileExistsError:
-            raise taken(path) if direct else _unfinished(path, target) from None
+            raise taken(path, RecordingError) if direct else _unfinished(path, target) from None
         except OSError as error:
             raise RecordingError(
                 f"'{target}' cannot be written: {error.strerror}; choose a folder that exists "
@@ -128,7 +127,8 @@ class Recorder:
         path, target = self._journal.path, self._target
         try:
             if to_mcap:
-                put(path, target, force=self._force)
+                with sentences(target, RecordingError):
+                    put(path, target, force=self._force)
             else:
                 export(look(path), target, force=self._force)
                 path.unlink()
@@ -156,7 +156,7 @@ def _held(calibration: "Calibration | None", scene: str) -> list[Held]:
 
 def journal_of(target: Path) -> Path:
     """Return the name of the journal of a file that is not written directly."""
-    return target.with_name(f"{target.name}.recording.mcap")
+    return beside(target, ".recording.mcap")
 
 
 def _unfinished(path: Path, target: Path) -> RecordingError:

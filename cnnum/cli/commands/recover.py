@@ -25,16 +25,14 @@ def command(file: Path, out: Path | None, force: bool, as_json: bool) -> int:
     OUT ends in .mcap, .npz, .h5 or .csv; unless given it is FILE with `.recovered.mcap` at its end.
     """
     from cnnum.recordings.export import export, suffix_of
-    from cnnum.recordings.place import taken
     from cnnum.recordings.reader import look
+    from cnnum.safety.files import beside, refuse_target
 
-    target = file.with_name(f"{file.stem}.recovered.mcap") if out is None else out
+    target = beside(file.with_suffix(""), ".recovered.mcap") if out is None else out
     suffix_of(target)
-    if target.exists():
-        if file.exists() and target.samefile(file):
-            raise RecordingError(f"'{file}' is not replaced: choose another name for OUT.")
-        if not force:
-            raise taken(target)
+    if target.exists() and file.exists() and target.samefile(file):
+        raise RecordingError(f"'{file}' is not replaced: choose another name for OUT.")
+    refuse_target(target, error=RecordingError, force=force)
     contents = look(file)
     export(contents, target, force=force)
     _report(Output(as_json), target, contents)

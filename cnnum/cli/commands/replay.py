@@ -6,7 +6,13 @@ import click
 
 from cnnum.cli import saving
 from cnnum.cli.following import follow
-from cnnum.cli.options import Changes, frames_option, json_option, scene_options
+from cnnum.cli.options import (
+    Changes,
+    force_option,
+    frames_option,
+    json_option,
+    scene_options,
+)
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
 
@@ -34,6 +40,7 @@ DEFAULT = "demo"
 )
 @click.option("--from", "begin", type=click.FloatRange(min=0.0), help="Leave out all before, s.")
 @click.option("--to", "end", type=click.FloatRange(min=0.0), help="Leave out all after, s.")
+@force_option
 @json_option
 def command(
     file: Path,
@@ -45,6 +52,7 @@ def command(
     speed: float,
     begin: float | None,
     end: float | None,
+    force: bool,
     as_json: bool,
 ) -> int:
     """Run a scene's program over the recording FILE, as fast as it goes or at a pace.
@@ -53,7 +61,7 @@ def command(
     the folder of a uSkin trial, too. Only the array of the scene is replaced: its program and its
     events stay.
     """
-    saving.refuse_unwritable(save)
+    saving.refuse_unknown(save)
     with busy(COMPILING, as_json=as_json):
         from cnnum.drivers.recording_file import array_of
         from cnnum.scenes.pipeline import load_scene
@@ -66,8 +74,8 @@ def command(
             from cnnum.drivers.timing.paced import Paced
 
             loaded.driver = Paced(loaded.driver, speed, begin, end)
-    saver = saving.FieldSaver(save, loaded)
-    with saving.to_rerun(loaded, rerun) as send:
+    saver = saving.FieldSaver(save, loaded, force=force)
+    with saving.to_rerun(loaded, rerun, force=force) as send:
         watch = saving.watching(saver.add, send)
         return follow(loaded, Output(as_json), frames=frames, watch=watch, keep=saver.write)
 

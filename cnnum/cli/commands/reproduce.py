@@ -7,7 +7,7 @@ import click
 from rich.table import Table
 from rich.text import Text
 
-from cnnum.cli.options import json_option
+from cnnum.cli.options import force_option, json_option
 from cnnum.cli.output import Output, number, table, verdict
 from cnnum.cli.progress import progress
 from cnnum.cli.stopping import until_stopped
@@ -31,8 +31,11 @@ CHECKS_FAILED = 1
     is_flag=True,
     help="Break the function that each check is about, and report whether the check fails.",
 )
+@force_option
 @json_option
-def command(items: tuple[str, ...], out: Path | None, mutants: bool, as_json: bool) -> int:
+def command(
+    items: tuple[str, ...], out: Path | None, mutants: bool, force: bool, as_json: bool
+) -> int:
     """Compute the dissertation's results and compare them with the published numbers.
 
     ITEMS are names of rows, or beginnings of them: "W", "fig-4.5", "eq-5"; all unless given.
@@ -51,6 +54,13 @@ def command(items: tuple[str, ...], out: Path | None, mutants: bool, as_json: bo
     rows: list[Row] = []
     if out is not None and not out.parent.is_dir():
         raise click.UsageError(f"There is no folder '{out.parent}' to write '{out.name}' to.")
+    if out is not None:
+        from cnnum.errors import RecordingError
+        from cnnum.lab.reproduce.page import target_of
+        from cnnum.safety.files import refuse_target
+
+        if out.suffix.lower() == ".html" or out.exists():
+            refuse_target(target_of(out), error=RecordingError, force=force)
     with until_stopped() as stop, progress("items", len(chosen), as_json=as_json) as steps:
         for row in run(chosen):
             rows.append(row)
@@ -60,7 +70,7 @@ def command(items: tuple[str, ...], out: Path | None, mutants: bool, as_json: bo
     if stop.stopped:
         return stop.say(len(rows), len(chosen), "items", as_json=as_json)
     if out is not None:
-        _write(out, rows, as_json)
+        _write(out, rows, force, as_json)
     return CHECKS_FAILED if any(row.passed is False for row in rows) else 0
 
 
@@ -98,12 +108,12 @@ def _mutants(chosen: "tuple[Item, ...]", as_json: bool) -> int:
     return CHECKS_FAILED if stay else 0
 
 
-def _write(out: Path, rows: "list[Row]", as_json: bool) -> None:
+def _write(out: Path, rows: "list[Row]", force: bool, as_json: bool) -> None:
     from cnnum.lab.reproduce.page import figures_of, write_page
 
     made = figures_of(rows)
     with progress("figures", len(made), as_json=as_json) as steps:
-        place = write_page(out, rows, made, steps.advance)
+        place = write_page(out, rows, made, steps.advance, force=force)
     Output(as_json).show(f"Written: {place}")
 
 

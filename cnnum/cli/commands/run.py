@@ -7,7 +7,14 @@ import click
 
 from cnnum.cli import saving
 from cnnum.cli.following import follow
-from cnnum.cli.options import Changes, frames_option, json_option, scene_options, target_option
+from cnnum.cli.options import (
+    Changes,
+    force_option,
+    frames_option,
+    json_option,
+    scene_options,
+    target_option,
+)
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
 
@@ -31,6 +38,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=0),
     help="That frame's number, from 0; the first event's unless given.",
 )
+@force_option
 @json_option
 def command(
     scene: str,
@@ -40,6 +48,7 @@ def command(
     frames: int | None,
     trace: Path | None,
     trace_frame: int | None,
+    force: bool,
     as_json: bool,
 ) -> int:
     """Run SCENE (a TOML file, or the name of a scene of the package) and print its events.
@@ -47,27 +56,27 @@ def command(
     Ctrl-C (or SIGTERM, SIGHUP) ends it with the summary.
     """
     _refuse_trace(trace, trace_frame)
-    saving.refuse_unwritable(save, trace)
+    saving.refuse_unknown(save)
     output = Output(as_json)
     with busy(COMPILING, as_json=as_json):
         from cnnum.scenes.pipeline import load_scene
 
         loaded = load_scene(scene, changes=changes)
-    saver = saving.FieldSaver(save, loaded)
+    saver = saving.FieldSaver(save, loaded, force=force)
     eventful: list[int] = []
 
     def watch(moment: "FrameResult") -> None:
         if moment.events and not eventful:
             eventful.append(moment.number)
 
-    with saving.to_rerun(loaded, rerun) as send:
+    with saving.to_rerun(loaded, rerun, force=force) as send:
         watches = saving.watching(watch, saver.add, send)
         code = follow(loaded, output, frames=frames, watch=watches, keep=saver.write)
     if trace is None:
         return code
     number = trace_frame if trace_frame is not None else next(iter(eventful), 0)
     # a driver runs once: the scene is opened again for its trace
-    _write_trace(trace, load_scene(scene, changes=changes), number)
+    _write_trace(trace, load_scene(scene, changes=changes), number, force)
     click.echo(f"Written: {trace} (frame {number})", err=as_json)
     return code
 
@@ -79,8 +88,8 @@ def _refuse_trace(page: Path | None, frame: int | None) -> None:
         raise click.UsageError(f"The trace is a page: expected FILE.html, got '{page.name}'.")
 
 
-def _write_trace(path: Path, scene: "Scene", number: int) -> None:
+def _write_trace(path: Path, scene: "Scene", number: int, force: bool) -> None:
     from cnnum.report.trace_page import write_trace_page
 
     steps = scene.trace(number)
-    write_trace_page(path, f"{scene.spec.name}, frame {number}", steps)
+    write_trace_page(path, f"{scene.spec.name}, frame {number}", steps, force=force)

@@ -9,7 +9,7 @@ import click
 import rich.table
 from rich.text import Text
 
-from cnnum.cli.options import engine_options, json_option, page_option
+from cnnum.cli.options import engine_options, force_option, json_option, page_option
 from cnnum.cli.output import Output, table
 from cnnum.cli.progress import progress
 from cnnum.cli.stopping import until_stopped
@@ -61,6 +61,7 @@ class _Wanted(TypedDict):
 @engine_options
 @click.option("--strict", is_flag=True, help="Exit with 1 if an aim is missed.")
 @page_option
+@force_option
 @json_option
 def command(
     engine: str | None,
@@ -68,6 +69,7 @@ def command(
     precision: str | None,
     strict: bool,
     out: Path | None,
+    force: bool,
     as_json: bool,
     **wanted: Unpack[_Wanted],
 ) -> int:
@@ -104,7 +106,7 @@ def command(
     aimed, missed = (sum(getattr(each, name) for each in tables) for name in ("aimed", "missed"))
     output.show(*_parts(tables), f"{aimed - missed} of {aimed} aims reached.")
     if out is not None:
-        _write(out, tables, request, str(used.device))
+        _write(out, tables, request, str(used.device), force)
         output.show(f"Written: {out}")
     return AIMS_MISSED if strict and missed else 0
 
@@ -137,11 +139,13 @@ def _request(wanted: _Wanted) -> "Request":
     )
 
 
-def _write(out: Path, tables: "Sequence[Table]", request: "Request", device: str) -> None:
+def _write(
+    out: Path, tables: "Sequence[Table]", request: "Request", device: str, force: bool
+) -> None:
     from cnnum.lab.scoring.page import write_page
     from cnnum.report.environment import Environment
 
-    write_page(out, tables, request, Environment.here(device))
+    write_page(out, tables, request, Environment.here(device), force=force)
 
 
 def _parts(tables: "Sequence[Table]") -> list[rich.table.Table | str]:

@@ -8,7 +8,7 @@ import click
 from rich.table import Table
 from rich.text import Text
 
-from cnnum.cli.options import engine_options, json_option, page_option
+from cnnum.cli.options import engine_options, force_option, json_option, page_option
 from cnnum.cli.output import Output, number, table, verdict
 from cnnum.cli.progress import progress
 
@@ -22,6 +22,7 @@ CHECKS_FAILED = 1
 @click.argument("cases", nargs=-1, metavar="[CASES]...")
 @engine_options
 @page_option
+@force_option
 @json_option
 def command(
     cases: tuple[str, ...],
@@ -29,6 +30,7 @@ def command(
     device: str | None,
     precision: str | None,
     out: Path | None,
+    force: bool,
     as_json: bool,
 ) -> int:
     """Run stiff, marginal and extreme cases on every engine.
@@ -60,7 +62,7 @@ def command(
     if out is not None:
         from cnnum.lab.stability.page import write_page
 
-        output.show(f"Written: {write_page(out, rows)}")
+        output.show(f"Written: {write_page(out, rows, force=force)}")
     return CHECKS_FAILED if any(not row.passed for row in rows) else 0
 
 

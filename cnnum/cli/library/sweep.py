@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from cnnum.cli.options import in_a_folder, json_option
+from cnnum.cli.options import force_option, json_option, to_write
 from cnnum.cli.output import Output, facts, number, quantity
 from cnnum.cli.progress import progress
 
@@ -16,7 +16,6 @@ from cnnum.cli.progress import progress
 @click.option(
     "--output",
     type=click.Path(path_type=Path),
-    callback=in_a_folder,
     help="Results: a .nc or .zarr.",
 )
 @click.option("--scheduler", help="Address of a Dask scheduler, as in tcp://host:8786.")
@@ -24,9 +23,10 @@ from cnnum.cli.progress import progress
 @click.option(
     "--page",
     type=click.Path(path_type=Path, dir_okay=False),
-    callback=in_a_folder,
+    callback=to_write,
     help="Write a page of pictures.",
 )
+@force_option
 @json_option
 def command(
     experiment: Path,
@@ -34,6 +34,7 @@ def command(
     scheduler: str | None,
     engine: str | None,
     page: Path | None,
+    force: bool,
     as_json: bool,
 ) -> None:
     """Run the sweep of the TOML file EXPERIMENT.
@@ -48,6 +49,8 @@ def command(
     from cnnum.design.sweeping import failures, sweep
     from cnnum.templating.checks.intervals import wilson
 
+    if output is not None and not output.parent.is_dir():
+        raise click.UsageError(f"There is no folder '{output.parent}' to write '{output.name}' to.")
     wanted = load_experiment(experiment)
     if engine is not None:
         wanted = replace(wanted, engine=engine)
@@ -57,6 +60,7 @@ def command(
             wanted,
             output or experiment.with_suffix(".nc"),
             scheduler=scheduler,
+            force=force,
             done=lambda n, total: steps.advance(f"{n} of {total} tasks"),
         )
     flips = found.results["flipped"]
@@ -81,7 +85,7 @@ def command(
     if page is not None:
         from cnnum.report.sweep_page import write_page
 
-        record["page"] = str(write_page(page, found.results))
+        record["page"] = str(write_page(page, found.results, force=force))
     shown.record(record)
     shown.show(facts(_lines(record)))
     if record["failed"] == wanted.runs:

@@ -1,47 +1,59 @@
 """`cnnum templates import` and `export`: template files of other programs."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from cnnum.cli.library.templates_choice import is_place
-from cnnum.cli.options import json_option
+from cnnum.cli.options import force_option, json_option
 from cnnum.cli.output import Output
+
+if TYPE_CHECKING:
+    from cnnum.templating.files import Entry
 
 
 @click.command("import")
 @click.argument("files", nargs=-1, required=True, metavar="FILES...")
 @click.option("--to", "folder", default=".", help="Folder for the new files.")
+@force_option
 @json_option
-def import_files(files: tuple[str, ...], folder: str, as_json: bool) -> None:
+def import_files(files: tuple[str, ...], folder: str, force: bool, as_json: bool) -> None:
     """Write templates of other programs as TOML, one file each.
 
     FILES are `.tem` files of the CNN Software Library, MatCNN's temlib.m, or CNNSim's files.
     """
     from cnnum.errors import TemplateFileError
+    from cnnum.safety.files import make_folder, refuse_target, sentences
     from cnnum.templating.files import load_entries, save_entry
 
-    output, target, written = Output(as_json), Path(folder), dict[Path, str]()
+    output, target, found = Output(as_json), Path(folder), dict[Path, tuple[str, "Entry"]]()
     for file in files:
         for entry in load_entries(file):
             name = entry.template.name
             path = target / f"{name.lower().replace(' ', '_')}.toml"
-            if path in written:
+            if path in found:
                 raise TemplateFileError(
-                    f"'{file}' and '{written[path]}' both hold a template '{name}': expected "
+                    f"'{file}' and '{found[path][0]}' both hold a template '{name}': expected "
                     "names that differ, as each is a file of its own; import them to two folders."
                 )
-            target.mkdir(parents=True, exist_ok=True)
-            save_entry(entry, path)
-            written[path] = file
-            output.record({"template": name, "from": file, "file": str(path)}, f"{name}: {path}")
+            found[path] = file, entry
+    with sentences(target, TemplateFileError):
+        make_folder(target)
+    for path in found:  # all are looked at before one is written
+        refuse_target(path, error=TemplateFileError, force=force)
+    for path, (file, entry) in found.items():
+        save_entry(entry, path, force=force)
+        name = entry.template.name
+        output.record({"template": name, "from": file, "file": str(path)}, f"{name}: {path}")
 
 
 @click.command("export")
 @click.argument("name")
 @click.argument("file")
+@force_option
 @json_option
-def export(name: str, file: str, as_json: bool) -> None:
+def export(name: str, file: str, force: bool, as_json: bool) -> None:
     """Write the template NAME, of the library or a file, to FILE.
 
     The suffix says the format: .tem (CNN Software Library), .m (MatCNN), .cnnsim or .toml.
@@ -50,7 +62,7 @@ def export(name: str, file: str, as_json: bool) -> None:
     from cnnum.templating.library import get_entry
 
     entry = load_entry(name) if is_place(name) else get_entry(name)
-    save_entry(entry, file)
+    save_entry(entry, file, force=force)
     Output(as_json).record(
         {"template": entry.template.name, "file": file}, f"{entry.template.name}: {file}"
     )

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cnnum.cli.library.templates_choice import is_place
-from cnnum.cli.options import json_option
+from cnnum.cli.options import force_option, json_option
 from cnnum.cli.output import Output, facts, number, table
 
 if TYPE_CHECKING:
@@ -34,8 +34,9 @@ _DRAWS = 50
     default=Path(),
     help="Folder that designed templates are written to; this one unless given.",
 )
+@force_option
 @json_option
-def design(name: str, engine: str, weights: bool, output: Path, as_json: bool) -> None:
+def design(name: str, engine: str, weights: bool, output: Path, force: bool, as_json: bool) -> None:
     """Design the templates of the specification NAME, or show a template's figures for designers.
 
     A specification is a TOML file: a table [design] with a rule, tables [[example]], or a table
@@ -50,16 +51,18 @@ def design(name: str, engine: str, weights: bool, output: Path, as_json: bool) -
     from cnnum.templating.library import get_template
 
     if is_place(name) and is_spec(name):
-        _design(name, Engine(engine), output, Output(as_json))
+        _design(name, Engine(engine), output, Output(as_json), force)
         return
     template = load_template(name) if is_place(name) else get_template(name)
     report(template, Engine(engine), Output(as_json), weights=weights)
 
 
-def _design(name: str, engine: "Engine", folder: Path, output: Output) -> None:
+def _design(name: str, engine: "Engine", folder: Path, output: Output, force: bool) -> None:
     """Design the templates of a specification, write them, and show their proofs."""
     from cnnum.design.designing import designed
     from cnnum.design.spec import load_spec
+    from cnnum.errors import TemplateFileError
+    from cnnum.safety.files import make_folder, sentences
     from cnnum.templating.files import save_entry
 
     shown = table("Template", ">examples", ">margin", ">relative", ">at most", ">flips at", "file")
@@ -67,8 +70,9 @@ def _design(name: str, engine: "Engine", folder: Path, output: Output) -> None:
         proof, template = one.entry.proof, one.entry.template
         assert proof is not None
         path = folder / f"{template.name.lower()}.toml"
-        folder.mkdir(parents=True, exist_ok=True)
-        save_entry(one.entry, path)
+        with sentences(folder, TemplateFileError):
+            make_folder(folder)
+        save_entry(one.entry, path, force=force)
         output.record({"template": template.name, "file": str(path), **asdict(proof)})
         rates = ", ".join(
             f"{100 * f.mismatch:g} %: {100 * f.rate:.0f} % ({100 * f.low:.0f}-{100 * f.high:.0f})"

@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from cnnum.cli.library.templates_choice import chosen
-from cnnum.cli.options import file_option, json_option
+from cnnum.cli.options import file_option, force_option, json_option
 from cnnum.cli.output import Output
 from cnnum.cli.progress import progress
 
@@ -15,8 +15,9 @@ from cnnum.cli.progress import progress
 @click.argument("names", nargs=-1, metavar="[NAMES]...")
 @file_option("gallery.html", "The page's file.")
 @click.option("--engine", default="numba", show_default=True, help="Engine to run on.")
+@force_option
 @json_option
-def gallery(names: tuple[str, ...], out: Path, engine: str, as_json: bool) -> None:
+def gallery(names: tuple[str, ...], out: Path, engine: str, force: bool, as_json: bool) -> None:
     """Write one searchable page of templates with their pictures, numbers and checks.
 
     NAMES are templates, files or folders; the whole library unless given. The page needs no other
@@ -24,9 +25,9 @@ def gallery(names: tuple[str, ...], out: Path, engine: str, as_json: bool) -> No
     """
     from cnnum.engine import Engine
     from cnnum.report.gallery import Card, filmstrip, gallery_page
+    from cnnum.safety.files import write_whole
     from cnnum.templating.checks import run_check
     from cnnum.templating.files import load_entry
-    from cnnum.templating.files.writing import write_text
 
     used, files, found = Engine(engine), chosen(names), list[Card]()
     check = partial(run_check, engine=used, repeats=1)
@@ -37,6 +38,6 @@ def gallery(names: tuple[str, ...], out: Path, engine: str, as_json: bool) -> No
             strip = filmstrip(entry.template, used)
             found.append(Card(entry, path.parent.name, strip, result))
             steps.advance(entry.template.name)
-    write_text(out, gallery_page(found))
+    write_whole(out, gallery_page(found), force=force)
     done = {"templates": len(found), "file": str(out)}
     Output(as_json).record(done, f"{len(found)} templates: {out}")

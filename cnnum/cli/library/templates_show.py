@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from cnnum.cli.library.templates_choice import is_place
-from cnnum.cli.options import json_option, target_option
+from cnnum.cli.options import force_option, json_option, target_option
 from cnnum.cli.output import Output, facts, number
-from cnnum.cli.saving import refuse_unwritable
 
 if TYPE_CHECKING:
     from cnnum.templating.couplings import NonlinearCoupling
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
 )
 @click.option("--times", type=click.IntRange(2, 1000), default=13, show_default=True, help="Times.")
 @click.option("--engine", help="Engine to run on: opencl, numba or reference.")
+@force_option
 @json_option
 def show(
     name: str,
@@ -38,11 +38,11 @@ def show(
     picture: Path | None,
     times: int,
     engine: str | None,
+    force: bool,
     as_json: bool,
 ) -> None:
     """Show the template NAME of the library, or of a file: its numbers and all that goes along."""
     if transient is not None:
-        refuse_unwritable(None, transient)
         _refuse_unknown_kind(transient)
     elif picture is not None:
         raise click.UsageError(
@@ -64,7 +64,7 @@ def show(
         output.show(f"{label}: {text}", "")
 
     if transient is not None:
-        _write_transient(template, transient, shown, times, engine)
+        _write_transient(template, transient, shown, times, engine, force)
         output.record({"kind": "transient", "file": str(transient)}, f"Written: {transient}")
 
 
@@ -85,13 +85,13 @@ def _picture(path: Path | None) -> Any:
 
 
 def _write_transient(
-    template: "Template", path: Path, shown: Any, times: int, engine: str | None
+    template: "Template", path: Path, shown: Any, times: int, engine: str | None, force: bool
 ) -> None:
     from cnnum.engine import Engine
     from cnnum.report.transient_page import transient_of, write_transient
 
     at, result = transient_of(Engine(engine), template, shown, times)
-    write_transient(path, template, at, result)
+    write_transient(path, template, at, result, force=force)
 
 
 def _words(entry: "Entry") -> dict[str, object]:

@@ -19,6 +19,7 @@ from cnnum.embedded.c.program import (
 from cnnum.embedded.emulator import Emulator, Numbers, cleared
 from cnnum.embedded.program import Array, IntegerProgram
 from cnnum.embedded.ranges import range_lines
+from cnnum.safety.files import write_files
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,11 +38,15 @@ class Exported:
     output_bytes: int
     table_bytes: int
 
-    def write(self, folder: Path) -> None:
-        """Write the files into a folder."""
-        folder.mkdir(parents=True, exist_ok=True)
-        for name, text in self.files.items():
-            (folder / name).write_text(text, encoding="utf-8")
+    def write(self, folder: Path, *, force: bool = False) -> None:
+        """Write the files into a folder, all or none.
+
+        Raises
+        ------
+        ReportError
+            If one is there that `force` does not say to replace, or cannot be written.
+        """
+        write_files(folder, self.files, force=force)
 
 
 OTHERS = ("vector.c", "stream.c", "Makefile", "ranges.txt")

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from cnnum.engines.cache import cache_folder
 from cnnum.engines.notices import say_once
+from cnnum.safety.files import create
 
 VARIABLE = "POCL_CACHE_DIR"
 """PoCL reads it once, when its devices are first listed. A value of the user's own stands."""
@@ -131,7 +132,7 @@ def _try_room(folder: Path) -> None:
     if hasattr(os, "statvfs") and os.statvfs(folder).f_flag & getattr(os, "ST_NOEXEC", 0):
         raise OSError("programs may not be run from there")
     trial = folder / "room"
-    with trial.open("wb") as file:
+    with create(trial) as file:
         if hasattr(os, "posix_fallocate"):
             os.posix_fallocate(file.fileno(), 0, ROOM)
         else:

@@ -1,7 +1,6 @@
 """Pictures of benchmark rows: one function a kind, Matplotlib without a display."""
 
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, cast
 
 from matplotlib.backends.backend_agg import FigureCanvasAgg
@@ -10,6 +9,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from cnnum.lab.bench.work_precision_chart import work_precision
 from cnnum.lab.embedded.chart import embedded
+from cnnum.report.probe_picture import drawn
 
 Row = Mapping[str, object]
 Axes = Any
@@ -162,7 +162,7 @@ CHARTS: Mapping[str, Callable[[Sequence[Row]], Picture]] = {
 }
 
 
-def save(figure: Picture, path: Path) -> None:
-    """Write a figure as PNG."""
+def png(figure: Picture) -> bytes:
+    """Return a figure as PNG."""
     canvas: Any = FigureCanvasAgg(figure)
-    canvas.figure.savefig(path, dpi=110)
+    return drawn(canvas.figure)

@@ -5,12 +5,12 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from cnnum.lab.bench.charts import CHARTS, save
-from cnnum.lab.bench.records import write_data
+from cnnum.lab.bench.charts import CHARTS, png
+from cnnum.lab.bench.records import data_text
 from cnnum.report.environment import Environment
 from cnnum.report.html import Cell, both, document, paragraph, section, table
 from cnnum.report.plots import inline_svg, page_style
-from cnnum.safety.files import write_whole
+from cnnum.safety.files import write_files
 
 Row = Mapping[str, object]
 NARROW = 4.4
@@ -53,6 +53,8 @@ def write_report(
     device: str,
     omissions: Sequence[str],
     command: str | None = None,
+    *,
+    force: bool = False,
 ) -> tuple[Path, ...]:
     """Write picture, data and page of one benchmark into a folder.
 
@@ -67,19 +69,32 @@ def write_report(
     omissions : sequence of str
     command : str, optional
         That measured them; the benchmark's without options unless given.
+    force : bool
+        Whether files that are there, and are of no benchmark, are replaced.
 
     Returns
     -------
     tuple of Path
         PNG, JSON and HTML.
+
+    Raises
+    ------
+    ReportError
+        If another file is there, or one cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    picture, data, page = (folder / f"{name}.{kind}" for kind in ("png", "json", "html"))
-    save(CHARTS[name](rows), picture)
+    places = report_files(folder, name)
     asked = command or f"cnnum bench {name}"
-    write_data(data, asked, rows, device, omissions)
-    text = _page(name, asked, rows, data.read_text(encoding="utf-8"), device, omissions)
-    write_whole(page, text.encode("utf-8"))
+    data = data_text(asked, rows, device, omissions)
+    page = _page(name, asked, rows, data, device, omissions)
+    contents: tuple[bytes | str, ...] = (png(CHARTS[name](rows)), data, page)
+    named = {place.name: content for place, content in zip(places, contents, strict=True)}
+    write_files(folder, named, force=force)
+    return places
+
+
+def report_files(folder: Path, name: str) -> tuple[Path, Path, Path]:
+    """Return the places of a benchmark's PNG, JSON and HTML."""
+    picture, data, page = (folder / f"{name}.{kind}" for kind in ("png", "json", "html"))
     return picture, data, page
 
 

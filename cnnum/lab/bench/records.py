@@ -6,8 +6,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from cnnum.errors import ReportError
 from cnnum.report.environment import Environment
-from cnnum.safety.files import write_whole
+from cnnum.safety.files import append, make_folder, sentences, write_whole
 from cnnum.sharing.json_values import json_value
 
 Row = dict[str, object]
@@ -18,8 +19,14 @@ def as_row(record: Any) -> Row:
     return {key: json_value(value) for key, value in asdict(record).items()}
 
 
-def append_row(folder: Path | None, name: str, rows: Sequence[Mapping[str, object]]) -> None:
-    """Append the last row to a benchmark's file of rows; the first begins the file anew.
+def append_row(
+    folder: Path | None,
+    name: str,
+    rows: Sequence[Mapping[str, object]],
+    *,
+    force: bool = False,
+) -> None:
+    """Append the last row to a benchmark's file of rows; the first begins the file.
 
     Parameters
     ----------
@@ -28,26 +35,37 @@ def append_row(folder: Path | None, name: str, rows: Sequence[Mapping[str, objec
     name : str
         The benchmark: the file is `NAME.jsonl`, a JSON object a line.
     rows : sequence of mapping
+    force : bool
+        Whether a file of rows that another run has left is begun anew.
+
+    Raises
+    ------
+    ReportError
+        If there is such a file, or it cannot be written.
     """
     if folder is None:
         return
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / f"{name}.jsonl").open("w" if len(rows) == 1 else "a", encoding="utf-8") as file:
-        file.write(json.dumps(dict(rows[-1]), ensure_ascii=False) + "\n")
+    path = rows_file(folder, name)
+    with sentences(path, ReportError):
+        make_folder(folder)
+    if len(rows) == 1:
+        write_whole(path, b"", force=force)
+    with sentences(path, ReportError):
+        append(path, (json.dumps(dict(rows[-1]), ensure_ascii=False) + "\n").encode("utf-8"))
 
 
-def write_data(
-    path: Path,
-    title: str,
-    rows: Sequence[Mapping[str, object]],
-    device: str,
-    omissions: Sequence[str],
-) -> None:
-    """Write the data behind a picture.
+def rows_file(folder: Path, name: str) -> Path:
+    """Return the file of a benchmark's rows, which is there while it runs."""
+    return folder / f"{name}.jsonl"
+
+
+def data_text(
+    title: str, rows: Sequence[Mapping[str, object]], device: str, omissions: Sequence[str]
+) -> str:
+    """Return the data behind a picture, as JSON.
 
     Parameters
     ----------
-    path : Path
     title : str
         The command that measured it.
     rows : sequence of mapping
@@ -62,4 +80,4 @@ def write_data(
         "rows": list(rows),
         "omissions": list(omissions),
     }
-    write_whole(path, (json.dumps(tree, indent=1, ensure_ascii=False) + "\n").encode("utf-8"))
+    return json.dumps(tree, indent=1, ensure_ascii=False) + "\n"

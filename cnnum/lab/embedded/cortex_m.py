@@ -23,6 +23,7 @@ from cnnum.embedded.c.layout import packed, record_type
 from cnnum.embedded.emulator import Numbers
 from cnnum.embedded.making import Made
 from cnnum.errors import DeviceError, missing_extra, name_error
+from cnnum.safety.files import write_whole
 
 CORES = {"m0": "cortex_m0", "m4": "cortex_m4", "m7": "cortex_m7"}
 """By the name that users give: as Zig calls them."""
@@ -111,7 +112,7 @@ class Board:
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder)
             made.export(frames).write(place)
-            (place / "board.c").write_text(board_text(name))
+            write_whole(place / "board.c", board_text(name))
             compiler = [sys.executable, "-m", "ziglang", "cc", "-target", "thumb-freestanding-eabi"]
             command = [
                 *compiler,

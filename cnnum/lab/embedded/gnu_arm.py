@@ -21,6 +21,7 @@ from cnnum.embedded.making import Made
 from cnnum.errors import DeviceError, NotSupportedError
 from cnnum.lab.embedded.cortex_m import CORES
 from cnnum.lab.embedded.firmware import firmware
+from cnnum.safety.files import write_whole
 
 COMPILER, SIZE, EMULATOR = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
 
@@ -92,7 +93,7 @@ def gnu_counted(made: Made, frames: Floats, core: str) -> GnuCounted:
     with tempfile.TemporaryDirectory() as folder:
         place = Path(folder)
         made.export(frames[:1]).write(place)
-        (place / "firmware.c").write_text(firmware(name, *_vectors(made, frames), STACK_TOP[core]))
+        write_whole(place / "firmware.c", firmware(name, *_vectors(made, frames), STACK_TOP[core]))
         cpu = f"-mcpu={CORES[core].replace('_', '-')}"
         _run([COMPILER, cpu, *FLAGS, "-c", f"{name}.c"], place)
         _run([COMPILER, cpu, *FLAGS, *PLACES, "-o", "firmware.elf", "firmware.c", f"{name}.o",

@@ -15,7 +15,7 @@ from cnnum.lab.reproduce.record import Chapter, Row
 from cnnum.lab.reproduce.registry import CHAPTERS
 from cnnum.lab.reproduce.style import STYLE
 from cnnum.lab.reproduce.table import rows_table, tally, written
-from cnnum.safety.files import write_whole
+from cnnum.safety.files import make_folder, sentences, write_whole
 from cnnum.sharing.json_values import json_value
 
 NAME = "reproduce.html"
@@ -32,6 +32,8 @@ def write_page(
     rows: Sequence[Row],
     figures: Sequence[str],
     advance: Callable[[str], None] = lambda _: None,
+    *,
+    force: bool = False,
 ) -> Path:
     """Write the page of some rows.
 
@@ -44,6 +46,8 @@ def write_page(
         Names of the figures to draw.
     advance : callable
         Called with each figure's name once it is drawn.
+    force : bool
+        Whether a file that is there, and is no page of cnnum, is replaced.
 
     Returns
     -------
@@ -53,19 +57,19 @@ def write_page(
     Raises
     ------
     RecordingError
-        If it cannot be written.
+        If another file is there, or it cannot be written.
     """
-    target = place if place.suffix.lower() == ".html" else place / NAME
+    target = target_of(place)
     text = page(rows, figures, advance)
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(target, text.encode("utf-8"))
-    except OSError as error:
-        raise RecordingError(
-            f"Cannot write '{target}' ({error.strerror}): expected a folder or a file that may "
-            "be written; give another with --out."
-        ) from error
+    with sentences(target, RecordingError):
+        make_folder(target.parent)
+    write_whole(target, text, error=RecordingError, force=force)
     return target
+
+
+def target_of(place: Path) -> Path:
+    """Return the file of a page: the place itself, or one of our name in that folder."""
+    return place if place.suffix.lower() == ".html" else place / NAME
 
 
 def page(
@@ -85,6 +89,7 @@ def page(
     data = json.dumps(records, ensure_ascii=False).replace("<", "\\u003c")
     return (
         '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
+        '<meta name="generator" content="cnnum">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
         f"<title>The elastic cover and the taxel, reproduced</title>\n<style>{STYLE}</style>\n"
         f"<main>\n{_head(rows)}\n{''.join(parts)}\n{_foot()}\n</main>\n"

@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from cnnum.errors import ReportError
 from cnnum.lab.scoring.suites import SCORING, Request
 from cnnum.lab.scoring.table import Row, Table
 from cnnum.report.environment import Environment
@@ -16,22 +15,22 @@ STYLES = {True: "yes", False: "no", None: ""}
 
 
 def write_page(
-    path: Path, tables: Sequence[Table], request: Request, environment: Environment
+    path: Path,
+    tables: Sequence[Table],
+    request: Request,
+    environment: Environment,
+    *,
+    force: bool = False,
 ) -> None:
     """Write the page.
 
     Raises
     ------
     ReportError
-        If the file cannot be written.
+        If a file is there that is no page of cnnum, and `force` does not say to replace it, or if
+        it cannot be written.
     """
-    try:
-        write_whole(path, page(tables, request, environment).encode("utf-8"))
-    except OSError as error:
-        raise ReportError(
-            f"Cannot write '{path}' ({error.strerror}): expected a file in a folder that may be "
-            "written; give another with --out."
-        ) from error
+    write_whole(path, page(tables, request, environment), force=force)
 
 
 def page(tables: Sequence[Table], request: Request, environment: Environment) -> str:

@@ -27,9 +27,16 @@ LEAST = 1e-12
 """Share of the tolerance below which an error is drawn at the edge of the picture."""
 
 
-def write_page(place: Path, rows: Sequence[Row]) -> Path:
-    """Write the page of some rows, as one file that needs nothing else."""
-    write_whole(place, page(rows).encode("utf-8"))
+def write_page(place: Path, rows: Sequence[Row], *, force: bool = False) -> Path:
+    """Write the page of some rows, as one file that needs nothing else.
+
+    Raises
+    ------
+    ReportError
+        If a file is there that is no page of cnnum, and `force` does not say to replace it, or if
+        it cannot be written.
+    """
+    write_whole(place, page(rows), force=force)
     return place
 
 
@@ -51,6 +58,7 @@ def page(rows: Sequence[Row]) -> str:
     versions = ", ".join(f"{package} {number}" for package, number in here.versions)
     return (
         '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
+        '<meta name="generator" content="cnnum">\n'
         '<meta name="viewport" content="width=device-width,initial-scale=1">\n'
         "<title>Stiff and extreme cases</title>\n"
         f"<style>{STYLE}{PICTURE}</style>\n<main>"

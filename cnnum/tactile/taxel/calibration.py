@@ -232,15 +232,21 @@ class Calibration:
             wander = wander + self.drift[..., used] * frame_times(time)
         return wander
 
-    def save(self, path: str | Path) -> None:
+    def save(self, path: str | Path, *, force: bool = False) -> None:
         """Write the calibration as TOML; the file is whole or not there.
+
+        Parameters
+        ----------
+        path : str or Path
+        force : bool
+            Whether a file that is there is replaced.
 
         Raises
         ------
         CalibrationError
-            If the file cannot be written.
+            If there is such a file, or it cannot be written.
         """
-        calibration_file.save(Path(path), self._values())
+        calibration_file.save(Path(path), self._values(), force=force)
 
     def to_text(self) -> str:
         """Return the TOML text that `save` writes."""

@@ -23,21 +23,15 @@ KEYS = (*_NUMBERS, *_ARRAYS, "heat")
 """The content of a calibration file."""
 
 
-def save(path: Path, values: Mapping[str, Any]) -> None:
-    """Write the values of a calibration next to their place, then move them there in one step.
+def save(path: Path, values: Mapping[str, Any], *, force: bool) -> None:
+    """Write the values of a calibration, whole or not at all.
 
     Raises
     ------
     CalibrationError
-        If the folder or the file cannot be written.
+        If there is such a file and `force` is not set, or it cannot be written.
     """
-    try:
-        write_whole(path, to_text(values).encode("utf-8"))
-    except OSError as error:
-        raise CalibrationError(
-            f"Calibration '{path}' cannot be written: {error.strerror}; choose a folder that "
-            "exists and is writable."
-        ) from None
+    write_whole(path, to_text(values), error=CalibrationError, force=force)
 
 
 def load(path: Path) -> dict[str, Any]:

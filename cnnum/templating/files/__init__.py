@@ -5,6 +5,7 @@ from os import PathLike
 from pathlib import Path
 
 from cnnum.errors import TemplateError, TemplateFileError
+from cnnum.safety.files import write_whole
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST
 from cnnum.safety.values import as_path, expect
@@ -15,7 +16,6 @@ from cnnum.templating.files.matcnn_format import MATCNN
 from cnnum.templating.files.measured import Measured, measured_toml
 from cnnum.templating.files.tem_format import TEM
 from cnnum.templating.files.toml_format import TOML
-from cnnum.templating.files.writing import write_text
 from cnnum.templating.template import Template
 
 _FORMATS: dict[str, FileFormat] = {each.suffix: each for each in (TOML, TEM, MATCNN, CNNSIM)}
@@ -100,7 +100,11 @@ def _content(source: Path) -> str:
 
 
 def save_template(
-    template: Template, path: str | PathLike[str], *, aliases: Iterable[str] = ()
+    template: Template,
+    path: str | PathLike[str],
+    *,
+    aliases: Iterable[str] = (),
+    force: bool = False,
 ) -> None:
     """Write a template to a file, whole or not at all.
 
@@ -108,22 +112,24 @@ def save_template(
     ----------
     template : Template
     path : path
-        Its suffix gives the format; an existing file is replaced.
+        Its suffix gives the format.
     aliases : iterable of str
         Other names that the library finds it by.
+    force : bool
+        Whether a file that is there is replaced.
 
     Raises
     ------
     TemplateFileError
-        If the file cannot be written.
+        If there is such a file, or it cannot be written.
     TemplateError
-        If the suffix is unknown.
+        If the suffix is unknown, or a text of it has no UTF-8 form.
     """
     expect("template", template, Template, TemplateError)
-    save_entry(Entry(template, tuple(aliases)), path)
+    save_entry(Entry(template, tuple(aliases)), path, force=force)
 
 
-def save_entry(entry: Entry, path: str | PathLike[str]) -> None:
+def save_entry(entry: Entry, path: str | PathLike[str], *, force: bool = False) -> None:
     """Write a template with all that a file says about it, whole or not at all.
 
     Raises
@@ -135,7 +141,7 @@ def save_entry(entry: Entry, path: str | PathLike[str]) -> None:
     """
     target = as_path(path, TemplateFileError)
     form = _format(target)
-    write_text(target, form.write(entry))
+    _write(target, form.write(entry), force=force)
 
 
 def write_measured(path: str | PathLike[str], measured: Measured) -> None:
@@ -155,7 +161,18 @@ def write_measured(path: str | PathLike[str], measured: Measured) -> None:
     kept = target.read_text(encoding="utf-8").partition("\n[measured]\n")[0]
     content = kept.rstrip("\n") + "\n\n" + measured_toml(measured)
     TOML.read(content, str(target))
-    write_text(target, content)
+    _write(target, content, force=True)
+
+
+def _write(target: Path, text: str, *, force: bool) -> None:
+    try:
+        content = text.encode("utf-8")
+    except UnicodeEncodeError as error:
+        raise TemplateError(
+            f"'{target}' cannot be written as UTF-8 text: {error.reason}; "
+            "remove that character from the name, the description or the source."
+        ) from None
+    write_whole(target, content, error=TemplateFileError, force=force)
 
 
 def _format(path: Path) -> FileFormat:

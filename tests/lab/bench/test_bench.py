@@ -228,7 +228,7 @@ def test_a_run_that_is_stopped_leaves_its_rows(tmp_path, capsys):
         lines.extend((tmp_path / "work-precision.jsonl").read_text().splitlines())
         raise KeyboardInterrupt
 
-    code = bench._report("work-precision", measured(), 9, "a device", tmp_path, True)
+    code = bench._report("work-precision", measured(), 9, "a device", tmp_path, False, True)
     assert code == 130
     assert [json.loads(line)["case"] for line in lines] == ["DIFFUS"]  # there before the end
     kept = json.loads((tmp_path / "work-precision.json").read_text())

@@ -124,7 +124,7 @@ def test_page_is_written_to_a_file_or_a_folder(tmp_path: Path) -> None:
     rows = list(run(select(["eq-5.1"])))
     assert write_page(tmp_path / "deep" / "er", rows, ()) == tmp_path / "deep/er/reproduce.html"
     assert write_page(tmp_path / "a.html", rows, ()).read_text().startswith("<!doctype html>")
-    with pytest.raises(RecordingError, match="Cannot write"):
+    with pytest.raises(RecordingError, match="cannot be written"):
         write_page(tmp_path / "a.html" / "b", rows, ())
 
 

@@ -230,7 +230,10 @@ def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
 def test_saving_replaces_the_file_whole_and_leaves_nothing_else(tmp_path: Path) -> None:
     path = write(tmp_path, GOOD)
     template = Template("other", A=np.ones((3, 3)))
-    save_template(template, path, aliases=["Another"])
+    with pytest.raises(TemplateFileError, match="is there already"):
+        save_template(template, path)
+    assert path.read_text(encoding="utf-8") == GOOD
+    save_template(template, path, aliases=["Another"], force=True)
     entry = load_entry(path)
     assert (entry.template.digest, entry.aliases) == (template.digest, ("Another",))
     assert [item.name for item in tmp_path.iterdir()] == ["mine.toml"]

@@ -3,7 +3,7 @@
 The shipped file comes from::
 
     from cnnum.tactile.cover.fem.generate import regenerate
-    regenerate("bump.npz")
+    regenerate("bump.npz", force=True)
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from cnnum.errors import RecordingError
+from cnnum.safety.files import written
 from cnnum.tactile.checks import Array
 from cnnum.tactile.cover.fem.geometry import Shape
 from cnnum.tactile.cover.fem.plane import PlaneBump, make_plane_bump
@@ -32,6 +33,7 @@ def regenerate(
     depths: Sequence[float] = DEPTHS,
     growth: float = 1.05,
     plane_fineness: int = 16,
+    force: bool = False,
 ) -> dict[str, Array]:
     """Compute the influence of a bump, and the figures of the plane one.
 
@@ -47,6 +49,8 @@ def regenerate(
         Of the taxels below the surface.
     growth : float
         Of cells away from the bump.
+    force : bool
+        Whether a file that is there is replaced.
 
     Returns
     -------
@@ -59,7 +63,7 @@ def regenerate(
     MissingExtraError
         If scikit-fem is not installed.
     RecordingError
-        If the file cannot be written.
+        If there is such a file, or it cannot be written.
     """
     deep, levers = _deep(fineness, depths, growth)
     layers = [_layer(fineness, depth, growth) for depth in depths]
@@ -71,7 +75,7 @@ def regenerate(
         **plane_tables(make_plane_bump(plane_fineness)),
     }
     if path is not None:
-        _write(Path(path), tables)
+        _write(Path(path), tables, force=force)
     return tables
 
 
@@ -118,10 +122,7 @@ def _growth(bump: PlaneBump) -> Array:
     return np.stack([[ux[0], uz[0], uz[1], uz[2]] for ux, uz in rows])
 
 
-def _write(path: Path, tables: Mapping[str, Array]) -> None:
+def _write(path: Path, tables: Mapping[str, Array], *, force: bool) -> None:
     small = {name: table.astype(np.float32) for name, table in tables.items()}
-    try:
-        with path.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **small)
-    except OSError as reason:
-        raise RecordingError(f"'{path}' cannot be written: {reason}.") from reason
+    with written(path, error=RecordingError, force=force) as file:
+        np.savez_compressed(file, allow_pickle=False, **small)
