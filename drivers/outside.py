@@ -1,4 +1,8 @@
-"""Drivers of other packages and of files next to a scene, by "module:Options" or an entry point."""
+"""Drivers of other packages and of files next to a scene, by "module:Options" or an entry point.
+
+To import a module runs its code. What calls this has asked the user first: a name that stands in a
+scene file comes here only if the file is trusted (`cnnum.scenes.scene_file.read_scene`).
+"""
 
 import sys
 from collections.abc import Mapping
@@ -42,7 +46,8 @@ def outside_record(name: str, base: Path) -> type | None:
     module, colon, record = place.partition(":")
     if not colon:
         return None
-    found = getattr(_module(module, base), record, None)
+    # what is installed is never looked for beside a scene
+    found = getattr(_module(module, base if point is None else None), record, None)
     if not (isinstance(found, type) and is_dataclass(found) and hasattr(found, "open")):
         raise SceneError(
             f"The driver {shown(name)}: expected a dataclass '{record}' of options with a method "
@@ -51,8 +56,8 @@ def outside_record(name: str, base: Path) -> type | None:
     return found
 
 
-def _module(name: str, base: Path) -> ModuleType:
-    """Return a module by its name, or of a file next to the scene."""
+def _module(name: str, base: Path | None) -> ModuleType:
+    """Return a module by its name, or of a file in a folder."""
     parts = name.split(".")
     if not all(part.isidentifier() for part in parts):
         raise SceneError(f"The driver module {shown(name)} is no name of a module.")
@@ -60,8 +65,8 @@ def _module(name: str, base: Path) -> ModuleType:
         known = name in sys.modules or find_spec(name) is not None
     except ModuleNotFoundError:
         known = False
-    near = base.joinpath(*parts).with_suffix(".py")
-    if known or not near.is_file():
+    near = None if base is None else base.joinpath(*parts).with_suffix(".py")
+    if known or near is None or not near.is_file():
         return _imported(name, near)
     spec = spec_from_file_location(name, near)
     assert spec is not None
@@ -75,11 +80,11 @@ def _module(name: str, base: Path) -> ModuleType:
     return module
 
 
-def _imported(name: str, near: Path) -> ModuleType:
+def _imported(name: str, near: Path | None) -> ModuleType:
     try:
         return import_module(name)
     except ModuleNotFoundError as error:
+        remedy = "install it anew" if near is None else f"install it, or put it at '{near}'"
         raise SceneError(
-            f"The driver module '{name}' cannot be imported ({error}): install it, or put it at "
-            f"'{near}'."
+            f"The driver module '{name}' cannot be imported ({error}): {remedy}."
         ) from None

@@ -111,6 +111,11 @@ engine_options = together(
 )
 """They choose an engine."""
 
+trust_option = click.option(
+    "--trust", is_flag=True, help="Let a driver run that the scene file names as 'module:Options'."
+)
+"""For commands that open scenes: such a driver is code."""
+
 set_option = setting_option("Set a key of the scene, as in 'array.seed=3' (again for more).")
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cnnum.frame import Frame
 
 
-def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
+def open_source(source: str, settings: Mapping[str, object], *, trust: bool = False) -> "Driver":
     """Open a driver by its name, or the array of a scene.
 
     Parameters
@@ -23,6 +23,8 @@ def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
         Name of a driver or a scene, or a scene's TOML file.
     settings : mapping of str to object
         Options of the driver, over those of the scene.
+    trust : bool
+        Whether a driver that a scene file names as "module:Options" may be imported.
 
     Raises
     ------
@@ -42,7 +44,8 @@ def open_source(source: str, settings: Mapping[str, object]) -> "Driver":
             f"{', '.join(driver_names())}, one of the scenes {', '.join(scene_names())}, or a "
             "scene's TOML file."
         )
-    spec = read_scene(source, changes={f"array.{key}": value for key, value in settings.items()})
+    changes = {f"array.{key}": value for key, value in settings.items()}
+    spec = read_scene(source, changes=changes, trust=trust)
     return open_driver(spec.driver, spec.driver_options, base=spec.base)
 
 

@@ -419,6 +419,7 @@ def load_scene(
     *,
     engine: Engine | None = None,
     changes: Mapping[str, object] | None = None,
+    trust: bool = False,
 ) -> Scene:
     """Open a scene: the whole path, from its array to its events.
 
@@ -430,10 +431,13 @@ def load_scene(
         To run on instead of the scene's own.
     changes : mapping of str to object, optional
         Values to set over those of the file, by dotted key.
+    trust : bool
+        Whether a driver that the file names as "module:Options" may be imported, which runs its
+        code. Without it, only one that `changes` names, and one that an installed package offers.
 
     Raises
     ------
     CnnumError
         Whatever is wrong with the file, the array, the program or the device.
     """
-    return Scene.of(read_scene(scene, changes=changes), engine)
+    return Scene.of(read_scene(scene, changes=changes, trust=trust), engine)

@@ -1,7 +1,7 @@
 """A scene file: which array, read how, by which program, for which events and fields."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from importlib import resources
 from pathlib import Path
@@ -90,7 +90,9 @@ def scene_names() -> tuple[str, ...]:
     return tuple(sorted(f.name[:-5] for f in folder.iterdir() if f.name.endswith(".toml")))
 
 
-def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None) -> SceneSpec:
+def read_scene(
+    scene: str | Path, *, changes: Mapping[str, object] | None = None, trust: bool = False
+) -> SceneSpec:
     """Read a scene file, or one of the scenes that come with the package.
 
     Parameters
@@ -99,11 +101,15 @@ def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None
         Path of a TOML file, or a name.
     changes : mapping of str to object, optional
         Values to set over those of the file, by dotted key: {"array.seed": 3}.
+    trust : bool
+        Whether a driver that the file names as "module:Options" may be imported, which runs its
+        code. One that `changes` names may be.
 
     Raises
     ------
     SceneError
-        If the file is not there, is not TOML, or a key is unknown, missing or of a wrong type.
+        If the file is not there, is not TOML, a key is unknown, missing or of a wrong type, or if
+        it names code and is not trusted.
     """
     text, base = _found(scene)
     try:
@@ -112,7 +118,30 @@ def read_scene(scene: str | Path, *, changes: Mapping[str, object] | None = None
         raise SceneError(f"Scene '{scene}' is not TOML: {error}.") from None
     for key, value in (changes or {}).items():
         _set(table, key, value)
-    return _spec(str(scene), table, base)
+    spec = _spec(str(scene), table, base)
+    if not trust:
+        _refuse_code(spec, scene, changes or {})
+    return spec
+
+
+def _refuse_code(spec: SceneSpec, scene: str | Path, changes: Mapping[str, object]) -> None:
+    """Refuse drivers that are code, but for those that the user has named: nothing is imported."""
+    named = set(_strings(changes))
+    for key, name in (("array", spec.driver), ("engine.ranges", (spec.ranges or {}).get("driver"))):
+        if isinstance(name, str) and ":" in name and name not in named:
+            raise SceneError(
+                f"Scene '{scene}': its driver {shown(name)} in '{key}' is code of its own, which "
+                "runs as you do: read that module, then give --trust (in Python trust=True)."
+            )
+
+
+def _strings(value: object) -> Iterator[str]:
+    """Yield every string among values."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        for inner in cast("Mapping[str, object]", value).values():
+            yield from _strings(inner)
 
 
 def text_of(scene: str | Path) -> str:

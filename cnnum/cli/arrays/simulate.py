@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from cnnum.cli.options import assignments, json_option, seconds_option, setting_option
+from cnnum.cli.options import assignments, json_option, seconds_option, setting_option, trust_option
 from cnnum.cli.output import Output, facts
 from cnnum.cli.progress import busy
 from cnnum.cli.signals import stoppable
@@ -47,6 +47,7 @@ MOST = 60_000
 @click.option("--unplug-every", type=float, default=0.0, help="s between unplugs.")
 @click.option("--away", type=float, default=0.5, help="s of an unplug.")
 @click.option("--seed", type=int, default=0, help="Of the faults.")
+@trust_option
 @json_option
 def command(
     source: str,
@@ -66,6 +67,7 @@ def command(
     unplug_every: float,
     away: float,
     seed: int,
+    trust: bool,
     as_json: bool,
 ) -> int:
     """Offer the array SOURCE (a driver's name, or a scene) at a port, as if it were plugged in.
@@ -84,7 +86,7 @@ def command(
     known = described_wire(descriptor, asked) if descriptor else wire(protocol, asked)
     faults = LineFaults(drops, flips, stall_every, stall, unplug_every, away, seed)
     with busy("Simulating the array", as_json=as_json):
-        frames, usual = _cycle(source, settings, axes)
+        frames, usual = _cycle(source, settings, axes, trust)
     line = VirtualLine(link)
     array = VirtualArray(known, line, frames, rate or usual, faults)
     first = {"kind": "port", "port": str(line.path), "protocol": protocol, "rate_hz": array.rate}
@@ -102,13 +104,15 @@ def command(
     return 130 if stopped else 0
 
 
-def _cycle(source: str, settings: tuple[str, ...], axes: str) -> "tuple[list[Frame], float]":
+def _cycle(
+    source: str, settings: tuple[str, ...], axes: str, trust: bool
+) -> "tuple[list[Frame], float]":
     """Return the frames of a source, as strain where it is wanted and can be had, and its rate."""
     from dataclasses import replace
 
     from cnnum.scenes.conversion import conversion_for, unit_of
 
-    with open_source(source, assignments(settings)) as driver:
+    with open_source(source, assignments(settings), trust=trust) as driver:
         frames, rate = list(islice(driver.frames(), MOST)), driver.rate or 100.0
         if axes == "as-is" or getattr(driver, "calibration", None) is None:
             return frames, rate

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from cnnum.cli.options import Changes, json_option, scene_options
+from cnnum.cli.options import Changes, json_option, scene_options, trust_option
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
 from cnnum.cli.signals import stoppable
@@ -30,6 +30,7 @@ SHOWN = (
 @click.option("--port", type=click.IntRange(0, 65_535), default=8765, help="0 for any free one.")
 @click.option("--token", default="", help="Word that the page's address must contain.")
 @scene_options
+@trust_option
 @json_option
 def command(
     source: str,
@@ -38,6 +39,7 @@ def command(
     port: int,
     token: str,
     changes: Changes,
+    trust: bool,
     as_json: bool,
 ) -> int:
     """Show SOURCE (a scene, a driver's name, or a recording) in a browser, until Ctrl-C.
@@ -52,7 +54,7 @@ def command(
         token = secrets.token_urlsafe(12)
     where = Place(host, port, token)
     with busy(COMPILING, as_json=as_json):
-        feed = _feed(source, scene, changes)
+        feed = _feed(source, scene, changes, trust)
     output = Output(as_json)
 
     def ready(address: str) -> None:
@@ -68,7 +70,7 @@ def command(
     return 0
 
 
-def _feed(source: str, scene: str | None, changes: dict[str, Any]) -> "Feed":
+def _feed(source: str, scene: str | None, changes: dict[str, Any], trust: bool) -> "Feed":
     from cnnum.cli.source import open_source
     from cnnum.drivers.recording_file import array_of
     from cnnum.drivers.registry import is_driver
@@ -79,22 +81,22 @@ def _feed(source: str, scene: str | None, changes: dict[str, Any]) -> "Feed":
         options = {key.removeprefix("array."): value for key, value in changes.items()}
         return ArrayFeed(source, open_source(source, options))
     if source in scene_names() or source.endswith(".toml"):
-        return SceneFeed(_scene(source, changes))
+        return SceneFeed(_scene(source, changes, trust))
     array = array_of(Path(source))
-    return RecordingFeed(_scene(scene or "demo", {"array": array} | changes))
+    return RecordingFeed(_scene(scene or "demo", {"array": array} | changes, trust))
 
 
-def _scene(name: str, changes: dict[str, Any]) -> "Scene":
+def _scene(name: str, changes: dict[str, Any], trust: bool) -> "Scene":
     """Return a scene that also gives the fields of the page, as far as its program has it."""
     from cnnum.errors import SceneError, UnknownNameError
     from cnnum.scenes.pipeline import load_scene
     from cnnum.scenes.scene_file import read_scene
 
-    wants = read_scene(name, changes=changes).wants
+    wants = read_scene(name, changes=changes, trust=trust).wants
     for more in SHOWN[:-1]:
         try:
             every = list(dict.fromkeys((*wants, *more)))
-            return load_scene(name, changes=changes | {"wants": every})
+            return load_scene(name, changes=changes | {"wants": every}, trust=trust)
         except (SceneError, UnknownNameError):
             continue  # the program lacks one of them
-    return load_scene(name, changes=changes)
+    return load_scene(name, changes=changes, trust=trust)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import click
 
 from cnnum.cli.following import left_out_records
-from cnnum.cli.options import Changes, json_option, scene_options
+from cnnum.cli.options import Changes, json_option, scene_options, trust_option
 from cnnum.cli.output import Output, facts, quantity, table
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 @click.command("plan")
 @click.argument("scene")
 @scene_options
+@trust_option
 @click.option("--ops", is_flag=True, help="List the operations by function; --json has every line.")
 @click.option("--lines", is_flag=True, help="With --ops: by the lines of each function, too.")
 @click.option("--source", is_flag=True, help="Print the text of the kernels instead.")
@@ -27,6 +28,7 @@ def command(
     ops: bool,
     lines: bool,
     source: bool,
+    trust: bool,
     as_json: bool,
 ) -> None:
     """Show the operations of SCENE for a frame, those left out, and the saving."""
@@ -35,7 +37,7 @@ def command(
     from cnnum.scenes.pipeline import load_scene
 
     output = Output(as_json)
-    opened = load_scene(scene, changes=changes)
+    opened = load_scene(scene, changes=changes, trust=trust)
     with opened.driver:
         explanation, text = opened.plan.explain(), opened.plan.source if source else ""
     if ops:

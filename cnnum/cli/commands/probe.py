@@ -12,6 +12,7 @@ from cnnum.cli.options import (
     json_option,
     setting_option,
     target_option,
+    trust_option,
 )
 from cnnum.cli.output import Output, facts, number, quantity
 from cnnum.cli.progress import progress
@@ -35,6 +36,7 @@ SHOWN = 12
 @click.option("--frames", type=click.IntRange(min=1), help="Look at this number of frames.")
 @target_option("--picture", "FILE.png", "Draw rest, noise and drift of every cell.")
 @force_option
+@trust_option
 @json_option
 def command(
     source: str,
@@ -42,6 +44,7 @@ def command(
     seconds: float | None,
     frames: int | None,
     picture: Path | None,
+    trust: bool,
     force: bool,
     as_json: bool,
 ) -> int:
@@ -55,7 +58,7 @@ def command(
     if seconds is None and frames is None:
         seconds = 5.0
     output, figures, stopped = Output(as_json), ProbeFigures(), True
-    with open_source(source, assignments(settings)) as driver:
+    with open_source(source, assignments(settings), trust=trust) as driver:
         with suppress(KeyboardInterrupt), stoppable():
             with progress("frames", frames, as_json=as_json) as steps:
                 for frame in limited(driver, seconds, frames):

@@ -12,6 +12,7 @@ from cnnum.cli.options import (
     json_option,
     seconds_option,
     setting_option,
+    trust_option,
 )
 from cnnum.cli.output import Output, quantity
 from cnnum.cli.progress import progress
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 @frames_option
 @click.option("--force", is_flag=True, help="Replace FILE if it is there.")
 @click.option("--raw/--no-raw", default=True, help="Keep the port's bytes, too (.mcap only).")
+@trust_option
 @json_option
 def command(
     source: str,
@@ -41,6 +43,7 @@ def command(
     frames: int | None,
     force: bool,
     raw: bool,
+    trust: bool,
     as_json: bool,
 ) -> int:
     """Record the frames of the array SOURCE (a driver's name, or a scene) to FILE.
@@ -52,7 +55,7 @@ def command(
     from cnnum.cli.commands.recorders import Recorder
     from cnnum.cli.source import scene_text
 
-    with open_source(source, assignments(settings)) as driver:
+    with open_source(source, assignments(settings), trust=trust) as driver:
         scene, stopped = scene_text(source), True
         recorder = Recorder(file, driver, force=force, scene=scene, raw=raw)
         try:

@@ -12,6 +12,7 @@ from cnnum.cli.options import (
     frames_option,
     json_option,
     scene_options,
+    trust_option,
 )
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
@@ -29,6 +30,7 @@ DEFAULT = "demo"
     help="A scene's file or name: the events to look for. Counts need one; else 'demo'.",
 )
 @scene_options
+@trust_option
 @saving.save_option
 @saving.rerun_option
 @frames_option
@@ -52,6 +54,7 @@ def command(
     speed: float,
     begin: float | None,
     end: float | None,
+    trust: bool,
     force: bool,
     as_json: bool,
 ) -> int:
@@ -69,7 +72,7 @@ def command(
         array = array_of(file)
         if scene is None:
             scene = _usual_scene(file, array, changes)
-        loaded = load_scene(scene, changes={"array": array} | changes)
+        loaded = load_scene(scene, changes={"array": array} | changes, trust=trust)
         if speed or begin is not None or end is not None:
             from cnnum.drivers.timing.paced import Paced
 

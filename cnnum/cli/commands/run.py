@@ -14,6 +14,7 @@ from cnnum.cli.options import (
     json_option,
     scene_options,
     target_option,
+    trust_option,
 )
 from cnnum.cli.output import Output
 from cnnum.cli.progress import COMPILING, busy
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 @click.command("run")
 @click.argument("scene")
 @scene_options
+@trust_option
 @saving.save_option
 @saving.rerun_option
 @frames_option
@@ -48,6 +50,7 @@ def command(
     frames: int | None,
     trace: Path | None,
     trace_frame: int | None,
+    trust: bool,
     force: bool,
     as_json: bool,
 ) -> int:
@@ -61,7 +64,7 @@ def command(
     with busy(COMPILING, as_json=as_json):
         from cnnum.scenes.pipeline import load_scene
 
-        loaded = load_scene(scene, changes=changes)
+        loaded = load_scene(scene, changes=changes, trust=trust)
     saver = saving.FieldSaver(save, loaded, force=force)
     eventful: list[int] = []
 
@@ -76,7 +79,7 @@ def command(
         return code
     number = trace_frame if trace_frame is not None else next(iter(eventful), 0)
     # a driver runs once: the scene is opened again for its trace
-    _write_trace(trace, load_scene(scene, changes=changes), number, force)
+    _write_trace(trace, load_scene(scene, changes=changes, trust=trust), number, force)
     click.echo(f"Written: {trace} (frame {number})", err=as_json)
     return code
 

@@ -17,6 +17,7 @@ import cnnum
 from cnnum.cli import main
 
 FAST = ("--engine", "numba")
+OWN = (*FAST, "--trust")
 WAIT = 120  # s after which a command counts as hung; none takes a tenth of it
 SETTING = "program.parameters."
 
@@ -218,7 +219,7 @@ def test_an_embedded_engineer(hour, tmp_path):
     (tmp_path / "pad.py").write_text(DRIVER)
     scene = 'wants = ["contact"]\n[array]\ndriver = "pad:Options"\n[program]\nname = "contact"\n'
     (tmp_path / "scene.toml").write_text(scene)
-    (plan,) = map(json.loads, hour.does("plan", "scene.toml", *FAST, "--json").splitlines())
+    (plan,) = map(json.loads, hour.does("plan", "scene.toml", *OWN, "--json").splitlines())
     assert plan["flops"] > 0
     assert plan["left_out"]
     for said, setting in (
@@ -228,23 +229,24 @@ def test_an_embedded_engineer(hour, tmp_path):
         ("'rate' must be a number", "array.rate=fast"),
         ("Unknown program 'contct'", "program.name=contct"),
     ):
-        wrong(said, "plan", "scene.toml", *FAST, "--set", setting)
-    wrong("Unknown precision 'half'", "plan", "scene.toml", *FAST, "--precision", "half")
-    grouped = hour.does("plan", "scene.toml", *FAST, "--ops", "--json").splitlines()
+        wrong(said, "plan", "scene.toml", *OWN, "--set", setting)
+    wrong("Unknown precision 'half'", "plan", "scene.toml", *OWN, "--precision", "half")
+    grouped = hour.does("plan", "scene.toml", *OWN, "--ops", "--json").splitlines()
     rows = [json.loads(line) for line in grouped]
     assert sum(row["flops"] for row in rows) == plan["flops"]
     assert {"program", "line", "count", "flops", "bytes", "live_bytes"} <= set(rows[0])
-    by_line = hour.does("plan", "scene.toml", *FAST, "--ops", "--lines").splitlines()
+    by_line = hour.does("plan", "scene.toml", *OWN, "--ops", "--lines").splitlines()
     assert len([row for row in by_line if row.startswith("   line ")]) == len(rows)
     wrong("give --ops", "plan", "scene.toml", "--lines")
+    wrong("give --trust", "plan", "scene.toml", *FAST)
     assert "frames" in hour.does("probe", "pad:Options", "--frames", 20)
     assert "40 frames" in hour.does("record", "pad:Options", "tape.mcap")
     wrong("is there already", "record", "pad:Options", "tape.mcap")
     wrong("Unknown kind of recording '.wav'", "record", "pad:Options", "tape.wav")
     wrong("expected one of the drivers", "probe", "nothing")
-    (summary,) = of_kind(hour.does("run", "scene.toml", *FAST, "--json"), "summary")
+    (summary,) = of_kind(hour.does("run", "scene.toml", *OWN, "--json"), "summary")
     assert summary["frames"] == 40
-    again = hour.does("replay", "tape.mcap", "--scene", "scene.toml", *FAST, "--json")
+    again = hour.does("replay", "tape.mcap", "--scene", "scene.toml", *OWN, "--json")
     assert of_kind(again, "summary")[0]["handed_on"] == summary["handed_on"]
     wrong("did you mean 'slip'", "export", "slp", "--out", "c")
     wrong("Unknown precision 'q99'", "export", "contact", "--precision", "q99", "--out", "c")
