@@ -25,6 +25,7 @@ def follow(
     output: Output,
     *,
     frames: int | None = None,
+    begin: float = 0.0,
     watch: Callable[["FrameResult"], object] | None = None,
     finish: Callable[[], Mapping[str, str]] | None = None,
     keep: Callable[[], Mapping[str, str]] | None = None,
@@ -37,6 +38,8 @@ def follow(
     output : Output
     frames : int, optional
         To stop after.
+    begin : float
+        s after the first frame; frames before it run silently.
     watch : callable, optional
         Is given every moment.
     finish : callable, optional
@@ -56,9 +59,11 @@ def follow(
         with (
             stoppable(),
             progress("frames", total, as_json=output.as_json) as steps,
-            closing(cast("Generator[FrameResult, None, None]", scene.results())) as moments,
+            closing(cast("Generator[FrameResult, None, None]", scene.results(begin))) as moments,
         ):
-            for moment in moments:
+            for count, moment in enumerate(moments, 1):
+                if count == 1 and scene.last_before is not None:
+                    gaps.seen(moment.number - 1, scene.last_before)
                 gap = gaps.seen(moment.number, moment.frame)
                 if gap is not None:
                     output.record(gap.record(), str(gap))
@@ -71,8 +76,9 @@ def follow(
                 if watch is not None:
                     watch(moment)
                 steps.advance()
-                if frames is not None and moment.number + 1 >= frames:
+                if frames is not None and count >= frames:
                     break
+        _refuse_nothing_shown(scene, begin)
         more |= finish() if finish is not None else {}
     except KeyboardInterrupt:
         code = STOPPED
@@ -82,6 +88,17 @@ def follow(
             more |= keep() if keep is not None else {}
             summarise(scene, output, more)
     return code
+
+
+def _refuse_nothing_shown(scene: "Scene", begin: float) -> None:
+    """Say that the whole source lies before the part that was asked for."""
+    from cnnum.errors import SceneError
+
+    if scene.last_before is not None and not scene.summary().frames:
+        raise SceneError(
+            f"No frame is left from {begin:g} s on: the last one of scene '{scene.spec.name}' is "
+            f"at {scene.last_before.time:g} s."
+        )
 
 
 def _show_fields(output: Output, moment: "FrameResult", names: Sequence[str]) -> None:
@@ -119,6 +136,7 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
         "kind": "summary",
         "scene": scene.spec.name,
         "frames": seen.frames,
+        "before": seen.before,
         "bad_frames": seen.bad_frames,
         "sent": seen.sent,
         "handed_on": seen.handed_on,
@@ -153,6 +171,7 @@ def summarise(scene: "Scene", output: Output, more: Mapping[str, str]) -> None:
                     f"{seen.sent} sent = {seen.handed_on} handed on + {seen.dropped} dropped + "
                     f"{seen.skipped} skipped + {seen.refused} refused",
                 ),
+                *_before_facts(seen),
                 *_gap_facts(gaps, longest_gap),
                 ("a frame", f"{seen.p50_us:.0f} µs (99 %: {seen.p99_us:.0f} µs)"),
                 *_arrival_facts(seen),
@@ -170,6 +189,11 @@ def _arrival_facts(seen: "Summary") -> list[tuple[str, str]]:
         return []
     median, late = seen.arrival_p50_us or 0.0, seen.arrival_p99_us
     return [("arrival", f"{median:.0f} µs from the port to its events (99 %: {late:.0f} µs)")]
+
+
+def _before_facts(seen: "Summary") -> list[tuple[str, str]]:
+    """Return a row on frames that ran silently, where there are any."""
+    return [("before", f"{seen.before} frames ran silently")] if seen.before else []
 
 
 def _gap_facts(gaps: int, longest: float) -> list[tuple[str, str]]:

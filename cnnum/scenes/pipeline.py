@@ -11,6 +11,7 @@ from typing import NamedTuple, cast
 from cnnum.arrays import Floats, Shape, number_type
 from cnnum.drivers.driver import Driver
 from cnnum.drivers.registry import open_driver
+from cnnum.drivers.timing.paced import SAME_TIME
 from cnnum.engine import Engine
 from cnnum.errors import ArrayError, CnnumError, FrameError, MethodError, SceneError
 from cnnum.frame import Frame, Quality
@@ -170,6 +171,8 @@ class Scene:
     _repeated: int = 0
     _longest_gap: float = 0.0
     _passes: int = 0
+    _before: int = 0
+    _last_before: Frame | None = None
 
     @classmethod
     def of(cls, spec: SceneSpec, engine: Engine | None = None) -> "Scene":
@@ -206,11 +209,17 @@ class Scene:
         push = PushWatch(program, plan.schedule.channels_read)
         return cls(spec, used, driver, conversion, plan, rules, within, dead, tuple(outputs), push)
 
-    def results(self) -> Iterator[FrameResult]:
+    def results(self, begin: float = 0.0) -> Iterator[FrameResult]:
         """Yield every frame with its results, until the source ends or the caller stops.
 
         Each call is a pass from the first frame, with memories and counts of its own. The array is
         closed when the pass ends.
+
+        Parameters
+        ----------
+        begin : float
+            s after the first frame. Frames before it run silently: rest, tare and memories are
+            those of the whole source, and so are all results from then on.
 
         Raises
         ------
@@ -218,10 +227,16 @@ class Scene:
             If the array is live and its frames were taken before, or a later pass has begun.
         """
         with closing(self._frames()) as frames:
-            way = self.path()
+            way, first = self.path(), math.nan
             for number, frame in enumerate(frames):
-                self._begun = number + 1
+                first = first if number else frame.time
                 moment = way.step(number, frame)
+                if frame.time - first < begin - SAME_TIME:
+                    self._before, self._last_before = self._before + 1, frame
+                    if moment.values is not None:
+                        self.push.look(moment.values)
+                    continue
+                self._begun += 1
                 self._count(moment, way)
                 yield moment
 
@@ -243,7 +258,8 @@ class Scene:
                 )
             self.push.begin()
             self.bad, self._micros, self._late = BadFrames(), Histogram(), Histogram()
-            self._begun = self._repeated = 0
+            self._begun = self._repeated = self._before = 0
+            self._last_before = None
             self._longest_gap = 0.0
         self._passes += 1
         own = self._passes
@@ -298,6 +314,11 @@ class Scene:
             yield from moment.events
 
     @property
+    def last_before(self) -> Frame | None:
+        """The last frame that ran silently, None where none did."""
+        return self._last_before
+
+    @property
     def fields(self) -> tuple[str, ...]:
         """Outputs of the program that the scene wants by name, apart from events."""
         wanted = set(self.spec.wants)
@@ -348,6 +369,7 @@ class Scene:
         handed_on = self._micros.total
         return Summary(
             frames=self._begun,
+            before=self._before,
             handed_on=handed_on,
             refused=self.bad.count,
             repeated=self._repeated,

@@ -12,7 +12,8 @@ class Summary:
     Attributes
     ----------
     frames : int
-        Handed on by the driver; bad and repeated ones are among them.
+        Handed on by the driver; bad and repeated ones are among them. Those that ran silently,
+        before the part that was asked for, are not.
     handed_on : int
         Those that the program ran on.
     refused : int
@@ -29,6 +30,8 @@ class Summary:
         Time from a frame in host memory to its events, µs, within 1 %.
     arrival_p50_us, arrival_p99_us : float or None
         Time from a frame's arrival at its port to its events, µs; None where none just came.
+    before : int
+        Frames that ran silently, before the part that was asked for.
     """
 
     frames: int
@@ -41,6 +44,7 @@ class Summary:
     p99_us: float
     arrival_p50_us: float | None = None
     arrival_p99_us: float | None = None
+    before: int = 0
 
     @property
     def bad_frames(self) -> int:
@@ -54,12 +58,14 @@ class Summary:
 
     @property
     def skipped(self) -> int:
-        """Scans that were not wanted, as older ones, repeats, and those that a stop cut off."""
+        """Scans that were not wanted: older ones, repeats, those before and after the part."""
         cut_off = self.frames - self.handed_on - self.refused - self.repeated
-        return self.counters.skipped + self.repeated + cut_off + self.counters.waiting
+        return self.counters.skipped + self.repeated + cut_off + self.counters.waiting + self.before
 
     @property
     def sent(self) -> int:
         """Scans that the array says it has sent, repeats included; else those that came."""
         sent = self.counters.sent
-        return self.frames + self.dropped + self.counters.skipped if sent is None else sent
+        if sent is not None:
+            return sent
+        return self.before + self.frames + self.dropped + self.counters.skipped

@@ -40,7 +40,12 @@ DEFAULT = "demo"
     default=0.0,
     help="1 is real time, 2 twice as fast; unless given, as fast as it goes.",
 )
-@click.option("--from", "begin", type=click.FloatRange(min=0.0), help="Leave out all before, s.")
+@click.option(
+    "--from",
+    "begin",
+    type=click.FloatRange(min=0.0),
+    help="Show nothing before, s; it runs all the same.",
+)
 @click.option("--to", "end", type=click.FloatRange(min=0.0), help="Leave out all after, s.")
 @force_option
 @json_option
@@ -62,9 +67,12 @@ def command(
 
     FILE is a recording of `cnnum record`, or a CSV, NumPy or HDF5 file with its layout. It may be
     the folder of a uSkin trial, too. Only the array of the scene is replaced: its program and its
-    events stay.
+    events stay. With --from the frames before run silently: rest, tare and memories are those of
+    the whole recording, and so are forces and events from then on.
     """
     saving.refuse_unknown(save)
+    if begin is not None and end is not None and end < begin:
+        raise click.UsageError(f"'--to {end:g}' lies before '--from {begin:g}'.")
     with busy(COMPILING, as_json=as_json):
         from cnnum.drivers.recording_file import array_of
         from cnnum.scenes.pipeline import load_scene
@@ -76,11 +84,18 @@ def command(
         if speed or begin is not None or end is not None:
             from cnnum.drivers.timing.paced import Paced
 
-            loaded.driver = Paced(loaded.driver, speed, begin, end)
+            loaded.driver = Paced(loaded.driver, speed, begin, end, keeps_before=True)
     saver = saving.FieldSaver(save, loaded, force=force)
     with saving.to_rerun(loaded, rerun, force=force) as send:
         watch = saving.watching(saver.add, send)
-        return follow(loaded, Output(as_json), frames=frames, watch=watch, keep=saver.write)
+        return follow(
+            loaded,
+            Output(as_json),
+            frames=frames,
+            begin=begin or 0.0,
+            watch=watch,
+            keep=saver.write,
+        )
 
 
 def _usual_scene(file: Path, array: dict[str, object], given: dict[str, object]) -> str:

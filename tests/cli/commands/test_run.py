@@ -10,6 +10,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
+import cnnum
 from cnnum.drivers import open_driver
 
 SCENE = """
@@ -119,6 +120,80 @@ def test_replay_leaves_out_what_is_before_and_after(call, records, scene, tmp_pa
     done = call("replay", tape, *options, "--json")
     assert done.exit_code == 0, done.output
     assert 0 < records(done.stdout)[-1]["frames"] < FRAMES / 2
+
+
+@pytest.fixture
+def played(call, tmp_path):
+    """A function that plays a recording from a time: its frames, events and fields."""
+    engine = cnnum.Engine("numba")
+
+    def play(name, tape, begin):
+        scene = cnnum.load_scene(
+            name, engine=engine, changes={"array": {"driver": "npz", "path": str(tape)}}
+        )
+        return [
+            (m.number, m.frame.time, m.events, {k: v.tobytes() for k, v in m.outputs.items()})
+            for m in scene.results(begin)
+        ]
+
+    return play
+
+
+def test_replay_from_a_time_has_the_rest_and_the_memories_of_the_whole(call, played, tmp_path):
+    """Rest is of the first frames, and slip remembers what has stuck."""
+    tape = tmp_path / "slip.npz"
+    assert call("record", "slip", tape, "--frames", 430).exit_code == 0
+    whole = played("slip", tape, 0.0)
+    at = [number for number, _, events, _ in whole if events]
+    assert at
+    for number in (at[0] // 2, at[0]):
+        assert played("slip", tape, whole[number][1]) == whole[number:]
+
+
+def test_replay_from_a_time_has_the_tare_of_the_whole(played, tmp_path):
+    tape, scene = tmp_path / "grip.npz", tmp_path / "part.toml"
+    time = np.arange(200) / 200.0
+    load = np.clip((time - 0.2) / 0.2, 0.0, 1.0)
+    place = np.exp(-0.2 * ((np.mgrid[:8, :8] - 3.5) ** 2).sum(axis=0))
+    values = 0.7 + load[:, np.newaxis, np.newaxis, np.newaxis] * place[..., np.newaxis] * [0, 0, 1]
+    axes = ("shear_x", "shear_y", "normal")
+    cnnum.Recording(values, rate=200.0, unit="N", axes=axes).save(tape)
+    scene.write_text(
+        'name = "part"\nwants = ["contact"]\n[array]\ndriver = "npz"\n[program]\nname = "contact"\n'
+        '[calibration]\ngain = 2.0\nunit = "N"\ntare = 20\n'
+    )
+    whole = played(scene, tape, 0.0)
+    assert any(events for _, _, events, _ in whole)
+    for begin in (0.05, 0.3):
+        assert played(scene, tape, begin) == whole[round(begin * 200.0) :]
+
+
+def test_replay_shows_the_frames_at_both_ends(call, records, scene, tmp_path):
+    """0.3 s and 0.55 s are frames of an array at 200 Hz, some of whose times are rounded down."""
+    tape = tmp_path / "tap.npz"
+    assert call("record", scene, tape).exit_code == 0
+    done = call("replay", tape, "--scene", scene, "--from", 0.3, "--to", 0.55, "--json")
+    summary = records(done.stdout)[-1]
+    assert summary["frames"] == 51
+    assert summary["before"] == 60
+    assert summary["sent"] == summary["handed_on"] + summary["skipped"]
+    whole = records(call("replay", tape, "--scene", scene, "--json").stdout)
+    shown = [one for one in whole[:-1] if 0.3 <= one["t"] <= 0.55]
+    assert records(done.stdout)[:-1] == shown
+    assert shown
+    first = call("replay", tape, "--scene", scene, "--from", 0.3, "--frames", 7, "--json")
+    assert records(first.stdout)[-1]["frames"] == 7
+
+
+def test_a_part_that_is_not_there_is_said(call, scene, tmp_path):
+    tape = tmp_path / "tap.npz"
+    assert call("record", scene, tape).exit_code == 0
+    done = call("replay", tape, "--scene", scene, "--from", 7)
+    assert done.exit_code == 2
+    assert "No frame is left from 7 s on: the last one of scene 'tap' is at 0.995 s" in done.stderr
+    done = call("replay", tape, "--scene", scene, "--from", 7, "--to", 6)
+    assert done.exit_code == 2
+    assert "'--to 6' lies before '--from 7'" in done.stderr
 
 
 def test_an_error_on_the_way_keeps_the_summary(call, records, scene):
