@@ -36,11 +36,12 @@ from cnnum.runs.times import checked_times, run_at
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.library import by_name
 from cnnum.templating.template import Duration, Template
+from cnnum.values import OfThisProcess
 
 ROLES = ("input", "previous", "state", "bias", "mask")
 
 
-class Engine:
+class Engine(OfThisProcess):
     """Runs templates and programs on one device.
 
     Parameters
@@ -97,6 +98,9 @@ class Engine:
 
     def __repr__(self) -> str:
         return f"Engine('{self.name}', device='{self.device}', precision='{self.precision}')"
+
+    def _elsewhere(self) -> str:
+        return f"make one there, by cnnum.Engine('{self.name}', precision='{self.precision}')"
 
     def with_precision(self, precision: str) -> "Engine":
         """Return an engine of the same kind on the same device in another precision.

@@ -100,6 +100,10 @@ class NotSupportedError(CnnumError, RuntimeError):
     """An engine lacks the requested feature; the sentence says why."""
 
 
+class OtherProcessError(CnnumError, TypeError):
+    """An object of this process cannot be pickled or copied; the sentence says what to do."""
+
+
 class CodecError(CnnumError, ValueError):
     """Bytes or text from an array or a recording cannot be decoded."""
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from cnnum.errors import ArrayError
 from cnnum.sharing import html
+from cnnum.values import ByContent, read_only
 
 FORCE_AXES = ("shear_x", "shear_y", "normal")
 """The channels of a three-axial frame, in the order of its last axis."""
@@ -37,8 +38,8 @@ BAD = Quality.CORRUPT
 """Flags under which a frame must not become an event."""
 
 
-@dataclass(frozen=True, slots=True)
-class Truth:
+@dataclass(frozen=True, slots=True, eq=False)
+class Truth(ByContent):
     """Ground truth of a frame from a simulated or labelled source.
 
     Attributes
@@ -76,13 +77,13 @@ def shown_maps(
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Frame:
+class Frame(ByContent):
     """One scan of an array.
 
     Attributes
     ----------
     values : (rows, cols, channels) float
-        Raw counts, volts or calibrated quantities: the unit says which.
+        Read-only. Raw counts, volts or calibrated quantities: the unit says which.
     channels : tuple of str
         Names of the last axis: ("shear_x", "shear_y", "normal"), or a bridge's sides.
     unit : str
@@ -125,6 +126,7 @@ class Frame:
                 f"A frame with the channels {self.channels} must have the shape "
                 f"(rows, cols, {len(self.channels)}), got {self.values.shape}."
             )
+        object.__setattr__(self, "values", read_only(self.values))
 
     def __repr__(self) -> str:
         rows, cols = self.shape

@@ -30,6 +30,7 @@ from cnnum.integrators.cost import operation_flops, work
 from cnnum.integrators.solver import Solvers
 from cnnum.sharing import html
 from cnnum.stream import Stream
+from cnnum.values import OfThisProcess
 
 COSTLIEST = 12
 """Operations of a plot."""
@@ -116,7 +117,7 @@ class Explanation:
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Plan:
+class Plan(OfThisProcess):
     """A compiled program; call it with a frame or a batch of frames.
 
     Attributes
@@ -149,6 +150,9 @@ class Plan:
             f"Plan({self.program} on {rows}×{cols} cells, {self.engine} {self.precision}: "
             f"{', '.join(self.schedule.outputs)})"
         )
+
+    def _elsewhere(self) -> str:
+        return f"pickle the program '{self.program}', and compile it there by engine.compile"
 
     def _repr_html_(self) -> str:
         head, *rest = str(self.explain()).splitlines()

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Floats, all_finite, held, magnitude
 from cnnum.engines.backend import OneFrame
 from cnnum.errors import ArrayError, FrameError, MethodError
+from cnnum.values import OfThisProcess
 
 if TYPE_CHECKING:
     from cnnum.plan import Plan
@@ -22,8 +23,8 @@ WATCHED = 32
 kept: a memory that it has filled with huge numbers overflows in the next frames, or not at all."""
 
 
-@dataclass(slots=True, eq=False)
-class Stream:
+@dataclass(slots=True, eq=False, repr=False)
+class Stream(OfThisProcess):
     """Frames of one array (or of a batch of arrays) in time; owns their memories.
 
     A frame with which something overflows is refused, and leaves the memories as they were. Only
@@ -49,6 +50,13 @@ class Stream:
     def __post_init__(self) -> None:
         schedule = self.plan.schedule
         self._read = (*schedule.shape, len(schedule.channels_read))
+
+    def __repr__(self) -> str:
+        lead = f", a batch of {self.batch}" if self.batch else ""
+        return f"Stream({self.plan.program}, {self.frames} frames so far{lead})"
+
+    def _elsewhere(self) -> str:
+        return "compile the program there, and call plan.stream()"
 
     def __enter__(self) -> "Stream":
         """Return the stream itself."""

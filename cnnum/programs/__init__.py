@@ -10,10 +10,12 @@ and hold no numbers, so a Python `if` on one of them is refused.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from operator import attrgetter
 from typing import cast
 
 from cnnum.arrays import as_shape
-from cnnum.errors import ProgramError, SizeError
+from cnnum.errors import OtherProcessError, ProgramError, SizeError
 from cnnum.frame import FORCE_AXES
 from cnnum.graph.graph import Graph
 from cnnum.programs.fields import Field, as_field
@@ -83,6 +85,26 @@ class Program:
             )
         return self.function(frame, **dict(self.parameters))
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Pickle the place of the function: a worker imports it.
+
+        Raises
+        ------
+        OtherProcessError
+            If the function is no program of a module, as one made inside another function.
+        """
+        place = self.function.__module__, self.function.__qualname__
+        try:
+            found = _program_at(*place)
+        except (ImportError, AttributeError):
+            found = None
+        if not (isinstance(found, Program) and found.function is self.function):
+            raise OtherProcessError(
+                f"Program '{self.name}' cannot be pickled, for '{place[1]}' of the module "
+                f"'{place[0]}' is not it: define it at the top of a module."
+            )
+        return _again, (*place, self.name, self.parameters)
+
     def trace(self, shape: Sequence[int], channels: Sequence[str] = FORCE_AXES) -> Graph:
         """Return the program's graph for an array of that shape.
 
@@ -120,6 +142,18 @@ class Program:
                 )
         graph.outputs.update({name: field.node for name, field in fields.items()})
         return graph
+
+
+def _program_at(module: str, qualname: str) -> object:
+    return attrgetter(qualname)(import_module(module))
+
+
+def _again(
+    module: str, qualname: str, name: str, parameters: tuple[tuple[str, object], ...]
+) -> Program:
+    """Return a program that was pickled."""
+    found = cast(Program, _program_at(module, qualname))
+    return Program(found.function, name, parameters)
 
 
 def program(function: Traced) -> Program:

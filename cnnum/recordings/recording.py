@@ -23,6 +23,7 @@ from cnnum.safety.names import checked_name, shown
 from cnnum.safety.values import is_real
 from cnnum.sharing import html, tables
 from cnnum.tactile.array_calibration import ArrayCalibration
+from cnnum.values import ByContent, read_only
 
 AXES = {"x": "shear_x", "y": "shear_y", "z": "normal"}
 """Short names of the three axes of a taxel: to the right, downwards, and into the skin."""
@@ -34,7 +35,7 @@ _NANO = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False, repr=False)
-class Recording:
+class Recording(ByContent):
     """Frames of an array in memory, with all that a scene needs to know of them.
 
     Parameters
@@ -92,18 +93,18 @@ class Recording:
         frames = len(array)
         flags = np.zeros(frames) if quality is None else numbers("quality", quality)
         parts: dict[str, object] = {
-            "values": array,
+            "values": read_only(array),
             "rate": float(rate),
             "unit": checked_name("a unit", unit, ArrayError),
             "axes": channel_names(axes, array.shape[3]),
-            "times": _times(times, frames, rate),
+            "times": read_only(_times(times, frames, rate)),
             "truth": {
                 checked_name("a truth", name, ArrayError): _per_frame(
                     f"truth '{name}'", row, frames
                 )
                 for name, row in (truth or {}).items()
             },
-            "quality": _per_frame("quality", flags, frames).astype(np.int64),
+            "quality": read_only(_per_frame("quality", flags, frames).astype(np.int64)),
         }
         for name, value in parts.items():
             object.__setattr__(self, name, value)

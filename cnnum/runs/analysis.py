@@ -30,6 +30,7 @@ from cnnum.templating.output_functions import OUTPUT_FUNCTIONS
 from cnnum.templating.stability_class import StabilityClass, stability_class
 from cnnum.templating.state_box import refuted, sampled_slopes, state_bound
 from cnnum.templating.template import Template
+from cnnum.values import ByContent
 
 STILL = 1e-9
 """Part of the fastest rate below which a mode neither decays nor grows: some roundings."""
@@ -38,8 +39,8 @@ ROUNDINGS = 1e-13
 """Part of the largest singular value below which the smallest is one of roundings alone."""
 
 
-@dataclass(frozen=True, slots=True)
-class Analysis:
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
+class Analysis(ByContent):
     """The figures of a template on an array of given size, before anything runs.
 
     Attributes
@@ -93,6 +94,13 @@ class Analysis:
     bounds: Mapping[str, StabilityBound]
     method: str
     reason: str
+
+    def __repr__(self) -> str:
+        rows, cols = self.shape
+        return (
+            f"Analysis('{self.template}' on {rows}×{cols}: {self.kind.name}, fastest "
+            f"{self.fastest:.4g}, stiffness {self.stiffness:.4g}, method {self.method})"
+        )
 
 
 def analyse(template: Template | str, shape: Sequence[int] = (8, 8)) -> Analysis:

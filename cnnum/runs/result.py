@@ -10,13 +10,14 @@ import numpy as np
 from cnnum.arrays import Floats
 from cnnum.integrators.estimate import LOST
 from cnnum.sharing import html, tables
+from cnnum.values import ByContent
 
 FEW = 6
 """Times that a picture shows."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
-class Result:
+class Result(ByContent):
     """The results of a template's run.
 
     Attributes

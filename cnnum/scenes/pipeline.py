@@ -33,6 +33,7 @@ from cnnum.scenes.scene_record import SceneRecord
 from cnnum.scenes.strength_units import with_units
 from cnnum.scenes.summary import Summary
 from cnnum.stream import Stream
+from cnnum.values import OfThisProcess
 
 
 class FrameResult(NamedTuple):
@@ -130,8 +131,8 @@ class FramePath:
         return FrameResult(number, frame, None, {}, (), 0.0, error)
 
 
-@dataclass(slots=True, eq=False)
-class Scene:
+@dataclass(slots=True, eq=False, repr=False)
+class Scene(OfThisProcess):
     """A scene ready to run: the whole path, from its driver to its events.
 
     Attributes
@@ -274,6 +275,16 @@ class Scene:
         finally:
             if self._passes == own:
                 self.driver.close()
+
+    def __repr__(self) -> str:
+        spec, shape = self.spec, self.driver.shape
+        return (
+            f"Scene('{spec.name}': {spec.driver}, {shape[0]}×{shape[1]} → {spec.program} → "
+            f"{', '.join(spec.wants)}; {self.engine.name} {self.engine.precision})"
+        )
+
+    def _elsewhere(self) -> str:
+        return "load it there, by cnnum.load_scene"
 
     def close(self) -> None:
         """Let go of the array; a scene of a recording or a simulation can still begin a pass."""

@@ -15,6 +15,7 @@ from cnnum.safety.files import written
 from cnnum.scenes.event_list import EventList
 from cnnum.scenes.events import Event
 from cnnum.sharing import tables
+from cnnum.values import same
 
 FIELD_AXES = ("row", "col")
 
@@ -67,6 +68,17 @@ class SceneRecord:
 
     def __len__(self) -> int:
         return len(self._times)
+
+    def _content(self) -> tuple[object, ...]:
+        return self.names, list(self.events), self._times, self._numbers, self._values
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, SceneRecord):
+            return NotImplemented
+        return same(self._content(), other._content())
+
+    def __hash__(self) -> int:
+        return hash((self.names, tuple(self._times), tuple(self._numbers)))
 
     def __repr__(self) -> str:
         fields = ", ".join(self.names) or "no field"

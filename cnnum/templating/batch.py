@@ -12,10 +12,11 @@ from cnnum.errors import TemplateError
 from cnnum.safety.values import expect
 from cnnum.templating.batch_parts import Parts, checked_parts, inner, parts_of, with_parts
 from cnnum.templating.template import Template
+from cnnum.values import ByContent
 
 
 @dataclass(frozen=True, slots=True, eq=False, init=False)
-class TemplateBatch:
+class TemplateBatch(ByContent):
     """Templates that differ in their numbers alone, so that a run of all is one launch.
 
     Leading axes of the numbers broadcast with each other, and in a run with those of its arrays:

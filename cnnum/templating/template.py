@@ -44,7 +44,9 @@ class Check:
 class Template:
     """A CNN template with its boundary, initial state and duration.
 
-    `dataclasses.replace` gives another one, of the same parts but for the given ones.
+    Two templates are equal where their names and all numbers that change a run are; `digest` alone
+    stands for the numbers. `dataclasses.replace` gives another one, of the same parts but for the
+    given ones.
 
     Parameters
     ----------
@@ -219,6 +221,14 @@ class Template:
             *(self.delayed.physics if self.delayed else ()),
             self.gains,
         )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Template):
+            return NotImplemented
+        return self.digest == other.digest and self.name == other.name
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.digest))
 
     @property
     def layers(self) -> int:

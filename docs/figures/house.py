@@ -13,7 +13,10 @@ PAGE, PICTURE = ROOT / "docs" / "architecture.md", ROOT / "docs" / "house.svg"
 # A room may import from rooms on its own floor or below, never from above.
 FLOORS: list[dict[str, str]] = [
     {"errors": "every error, one sentence each", "version": "the version of the package"},
-    {"arrays": "number types, and the check of arrays from outside"},
+    {
+        "arrays": "number types, and the check of arrays from outside",
+        "values": "equality by content, and objects that stay in their process",
+    },
     {"kernels": "kernels as records, and their printers: OpenCL C and C99"},
     {"safety": "checked names and expressions, memory at hand, files written whole"},
     {"sharing": "objects as datasets, tables, HTML and plots"},
@@ -118,7 +121,8 @@ def table() -> str:
     lines = ["| room | content | imports from |", "|---|---|---|"]
     for floor in reversed(FLOORS):
         for room, purpose in floor.items():
-            others = sorted(graph[room] - {"errors", "arrays"}, key=lambda r: (-FLOOR[r], r))
+            shown = graph[room] - {"errors", "arrays", "values"}
+            others = sorted(shown, key=lambda r: (-FLOOR[r], r))
             lines.append(f"| `{room}` | {purpose} | {', '.join(others)} |")
     return "\n".join(lines)
 

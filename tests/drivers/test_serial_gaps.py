@@ -4,6 +4,7 @@ import json
 import logging
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -41,6 +42,13 @@ def frame(n: int, pressed: bool = False, shape: tuple[int, int] = (4, 5)) -> Fra
     values = np.random.default_rng(n).normal(0.0, 1e-5, (*shape, 3))
     values[1:3, 1:3, 2] -= 0.02 * pressed
     return Frame(values.astype(np.float32).astype(np.float64), FORCE_AXES, "strain", n, n / RATE)
+
+
+def reading(scan: Frame, value: float) -> Frame:
+    """The frame with a value at taxel (2, 3)."""
+    values = scan.values.copy()
+    values[2, 3, 1] = value
+    return replace(scan, values=values)
 
 
 def rest(count: int, first: int = 0) -> list[Frame]:
@@ -151,8 +159,7 @@ def test_an_array_that_counts_on_states_what_was_lost(
 
 
 def test_damaged_and_repeated_and_refused_scans_are_accounted_for(device: Any, link: Path) -> None:
-    wrong = frame(33)
-    wrong.values[2, 3, 1] = 1e22
+    wrong = reading(frame(33), 1e22)
     frames = [*rest(33), wrong, *rest(16, 34)]
     data = list(packets([*frames[:40], *frames[39:]], RATE))
     data[10] = data[10][:100] + bytes([data[10][100] ^ 0x40]) + data[10][101:]
@@ -236,8 +243,7 @@ def test_a_bad_frame_is_named_once_and_a_bad_cell_with_its_cure(
     device: Any, link: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     frames = rest(300)
-    for each in frames[20:]:
-        each.values[2, 3, 1] = np.nan
+    frames[20:] = [reading(each, np.nan) for each in frames[20:]]
     sent(device, frames)
     scene = load_scene(scene_file(link))
     with caplog.at_level(logging.WARNING, "cnnum"):
