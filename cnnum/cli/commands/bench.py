@@ -199,6 +199,20 @@ def work_precision(
     return _report("work-precision", found, total, label, out, force, as_json, left_out)
 
 
+@command.command("truth")
+@_options
+def truth(device: str | None, quick: bool, out: Path | None, force: bool, as_json: bool) -> int:
+    """Error against the continuum over run time, by cells; delay and misses of events.
+
+    The total error has two parts: that of the lattice, and that of the run on it.
+    """
+    from cnnum.lab.bench.true_error import OMISSIONS, measure_true_error
+
+    label = _engine(device).device
+    rows = measure_true_error(device, quick=quick)
+    return _report("truth", rows, None, label, out, force, as_json, OMISSIONS)
+
+
 @command.command("throughput")
 @_options
 def throughput(

@@ -7,6 +7,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from cnnum.lab.bench.true_error_chart import true_error
 from cnnum.lab.bench.work_precision_chart import work_precision
 from cnnum.lab.embedded.chart import embedded
 from cnnum.report.probe_picture import drawn
@@ -158,6 +159,7 @@ CHARTS: Mapping[str, Callable[[Sequence[Row]], Picture]] = {
     "scaling": scaling,
     "peers": peers,
     "embedded": embedded,
+    "truth": true_error,
     "design": peers,
 }
 

@@ -46,7 +46,7 @@ def work_precision(rows: Sequence[Row]) -> Picture:
             _methods(axes, inside)
             _frame(axes, place if line == 0 else "", axes is grid[line][0], case)
     for axes in grid.flat:
-        _ticks(axes)
+        mark_few(axes)
     for axes in grid[-1]:
         axes.set_xlabel("µs a picture, or a frame of a stream")
     _legend(figure, grid)
@@ -97,7 +97,7 @@ def _frame(axes: Axes, title: str, first: bool, case: str) -> None:
         axes.set_ylabel(f"{case}\nlargest error", fontsize=8.5)
 
 
-def _ticks(axes: Axes) -> None:
+def mark_few(axes: Axes) -> None:
     """Mark 1, 2 and 5 where there is room for them, else whole decades; nothing in between."""
     low, high = axes.get_xlim()
     few = high / low < 10.0**FEW_DECADES

@@ -7,6 +7,7 @@ from cnnum.errors import name_error
 from cnnum.lab.reproduce.chapters import (
     bumps,
     errata,
+    error_budget,
     fields,
     finger,
     flat_models,
@@ -17,18 +18,21 @@ from cnnum.lab.reproduce.chapters import (
     receptive,
     ridge,
     silicon,
+    skin,
     texture_rows,
 )
 from cnnum.lab.reproduce.figure import Figure
 from cnnum.lab.reproduce.record import Chapter, Item
 
 CHAPTERS: tuple[Chapter, ...] = (
+    skin.CHAPTER,
     silicon.CHAPTER,
     fields.CHAPTER,
     receptive.CHAPTER,
     flat_models.CHAPTER,
     inverse.CHAPTER,
     hyperacuity.CHAPTER,
+    error_budget.CHAPTER,
     hair.CHAPTER,
     ridge.CHAPTER,
     bumps.CHAPTER,

@@ -69,7 +69,7 @@ def love_errors(engine: Engine) -> Iterator[Row]:
                 thickness=thickness, pitch=PITCH, cells=cells
             )
             got = engine.compile(bound, (n, n), STRESS)(frame)
-            exact = _mirrored_patch(np.asarray(place), thickness, axis)
+            exact = mirrored_patch(np.asarray(place), thickness, axis)
             yield {
                 "load": load_name,
                 "cells": cells,
@@ -81,15 +81,37 @@ def love_errors(engine: Engine) -> Iterator[Row]:
             }
 
 
-def _mirrored_patch(place: Floats, depth: float, axis: int) -> Floats:
-    """Return Love's and Cerruti's stress of a patch and its mirrored images, without the mean."""
+def mirrored_patch(
+    place: Floats, depth: float, axis: int, *, modulus: float | None = None
+) -> Floats:
+    """Return Love's and Cerruti's stress of a patch and its mirrored images, without the mean.
+
+    Parameters
+    ----------
+    place : (n,) float, m
+        Along both axes, from the middle of the patch of 2×2 taxels.
+    depth : float, m
+    axis : int
+        Of the unit traction: x, y, z.
+    modulus : float, optional, Pa
+        Young's modulus, for the strain in place of the stress.
+
+    Returns
+    -------
+    (n, n, 3) float
+    """
     total = np.zeros((place.size, place.size, 3))
+    load, size = np.eye(3)[axis], (2 * PITCH, 2 * PITCH)
     for m in range(-6, 7):
         for n in range(-6, 7):
             x, y = (place - TAXELS * PITCH * k for k in (m, n))
-            total += halfspace.rectangle_stress(
-                x[None, :], y[:, None], depth, np.eye(3)[axis], size=(2 * PITCH, 2 * PITCH)
-            )[..., 2, :]
+            if modulus is None:
+                field = halfspace.rectangle_stress(x[None, :], y[:, None], depth, load, size=size)
+            else:
+                field = halfspace.rectangle_strain(
+                    x[None, :], y[:, None], depth, load, size=size, youngs_modulus=modulus
+                )
+            total += field[..., 2, :]
     return np.asarray(total - total.mean((0, 1)), dtype=np.float64)
 
 
@@ -121,7 +143,7 @@ def equilibrium(cells: int, poisson: float) -> Row:
 
     plan = engine.compile(block, (n, n), ["down", "time", "steps"])
     got = plan(load) | engine.compile(block, (n, n), ["well"])(load)
-    exact = _opposite_pushes((np.arange(n) + 0.5) / cells, poisson)
+    exact = opposite_pushes((np.arange(n) + 0.5) / cells, poisson)
     return {
         "cells": cells,
         "poisson": poisson,
@@ -133,7 +155,7 @@ def equilibrium(cells: int, poisson: float) -> Row:
     }
 
 
-def _opposite_pushes(place: Floats, poisson: float) -> Floats:
+def opposite_pushes(place: Floats, poisson: float) -> Floats:
     """Return u_z of (4.9), integrated over two unit squares pushed and pulled, and their images.
 
     A window that ends gently sums the images, which cancel by turns.

@@ -1,15 +1,17 @@
 """Section 4.3: the receptive field of a covered taxel, and its evidence on the cover."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache, partial
 from math import pi, sqrt
 
 import numpy as np
 
 from cnnum.arrays import Floats
+from cnnum.lab.reproduce.chapters import printed
 from cnnum.lab.reproduce.chapters.fields import epsilon, highest
 from cnnum.lab.reproduce.faults import misled, scaled
-from cnnum.lab.reproduce.figure import Curve, Figure, Panel
+from cnnum.lab.reproduce.figure import Curve, Field, Figure, Panel
 from cnnum.lab.reproduce.record import Chapter, Item
 from cnnum.lab.reproduce.setup import (
     LOAD,
@@ -22,7 +24,7 @@ from cnnum.lab.reproduce.setup import (
     point_strain,
 )
 from cnnum.tactile.halfspace import strain
-from cnnum.tactile.taxel import Coupling, ReceptiveField, receptive_field
+from cnnum.tactile.taxel import Bridge, Coupling, ReceptiveField, receptive_field
 
 X = np.linspace(-1.2e-3, 1.2e-3, 2401)
 THICKNESS = np.array([0.18, 0.2, 0.25, 0.3, 0.4, 0.5]) * 1e-3
@@ -108,6 +110,87 @@ def compensated() -> Floats:
     return np.stack([beta * tangential, beta * across, normal], axis=-1) / top
 
 
+def plane() -> tuple[Floats, Floats, Floats]:
+    """Return x, y, m, of a square of places, and (n, n, 4) voltages of a needle there."""
+    side = np.linspace(-0.5e-3, 0.5e-3, 61)
+    x, y = np.meshgrid(side, side)
+    taxel = covered_taxel(MEASURED_BETA)
+    exact = replace(taxel, readout=replace(taxel.readout, noise=0.0, bits=None))
+    seen = point_strain(x, y, LOAD)[:, np.newaxis, np.newaxis]
+    return x, y, exact.read(seen.reshape(-1, 1, 1, 3)).volts.reshape(*x.shape, 4)
+
+
+def plane_gap() -> float:
+    """Return how far the three signals over the plane are from the strain of (4.16), by (4.15)."""
+    x, y, volts = plane()
+    left, right, top, bottom = np.moveaxis(volts, -1, 0)
+    ours = np.stack([left - right, bottom - top, -0.5 * (left + right + top + bottom)], axis=-1)
+    place = np.stack([-x, -y, np.full_like(x, Z)])
+    load = np.broadcast_to(LOAD * np.array([0.0, 0.0, 1.0])[:, None, None], place.shape)
+    theirs = -np.moveaxis(printed.strain(place, load, E)[2], 0, -1)
+    theirs = theirs / theirs[..., 2].max() / [MEASURED_BETA, MEASURED_BETA, 1.0]
+    return float(np.abs(ours / ours[..., 2].max() - theirs).max())
+
+
+def collapse() -> float:
+    """Return how far profiles of ε_zz at six thicknesses are from one, over x/z and times z²."""
+    share = np.linspace(-4.0, 4.0, 161)
+    rows = [
+        z**2 * point_strain(share * z, 0.0 * share, LOAD, float(z))[:, 2]
+        for z in THICKNESS.tolist()
+    ]
+    gaps = np.array(rows) - rows[0]
+    return float(np.abs(gaps).max() / np.abs(rows[0]).max())
+
+
+def figure_4_14() -> Figure:
+    """Return maps of the four bridges and the three signals, over the place of the needle."""
+    x, y, volts = plane()
+    left, right, top, bottom = np.moveaxis(volts, -1, 0)
+    maps = {
+        "left bridge (× −1)": -left,
+        "top bridge (× −1)": -top,
+        "four bridges, largest": -np.minimum(np.minimum(left, right), np.minimum(top, bottom)),
+        "T_x": left - right,
+        "T_y": bottom - top,
+        "S_n": -0.5 * (left + right + top + bottom),
+    }
+    panels = [
+        Panel(name, "x (mm)", "y (mm)", [Field(MM * x[0], MM * y[:, 0], each, "V", levels=9)],
+              equal=True)
+        for name, each in maps.items()
+    ]  # fmt: skip
+    return Figure(
+        "fig-4.14",
+        "Fig. 4.11, 4.14",
+        "Receptive fields over the plane",
+        f"A simulated taxel under 200 µm, {1e3 * LOAD:.0f} mN, without noise. Each bridge is most "
+        "sensitive on its own side; their sum is round, and their differences have two lobes.",
+        panels,
+    )
+
+
+def figure_4_15() -> Figure:
+    """Return the normal strain at six thicknesses, as it is and over its peak."""
+    rows = {
+        f"{MM * z:.2f} mm": -point_strain(X, 0.0 * X, LOAD, z)[:, 2] for z in THICKNESS.tolist()
+    }
+    shown = slice(None, None, 6)
+    return Figure(
+        "fig-4.15",
+        "Fig. 4.15",
+        "Normal strain as the cover grows",
+        "Half-space, 15 mN. It widens with the thickness and falls as its square. On the real "
+        "covers it widens and falls less (Fig. 4.16).",
+        (
+            Panel("Strain", "x (mm)", "−ε_zz (%)",
+                  [Curve(MM * X[shown], 100 * v[shown], n) for n, v in rows.items()]),
+            Panel("Over the peak", "x (mm)", "share of the peak",
+                  [Curve(MM * X[shown], v[shown] / v.max(), n) for n, v in rows.items()]),
+        ),
+    )  # fmt: skip
+
+
 def figure_4_13() -> Figure:
     """Return the four bridges of a scan and the three signals made of them."""
     volts = scan(BETA_SHOWN, 0, X[::4])
@@ -183,6 +266,8 @@ def figure_4_17() -> Figure:
 
 FIGURES: dict[str, Callable[[], Figure]] = {
     "fig-4.13": figure_4_13,
+    "fig-4.14": figure_4_14,
+    "fig-4.15": figure_4_15,
     "fig-4.16": figure_4_16,
     "fig-4.17": figure_4_17,
 }
@@ -230,6 +315,14 @@ CHAPTER = Chapter(
              "and the first sample below zero counts: 5 µm", "mm", figure="fig-4.13",
              faults=(scaled(receptive_field, 1.03, part="width"),
                      misled(strain, 2, "z", factor=1.03))),
+        Item("eq-4.15", "three signals over the plane against the strain of (4.16), with β_ns",
+             "Fig. 4.11, 4.14; (4.14), (4.15)", 0.0, plane_gap, 1e-12,
+             "without noise and converter: rounding", "of the peak", figure="fig-4.14",
+             faults=(scaled(Coupling.force, 1.001, entry=1), scaled(Bridge.matrix, -1.0, entry=2),
+                     scaled(strain, 1.001, entry=(0, 2)))),
+        Item("fig-4.15", "six thicknesses as one profile, over x/z and times z²",
+             "Fig. 4.15; (4.12)", 0.0, collapse, 1e-12, "a formula's own scaling: rounding",
+             "of the peak", figure="fig-4.15", faults=(misled(strain, 2, "z", shift=1e-9),)),
         Item("eq-4.20", "β_ns from noisy scans of five unlike taxels, the worst error",
              "(4.20); section 4.3.3", 0.0, sensitivity_gap, 4e-3,
              "the polynomials over the tops are 1e-3 off, and 2.5 mV of noise makes 9e-4 of the "

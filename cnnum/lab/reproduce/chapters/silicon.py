@@ -33,6 +33,34 @@ def resistance(longitudinal: float, transversal: float) -> float:
     return float(Piezoresistor().resistance_change(longitudinal, transversal))
 
 
+def turned_tensor_gap() -> float:
+    """Return how far π_l and π_t are from (3.4), the tensor of silicon turned to the bridge.
+
+    The tensor has π11 on iiii, π12 on iijj and π44/2 on ijij along the crystal's axes. The bridge
+    is along (110), its transversal direction along (1̄10).
+    """
+    silicon = Piezoresistor()
+    kind = np.eye(3)
+    tensor = np.zeros((3, 3, 3, 3))
+    for i, j in np.ndindex(3, 3):
+        if i == j:
+            tensor[i, i, i, i] = silicon.pi_11
+        else:
+            tensor[i, i, j, j] = silicon.pi_12
+            tensor[i, j, i, j] = tensor[i, j, j, i] = 0.5 * silicon.pi_44
+    along, across = (kind[0] + kind[1]) / sqrt(2.0), (kind[1] - kind[0]) / sqrt(2.0)
+    current = np.einsum("ijkl,i,j->kl", tensor, along, along)
+    theirs = [float(n @ current @ n) for n in (along, across)]
+    gaps = np.array([silicon.longitudinal, silicon.transversal]) - theirs
+    return float(np.abs(gaps).max() / silicon.pi_44)
+
+
+def slanted() -> float:
+    """Return (ΔV_right − ΔV_left)/(ΔV_top + ΔV_bottom) under a load at 45° towards x."""
+    left, right, top, bottom = Bridge().voltages(1e-3 * np.array([1.0, 0.0, 1.0])).tolist()
+    return float((right - left) / (top + bottom))
+
+
 def diagonal_shear() -> float:
     """Return the largest ΔR/R of the four bridges under 10 mN of shear at 45°."""
     force = TABLE_LOAD * np.array([1.0, 1.0, 0.0]) / sqrt(2.0)
@@ -152,6 +180,34 @@ def _table_rows() -> tuple[Item, ...]:
 CHAPTER = Chapter(
     "Chapter 3 — the bare taxel",
     (
+        Item(
+            "eq-3.4",
+            "π_l and π_t against the whole tensor of silicon, turned to the bridge",
+            "(3.4), (3.6)",
+            0.0,
+            turned_tensor_gap,
+            1e-14,
+            "rounding",
+            unit="π44",
+            faults=(
+                scaled(Piezoresistor.longitudinal, 1.0001),
+                scaled(Piezoresistor.transversal, 1.0001),
+            ),
+        ),
+        Item(
+            "fig-6.2",
+            "right less left over top and bottom, of a load that leans by 45° towards x",
+            "Fig. 6.2, slanted load; Table 3.I",
+            0.162 / 0.114,
+            slanted,
+            0.01,
+            "F_x over F_z of Table 3.I, three decimals each; the sensor of Fig. 6.2 has a rod, and "
+            "its digits are not published",
+            faults=(
+                scaled(Bridge.matrix, -1.0, entry=(1, 0)),
+                scaled(Bridge.matrix, 1.05, entry=(1, 0)),
+            ),
+        ),
         *_table_rows(),
         Item(
             "table-3.I-diagonal",

@@ -1,0 +1,95 @@
+"""The picture of the error that a user has: a panel a program, with its total error and parts."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from cnnum.lab.bench.work_precision_chart import mark_few
+
+Row = Mapping[str, object]
+Axes = Any
+Picture = Any
+"""Matplotlib says little of the types of its arguments."""
+
+PARTS = (("error", "-", 1.2, "total"), ("discretisation", "-", 5.0, "lattice"),
+         ("arithmetic", ":", 1.2, "run"))  # fmt: skip
+"""Key, line, width and name; a broad line of the lattice shows below the total."""
+
+COLOURS = {"float32": "#2f6db5", "float64": "#d1495b"}
+ACROSS = 4
+
+
+def true_error(rows: Sequence[Row]) -> Picture:
+    """Return error over time by the knob, and delay over time of programs that report events."""
+    fields, events = (
+        list(dict.fromkeys(_key(row) for row in rows if _is_event(row) == kind))
+        for kind in (False, True)
+    )
+    keys = [*fields, *events]
+    lines = -(-len(keys) // ACROSS)
+    figure: Picture = Figure(figsize=(13, 0.6 + 3.1 * lines), layout="constrained")
+    grid: list[Any] = list(figure.subplots(lines, ACROSS, squeeze=False).flat)
+    for axes, key in zip(grid, keys, strict=False):
+        own = [row for row in rows if _key(row) == key]
+        (_delays if key in events else _errors)(axes, own)
+        axes.set_title(f"{key[0]}\n{own[0]['truth']}", fontsize=8)
+        mark_few(axes)
+        axes.grid(visible=True, which="major", color="#dddddd", linewidth=0.6)
+        axes.tick_params(labelsize=7.5)
+    for axes in grid[len(keys) :]:
+        axes.set_axis_off()
+    return figure
+
+
+def _key(row: Row) -> tuple[str, str]:
+    return str(row["case"]), str(row["knob"])
+
+
+def _is_event(row: Row) -> bool:
+    return row["missed"] is not None
+
+
+def _number(row: Row, key: str) -> float:
+    value = row[key]
+    return float(value) if isinstance(value, int | float) else float("nan")
+
+
+def _errors(axes: Axes, rows: Sequence[Row]) -> None:
+    for precision, colour in COLOURS.items():
+        own = [row for row in rows if row["precision"] == precision]
+        x = [1e6 * _number(row, "seconds") for row in own]
+        for key, style, width, name in PARTS:
+            y = [_number(row, key) for row in own]
+            if any(value == value for value in y):  # not all missing
+                label = f"{precision}, {name}"
+                axes.plot(x, y, style, color=colour, lw=width, label=label,
+                          marker="o" if width < 2.0 else "", ms=3.5,
+                          alpha=1.0 if width < 2.0 else 0.25)  # fmt: skip
+        for at, row in zip(x, own, strict=True):
+            axes.annotate(f"{_number(row, 'setting'):g}", (at, _number(row, "error")), fontsize=7,
+                          xytext=(3, 4), textcoords="offset points")  # fmt: skip
+    axes.set(xscale="log", yscale="log")
+    axes.set_xlabel(f"µs a frame; numbers: {rows[0]['knob']}", fontsize=8)
+    axes.set_ylabel("error, share of the largest", fontsize=8)
+    axes.legend(fontsize=6.5)
+
+
+def _delays(axes: Axes, rows: Sequence[Row]) -> None:
+    names = dict.fromkeys((str(row["precision"]), str(row["method"])) for row in rows)
+    for (precision, method), mark in zip(names, "osD^v<>P", strict=False):
+        own = [r for r in rows if (r["precision"], r["method"]) == (precision, method)]
+        x = [1e6 * _number(row, "seconds") for row in own]
+        y = [1e3 * _number(row, "delay_s") for row in own]
+        colour = COLOURS[precision] if method == "auto" else None
+        axes.plot(x, y, color=colour, marker=mark, ms=4, lw=1.2, label=f"{precision}, {method}")
+        for at, delay, row in zip(x, y, own, strict=True):
+            text = f"{_number(row, 'setting'):g}/s"
+            missed = _number(row, "missed")
+            axes.annotate(f"{text}, {missed:.0%} missed" if missed else text, (at, delay),
+                          fontsize=7, xytext=(3, 4), textcoords="offset points")  # fmt: skip
+    axes.set(xscale="log")
+    axes.set_ylim(bottom=0.0)
+    axes.set_xlabel("µs of work a second of touch", fontsize=8)
+    axes.set_ylabel("delay of the report, ms", fontsize=8)
+    axes.legend(fontsize=6.5)

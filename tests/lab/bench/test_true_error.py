@@ -1,0 +1,80 @@
+"""The error that a user has: its two parts, and the delays of reports."""
+
+import math
+
+import numpy as np
+import pytest
+
+from cnnum.engine import Engine
+from cnnum.lab.bench import true_error
+from cnnum.lab.bench.charts import CHARTS
+from cnnum.lab.bench.records import as_row
+
+
+@pytest.fixture(scope="module")
+def engine() -> Engine:
+    return Engine("numba")
+
+
+def test_the_total_error_is_that_of_the_lattice(engine):
+    """Against Love the lattice is off by per cents; the run is off by roundings alone."""
+    rows = [
+        true_error._under_patches(engine, engine, "halfspace_stress", cells) for cells in (2, 4)
+    ]
+    for row in rows:
+        assert row.error == pytest.approx(row.discretisation, rel=1e-3)
+        assert row.arithmetic < 1e-5
+        assert row.seconds > 0.0
+        assert math.isnan(row.delay_s)
+    # the square of the cell, with the patch's edge between cells
+    assert rows[1].error < rows[0].error / 3.0
+    assert 0.01 < rows[1].error < 0.04
+
+
+def test_a_wrong_run_shows_in_the_total_and_in_its_own_part(engine, monkeypatch):
+    right = true_error.cover_stress
+    monkeypatch.setattr(true_error, "cover_stress", lambda load, depth: 1.1 * right(load, depth))
+    row = true_error._under_patches(engine, engine, "halfspace_stress", 2)
+    assert row.arithmetic > 0.05
+
+
+@pytest.mark.parametrize(
+    ("began", "missed", "early"),
+    [(0.6, 0.0, 0.0), (0.7, 0.0, 1.0), (0.05, 1.0, 0.0)],
+    ids=["in time", "before", "too late"],
+)
+def test_reports_have_delays_and_misses(engine, monkeypatch, began, missed, early):
+    strain = np.zeros((100, 4, 4, 3))
+    strain += 1e-6 * np.random.default_rng(0).normal(size=strain.shape)
+    strain[60:, 1:3, 1:3, 2] -= 1e-3
+    one = true_error.Trial(strain, {"contact": began})
+    monkeypatch.setattr(true_error, "trial", lambda number, rate: one)
+    row = true_error._row("contact", "a step", "frames a second", 100.0, engine)
+    program = true_error.get_program("contact").bind(depth=0.5)
+    got = true_error._reported(engine, program, "contact", row, 1, None, None)
+    assert (got.missed, got.too_early) == (missed, early)
+    assert math.isnan(got.delay_s) if missed else 0.0 <= got.delay_s <= 0.05
+
+
+def test_a_trial_knows_when_things_begin():
+    one = true_error.trial(0, 50.0)
+    assert one.strain.shape[1:] == (8, 8, 3)
+    times = [one.began[event] for event in ("contact", "slip", "twist")]
+    assert times == sorted(times)
+    assert 0.5 <= times[0] < 0.6
+
+
+def test_the_picture_has_a_panel_a_program():
+    numbers = dict.fromkeys(("error", "discretisation", "arithmetic"), 0.1)
+    field = dict(case="a", truth="t", knob="cells", setting=1.0, engine="e", precision="float32",
+                 method="auto", **numbers, delay_s=math.nan, missed=math.nan,
+                 too_early=math.nan, seconds=1e-5, spread=0.0)  # fmt: skip
+    event = field | dict.fromkeys(numbers, math.nan) | {
+        "case": "b", "knob": "frames a second", "delay_s": 0.02, "missed": 0.5, "too_early": 0.0,
+    }  # fmt: skip
+    rows = [as_row(true_error.TrueError(**each)) for each in (field, event)]  # type: ignore[arg-type]
+    figure = CHARTS["truth"](rows)
+    titles = [axes.get_title() for axes in figure.axes if axes.axison]
+    assert [title[0] for title in titles] == ["a", "b"]
+    texts = [text.get_text() for axes in figure.axes for text in axes.texts]
+    assert texts == ["1", "1/s, 50% missed"]
