@@ -3,6 +3,11 @@
 Every entry is one file that holds the checksum of its own content. It is written whole or not at
 all. So processes share the folder without a lock. An entry that a fault of the disk or of a program
 has changed is never used: it is dropped, and made anew.
+
+Entries hold machine code, and Numba's are pickles of it: whoever writes one runs code as the user.
+The checksum has no key, so it finds damage, not malice. Against that stands who may write: the
+folders, all those above them, and each entry belong to the user (those above also to root), and no
+other may write to them. Else nothing is read.
 """
 
 import hashlib
@@ -16,6 +21,7 @@ import platformdirs
 
 from cnnum.engines.notices import say_once
 from cnnum.safety.files import draft
+from cnnum.safety.reading import open_regular
 
 VARIABLE = "CNNUM_CACHE"
 """Names another folder; "off" means that nothing is kept."""
@@ -42,11 +48,13 @@ def cache_folder(variable: str = VARIABLE) -> Path | None:
     if named == OFF:
         return None
     named = os.environ.get(variable, "") or named
-    folder = Path(named) if named else platformdirs.user_cache_path("cnnum")
     try:
+        folder = Path(named) if named else platformdirs.user_cache_path("cnnum")
         why = _distrust(folder)
+    except RuntimeError:
+        folder, why = Path(), "this user has no home folder"
     except OSError as error:
-        why = f"'{folder}' cannot be used ({error.strerror})"
+        folder, why = Path(named), f"'{error.filename or named}' cannot be used ({error.strerror})"
     if why:
         say_once(
             f"Nothing is kept for the next start: {why}; set {variable} to a folder of your own, "
@@ -65,6 +73,17 @@ def _distrust(folder: Path) -> str:
     except FileNotFoundError:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         found = folder.lstat()
+    if why := why_not_ours(folder, found):
+        return why
+    if os.name == "posix":
+        for above in {*folder.parents, *folder.resolve().parents}:
+            if _replaceable(above.stat()):
+                return f"others may replace '{folder}', by what they may do in '{above}'"
+    return ""
+
+
+def why_not_ours(folder: Path, found: os.stat_result) -> str:
+    """Return why a folder of some status is not the user's alone; nothing where it is."""
     if not stat.S_ISDIR(found.st_mode):
         return f"'{folder}' is a link or a file, not a folder"
     if os.name != "posix":
@@ -73,10 +92,15 @@ def _distrust(folder: Path) -> str:
         return f"'{folder}' belongs to another user"
     if found.st_mode & _OTHERS_WRITE:
         return f"others may write to '{folder}'"
-    above = folder.parent.stat().st_mode
-    if above & stat.S_IWOTH and not above & stat.S_ISVTX:
-        return f"others may replace '{folder}'"
     return ""
+
+
+def _replaceable(above: os.stat_result) -> bool:
+    """Return whether a user who is neither this one nor root may replace what is in a folder."""
+    if above.st_uid not in (0, os.getuid()):
+        return True
+    group = above.st_mode & stat.S_IWGRP and above.st_gid not in (0, os.getgid())
+    return bool(group or above.st_mode & stat.S_IWOTH) and not above.st_mode & stat.S_ISVTX
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,16 +120,16 @@ class Shelf:
 
     def get(self, name: str) -> bytes | None:
         """Return the content of an entry; None where there is none, or none that is whole."""
-        folder = cache_folder(self.variable)
-        return None if folder is None else _read(folder / self.kind / name)
+        folder = self._folder()
+        return None if folder is None else _read(folder / name)
 
     def put(self, name: str, content: bytes) -> None:
         """Keep an entry, in place of the one of that name; one sentence says if it cannot be."""
-        folder = cache_folder(self.variable)
+        folder = self._folder()
         if folder is None:
             return
         try:
-            _write(folder / self.kind / name, content)
+            _write(folder / name, content)
         except OSError as error:
             say_once(
                 f"Not all is kept for the next start: '{folder}' cannot be written "
@@ -114,15 +138,29 @@ class Shelf:
 
     def drop(self, name: str) -> None:
         """Remove an entry that proves to be of no use."""
-        folder = cache_folder(self.variable)
+        folder = self._folder()
         if folder is not None:
-            _remove(folder / self.kind / name)
+            _remove(folder / name)
+
+    def _folder(self) -> Path | None:
+        """Return the folder of the entries, which need not be there; None where it is not ours."""
+        cache = cache_folder(self.variable)
+        if cache is None:
+            return None
+        folder = cache / self.kind
+        try:
+            found = folder.lstat()
+        except OSError:
+            return folder
+        why = why_not_ours(folder, found) if stat.S_ISDIR(found.st_mode) else ""
+        if why:
+            say_once(f"Nothing of it is kept for the next start: {why}; remove that folder.")
+        return None if why else folder
 
 
 def _read(place: Path) -> bytes | None:
     try:
-        # a pipe in the place of an entry would wait for ever
-        raw = place.read_bytes() if stat.S_ISREG(place.lstat().st_mode) else b""
+        raw = _content(place)
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError:
@@ -133,6 +171,16 @@ def _read(place: Path) -> bytes | None:
     say_once(f"A damaged entry of the cache in '{place.parent}' is dropped and made anew.")
     _remove(place)
     return None
+
+
+def _content(place: Path) -> bytes:
+    """Return the bytes of an entry; none of what is a link, or not the user's alone."""
+    if place.is_symlink() or place.parent.is_symlink():
+        return b""
+    with open_regular(place) as file:  # a pipe in the place of an entry would wait for ever
+        found = os.fstat(file.fileno())
+        ours = os.name != "posix" or found.st_uid == os.getuid()
+        return file.read() if ours and not found.st_mode & _OTHERS_WRITE else b""
 
 
 def _checksum(content: bytes) -> bytes:
@@ -146,7 +194,7 @@ def _write(place: Path, content: bytes) -> None:
     folder.mkdir(exist_ok=True, mode=0o700)
     if place.is_dir():
         _remove(place)
-    with draft(place, force=True) as file:
+    with draft(place, force=True, private=True) as file:
         file.write(_checksum(content) + b"\n" + content)
     _thin_out(folder)
 

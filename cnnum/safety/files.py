@@ -175,8 +175,10 @@ def taken(target: Path, error: type[CnnumError] = ReportError) -> CnnumError:
 
 
 @contextmanager
-def draft(target: Path, *, force: bool = False) -> Generator[IO[bytes], None, None]:
-    """Do as `written` does, with the system's own errors.
+def draft(
+    target: Path, *, force: bool = False, private: bool = False
+) -> Generator[IO[bytes], None, None]:
+    """Do as `written` does, with the system's own errors; what is private is the user's alone.
 
     Raises
     ------
@@ -188,7 +190,7 @@ def draft(target: Path, *, force: bool = False) -> Generator[IO[bytes], None, No
     place = place_of(target)
     old = _old(target, place, force=force)
     # what replaces a private file is private from its first byte on
-    mode = 0o666 if old is None else 0o600
+    mode = 0o666 if old is None and not private else 0o600
     name = place.parent / _draft_name()
     handle = os.open(name, _NEW | _FLAGS, mode)
     try:
@@ -196,7 +198,10 @@ def draft(target: Path, *, force: bool = False) -> Generator[IO[bytes], None, No
             yield file
             file.flush()
             os.fsync(file.fileno())
-        _move(name, place, old)
+        if private and old is not None:
+            name.replace(place)
+        else:
+            _move(name, place, old)
     finally:
         name.unlink(missing_ok=True)
 

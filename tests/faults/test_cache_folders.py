@@ -1,12 +1,20 @@
 """Cache folders that are full, read-only, or not ours: every run ends, with the right numbers."""
 
+import hashlib
 import itertools
 import os
+import pickle
 import shutil
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from cached_runs import ENGINES, LIMITED, SUM, child, environment, lost, on_two_cores
+
+from cnnum.engines.cache import Shelf
+
+ROOT = Path(__file__).parents[2]
 
 
 def a_file(place):
@@ -63,6 +71,136 @@ def test_folders_that_are_not_ours_are_left_alone(faults, copied):
     root = os.geteuid() == 0
     chosen = [spoil for spoil in UNTRUSTED if root or spoil is not of_another]
     on_two_cores(faults, list(itertools.product(chosen, ENGINES)), trial, short=3)
+
+
+def planted(folder):
+    """A cache whose entry of Numba is a pickle that leaves a mark when it is loaded."""
+    shelf = folder / "own" / "cnnum" / "numba"
+    shelf.mkdir(parents=True, mode=0o700)
+    shelf.parent.chmod(0o700)
+    mark = folder / "ran"
+    content = pickle.dumps(Mark(str(mark)))
+    (shelf / "entry").write_bytes(hashlib.sha256(content).hexdigest().encode() + b"\n" + content)
+    (shelf / "entry").chmod(0o600)
+    return shelf / "entry", mark
+
+
+class Mark:
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (Path.touch, (Path(self.path),))
+
+
+def entry_of_another(entry):
+    os.chown(entry, 12345, 12345)
+
+
+def shelf_of_another(entry):
+    os.chown(entry.parent, 12345, 12345)
+
+
+def above_of_another(entry):
+    os.chown(entry.parents[2], 12345, 12345)
+
+
+def entry_is_a_link(entry):
+    entry.rename(entry.with_name("real"))
+    entry.symlink_to(entry.with_name("real"))
+
+
+def shelf_is_a_link(entry):
+    entry.parent.rename(entry.parents[1] / "real")
+    entry.parent.symlink_to(entry.parents[1] / "real")
+
+
+OPENINGS = {
+    "entry of another": entry_of_another,
+    "shelf of another": shelf_of_another,
+    "folder above of another": above_of_another,
+    "link in place of the entry": entry_is_a_link,
+    "link in place of the shelf": shelf_is_a_link,
+    **{
+        f"{name} {mode:o}": (lambda entry, up=up, mode=mode: entry_at(entry, up).chmod(mode))
+        for name, up, modes in (
+            ("entry", 0, (0o666, 0o620)),
+            ("shelf", 1, (0o777, 0o730)),
+            ("cache", 2, (0o777, 0o730)),
+            ("folder above", 3, (0o777,)),
+        )
+        for mode in modes
+    },
+}
+
+
+def entry_at(entry, up):
+    return entry if up == 0 else entry.parents[up - 1]
+
+
+def test_an_entry_that_others_could_write_is_never_loaded(faults, tmp_path, monkeypatch):
+    """An entry is loaded only if all folders on its way, and itself, are the user's alone."""
+    root = os.geteuid() == 0
+    names = [name for name in OPENINGS if root or "another" not in name]
+    for name in faults.each(["untouched", *names], short=len(OPENINGS) + 1):
+        folder = tmp_path / name.replace(" ", "-")
+        folder.mkdir()
+        entry, mark = planted(folder)
+        OPENINGS.get(name, lambda _: None)(entry)
+        monkeypatch.setenv("CNNUM_CACHE", str(folder / "own" / "cnnum"))
+        monkeypatch.delenv("NUMBA_CACHE_DIR", raising=False)
+        content = Shelf("numba", "NUMBA_CACHE_DIR").get("entry")
+        if content is not None:
+            pickle.loads(content)
+        if mark.exists() != (name == "untouched"):
+            faults.lose(name)
+
+
+def test_entries_are_the_user_s_alone(tmp_path, monkeypatch):
+    monkeypatch.setenv("CNNUM_CACHE", str(tmp_path / "cnnum"))
+    before = os.umask(0)
+    try:
+        Shelf("kernels").put("one", b"content")
+        Shelf("kernels").put("one", b"again")
+    finally:
+        os.umask(before)
+    entry = tmp_path / "cnnum" / "kernels" / "one"
+    assert [path.stat().st_mode & 0o777 for path in (entry, *entry.parents[:2])] == [
+        0o600,
+        0o700,
+        0o700,
+    ]
+    assert Shelf("kernels").get("one") == b"again"
+
+
+HOMES = {"none": None, "empty": "", "relative": "rel"}
+NOBODY = """
+import logging, pwd
+def none(*_): raise KeyError("uid not found")
+pwd.getpwuid = pwd.getpwnam = none
+logging.basicConfig(format="cnnum: %(message)s")
+from cnnum.engines.cache import Shelf
+for shelf in (Shelf("kernels"), Shelf("verdicts")):
+    shelf.put("one", b"content")
+    assert shelf.get("one") is None
+"""
+
+
+def test_a_user_without_a_home_is_told_so_once(faults, tmp_path):
+    """Without an entry in passwd, and with no home, an empty or a relative one, nothing is kept."""
+    for name in faults.each(list(HOMES), short=len(HOMES)):
+        env = {key: value for key, value in os.environ.items() if key[:4] not in ("HOME", "XDG_")}
+        env.pop("CNNUM_CACHE", None)
+        env.pop("NUMBA_CACHE_DIR", None)
+        home = HOMES[name]
+        env |= {"PYTHONPATH": str(ROOT)} | ({} if home is None else {"HOME": home})
+        words = [sys.executable, "-c", NOBODY]
+        done = subprocess.run(words, env=env, cwd=tmp_path, capture_output=True, text=True)
+        said = [line for line in done.stderr.splitlines() if line.startswith("cnnum:")]
+        if done.returncode or len(said) != 1 or "has no home folder" not in said[0]:
+            faults.lose(f"{name}: {done.returncode}, {done.stderr[-500:]}")
+        if list(tmp_path.iterdir()):
+            faults.lose(f"{name}: left {list(tmp_path.iterdir())}")
 
 
 def test_folders_inside_the_cache_are_made_anew(faults, copied):

@@ -15,7 +15,7 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from cnnum.engines.cache import cache_folder
+from cnnum.engines.cache import cache_folder, why_not_ours
 from cnnum.engines.notices import say_once
 from cnnum.safety.files import create
 
@@ -122,8 +122,11 @@ def _bases() -> Generator[Path]:
             if base.is_symlink() or (base.exists() and not base.is_dir()):
                 base.unlink()
             base.mkdir(exist_ok=True, mode=0o700)
-            _clear_stale(base)
-        yield base
+            if not (why := why_not_ours(base, base.lstat())):
+                _clear_stale(base)
+                yield base
+            else:
+                say_once(f"PoCL does not work in the cache: {why}; remove that folder.")
     with suppress(OSError):
         yield Path(tempfile.gettempdir())
 
