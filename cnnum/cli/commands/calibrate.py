@@ -14,6 +14,9 @@ if TYPE_CHECKING:
 COLUMNS = ("x", "y", "fx", "fy", "fz", "left", "right", "top", "bottom")
 """Columns of a scan: place of the load (m), force (N), bridge voltages (V)."""
 
+LISTED = 10
+"""Rows of outliers that are named on the terminal; `--json` has all."""
+
 
 @click.command("calibrate")
 @click.argument("scan", type=click.Path(path_type=Path))
@@ -46,7 +49,8 @@ def command(
     """Fit a taxel's calibration to SCAN, a CSV file of point loads on its cover.
 
     Columns: x, y (m, from the taxel), fx, fy, fz (N), left, right, top, bottom (V, amplified). A
-    column time (s, since switch-on) lets the offsets drift. The calibration is written as TOML, for
+    column time (s, since switch-on) lets the offsets drift. Rows far off all others, as spikes are,
+    are named, and their influence on the fit is bounded. The calibration is written as TOML, for
     the key 'calibration.file' of a scene.
     """
     from cnnum.drivers.text_table import read_table
@@ -81,10 +85,16 @@ def _record(fit: "CalibrationFit", out: Path, points: int) -> dict[str, object]:
         "alpha_normal": fit.calibration.alpha_normal,
         "beta_ns": fit.calibration.beta_ns,
         "residual": fit.residual,
+        "outliers": _outliers(fit),
         "width": None if field is None else field.width,
         "amplitude": None if field is None else field.amplitude,
         "inhibition": None if field is None else field.inhibition,
     }
+
+
+def _outliers(fit: "CalibrationFit") -> list[int]:
+    """Return the rows of the scan, from 1 below its header, that are far off all others."""
+    return [row + 1 for row, far in enumerate(fit.outliers) if far.any()]
 
 
 def _facts(fit: "CalibrationFit", points: int) -> list[tuple[str, str]]:
@@ -95,6 +105,9 @@ def _facts(fit: "CalibrationFit", points: int) -> list[tuple[str, str]]:
         ("α_n", f"{fit.calibration.alpha_normal:.4g} 1/V"),
         ("left over", quantity(fit.residual, "V")),
     ]
+    if rows := _outliers(fit):
+        listed = ", ".join(map(str, rows[:LISTED])) + (", …" if len(rows) > LISTED else "")
+        pairs.append(("outliers", f"{len(rows)}, which hardly count: rows {listed}"))
     if fit.field is not None:
         pairs.append(("W", quantity(fit.field.width, "m")))
     return pairs

@@ -1,10 +1,10 @@
 """A calibration from a scan: known point loads on the cover, and the voltages they gave."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from cnnum.arrays import Floats
 from cnnum.errors import CalibrationError
@@ -18,6 +18,12 @@ _DEPTHS = np.geomspace(
     20e-6, 20e-3, 31
 )  # m, any cover; 1.26 apart, inside the width of the minimum
 _WEAK = 1e-4  # a strain component this small against the normal one was not excited by the scan
+_OUTLIER = 6.0  # standard deviations: of 10⁸ normal numbers none is farther off
+_HUBER = 3.0  # standard deviations at which the influence of a reading ends; 0.3 % are beyond
+_MAD = 1.4826  # standard deviation over the median size of a normal number
+_ROUNDING = 1e-6  # of a taxel's range: residuals of this size are no noise
+_ROUNDS = 20  # fits with weights of the one before; spikes take some five
+_ABSOLUTE_ROUNDS = 6  # the same at the start, which need not be the end
 _ILL = 1e8  # condition of the scan beyond which its answer is rounding
 
 
@@ -32,7 +38,11 @@ class CalibrationFit:
     depth : float, m
         Thickness of the half-space cover that explains the scan best, or as given.
     residual : float, V
-        RMS of the fit's residual; near the noise if the model holds.
+        RMS of the fit's residual without the outliers; near the noise if the model holds.
+    outliers : (n, taxels) bool
+        Readings that are off by more than six standard deviations of the noise, in any bridge. The
+        noise is that of the middle half of the residuals. They count in the fit as if they were off
+        by three. Taxels are in the order of rows.
     field : ReceptiveField or None
         W, A and β_ns by (4.20), where the scan has a line across a taxel.
     """
@@ -40,6 +50,7 @@ class CalibrationFit:
     calibration: Calibration
     depth: float
     residual: float
+    outliers: NDArray[np.bool_]
     field: ReceptiveField | None
 
 
@@ -59,7 +70,8 @@ def fit_calibration(
 
     For one thickness of the cover the voltages are linear in the unknowns: offsets, drift,
     and a gain for each strain component (4.16). Least squares over all points replaces reading
-    β_ns off two extrema (4.20), and gives the cross sensitivity with it.
+    β_ns off two extrema (4.20), and gives the cross sensitivity with it. Where readings are far
+    off the others, as spikes are, the influence of each is bounded (Huber 1964).
 
     Parameters
     ----------
@@ -96,16 +108,90 @@ def fit_calibration(
     Vásárhelyi 2007, (4.14)–(4.20).
     """
     scan = make_scan(positions, forces, volts, taxels, times, heat_time, limit, youngs_modulus)
+    if depth is not None and not 0.0 < depth < np.inf:
+        raise CalibrationError(f"'depth' must be a positive thickness in metres, got {depth}.")
+    fit = _least_squares(scan, depth)
+    if fit is None or _far(fit, _OUTLIER).any():
+        fit = _without_influence(scan, depth)
+    outliers = np.asarray(_far(fit, _OUTLIER).any(axis=-1) & scan.usable)
+    _check(fit.scan, fit.depth, fit.found)
+    calibration = _assemble(fit.scan, fit.found, fit.depth, fit.heat)
+    kept = replace(fit.scan, usable=fit.scan.usable & ~outliers)
+    residual = float(np.sqrt(np.mean(fit.residuals[kept.usable] ** 2)))
+    return CalibrationFit(
+        calibration, fit.depth, residual, outliers, _line(kept, calibration, fit.depth)
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """A fit for given weights: `scan` is without the heat, `residuals` (n, taxels, 4) are in V."""
+
+    scan: Scan
+    depth: float
+    heat: Heat
+    found: Floats
+    residuals: Floats
+
+
+def _least_squares(scan: Scan, depth: float | None) -> _Fit | None:
+    """Return the plain fit, None where it finds no thickness: spikes may hide it."""
+    try:
+        return _fitted(scan, depth)
+    except CalibrationError:
+        return None
+
+
+def _without_influence(scan: Scan, depth: float | None) -> _Fit:
+    """Return the fit in which no reading has more influence than one that is a little off.
+
+    It starts from least absolute residuals, which a minority of spikes does not move far, at the
+    thickness where their sum is least.
+    """
+    starts = [_absolute(scan, float(z)) for z in (_DEPTHS if depth is None else [depth])]
+    start = min(starts, key=lambda fit: float(np.abs(fit.residuals).sum()))
+    fit = _fitted(replace(scan, weights=_weights(start, _HUBER)), depth)
+    for _ in range(_ROUNDS):
+        before, fit = fit, _fitted(replace(scan, weights=_weights(fit, _HUBER)), depth)
+        if np.allclose(fit.found, before.found, rtol=1e-6, atol=1e-9 * np.abs(fit.found).max()):
+            break
+    return fit
+
+
+def _absolute(scan: Scan, depth: float) -> _Fit:
+    """Return about the fit of least absolute residuals, by weights of the one before."""
+    fit = _fitted(scan, depth)
+    for _ in range(_ABSOLUTE_ROUNDS):
+        fit = _fitted(replace(scan, weights=_weights(fit, 1.0)), depth)
+    return fit
+
+
+def _fitted(scan: Scan, depth: float | None) -> _Fit:
     z = _best_depth(scan) if depth is None else float(depth)
-    if not 0.0 < z < np.inf:
-        raise CalibrationError(f"'depth' must be a positive thickness in metres, got {z}.")
     heat = _heat(scan, z)
     warm = scan if heat is None else scan.without_heat(heat.amplitude)
-    found, squares = _solve(warm, z)
-    _check(warm, z, found)
-    calibration = _assemble(warm, found, z, Heat() if heat is None else heat)
-    residual = float(np.sqrt(squares / (4.0 * scan.count)))
-    return CalibrationFit(calibration, z, residual, _line(warm, calibration, z))
+    found, _ = _solve(warm, z)
+    explained = [warm.design(i, z) @ found[i] for i in range(warm.taxel_count)]
+    return _Fit(warm, z, heat or Heat(), found, warm.volts - np.stack(explained, axis=1))
+
+
+def _far(fit: _Fit, deviations: float) -> NDArray[np.bool_]:
+    """Return which readings, (n, taxels, 4), are off by more than some standard deviations."""
+    return np.abs(fit.residuals) > deviations * _noise(fit)
+
+
+def _weights(fit: _Fit, deviations: float) -> Floats:
+    """Return Huber's weights: 1, and falling as one over the residual beyond some deviations."""
+    size = np.maximum(np.abs(fit.residuals), np.finfo(np.float64).tiny)
+    return np.minimum(1.0, deviations * _noise(fit) / size)
+
+
+def _noise(fit: _Fit) -> Floats:
+    """Return the noise of each taxel, (taxels, 1): of its median residual, or of roundings."""
+    sizes = np.where(fit.scan.usable[..., np.newaxis], np.abs(fit.residuals), np.nan)
+    middle = np.nanmedian(sizes, axis=(0, 2))
+    moved = np.ptp(fit.scan.volts, axis=(0, 2))
+    return np.asarray(np.maximum(_MAD * middle, _ROUNDING * moved))[:, np.newaxis]
 
 
 def _heat(scan: Scan, depth: float) -> Heat | None:
@@ -125,11 +211,28 @@ def _solve(scan: Scan, depth: float) -> tuple[Floats, float]:
         design = scan.design(i, depth)[use]
         scale = np.linalg.norm(design, axis=0)
         scale[scale == 0.0] = 1.0
-        least = cast(Any, np.linalg.lstsq(design / scale, scan.volts[use, i], rcond=1e-10))
-        solution = np.asarray(least[0], dtype=np.float64)
-        squares += float(np.sum((scan.volts[use, i] - (design / scale) @ solution) ** 2))
+        volts = scan.volts[use, i]
+        if scan.weights is None:
+            solution = _least(design / scale, volts)
+            left = volts - (design / scale) @ solution
+        else:  # each bridge by itself, as its readings have weights of their own
+            root = np.sqrt(scan.weights[use, i])
+            solution = np.stack(
+                [
+                    _least(design / scale * r[:, np.newaxis], v * r)
+                    for r, v in zip(root.T, volts.T, strict=True)
+                ],
+                axis=-1,
+            )
+            left = root * (volts - (design / scale) @ solution)
+        squares += float(np.sum(left**2))
         found.append(solution / scale[:, np.newaxis])
     return np.stack(found), squares
+
+
+def _least(design: Floats, volts: Floats) -> Floats:
+    found = cast(Any, np.linalg.lstsq(design, volts, rcond=1e-10))
+    return np.asarray(found[0], dtype=np.float64)
 
 
 def _best_depth(scan: Scan) -> float:

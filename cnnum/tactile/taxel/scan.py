@@ -29,6 +29,8 @@ class Scan:
     heat_time : float, s
     limit : float, V
     youngs_modulus : float, Pa
+    weights : (n, taxels, 4) float or None
+        Of the readings in the fit; all alike without.
     """
 
     positions: Floats
@@ -42,16 +44,12 @@ class Scan:
     heat_time: float
     limit: float
     youngs_modulus: float
+    weights: Floats | None = None
 
     @property
     def taxel_count(self) -> int:
         """Number of taxels."""
         return len(self.taxels)
-
-    @property
-    def count(self) -> int:
-        """Number of usable frames, summed over the taxels."""
-        return int(np.count_nonzero(self.usable))
 
     def name(self, taxel: int) -> str:
         """Return row and column of a taxel, for a sentence."""

@@ -42,6 +42,21 @@ def test_known_sensitivities_come_back(call, scan, tmp_path):
     assert Calibration.load(out).beta_ns == pytest.approx(BETA, rel=1e-3)
 
 
+def test_spikes_are_named_by_their_rows(call, scan, tmp_path):
+    """1 V in three rows of 338; of exact data they are all that is off."""
+    out, lines = tmp_path / "taxel.toml", scan.read_text().splitlines()
+    for row in (17, 40, 300):
+        numbers = lines[row].split(",")
+        lines[row] = ",".join([*numbers[:5], str(float(numbers[5]) + 1.0), *numbers[6:]])
+    scan.write_text("\n".join(lines) + "\n")
+    options = ("--youngs-modulus", E, "--out", out)
+    record = json.loads(call("calibrate", scan, *options, "--json").stdout)
+    assert record["outliers"] == [17, 40, 300]
+    assert record["alpha_normal"] == pytest.approx(ALPHA_N, rel=1e-3)
+    out.unlink()
+    assert "3, which hardly count: rows 17, 40, 300" in call("calibrate", scan, *options).stdout
+
+
 def test_scan_without_a_column_gets_one_sentence(call, tmp_path):
     path, out = tmp_path / "scan.csv", tmp_path / "taxel.toml"
     path.write_text(HEADER.replace("bottom", "below") + "\n" + ",".join("1" * 9) + "\n")

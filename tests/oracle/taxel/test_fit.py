@@ -115,7 +115,57 @@ def test_saturated_frames_are_left_out() -> None:
     blind = fit_calibration(*arguments, youngs_modulus=E, depth=Z, taxels=TAXELS)
     true = taxel.calibration().alpha_normal
     assert cut.calibration.alpha_normal == pytest.approx(true, rel=2e-3)
-    assert abs(blind.calibration.alpha_normal / true - 1.0) > 0.02  # the error that the flag saves
+    # not known as saturated, they are far from all others: they are named, and do little harm
+    assert (blind.outliers & reading.saturated.any(axis=-1).reshape(-1, 4)).any(axis=0).all()
+    assert blind.calibration.alpha_normal == pytest.approx(true, rel=5e-3)
+
+
+def spiked(seed: int, share: float) -> tuple[dict[str, object], Floats]:
+    """A scan with noise, and spikes of 0.3 to 3 V in a share of its frames: all bridges, or one."""
+    rng = np.random.default_rng(seed)
+    taxel = Taxel(Coupling.nominal(depth=Z, youngs_modulus=E, beta_ns=rng.uniform(1.2, 1.8)))
+    positions = field_scan(25)
+    strain = strain_at(TAXELS, positions, np.array([0.0, 0.0, 3e-3]))
+    volts = taxel.read(strain, rng=rng).volts
+    size = 10.0 ** rng.uniform(-0.5, 0.5) * (1.0 if seed % 3 else rng.choice([-1.0, 1.0]))
+    hit = rng.random((len(positions), 2, 2, 1)) < share
+    spikes = hit * (rng.random((1, 1, 1, 4)) < (1.0 if seed % 2 else 0.25)) * size
+    if not spikes.any():
+        spikes = hit * size * np.ones(4)
+    scan = {"positions": positions, "forces": np.full(len(positions), 3e-3), "volts": volts}
+    return scan | {"youngs_modulus": E, "taxels": TAXELS}, spikes
+
+
+@pytest.mark.parametrize("share", [0.002, 0.01, 0.05])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_spikes_are_named_and_move_a_fit_by_less_than_its_noise(seed: int, share: float) -> None:
+    """Before, 1 V in 1 % of the frames moved it by 7.7 %."""
+    scan, spikes = spiked(seed, share)
+    clean = fit_calibration(**scan)  # type: ignore[arg-type]
+    scan["volts"] = scan["volts"] + spikes  # type: ignore[operator]
+    fit = fit_calibration(**scan)  # type: ignore[arg-type]
+    hit = (spikes != 0.0).any(axis=-1).reshape(len(spikes), 4)
+    assert (fit.outliers == hit).all()
+    assert not clean.outliers.any()
+    assert fit.residual == pytest.approx(clean.residual, rel=0.02)
+    # the clean fit itself is some 1 % off in a noise of 2.5 mV; of its frames 5 % are lost
+    assert fit.calibration.alpha_normal == pytest.approx(clean.calibration.alpha_normal, rel=5e-3)
+    assert fit.calibration.beta_ns == pytest.approx(clean.calibration.beta_ns, rel=5e-3)
+    assert fit.depth == pytest.approx(clean.depth, rel=5e-3)
+    np.testing.assert_allclose(fit.calibration.offsets, clean.calibration.offsets, atol=1e-3)
+
+
+def test_a_fit_without_outliers_is_least_squares() -> None:
+    scan, _ = spiked(1, 0.0)
+    fit = fit_calibration(**scan, depth=Z)  # type: ignore[arg-type]
+    place, volts = scan["positions"], scan["volts"]
+    strain = strain_at(TAXELS, place, np.array([0.0, 0.0, 3e-3]))  # type: ignore[arg-type]
+    for i in range(4):
+        design = np.c_[strain.reshape(len(strain), 4, 3)[:, i], np.ones(len(strain))]
+        left = volts.reshape(-1, 4, 4)[:, i]  # type: ignore[union-attr, attr-defined]
+        found = np.linalg.lstsq(design, left)[0]
+        offsets = fit.calibration.offsets.reshape(4, 4)[i]
+        np.testing.assert_allclose(offsets, found[3], rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize(
