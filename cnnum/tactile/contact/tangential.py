@@ -27,20 +27,28 @@ class PartialSlip:
         Radius c of the part that sticks; 0 when all slides.
     peak_traction : (...) float, Pa
         Friction times peak pressure, μp₀.
+    slip_width : (...) float, m, optional
+        Width a − c of the ring that slips, for a small force far below the roundings of a; their
+        difference unless given.
     """
 
     contact_radius: Array
     stick_radius: Array
     peak_traction: Array
+    slip_width: Array | None = None
 
     def traction(self, rho: ArrayLike) -> Array:
         """Return the shear traction's size, Pa, at the distance `rho` (...) float, m."""
         distance = checks.not_negative("rho", rho)
-        whole = np.maximum(self.contact_radius**2 - distance**2, 0.0)
-        stuck = np.maximum(self.stick_radius**2 - distance**2, 0.0)
-        return np.asarray(
-            self.peak_traction / self.contact_radius * (np.sqrt(whole) - np.sqrt(stuck))
-        )
+        a, c, ring = self.contact_radius, self.stick_radius, self.slip_width
+        ring = a - c if ring is None else ring
+        inward = np.maximum(a - distance, 0.0)
+        whole = np.sqrt(inward * (a + distance))
+        stuck = np.sqrt(np.maximum(inward - ring, 0.0) * (c + distance))
+        # √(a² − ρ²) − √(c² − ρ²) where it sticks, without a difference
+        sticks = inward > ring
+        less = np.where(sticks, ring * (a + c) / np.where(sticks, whole + stuck, 1.0), whole)
+        return np.asarray(self.peak_traction / a * less)
 
 
 def partial_slip(
@@ -75,10 +83,13 @@ def partial_slip(
     Johnson, Contact Mechanics, 7.28-7.30; Ciavarella (1998), Jäger (1998).
     """
     checks.record("contact", contact, Hertz)
-    share = slip_share(load, tangential, friction)
+    share, a = slip_share(load, tangential, friction), contact.contact_radius
+    with np.errstate(divide="ignore"):  # where all slides
+        ring = -np.expm1(np.log1p(-share) / 3)
     return PartialSlip(
-        contact_radius=contact.contact_radius,
-        stick_radius=np.asarray(contact.contact_radius * np.cbrt(1 - share)),
+        contact_radius=a,
+        stick_radius=np.asarray(a * np.cbrt(1 - share)),
+        slip_width=np.asarray(a * ring),
         peak_traction=checks.positive("friction", friction) * contact.peak_pressure,
     )
 

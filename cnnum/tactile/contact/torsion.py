@@ -10,6 +10,7 @@ Torque and twist are integrals of g, and the traction's integral is Lubkin's (19
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,7 @@ from cnnum.tactile.contact.normal import inverse_root
 # The integrand is smooth but for t² log t at 0: 40 points reach 1e-12 of the full torque.
 _NODES, _WEIGHTS = leggauss(40)
 _SERIES = 24
+_MOSTLY = 0.5  # a share from which c, else a − c, is what is solved for
 
 
 @broadcasting
@@ -122,22 +124,58 @@ class TorsionSlip:
         Radius c of the part that sticks, 0 when all slides.
     peak_traction : float, Pa
         Friction times peak pressure, μp₀.
+    slip_width : float, m, optional
+        Width a − c of the ring that slips, for a small torque far below the roundings of a; their
+        difference unless given.
     """
 
     contact_radius: float
     stick_radius: float
     peak_traction: float
+    slip_width: float | None = None
+
+    @property
+    def _ring(self) -> float:
+        if self.slip_width is None:
+            return self.contact_radius - self.stick_radius
+        return self.slip_width
 
     def traction(self, rho: ArrayLike) -> Array:
         """Return the circumferential traction, Pa, at the distance `rho` (...) float, m."""
         distance = checks.not_negative("rho", rho)
         a, c = self.contact_radius, self.stick_radius
-        sliding = self.peak_traction / a * np.sqrt(np.maximum(a**2 - distance**2, 0.0))
-        if c == 0:
-            return np.asarray(sliding)
-        if c == a:
-            return np.zeros_like(distance)
-        return np.asarray(sliding * np.where(distance < c, self._share(np.minimum(distance, c)), 1))
+        inward = np.maximum(a - distance, 0.0)
+        sliding = np.asarray(self.peak_traction / a * np.sqrt(inward * (a + distance)))
+        sticks = inward > self._ring
+        if c == 0 or not sticks.any():
+            return sliding
+        # the closed form is a small difference where little has slipped, and near the axis
+        near = np.asarray(sticks & ((2 * c > a) | (2 * distance < c)))
+        inside = np.where(sticks, distance, 0.0)
+        found = np.where(near, self._summed(inside), sliding)
+        if (other := np.asarray(sticks & ~near)).any():
+            found = np.where(other, sliding * self._share(np.where(other, distance, c)), found)
+        return np.asarray(found)
+
+    def _summed(self, rho: Array) -> Array:
+        """Return the traction at `rho` < c as the sum over the stuck discs, all of one sign."""
+        place = np.asarray(rho)[..., np.newaxis]
+        t, width = self._discs(place)
+        return np.asarray((place * self._weight(t) * width * _WEIGHTS / 2).sum(axis=-1))
+
+    def _discs(self, rho: Array) -> tuple[Array, Array]:
+        """Return radii t of stuck discs from c to a, of (..., 1) ρ < c, and the width of their u.
+
+        At t = ρ cosh u, so that dt / √(t² − ρ²) = du. With A = √(a² − ρ²) and C = √(c² − ρ²), u
+        grows from c to a by log((a + A) / (c + C)), in which nothing cancels but a − c itself.
+        """
+        a, c, ring = self.contact_radius, self.stick_radius, self._ring
+        outer = np.sqrt((a - rho) * (a + rho))
+        inner = np.sqrt(np.maximum(a - rho - ring, 0.0) * (c + rho))
+        width = np.log1p(ring * (1 + (a + c) / (outer + inner)) / (c + inner))
+        # t from ρ e^u = c + C on: of a ρ of 0 it is C e^{…} itself
+        growth = (c + inner) * np.exp(width * (_NODES + 1) / 2)
+        return (growth + rho * rho / growth) / 2, width
 
     def _share(self, rho: Array) -> Array:
         """Return the traction over the sliding one at `rho` <= c, in Lubkin's closed form."""
@@ -167,12 +205,11 @@ class TorsionSlip:
 
         It is analytic in that variable, nearest singularity at ±ic: 24 terms give 1e-15.
         """
-        a, c = self.contact_radius, self.stick_radius
+        c = self.stick_radius
         unit = chebpts1(_SERIES + 1)
         rho = c * np.sqrt(1 - ((unit + 1) / 2) ** 2)[:, None]
-        low, high = np.arccosh(c / rho), np.arccosh(a / rho)
-        t = rho * np.cosh(low + (high - low) * (_NODES + 1) / 2)
-        added = self._weight(t) * (t * t - rho * rho) * (high - low) / 2 * _WEIGHTS
+        t, width = self._discs(rho)
+        added = self._weight(t) * (t - rho) * (t + rho) * width / 2 * _WEIGHTS
         return np.asarray(chebfit(unit, added.sum(axis=-1), _SERIES), dtype=np.float64)
 
     def _weight(self, t: Array) -> Array:
@@ -187,9 +224,9 @@ class TorsionSlip:
         stiffness = checks.scalar("shear_modulus", checks.positive("shear_modulus", shear_modulus))
         if self.stick_radius == 0:
             return math.inf
-        low, high = math.log(self.stick_radius), math.log(self.contact_radius)
-        t = np.exp(low + (high - low) * (_NODES + 1) / 2)
-        total = float((self._weight(t) * t * _WEIGHTS).sum()) * (high - low) / 2
+        width = math.log1p(self._ring / self.stick_radius)
+        t = self.stick_radius * np.exp(width * (_NODES + 1) / 2)
+        total = float((self._weight(t) * t * _WEIGHTS).sum()) * width / 2
         return math.pi / (4 * stiffness) * total
 
 
@@ -231,24 +268,39 @@ def torsion_slip(load: float, radius: float, torque: float, friction: float) -> 
         )
     share = checks.scalar("torque", checks.not_negative("torque", torque)) / limit
     peak = rub * 3 * force / (2 * math.pi * a * a)
-    return TorsionSlip(a, a * stick_ratio(share), peak)
+    return TorsionSlip(a, a * stick_ratio(share), peak, a * slip_ratio(share))
 
 
 def stick_ratio(share: float) -> float:
     """Return c/a for a torque of `share` times the sliding one; 0 from a share of 1 on."""
+    if share >= _MOSTLY:
+        if share >= 1:
+            return 0.0
+        return _root(lambda c: _torque_share(1 - c, c) - share)
+    return 1.0 - slip_ratio(share)
+
+
+def slip_ratio(share: float) -> float:
+    """Return 1 − c/a, to its own last digits however small the share is."""
     if share <= 0:
-        return 1.0
-    if share >= 1:
         return 0.0
+    if share >= _MOSTLY:
+        return 1.0 - stick_ratio(share)
+    # a share s of 1 slips by about 3π s/32 where it is small, and by less than s everywhere below
+    return share * _root(lambda d: _torque_share(d * share, 1 - d * share) / share - 1)
+
+
+def _root(f: Callable[[float], float]) -> float:
+    """Return the zero of a function between 0 and 1."""
     from scipy.optimize import brentq
 
-    return float(brentq(lambda c: _torque_share(c) - share, 0.0, 1.0, xtol=1e-14, rtol=1e-13))
+    return float(brentq(f, 0.0, 1.0, xtol=1e-15, rtol=1e-14))
 
 
-def _torque_share(c: float) -> float:
-    """Return the torque of the stick ratio c over the sliding one."""
-    t = c + (1 - c) * (_NODES + 1) / 2
-    total = float((t * t * _elliptic(t) * _WEIGHTS).sum()) * (1 - c) / 2
+def _torque_share(slip: float, stick: float) -> float:
+    """Return the torque over the sliding one of the ratios 1 − c/a and c/a."""
+    t = stick + slip * (_NODES + 1) / 2
+    total = float((t * t * _elliptic(t) * _WEIGHTS).sum()) * slip / 2
     return total / (3 * math.pi**2 / 64)
 
 
