@@ -95,6 +95,21 @@ def _rows() -> tuple[Item, ...]:
     )  # fmt: skip
 
 
+def gent(hardness: float) -> float:
+    """Return Young's modulus, MPa, of rubber of a Shore A hardness: a blunt cone on a half-space.
+
+    Gent, "On the relation between indentation hardness and Young's modulus" (1958).
+    """
+    return 0.0981 * (56.0 + 7.66 * hardness) / (0.137505 * (254.0 - 2.54 * hardness))
+
+
 CHAPTER = Chapter(
-    "Section 4.3.3 — models of the real flat cover", _rows(), {"flat-models": figure_models}
-)
+    "Section 4.3 — models of the real flat cover",
+    (
+        Item("section-4.3.1", "Young's modulus of rubber of 45 Shore A", "section 4.3.1", 2.4,
+             partial(gent, 45.0), 0.0, "Gent's formula; the dissertation's own is not named", "MPa",
+             kind="comparison"),
+        *_rows(),
+    ),
+    {"flat-models": figure_models},
+)  # fmt: skip
