@@ -25,6 +25,8 @@ from .programs.library import program_names as program_names
 from .programs.logic import logic as logic
 from .programs.loops import branch as branch
 from .programs.loops import loop as loop
+from .programs.machine import FrameFields as FrameFields
+from .programs.machine import LocalMemory as LocalMemory
 from .programs.transients import apply as apply
 from .programs.transients import shift as shift
 from .programs.transients import transient as transient
@@ -36,8 +38,16 @@ from .runs.chip import Chip as Chip
 from .runs.result import Result as Result
 from .scenes.event_list import EventList as EventList
 from .scenes.events import Event as Event
+from .scenes.pipeline import Scene as Scene
+from .scenes.pipeline import get_scene as get_scene
 from .scenes.pipeline import load_scene as load_scene
+from .scenes.scene_file import scene_names as scene_names
+from .scenes.scene_record import SceneRecord as SceneRecord
+from .stream import Stream as Stream
 from .templating.batch import TemplateBatch as TemplateBatch
+from .templating.couplings import DelayedCoupling as DelayedCoupling
+from .templating.couplings import Gain as Gain
+from .templating.couplings import NonlinearCoupling as NonlinearCoupling
 from .templating.files import load_template as load_template
 from .templating.files import save_template as save_template
 from .templating.library import get_template as get_template

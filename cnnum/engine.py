@@ -1,5 +1,7 @@
 """The engine as users see it: it runs single templates and compiles programs."""
 
+from __future__ import annotations  # signatures that `help` shows as they are written
+
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -21,6 +23,7 @@ from cnnum.integrators.choice import check_spec
 from cnnum.integrators.schemes import FixedSteps
 from cnnum.plan import Plan
 from cnnum.programs import Program
+from cnnum.programs.library import get_program
 from cnnum.runs.arguments import channels_and_lead, maps_by_role
 from cnnum.runs.chip import Chip, run_on_chip
 from cnnum.runs.delays import by_halving, delay_of, frames_of, halved
@@ -34,7 +37,7 @@ from cnnum.runs.single import finished, outputs_of, with_fallback
 from cnnum.runs.stiff import implicit_spec, refuse_hopeless, stiffly
 from cnnum.runs.times import checked_times, run_at
 from cnnum.templating.batch import TemplateBatch
-from cnnum.templating.library import by_name
+from cnnum.templating.library import as_template
 from cnnum.templating.template import Duration, Template
 from cnnum.values import OfThisProcess
 
@@ -102,7 +105,7 @@ class Engine(OfThisProcess):
     def _elsewhere(self) -> str:
         return f"make one there, by cnnum.Engine('{self.name}', precision='{self.precision}')"
 
-    def with_precision(self, precision: str) -> "Engine":
+    def with_precision(self, precision: str) -> Engine:
         """Return an engine of the same kind on the same device in another precision.
 
         Raises
@@ -115,7 +118,7 @@ class Engine(OfThisProcess):
 
     def compile(
         self,
-        program: Program,
+        program: Program | str,
         shape: Sequence[int],
         needs: Sequence[str] | None = None,
         *,
@@ -131,8 +134,8 @@ class Engine(OfThisProcess):
 
         Parameters
         ----------
-        program : Program
-            A function decorated with `cnnum.program`.
+        program : Program or str
+            A function decorated with `cnnum.program`, or one of the library's by its name.
         shape : (rows, cols)
         needs : sequence of str, optional
             Names of wanted outputs; all unless given.
@@ -159,6 +162,8 @@ class Engine(OfThisProcess):
         SizeError
             If the machine has less memory than one frame needs.
         """
+        if isinstance(program, str):
+            program = get_program(program)
         if not isinstance(cast(object, program), Program):
             raise ProgramError(
                 f"An engine compiles a program, got {type(program).__name__}: put @cnnum.program "
@@ -262,7 +267,7 @@ class Engine(OfThisProcess):
                 return run_on_chip(cast(Chip, chip), template, arrays, partial(self.run, **options))
             how = (self.name, self.precision, self._plan_for, self.run)
             return run_batch(*how, template, arrays, options)
-        template = template if isinstance(template, Template) else by_name(template)
+        template = as_template(template)
         if at is not None:
             run = partial(self.run, template, method=method, rtol=rtol, atol=atol, dt=dt,
                           force=force, estimate=estimate)  # fmt: skip

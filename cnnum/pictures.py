@@ -1,5 +1,7 @@
 """Pictures as a CNN takes them (+1 black, −1 white), from pixels and image files, and back."""
 
+from __future__ import annotations  # signatures that `help` shows as they are written
+
 import io
 from importlib import import_module
 from pathlib import Path

@@ -1,5 +1,7 @@
 """A plan: a program that is compiled for an array, and its figures."""
 
+from __future__ import annotations  # signatures that `help` shows as they are written
+
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -340,12 +342,12 @@ class Plan(OfThisProcess):
         """
         return trace_steps(self.schedule, self.keeping_everything()(frame))
 
-    def keeping_everything(self) -> "Plan":
+    def keeping_everything(self) -> Plan:
         """Return the plan built once more with the result of every operation as an output."""
         kept = everything_kept(self.schedule)
         return replace(self, schedule=kept).unfused()
 
-    def unfused(self) -> "Plan":
+    def unfused(self) -> Plan:
         """Return the plan built once more with every operation on its own, to compare with."""
         executable = self.backend.build(self.schedule, self.solvers)
         return replace(self, built=self.schedule, executable=executable)

@@ -1,5 +1,7 @@
 """A stream: frames of an array in time, with memories that outlive each frame and no bad one."""
 
+from __future__ import annotations  # signatures that `help` shows as they are written
+
 import math
 from dataclasses import dataclass, field
 from threading import RLock
@@ -35,7 +37,7 @@ class Stream(OfThisProcess):
     Threads that push to one stream take turns; streams of one plan know nothing of each other.
     """
 
-    plan: "Plan"
+    plan: Plan
     batch: tuple[int, ...]
     frames: int = 0
     _memory: object = field(default=None)
@@ -58,7 +60,7 @@ class Stream(OfThisProcess):
     def _elsewhere(self) -> str:
         return "compile the program there, and call plan.stream()"
 
-    def __enter__(self) -> "Stream":
+    def __enter__(self) -> Stream:
         """Return the stream itself."""
         return self
 

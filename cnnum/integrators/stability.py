@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cnnum.arrays import Floats, Shape, as_shape
-from cnnum.errors import TemplateError, name_error
+from cnnum.errors import name_error
 from cnnum.integrators.chebyshev import MAX_STAGES, chebyshev_method
 from cnnum.integrators.delays import delayed_rates, delayed_step
 from cnnum.integrators.rosenbrock import IMPLICIT_METHODS, may_be_implicit
 from cnnum.integrators.schemes import CHEBYSHEV, LAYER_METHODS
 from cnnum.integrators.spectrum import Spectrum, spectrum
 from cnnum.integrators.tableau import TABLEAUX, ButcherTableau, LayerMethod
-from cnnum.safety.values import expect
+from cnnum.templating.library import as_template
 from cnnum.templating.template import Template
 
 METHODS = (*TABLEAUX, CHEBYSHEV, *LAYER_METHODS, *IMPLICIT_METHODS)
@@ -50,14 +50,15 @@ class StabilityBound:
     reason: str
 
 
-def stability_bound(method: str, template: Template, shape: Shape) -> StabilityBound:
+def stability_bound(method: str, template: Template | str, shape: Shape) -> StabilityBound:
     """Return the longest stable step of a method.
 
     Parameters
     ----------
     method : str
         One of `METHODS`. Runge–Kutta–Chebyshev is taken at its most stages.
-    template : Template
+    template : Template or str
+        One of your own, or one of the library's by its name.
     shape : (rows, cols)
 
     Raises
@@ -78,7 +79,7 @@ def stability_bound(method: str, template: Template, shape: Shape) -> StabilityB
     whole parts of the delay, and only methods whose stages lie at ends of steps have any.
     """
     shape = as_shape(shape)
-    expect("template", template, Template, TemplateError)
+    template = as_template(template)
     if not isinstance(cast(object, method), str):
         raise name_error("method", method, METHODS)
     delayed = delayed_rates(template, shape)

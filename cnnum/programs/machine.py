@@ -1,5 +1,7 @@
 """The machine as a program sees it: the frame's channels, its geometry, and local memories."""
 
+from __future__ import annotations  # signatures that `help` shows as they are written
+
 from collections.abc import Callable, Hashable, Sequence
 from numbers import Integral
 from typing import TypeVar, cast

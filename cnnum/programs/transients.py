@@ -11,6 +11,7 @@ from cnnum.graph.graph import Graph
 from cnnum.graph.nodes import Node, Pick, RunSpec, Transient
 from cnnum.programs.fields import Field, as_field, graph_of, maximum, minimum
 from cnnum.safety.values import expect
+from cnnum.templating.library import as_template
 from cnnum.templating.template import Duration, Template
 
 
@@ -42,7 +43,7 @@ class Applied:
 
 
 def transient(
-    template: Template,
+    template: Template | str,
     *,
     input: Field | Sequence[Field] | None = None,
     previous: Field | Sequence[Field] | None = None,
@@ -56,7 +57,8 @@ def transient(
 
     Parameters
     ----------
-    template : Template
+    template : Template or str
+        One of your own, or one of the library's by its name.
     input : Field or sequence of Field, optional
         One map an input of the template. A template that has none and starts from its input
         takes it as the initial state.
@@ -80,7 +82,7 @@ def transient(
     ProgramError
         If the number of maps is not the template's, or an argument is of another type.
     """
-    _expect_template(template)
+    template = _template(template)
     if template.inputs == 0 and template.initial == "input" and state is None:
         state, input = input, None
     if template.output.limited:
@@ -172,7 +174,7 @@ def _fields(role: str, value: Sequence[Field]) -> list[Field]:
 
 
 def apply(
-    template: Template,
+    template: Template | str,
     *,
     input: Field | Sequence[Field] | None = None,
     state: Field | Sequence[Field] | None = None,
@@ -182,14 +184,15 @@ def apply(
 ) -> Field:
     """Run a template of one layer inside a program and return its output map.
 
-    Arguments are those of `transient`, which also gives states, layers and figures of the run.
+    The template is one of your own, or one of the library's by its name. Other arguments are those
+    of `transient`, which also gives states, layers and figures of the run.
 
     Raises
     ------
     ProgramError
         If the template has several layers, or an argument is of another type.
     """
-    _expect_template(template)
+    template = _template(template)
     if template.layers != 1:
         raise ProgramError(
             f"Template '{template.name}' has {template.layers} layers: use cnnum.transient, "
@@ -201,12 +204,12 @@ def apply(
     return run.outputs[0]
 
 
-def _expect_template(template: object) -> None:
-    if not isinstance(template, Template):
+def _template(template: object) -> Template:
+    if not isinstance(template, Template | str):
         raise ProgramError(
-            f"A program runs a Template, got {type(template).__name__}: cnnum.get_template(name) "
-            "gives one of the library's."
+            f"A program runs a template or the name of one, got {type(template).__name__}."
         )
+    return as_template(template)
 
 
 def shift(field: Field, rows: int = 0, columns: int = 0, *, boundary: float | str = 0.0) -> Field:

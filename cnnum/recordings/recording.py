@@ -1,5 +1,7 @@
 """A recording in memory: arrays of your own become a file that every command reads."""
 
+from __future__ import annotations  # signatures that `help` shows as they are written
+
 import math
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -180,7 +182,7 @@ class Recording(ByContent):
         offset: ArrayLike = 0.0,
         unit: str = "",
         tare: int = 0,
-    ) -> "Recording":
+    ) -> Recording:
         """Return the recording with gain · (raw − offset) as its values.
 
         Parameters

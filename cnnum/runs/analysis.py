@@ -24,7 +24,7 @@ from cnnum.programs import Program
 from cnnum.runs.linear_range import as_linear
 from cnnum.runs.planning import graph_of
 from cnnum.safety.values import expect
-from cnnum.templating.library import by_name
+from cnnum.templating.library import as_template
 from cnnum.templating.network import Network
 from cnnum.templating.output_functions import OUTPUT_FUNCTIONS
 from cnnum.templating.stability_class import StabilityClass, stability_class
@@ -128,8 +128,7 @@ def analyse(template: Template | str, shape: Sequence[int] = (8, 8)) -> Analysis
     known of an output function of one's own. Where samples of such a function show slopes beyond
     those that it declares, the figures are those of the sampled slopes, and no theorem is named.
     """
-    known = by_name(template) if isinstance(template, str) else template
-    expect("template", known, Template, TemplateError)
+    known = as_template(template)
     names = [f"input {n}" for n in range(known.inputs)]
     names += [f"state {n}" for n in range(known.layers)]
     graph = graph_of(known, as_shape(shape), names, RunSpec())

@@ -1,5 +1,7 @@
 """A template's run as on an analogue array: coarse weights, coarse memories, noise, mismatch."""
 
+from __future__ import annotations  # signatures that `help` shows as they are written
+
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral
@@ -16,7 +18,7 @@ from cnnum.runs.result import Result
 from cnnum.safety.values import expect, is_real
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.boundary import halo_sources
-from cnnum.templating.library import by_name
+from cnnum.templating.library import as_template
 from cnnum.templating.network import taps
 from cnnum.templating.numbers import on_grid
 from cnnum.templating.template import Template
@@ -189,8 +191,7 @@ def run_on_chip(
         raise NotSupportedError(
             "A chip holds one template at a time: run those of a batch one by one."
         )
-    if not isinstance(template, Template):
-        template = by_name(template)
+    template = as_template(template)
     own = chip.programmed(template)
     names = ("input", "previous", "state", "bias", "mask")
     given, shape = maps_by_role(template, dict(zip(names, arrays, strict=True)))

@@ -13,7 +13,14 @@ from cnnum.drivers.driver import Driver
 from cnnum.drivers.registry import open_driver
 from cnnum.drivers.timing.paced import SAME_TIME
 from cnnum.engine import Engine
-from cnnum.errors import ArrayError, CnnumError, FrameError, MethodError, SceneError
+from cnnum.errors import (
+    ArrayError,
+    CnnumError,
+    FrameError,
+    MethodError,
+    SceneError,
+    name_error,
+)
 from cnnum.frame import Frame, Quality
 from cnnum.graph.tracing import TraceStep, trace_steps
 from cnnum.plan import Plan
@@ -28,7 +35,7 @@ from cnnum.scenes.frame_range import ANY, FrameRange, range_for
 from cnnum.scenes.histogram import Histogram
 from cnnum.scenes.like_frames import like_frames
 from cnnum.scenes.push_watch import PushWatch
-from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene
+from cnnum.scenes.scene_file import EVERYTHING, SceneSpec, read_scene, scene_names
 from cnnum.scenes.scene_record import SceneRecord
 from cnnum.scenes.strength_units import with_units
 from cnnum.scenes.summary import Summary
@@ -445,6 +452,19 @@ def _rules(
             )
         found += fitting
     return tuple(found)
+
+
+def get_scene(name: str, *, engine: Engine | None = None) -> Scene:
+    """Return the scene of that name that comes with the package; `load_scene` takes files, too.
+
+    Raises
+    ------
+    UnknownNameError
+        If there is none.
+    """
+    if name not in scene_names():
+        raise name_error("scene", name, scene_names())
+    return load_scene(name, engine=engine)
 
 
 def load_scene(

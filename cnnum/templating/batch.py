@@ -1,5 +1,7 @@
 """Many templates of one form: the same boundary, output and neighbourhood, other weights."""
 
+from __future__ import annotations  # signatures that `help` shows as they are written
+
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,6 +13,7 @@ from cnnum.arrays import Floats
 from cnnum.errors import TemplateError
 from cnnum.safety.values import expect
 from cnnum.templating.batch_parts import Parts, checked_parts, inner, parts_of, with_parts
+from cnnum.templating.library import as_template
 from cnnum.templating.template import Template
 from cnnum.values import ByContent
 
@@ -24,9 +27,10 @@ class TemplateBatch(ByContent):
 
     Parameters
     ----------
-    template : Template
-        Gives the numbers that are left out, and all that is no number: boundaries, start, duration,
-        output, tables of nonlinear couplings, times of gains.
+    template : Template or str
+        One of your own, or one of the library's by its name. It gives the numbers that are left
+        out, and all that is no number: boundaries, start, duration, output, tables of nonlinear
+        couplings, times of gains.
     A : (..., k, k) or (..., layers, layers, k, k) float, optional
     B : (..., k, k) or (..., layers, inputs, k, k) float, optional
     z, tau : (...) or (..., layers) float, optional
@@ -60,7 +64,7 @@ class TemplateBatch(ByContent):
 
     def __init__(
         self,
-        template: Template,
+        template: Template | str,
         A: ArrayLike | None = None,
         B: ArrayLike | None = None,
         z: ArrayLike | None = None,
@@ -72,7 +76,7 @@ class TemplateBatch(ByContent):
         nonlinear: Sequence[ArrayLike | None] | None = None,
         gains: Sequence[ArrayLike | None] | None = None,
     ) -> None:
-        expect("template", template, Template, TemplateError)
+        template = as_template(template)
         given = {"A": A, "B": B, "z": z, "tau": tau, "delay": delay, "delayed_A": delayed_A,
                  "delayed_B": delayed_B, "nonlinear": nonlinear, "gains": gains}  # fmt: skip
         parts = checked_parts(template, given)
@@ -91,7 +95,7 @@ class TemplateBatch(ByContent):
         object.__setattr__(self, "lead", lead)
 
     @classmethod
-    def of(cls, templates: Sequence[Template]) -> "TemplateBatch":
+    def of(cls, templates: Sequence[Template]) -> TemplateBatch:
         """Return the batch of templates that differ in their numbers alone.
 
         Raises
@@ -115,7 +119,7 @@ class TemplateBatch(ByContent):
         stacked = {key: np.stack([parts[key] for parts in each]) for key in each[0]}
         return _made(first, stacked, (len(templates),))
 
-    def spread(self, axes: int = 1) -> "TemplateBatch":
+    def spread(self, axes: int = 1) -> TemplateBatch:
         """Return the same with more leading axes of length 1: a run has its arrays there."""
         flat = self.flat(self.lead)
         lead = (*self.lead, *(axes * (1,)))

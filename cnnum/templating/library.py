@@ -63,20 +63,22 @@ def template_path(name: str) -> Path:
     return found
 
 
-def by_name(template: object) -> Template:
-    """Return the library's template of that name.
+def as_template(template: object) -> Template:
+    """Return a template as it is, or the library's of that name.
 
     Raises
     ------
     TemplateError
-        If it is no name.
+        If it is neither a template nor a name.
     UnknownNameError
-        If there is none.
+        If there is none of that name.
     """
+    if isinstance(template, Template):
+        return template
     if not isinstance(template, str):
         raise TemplateError(
-            f"engine.run takes a template or the name of one, got {type(template).__name__}; a "
-            "program runs by engine.compile."
+            "Expected a template or the name of one, got "
+            f"{type(template).__name__}; a program runs by engine.compile."
         )
     return get_template(template)
 

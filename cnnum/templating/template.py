@@ -7,6 +7,8 @@ State equation (Chua & Yang 1988), per layer l, with ∗ a correlation (no kerne
 and, where a template has them, nonlinear couplings, delayed couplings, and gains on A in time.
 """
 
+from __future__ import annotations  # signatures that `help` shows as they are written
+
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeVar, cast

@@ -8,7 +8,7 @@ from cnnum.errors import TemplateError, TemplateFileError
 from cnnum.safety.files import write_whole
 from cnnum.safety.reading import read_text
 from cnnum.safety.toml_reading import LARGEST
-from cnnum.safety.values import as_path, expect
+from cnnum.safety.values import as_path
 from cnnum.templating.files import matcnn_format, tem_format
 from cnnum.templating.files.cnnsim_format import CNNSIM
 from cnnum.templating.files.entry import Entry, FileFormat
@@ -100,7 +100,7 @@ def _content(source: Path) -> str:
 
 
 def save_template(
-    template: Template,
+    template: Template | str,
     path: str | PathLike[str],
     *,
     aliases: Iterable[str] = (),
@@ -110,7 +110,8 @@ def save_template(
 
     Parameters
     ----------
-    template : Template
+    template : Template or str
+        One of your own, or one of the library's by its name.
     path : path
         Its suffix gives the format.
     aliases : iterable of str
@@ -125,8 +126,9 @@ def save_template(
     TemplateError
         If the suffix is unknown, or a text of it has no UTF-8 form.
     """
-    expect("template", template, Template, TemplateError)
-    save_entry(Entry(template, tuple(aliases)), path, force=force)
+    from cnnum.templating.library import as_template  # it reads files by this module
+
+    save_entry(Entry(as_template(template), tuple(aliases)), path, force=force)
 
 
 def save_entry(entry: Entry, path: str | PathLike[str], *, force: bool = False) -> None:
