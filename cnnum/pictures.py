@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from cnnum.arrays import Floats, finite
 from cnnum.errors import ArrayError, PictureError, missing_extra
 from cnnum.safety.files import write_whole
+from cnnum.safety.reading import open_regular
 from cnnum.safety.values import as_path
 
 WHITE = 255
@@ -92,7 +93,7 @@ def load_picture(path: str | Path) -> Floats:
     """
     image = pillow("picture files")
     try:
-        with image.open(as_path(path, PictureError)) as file:
+        with open_regular(as_path(path, PictureError)) as held, image.open(held) as file:
             if file.width * file.height > MOST_PIXELS:
                 raise PictureError(f"'{path}' has more than {MOST_PIXELS} pixels: give a part.")
             colours = file.convert("RGBA")

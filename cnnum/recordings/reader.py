@@ -18,6 +18,7 @@ from cnnum.recordings.layout import Layout
 from cnnum.recordings.mcap_records import MAGIC, WholeChunk
 from cnnum.recordings.raw_chunks import is_raw, raw_of
 from cnnum.recordings.scan import End, Hole, scan
+from cnnum.safety.reading import open_regular
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,10 +121,10 @@ def opened(path: Path) -> IO[bytes]:
     Raises
     ------
     RecordingError
-        If it cannot be opened.
+        If it cannot be opened, or is no regular file.
     """
     try:
-        return path.open("rb")
+        return open_regular(path)
     except OSError as error:
         raise RecordingError(f"'{path}' cannot be read: {error.strerror or error}.") from None
 

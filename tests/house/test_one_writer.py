@@ -1,4 +1,4 @@
-"""All that is written goes through `cnnum.safety.files`; nothing else opens a file to write."""
+"""All is written through `cnnum.safety.files`, and what users name is read through `.reading`."""
 
 import ast
 from pathlib import Path
@@ -82,3 +82,60 @@ def test_the_search_sees_what_writes():
     for text, name in seen.items():
         assert writing_calls(text) == {name}
     assert writing_calls("p.open('rb'); open(p); zipfile.ZipFile(p)") == set()
+
+
+OWN_DATA = {
+    "cnnum/design/chunk_store.py",  # np.load of a file that open_regular gave
+    "cnnum/embedded/c/files.py",  # a Makefile, once it is known to be a regular file
+    "cnnum/engines/devices/pocl_wheel.py",  # /proc/self/maps
+    "cnnum/engines/devices/self_test.py",  # a kernel of the package
+    "cnnum/engines/numba/compiling.py",  # the package's own sources
+    "cnnum/engines/opencl/text.py",  # kernels of the package
+    "cnnum/engines/processor.py",  # /proc/cpuinfo
+    "cnnum/lab/bench/compile_time.py",  # a file that the benchmark has just written
+    "cnnum/lab/embedded/cortex_m.py",  # what the compiler has just written
+    "cnnum/lab/scoring/families/faces.py",  # a table of the package
+    "cnnum/live/server.py",  # the page's own files
+    "cnnum/report/gallery.py",
+    "cnnum/report/html.py",
+    "cnnum/report/page.py",
+    "cnnum/report/trace_page.py",
+    "cnnum/safety/files.py",  # a draft of its own, and the head of a file once it is regular
+    "cnnum/scenes/scene_file.py",  # a scene of the package
+    "cnnum/tactile/cover/tables.py",  # tables of the package
+    "cnnum/lab/bench/device/peak_kernels.py",
+    "drivers/own_data/sources.py",  # np.load of a file that open_regular gave
+}
+"""Files that read by other means, and what."""
+
+
+def reading_calls(text: str) -> bool:
+    for node in ast.walk(ast.parse(text)):
+        if not isinstance(node, ast.Call):
+            continue
+        function, given = node.func, [*node.args, *(word.value for word in node.keywords)]
+        name = getattr(function, "attr", getattr(function, "id", ""))
+        owner = getattr(getattr(function, "value", None), "id", "")
+        modes = {one.value for one in given if isinstance(one, ast.Constant)}
+        if name == "open" and modes & {"r", "rb", "rt"} and isinstance(function, ast.Attribute):
+            return True
+        of_path = isinstance(function, ast.Attribute)
+        no_limit = not any(word.arg == "most" for word in node.keywords)
+        if of_path and name in ("read_text", "read_bytes") and no_limit:
+            return True
+        if isinstance(function, ast.Name) and name == "open":
+            return True
+        if name == "load" and owner == "np":
+            return True
+    return False
+
+
+def test_no_other_file_reads_what_users_name():
+    found = set()
+    for room in ("cnnum", "drivers", "templates"):
+        for path in sorted((ROOT / room).rglob("*.py")):
+            name = path.relative_to(ROOT).as_posix()
+            linked = name.startswith(("cnnum/drivers/", "cnnum/templates/"))
+            if not linked and reading_calls(path.read_text()):
+                found.add(name)
+    assert found == OWN_DATA

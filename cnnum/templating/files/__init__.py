@@ -6,7 +6,7 @@ from pathlib import Path
 
 from cnnum.errors import TemplateError, TemplateFileError
 from cnnum.safety.files import write_whole
-from cnnum.safety.reading import read_text
+from cnnum.safety.reading import read_bytes, read_text
 from cnnum.safety.toml_reading import LARGEST
 from cnnum.safety.values import as_path
 from cnnum.templating.files import matcnn_format, tem_format
@@ -92,7 +92,7 @@ def _content(source: Path) -> str:
     except UnicodeDecodeError as error:
         if source.suffix.lower() == TOML.suffix:
             raise TemplateError(f"'{source}' must be UTF-8 text, got {error.reason}.") from None
-        return source.read_bytes().decode("cp1250", errors="replace")
+        return read_bytes(source, most=LARGEST).decode("cp1250", errors="replace")
     except OSError as error:
         raise TemplateFileError(
             f"The template file '{source}' cannot be read: {error.strerror}; check the path."
@@ -160,7 +160,7 @@ def write_measured(path: str | PathLike[str], measured: Measured) -> None:
     """
     target = Path(path)
     load_entry(target)
-    kept = target.read_text(encoding="utf-8").partition("\n[measured]\n")[0]
+    kept = _content(target).partition("\n[measured]\n")[0]
     content = kept.rstrip("\n") + "\n\n" + measured_toml(measured)
     TOML.read(content, str(target))
     _write(target, content, force=True)
