@@ -7,11 +7,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from rich import box
-from rich.console import Console, RenderableType
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
 from cnnum.cli.fitted_tables import fitted, needed, whole
+from cnnum.safety.names import visible, visible_json
 from cnnum.sharing.json_values import json_value
 
 PIPED_WIDTH = 120
@@ -25,6 +27,14 @@ def on_terminal() -> bool:
 
 class _Console(Console):
     """A console that leaves a closed pipe to whoever runs the command."""
+
+    def render(
+        self, renderable: RenderableType, options: ConsoleOptions | None = None
+    ) -> Iterable[Segment]:
+        """Render, with no control characters but those of rich itself."""
+        for segment in super().render(renderable, options):
+            text, style, control = segment
+            yield segment if control else Segment(visible(text), style)
 
     def on_broken_pipe(self) -> None:
         """Raise; rich would end the process with 1, as if a check had failed."""
@@ -55,9 +65,10 @@ class Output:
     def record(self, values: Mapping[str, object], text: str = "") -> None:
         """Write a record at once, or the text that says the same."""
         if self.as_json:
-            self._line(json.dumps(json_value(values), ensure_ascii=False, allow_nan=False))
+            text = json.dumps(json_value(values), ensure_ascii=False, allow_nan=False)
+            self._line(visible_json(text))
         elif text:
-            self._line(text)
+            self._line(visible(text))
 
     def show(self, *parts: RenderableType, spare: Sequence[str] = ()) -> None:
         """Lay out tables and text; nothing with --json.

@@ -5,6 +5,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -17,6 +18,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.text import Text
+
+from cnnum.safety.names import visible
 
 COMPILING = "compiling…"
 """The words of a command while it opens a scene."""
@@ -41,7 +44,7 @@ class Steps:
         if self._progress is not None and self._task is not None:
             self._progress.advance(self._task)
             if note:
-                self._progress.update(self._task, description=note)
+                self._progress.update(self._task, description=escape(visible(note)))
 
 
 @contextmanager

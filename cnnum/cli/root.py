@@ -5,6 +5,7 @@ Warnings of recordings are sentences on standard error, too, and change no exit 
 
 import contextlib
 import difflib
+import io
 import logging
 import os
 import sys
@@ -19,6 +20,7 @@ import click
 
 from cnnum.cli.registry import COMMANDS
 from cnnum.errors import CnnumError, RecordingWarning
+from cnnum.safety.names import visible
 from cnnum.version import __version__
 
 CHECKS_FAILED, WRONG_INPUT, OUR_FAULT, STOPPED, PIPE_CLOSED = 1, 2, 70, 130, 141
@@ -87,6 +89,7 @@ class Root(click.Group):
         **extra: Any,
     ) -> Any:
         """Run a command and exit."""
+        _open_standard_streams()
         for stream in (sys.stdout, sys.stderr):
             # a terminal that has no letter τ shall not end the command
             with contextlib.suppress(AttributeError):
@@ -154,7 +157,9 @@ def _exit_code(run: Callable[[], object]) -> int:
         return _closed_pipe()
     except OSError as error:
         where = f"'{error.filename}': " if error.filename else ""
-        return _say(f"{where}{error.strerror or error}.")
+        _say(f"{where}{error.strerror or error}.")
+        _drop_output()
+        return WRONG_INPUT
     except Exception as error:  # a fault of ours, RecursionError and MemoryError too
         return _own_up(error)
     return code if isinstance(code, int) else 0
@@ -184,7 +189,7 @@ def _say(sentence: str) -> int:
     with contextlib.suppress(OSError):
         sys.stdout.flush()
     with contextlib.suppress(OSError):
-        whole = " ".join(sentence.split())
+        whole = visible(" ".join(sentence.split()))
         cut = whole if len(whole) <= LONGEST else f"{whole[:LONGEST]} …"
         print(f"cnnum: {cut}", file=sys.stderr, flush=True)
     return WRONG_INPUT
@@ -192,10 +197,38 @@ def _say(sentence: str) -> int:
 
 def _closed_pipe() -> int:
     """Be silent: whoever read our output has seen enough (`cnnum … | head`)."""
-    with contextlib.suppress(OSError, ValueError, AttributeError):
-        # text that still waits in the buffer would raise once more when Python ends
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    _drop_output()
     return PIPE_CLOSED
+
+
+def _drop_output() -> None:
+    """Send text that still waits to nowhere: it would raise once more when Python ends."""
+    with contextlib.suppress(OSError, ValueError, AttributeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+class _Nowhere(io.TextIOBase):
+    """Takes what is written to a standard stream that was closed before we began."""
+
+    def write(self, text: str, /) -> int:
+        """Drop it."""
+        return len(text)
+
+
+def _open_standard_streams() -> None:
+    """Put something in the place of closed standard streams.
+
+    The next file that is opened would get the number of a closed one, and all that a library prints
+    there. Python has no object for such a stream.
+    """
+    for number in range(3):
+        try:
+            os.fstat(number)
+        except OSError:
+            with contextlib.suppress(OSError):
+                os.open(os.devnull, os.O_RDWR)  # it gets the lowest number that is free
+    sys.stdout = sys.stdout or _Nowhere()
+    sys.stderr = sys.stderr or _Nowhere()
 
 
 @click.group(

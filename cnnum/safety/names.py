@@ -4,7 +4,12 @@ A name goes on into listings, plans, pages and error messages. So it may not end
 comment.
 """
 
+import re
+
 from cnnum.errors import CnnumError
+
+# C0 but for the tab and the line feed, DEL, C1, and the controls of direction
+_CONTROLS = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 
 SIGNS = " _-.,:+=()/"
 """Signs that a name may hold, next to letters and digits."""
@@ -44,6 +49,20 @@ def shown(value: object) -> str:
         return f"{value!r:.60}"
     except ValueError:  # Python writes no whole number of more than some thousands of digits
         return "a whole number of thousands of digits"
+
+
+def visible(text: str) -> str:
+    """Return a text as a terminal may show it: nothing in it moves, hides or turns other text.
+
+    Names in files can hold escape sequences of terminals, and signs that turn the direction of
+    reading. Each of their control characters becomes U+FFFD; ends of lines and tabs stay.
+    """
+    return _CONTROLS.sub("\ufffd", text)
+
+
+def visible_json(text: str) -> str:
+    """Return JSON text whose control characters are written as escapes of JSON."""
+    return _CONTROLS.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
 
 
 def tidied(text: str) -> str:

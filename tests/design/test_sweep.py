@@ -318,6 +318,42 @@ def test_equal_experiments_have_equal_keys():
 
 
 @pytest.mark.parametrize(
+    "content",
+    [b"", b"\xff", b"[]", b"3", b'{"key": 1, "chunk": 5}', b'{"key": "k"}', b"[" * 100_000]
+    + [
+        b'{"key": "k", "chunk": %s}' % chunk
+        for chunk in (b"0", b"-1", b"true", b"1e9", b"1" * 9999)
+    ],
+)
+def test_a_damaged_manifest_is_a_sentence(tmp_path, content):
+    folder = tmp_path / "out.nc.parts"
+    folder.mkdir()
+    (folder / "manifest.json").write_bytes(content)
+    with pytest.raises(TemplateFileError, match=r"manifest.json' is damaged"):
+        sweep(small(), tmp_path / "out.nc")
+    assert (folder / "manifest.json").read_bytes() == content
+
+
+def test_a_folder_of_others_and_a_file_that_is_there_are_kept(tmp_path):
+    pytest.importorskip("xarray", reason="the extra 'tables' is not installed")
+    path, folder = tmp_path / "out.nc", tmp_path / "out.nc.parts"
+    folder.mkdir()
+    (folder / "mine").write_text("precious")
+    with pytest.raises(TemplateFileError, match="holds other files"):
+        sweep(small(), path)
+    assert (folder / "mine").read_text() == "precious"
+    (folder / "mine").unlink()
+    one = small(axes={"mismatch": (0.0,)}, draws=2)
+    sweep(one, path)
+    before = path.read_bytes()
+    with pytest.raises(TemplateFileError, match="is there already"):
+        sweep(one, path)
+    assert path.read_bytes() == before
+    sweep(one, path, force=True)
+    assert [each.name for each in tmp_path.iterdir()] == ["out.nc"]
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
         ('template = "HOLE"\n[axes]\nsizes = [8]\n', "Unknown axis 'sizes'"),

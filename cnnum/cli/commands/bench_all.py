@@ -8,6 +8,7 @@ from rich.text import Text
 from cnnum.cli.following import STOPPED
 from cnnum.cli.output import Output
 from cnnum.errors import CnnumError, MissingExtraError
+from cnnum.safety.names import visible
 
 FAILED = 2
 """Exit code where a benchmark could not be run, as it would be of that benchmark alone."""
@@ -51,7 +52,7 @@ def run_all(
             unfinished[name] = str(missing)
         except CnnumError as error:
             unfinished[name], code = str(error), FAILED
-            click.echo(f"cnnum bench {name}: {error}", err=True)
+            click.echo(visible(f"cnnum bench {name}: {error}"), err=True)
     _summarise(output, names, unfinished)
     return code
 

@@ -17,6 +17,7 @@ from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
 from cnnum.cli.stopping import until_stopped
 from cnnum.errors import CnnumError, NotSupportedError, UnknownNameError
+from cnnum.safety.names import visible
 
 if TYPE_CHECKING:
     from cnnum.engine import Engine
@@ -97,7 +98,7 @@ def check(
         return stop.say(len(results), len(jobs), "checks", as_json=as_json)
     for item in left_out:
         if as_json:
-            click.echo(item.text, err=True)
+            click.echo(visible(item.text), err=True)
         output.show(item.text)
     if alone is not None and not as_json:
         report(alone.template, plain, output)
