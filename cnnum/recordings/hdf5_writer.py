@@ -1,12 +1,17 @@
 """Recordings as HDF5, for analysis: one array of all frames, and one of each of their facts."""
 
+import io
+import os
 from importlib import import_module
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from cnnum.errors import missing_extra
 from cnnum.recordings.reader import Contents
+
+if TYPE_CHECKING:
+    from typing_extensions import Buffer
 
 KIND = "cnnum recording 1"
 
@@ -30,8 +35,8 @@ def write_hdf5(file: IO[bytes], contents: Contents) -> None:
         h5py: Any = import_module("h5py")
     except ImportError:
         raise missing_extra("HDF5 files", "h5py", "hdf5") from None
-    layout = contents.layout
-    with h5py.File(file, "w") as target:
+    layout, steady = contents.layout, _Steady(file)
+    with h5py.File(steady, "w") as target:
         target.attrs.update(
             {
                 "kind": KIND,
@@ -51,6 +56,76 @@ def write_hdf5(file: IO[bytes], contents: Contents) -> None:
             for number, name in enumerate(layout.truths):
                 sets[f"truth/{name}"][part] = held["truth"][:, number]
             at += len(rows)
+            if steady.error is not None:
+                break
+    if steady.error is not None:
+        raise steady.error
+
+
+class _Steady(io.RawIOBase):
+    """A file whose writes never fail: HDF5 ends the process that has a full disk below it.
+
+    What no longer fits is held in memory, so that HDF5 reads what it wrote and can close the file.
+    The first error is kept, and whoever writes stops by it.
+    """
+
+    def __init__(self, file: IO[bytes]) -> None:
+        super().__init__()
+        self._handle, self._at, self._end = file.fileno(), 0, 0
+        self._late: list[tuple[int, bytes]] = []
+        self.error: OSError | None = None
+
+    def readable(self) -> bool:
+        return True
+
+    def writable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def tell(self) -> int:
+        return self._at
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        self._at = offset + (0, self._at, self._end)[whence]
+        return self._at
+
+    def truncate(self, size: int | None = None) -> int:
+        self._end = self._at if size is None else size
+        try:
+            os.ftruncate(self._handle, self._end)
+        except OSError as error:
+            self.error = self.error or error
+        return self._end
+
+    def readinto(self, buffer: "Buffer") -> int:
+        view = memoryview(buffer).cast("B")
+        count = max(0, min(len(view), self._end - self._at))
+        os.lseek(self._handle, self._at, os.SEEK_SET)
+        got = os.read(self._handle, count) if count else b""
+        view[:count] = got + bytes(count - len(got))
+        for at, late in self._late:
+            first, last = max(at, self._at), min(at + len(late), self._at + count)
+            if first < last:
+                view[first - self._at : last - self._at] = late[first - at : last - at]
+        self._at += count
+        return count
+
+    def write(self, data: "Buffer") -> int:
+        view = memoryview(data).cast("B")
+        try:
+            os.lseek(self._handle, self._at, os.SEEK_SET)
+            done = 0
+            while self.error is None and done < len(view):
+                done += os.write(self._handle, view[done:])
+        except OSError as error:
+            self.error = error
+        if self.error is not None:
+            self._late.append((self._at, bytes(view)))
+        self._at += len(view)
+        self._end = max(self._end, self._at)
+        return len(view)
 
 
 def _sets(target: Any, contents: Contents) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,10 @@ from numpy.typing import NDArray
 
 from cnnum.arrays import Floats
 from cnnum.drivers.npz_archive import read_arrays
+from cnnum.drivers.own_data.hdf5_file import read_hdf5
 from cnnum.drivers.own_data.layout import DataLayout
 from cnnum.drivers.text_table import read_table
-from cnnum.errors import CodecError, RecordingError, missing_extra
-from cnnum.safety.memory import host_bytes
+from cnnum.errors import CodecError, RecordingError
 from cnnum.safety.names import shown
 from cnnum.safety.reading import open_regular
 
@@ -55,22 +54,8 @@ def npz_arrays(path: Path, layout: DataLayout) -> Arrays:
 
 def hdf5_arrays(path: Path, layout: DataLayout) -> Arrays:
     """Return arrays of an HDF5 file; a name may have folders, as in "trial1/taxels"."""
-    try:
-        h5py: Any = import_module("h5py")
-    except ImportError:
-        raise missing_extra(f"the HDF5 file '{path.name}'", "h5py", "hdf5") from None
-    try:
-        with h5py.File(path, "r") as file:
-            names: list[str] = []
-
-            def note(name: str, item: Any) -> None:
-                if isinstance(item, h5py.Dataset):
-                    names.append(name)
-
-            file.visititems(note)
-            return _picked(path, layout, lambda name: _dataset(path, file[name]), names)
-    except OSError as error:
-        raise RecordingError(f"'{path}' cannot be read: {error}.") from None
+    known, held = read_hdf5(path, list(dict.fromkeys((_array_name(layout), *_singles(layout)))))
+    return _picked(path, layout, held.__getitem__, known)
 
 
 READERS: Mapping[str, Callable[[Path, DataLayout], Arrays]] = {
@@ -81,14 +66,6 @@ READERS: Mapping[str, Callable[[Path, DataLayout], Arrays]] = {
     ".hdf5": hdf5_arrays,
 }
 """By the suffix of the file."""
-
-
-def _dataset(path: Path, item: Any) -> NDArray[Any]:
-    """Return a dataset of an HDF5 file that fits into memory."""
-    room = host_bytes()
-    if room is not None and item.size * 8 > room:
-        raise RecordingError(f"'{path}' needs more memory than this machine has: give a part.")
-    return np.asarray(item[...])
 
 
 def _array_name(layout: DataLayout) -> str:

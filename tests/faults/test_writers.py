@@ -324,8 +324,6 @@ def test_a_full_disk_leaves_the_old_file_or_none(faults, folder):
     cases = [(name, old) for name in WRITERS for old in (False, True)]
     for name, old in faults.each(cases, short=len(cases)):
         suffix, call = WRITERS[name]
-        if suffix == ".h5":  # h5py ends the process: tests/faults/test_hdf5_files.py has it
-            continue
         target = folder / f"out{suffix}"
         if old:
             target.write_bytes(PRECIOUS)

@@ -1,0 +1,108 @@
+"""Reads arrays of an HDF5 file in a process of its own, whose end harms nobody.
+
+The library ends its process on some damaged files, takes memory by what a file says, and opens
+other files that it names. So this script runs alone: it has limits, and may open no file but the
+one that comes as its standard input. It imports nothing of cnnum. Its request is JSON, the first
+argument: ``names`` of the arrays, ``most`` bytes that all of them together may have, ``memory``
+bytes beyond its own, and ``seconds``. It answers with a line of JSON, then the arrays' bytes.
+"""
+
+import json
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+NUMBERS = "fiub"
+LISTED = 12
+
+
+def answer(file: Any, wanted: list[str], most: int) -> tuple[dict[str, Any], list[Any]]:
+    """Return the head of the answer, and the arrays."""
+    import h5py  # type: ignore[import-untyped]
+
+    found: list[str] = []
+
+    def note(name: Any, item: Any) -> None:
+        listed = len(found) < LISTED or name in wanted
+        if listed and isinstance(item, h5py.Dataset) and isinstance(name, str):
+            found.append(name)
+
+    with h5py.File(file, "r") as opened:
+        opened.visititems(note)
+        if any(name not in found for name in wanted):
+            return {"names": found}, []
+        arrays = [opened[name] for name in wanted]
+        total = 0
+        for name, array in zip(wanted, arrays, strict=True):
+            total += _size(name, array)
+        if total > most:
+            raise ValueError(
+                f"its arrays say that they are {total:,} bytes large, which is more than the file "
+                "can hold"
+            )
+        held = [array[...] for array in arrays]
+    head = [[array.dtype.newbyteorder("<").str, list(array.shape)] for array in held]
+    return {"names": found, "arrays": head}, held
+
+
+def _size(name: str, array: Any) -> int:
+    """Return the bytes of an array, or of one of its chunks if that is larger.
+
+    Raises
+    ------
+    ValueError
+        If it holds no numbers, or they lie elsewhere.
+    """
+    if array.shape is None:
+        raise ValueError(f"the array '{name}' is empty: it has neither a shape nor numbers")
+    if array.external is not None or array.is_virtual:
+        raise ValueError(f"the numbers of the array '{name}' lie in other files")
+    if array.dtype.kind not in NUMBERS:
+        raise ValueError(f"the array '{name}' holds no numbers but the type '{array.dtype}'")
+    cells = math.prod(int(n) for n in array.shape)
+    chunk = math.prod(int(n) for n in array.chunks or ())
+    return max(cells, chunk) * int(array.dtype.itemsize)
+
+
+def limit(memory: int, seconds: int) -> None:
+    """Leave this process so much more memory and time, and no file that is not open already."""
+    try:
+        import resource
+    except ImportError:  # Windows has no such limits; the parent's clock holds there, too
+        return
+    statm = Path("/proc/self/statm")
+    if statm.exists():
+        used = int(statm.read_bytes().split()[0]) * resource.getpagesize()
+        _at_most(resource.RLIMIT_AS, used + memory)
+    _at_most(resource.RLIMIT_CPU, seconds)
+    _at_most(resource.RLIMIT_CORE, 0)
+    _at_most(resource.RLIMIT_NOFILE, 0)
+
+
+def _at_most(kind: int, value: int) -> None:
+    import resource
+
+    soft, hard = resource.getrlimit(kind)
+    known = [n for n in (value, soft, hard) if n != resource.RLIM_INFINITY]
+    resource.setrlimit(kind, (min(known), hard))
+
+
+def run(request: dict[str, Any], source: Any, target: Any) -> None:
+    """Answer a request; what goes wrong is a sentence of the answer."""
+    import h5py  # noqa: F401  # before there is a limit on files
+    import numpy as np
+
+    limit(int(request["memory"]), int(request["seconds"]))
+    try:
+        head, held = answer(source, list(request["names"]), int(request["most"]))
+    except Exception as error:  # whatever a library finds in a damaged file
+        head, held = {"error": f"{error}" or type(error).__name__}, []
+    target.write(json.dumps(head).encode() + b"\n")
+    for array in held:
+        target.write(np.ascontiguousarray(array, array.dtype.newbyteorder("<")).data.cast("B"))
+    target.flush()
+
+
+if __name__ == "__main__":
+    run(json.loads(sys.argv[1]), sys.stdin.buffer, sys.stdout.buffer)
