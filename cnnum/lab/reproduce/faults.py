@@ -5,10 +5,10 @@ about, computes the row again, and says whether the row fell.
 """
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from functools import wraps
+from functools import lru_cache, wraps
 from types import FunctionType
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,9 @@ from cnnum.errors import CnnumError, MissingExtraError
 
 if TYPE_CHECKING:
     from cnnum.lab.reproduce.record import Item
+
+Remembered = type(lru_cache(len))
+"""Of functions that remember their results."""
 
 CACHED = ("cnnum.lab.reproduce", "cnnum.tactile")
 """Packages whose remembered results a fault would not reach."""
@@ -76,10 +79,10 @@ class Fault:
         ]
 
     @contextmanager
-    def applied(self) -> Iterator[None]:
+    def applied(self) -> Generator[None]:
         """Have the library compute with the fault."""
         wrong, places = self._wrong(), self.places()
-        kept = [vars(owner)[name] for owner, name in places]
+        kept: list[Any] = [vars(owner)[name] for owner, name in places]
         _forget()
         for owner, name in places:
             setattr(owner, name, wrong)
@@ -91,7 +94,9 @@ class Fault:
             _forget()
 
 
-def scaled(subject: Any, factor: float, *, part: str = "", entry: Any = ()) -> Fault:
+def scaled(
+    subject: Any, factor: float, *, part: str = "", entry: int | tuple[int, ...] = ()
+) -> Fault:
     """Return a fault that multiplies a result, or a part of it.
 
     Parameters
@@ -100,7 +105,7 @@ def scaled(subject: Any, factor: float, *, part: str = "", entry: Any = ()) -> F
     factor : float
     part : str
         A field of the record that it returns; the whole unless given.
-    entry : index
+    entry : int or tuple of int
         An entry along the last axes of the array, such as 1 or (0, 2); all unless given.
     """
 
@@ -109,7 +114,7 @@ def scaled(subject: Any, factor: float, *, part: str = "", entry: Any = ()) -> F
             return replace(result, **{part: _times(getattr(result, part), factor, entry)})
         return _times(result, factor, entry)
 
-    indices = entry if isinstance(entry, tuple) else (entry,)
+    indices = _place(entry)
     names = part + (f"[{', '.join(map(str, indices))}]" if indices else "")
     return changed(subject, f"{names} × {factor:g}".strip(), change)
 
@@ -150,13 +155,17 @@ def misled(
     return Fault(subject, f"with {name}{said}", breaks)
 
 
-def _times(values: Any, factor: float, entry: Any) -> Any:
+def _times(values: Any, factor: float, entry: int | tuple[int, ...]) -> Any:
     if np.ndim(values) == 0:
         return factor * values
     wrong = np.array(values, dtype=np.float64)
-    place = entry if isinstance(entry, tuple) else (entry,)
-    wrong[(..., *place)] *= factor
+    place: Any = (..., *_place(entry))
+    wrong[place] *= factor
     return wrong
+
+
+def _place(entry: int | tuple[int, ...]) -> tuple[int, ...]:
+    return entry if isinstance(entry, tuple) else (entry,)
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,6 +235,7 @@ def _forget() -> None:
     """Forget what the table and the closed forms remember."""
     for key, module in list(sys.modules.items()):
         if key.startswith(CACHED):
-            for value in list(vars(module).values()):
-                if hasattr(type(value), "cache_clear"):
+            values: list[Any] = list(vars(module).values())
+            for value in values:
+                if isinstance(value, Remembered):
                     value.cache_clear()

@@ -128,18 +128,30 @@ def influence(ridged: bool) -> tuple[Floats, Floats]:
     plate = skfem.Basis(mesh, element, intorder=5, elements=below)
     gradient: Any = import_module("skfem.helpers").sym_grad
     elasticity: Any = import_module("skfem.models.elasticity")
-    area = skfem.Functional(lambda w: 1.0 + 0.0 * w.x[0]).assemble(plate)
-    strains = [
-        skfem.LinearForm(lambda v, w, i=i: gradient(v)[i, 1]).assemble(plate) / area for i in (0, 1)
-    ]
+    area = skfem.Functional(_one).assemble(plate)
+
+    def strain(component: int) -> Any:
+        def form(v: Any, _: Any) -> Any:
+            return gradient(v)[component, 1] / area
+
+        return skfem.LinearForm(form).assemble(plate)
+
     lame, shear = poisson / ((1 + poisson) * (1 - 2 * poisson)), 0.5 / (1 + poisson)
     stiffness = elasticity.linear_elasticity(Lambda=lame, Mu=shear).assemble(basis)
-    chip = basis.get_dofs(lambda place: np.abs(place[1] - LAYER) < 1e-9).all()
-    moved = [skfem.solve(*skfem.condense(stiffness, one, D=chip)) for one in strains]
+    chip = basis.get_dofs(_on_chip).all()
+    moved = [skfem.solve(*skfem.condense(stiffness, strain(k), D=chip)) for k in (0, 1)]
     on_top = np.abs(mesh.p[1] + (HEIGHT if ridged else 0.0)) < 1e-9
     top = np.flatnonzero(on_top)[np.argsort(mesh.p[0, on_top])]
     response = np.stack([one[basis.nodal_dofs[:, top]] for one in moved], axis=-1)
     return np.asarray(mesh.p[0, top]), response
+
+
+def _one(w: Any) -> Any:
+    return 1.0 + 0.0 * w.x[0]
+
+
+def _on_chip(place: Floats) -> Any:
+    return np.abs(place[1] - LAYER) < 1e-9
 
 
 def meshed_screw(ridged: bool) -> Floats:
@@ -147,10 +159,12 @@ def meshed_screw(ridged: bool) -> Floats:
     x, response = influence(ridged)
     shift = MM * np.linspace(-1.5 * THREAD, 1.5 * THREAD, 241)
     turns = shift[:, np.newaxis] + MM * THREAD * np.arange(-3, 4)
-    counts = np.abs(turns) <= 0.5 * WIDTH if ridged else np.ones_like(turns)
+    reach = 0.5 * WIDTH if ridged else np.inf
+    counts: Floats = np.where(np.abs(turns) <= reach, 1.0, 0.0)
     lines = FRICTION * response[0] + response[1]
-    sums = [(np.interp(turns, x, lines[:, k]) * counts).sum(axis=1) for k in (0, 1)]
-    return np.asarray(-np.stack(sums) / np.array([[BETA], [1.0]]))
+    shear, normal = (np.asarray(np.interp(turns, x, lines[:, k]), np.float64) for k in (0, 1))
+    each = counts * np.stack([shear, normal])
+    return np.asarray(-each.sum(axis=-1) / np.array([[BETA], [1.0]]), dtype=np.float64)
 
 
 def meshed_gain(over_normal: bool) -> float:
