@@ -53,6 +53,10 @@ class TemplateError(CnnumError, ValueError):
     """A template is not well formed."""
 
 
+class OneColourError(TemplateError):
+    """All right answers of a check have one colour, so that it shows nothing."""
+
+
 class TemplateFileError(CnnumError, OSError):
     """A template file cannot be opened or written."""
 

@@ -14,6 +14,7 @@ from cnnum.design.local_rules import Seen, Table, check_of
 from cnnum.design.search import Search, search
 from cnnum.design.sequences import sequence
 from cnnum.design.spec import Spec
+from cnnum.design.worst_case import worst_case
 from cnnum.errors import TemplateError
 from cnnum.templating.checks.measuring import measure
 from cnnum.templating.checks.robustness import flips
@@ -98,7 +99,9 @@ def _counted(
     size = sum(float(np.abs(part).sum()) for part in (template.A, template.B, template.z))
     margin = measured.margin or 0.0
     rates = _rates(spec, template, engine)
-    proof = Proof(template.digest, method, examples, margin, margin / size, flips=rates)
+    proof = Proof(
+        template.digest, method, examples, margin, margin / size, flips=rates, **_worst(template)
+    )
     entry = Entry(template, about=About(tags=("designed",)), measured=measured, proof=proof)
     return Designed(entry, None, None)
 
@@ -167,10 +170,19 @@ def _proved(
         weights.relative,
         weights.bound,
         None if coupled else settle_bound(spec.margin, before),
-        rates,
+        flips=rates,
+        **_worst(template),
     )
     entry = Entry(template, about=About(tags=("designed",)), proof=proof)
     return Designed(replace(entry, measured=measure(template, engine)), weights, table)
+
+
+def _worst(template: Template) -> dict[str, Any]:
+    """Return what a proof says of the worst mismatch of a template."""
+    found = worst_case(template)
+    if found is None:
+        return {}
+    return {"worst_case": found.share, "worst_case_weights": found.words}
 
 
 def _rates(spec: Spec, template: Template, engine: Engine) -> tuple[FlipRate, ...]:

@@ -58,23 +58,6 @@ def found_again() -> Iterator[Again]:
             yield again(template, table)
 
 
-def worst_case(template: Template) -> float | None:
-    """Return how far all weights may be off at once, as a share of each, with no wrong cell.
-
-    A bound, no sample: with every weight off by less, in whatever direction, every cell rests on
-    the side that its rule wants. None where no bound is known: the template has neighbours' outputs
-    in its feedback, several layers, a gray answer or no local rule of 3×3 cells.
-
-    Parameters
-    ----------
-    template : Template
-        With its check.
-    """
-    table = _table(template)
-    share = 0.0 if table is None else margins(template, table)[1]
-    return share if share > 0.0 else None
-
-
 def again(template: Template, table: Table) -> Again:
     """Return a template with the one that its rule leads to.
 
@@ -85,7 +68,7 @@ def again(template: Template, table: Table) -> Again:
     """
     weights = separate(table)
     assert isinstance(weights, Weights)  # the published one separates too
-    margin, relative = margins(template, table)
+    margin, relative = margins(template, _with_idle(template, table))
     size = margin / relative if relative else 1.0 / weights.relative
     before = any(seen.source == "before" for seen in table.seen)
     shape = Shape(
@@ -112,6 +95,13 @@ def _table(template: Template) -> Table | None:
     return None if any(seen.source == "y" for seen in table.seen) else table
 
 
+def _with_idle(template: Template, table: Table) -> Table:
+    """Return a rule with the cells that decide nothing, which a template may weigh all the same."""
+    whole = table_of(template, whole=True)
+    kept = [k for k, seen in enumerate(whole.seen) if seen.source == "u" or seen in table.seen]
+    return Table(tuple(whole.seen[k] for k in kept), whole.signs[:, kept], whole.colours)
+
+
 def _fits(template: Template, form: ClosedForm) -> bool:
     kind = stability_class(template).name
     one = template.layers == 1 and template.inputs == 1 and template.radius <= 1
@@ -124,7 +114,8 @@ def margins(template: Template, table: Table) -> tuple[float, float]:
     The drive is that of a cell at its start, Σ A y + Σ B u + z − x. Weights that act together count
     as their sum: a control and a feedback of the same cell that starts from the input. Of the own
     feedback 1 counts as nothing, since it only holds the state. A negative margin is a wrong
-    answer.
+    answer. The ratio compares weights of one form with each other. How far weights may be off is
+    another number, since each varies by itself and the run ends: see `worst_case`.
 
     Parameters
     ----------
@@ -146,18 +137,8 @@ def margins(template: Template, table: Table) -> tuple[float, float]:
             bias += float(template.initial) * float(feedback.sum())
     columns = [weights[s.source][3 * (s.down + 1) + s.east + 1] for s in table.seen]
     sums = table.colours * (table.signs @ np.array(columns) + bias)
-    # a cell that the rule does not read has either colour, and takes its weight off the margin
-    read = {(s.source, 3 * (s.down + 1) + s.east + 1) for s in table.seen}
-    used = ("y", "u") if "y" in sources else ("u", "before")
-    idle = sum(
-        abs(float(w))
-        for source in used
-        for place, w in enumerate(weights[source])
-        if (source, place) not in read
-    )
-    margin = float(sums.min()) - idle
-    size = float(np.abs(columns).sum()) + idle + abs(bias)
-    return margin, margin / size
+    margin = float(sums.min())
+    return margin, margin / (float(np.abs(columns).sum()) + abs(bias))
 
 
 def _nine(kernels: Floats) -> Floats:

@@ -2,7 +2,9 @@
 
 A cell becomes black where Σ p·q > 0: q are the cells it sees, ±1, and a constant 1; p are weights
 and bias. With every weight off by the share δ of itself, the sum moves by at most δ Σ |p|. The
-smallest sum over Σ |p| is thus the mismatch up to which no cell can flip (Hänggi & Moschytz 1999).
+smallest sum over Σ |p| is thus the mismatch up to which no sum changes its sign (Hänggi & Moschytz
+1999). A template has an own feedback besides, which is off as well, and a duration:
+`cnnum.design.worst_case` takes both into account.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,7 +1,6 @@
 """Local rules as tables: the cells that one sees, as signs, and the colour it must become."""
 
 import itertools
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +13,7 @@ from cnnum.errors import TemplateError
 from cnnum.templating.boundary import parse_boundary
 from cnnum.templating.checks.records import Case
 from cnnum.templating.checks.registry import form_of
-from cnnum.templating.checks.rules.language import Neighbourhood, Rule
+from cnnum.templating.checks.rules.language import Neighbourhood, Rule, reads_wide
 from cnnum.templating.template import Check, Template
 
 Source = Literal["u", "y", "before"]
@@ -73,13 +72,18 @@ class Table:
             )
 
     def without_idle(self) -> "Table":
-        """Return the rule without columns that never decide, and without repeated rows."""
+        """Return the rule without columns that never decide, and without repeated rows.
+
+        Such a column has both signs beside each configuration of the others. Where some are left
+        out, a weight for it may widen the margin, although the others alone tell the colours.
+        """
         table = _distinct(self)
         for column in range(len(self.seen) - 1, -1, -1):
             kept = [k for k in range(len(table.seen)) if k != column]
             fewer = Table(tuple(table.seen[k] for k in kept), table.signs[:, kept], table.colours)
-            if not _contradictions(fewer):
-                table = _distinct(fewer)
+            distinct = _distinct(fewer)
+            if 2 * len(distinct.signs) == len(table.signs) and not _contradictions(fewer):
+                table = distinct
         return table
 
     def refuse_contradictions(self) -> None:
@@ -91,7 +95,14 @@ class Table:
             )
 
 
-def rule_table(rule: str, *, still: bool = False, avoid: str = "", name: str = "design") -> Table:
+def rule_table(
+    rule: str,
+    *,
+    still: bool = False,
+    avoid: str = "",
+    name: str = "design",
+    whole: bool = False,
+) -> Table:
     """Return the table of a rule in the language of checks.
 
     Parameters
@@ -104,13 +115,15 @@ def rule_table(rule: str, *, still: bool = False, avoid: str = "", name: str = "
         Another rule: where it holds, any colour will do.
     name : str
         For error messages.
+    whole : bool
+        Keep cells that decide nothing.
 
     Raises
     ------
     TemplateError
         If the text is no rule, or holds everywhere or nowhere, or reads too many cells.
     """
-    if "ring24" in rule or re.search(r"[\"'](?:[^\"'/]*/){4}", rule):
+    if reads_wide(rule):
         raise TemplateError(f"The rule '{rule}' reads 5×5 cells: a design takes 3×3 of them.")
     if "u_ring" in rule:
         raise TemplateError(
@@ -131,13 +144,20 @@ def rule_table(rule: str, *, still: bool = False, avoid: str = "", name: str = "
 
     free = held(avoid) if avoid else np.zeros(len(signs), dtype=bool)
     colours = np.where(held(rule), 1.0, -1.0)
-    return Table(seen, signs[~free], colours[~free]).without_idle()
+    table = Table(seen, signs[~free], colours[~free])
+    return table if whole else table.without_idle()
 
 
-def table_of(template: Template) -> Table:
+def table_of(template: Template, *, whole: bool = False) -> Table:
     """Return the local rule of a template's check: the check's answer on every neighbourhood.
 
     Neither the weights of the template nor its engine has a part in it.
+
+    Parameters
+    ----------
+    template : Template
+    whole : bool
+        Keep all nine cells and the one before, also those that decide nothing.
 
     Raises
     ------
@@ -150,9 +170,9 @@ def table_of(template: Template) -> Table:
     words = dict(check.parameters)
     if form.name in ("rule", "rule-until-still"):
         still = form.name != "rule"
-        return rule_table(
-            str(words["rule"]), still=still, avoid=str(words.get("avoid", "")), name=template.name
-        )
+        avoid = str(words.get("avoid", ""))
+        name = template.name
+        return rule_table(str(words["rule"]), still=still, avoid=avoid, name=name, whole=whole)
     if form.name not in LOCAL:
         raise TemplateError(
             f"Template '{template.name}': the check '{form.name}' is no local rule of 3×3 cells; "
@@ -165,7 +185,8 @@ def table_of(template: Template) -> Table:
     plain = Template(template.name, template.A, template.B, boundary=-1.0, check=check)
     colours = form.expected(plain, Case(input=pictures, state=states))[:, 1, 1]
     seen = (*(Seen("u", *place) for place in NINE), Seen("before"))
-    return Table(seen, signs, colours).without_idle()
+    table = Table(seen, signs, colours)
+    return table if whole else table.without_idle()
 
 
 LOCAL = (

@@ -18,8 +18,9 @@ answers, wanted = (np.sign(engine.run(corner, input=u).output) for u in (picture
 examples = tuple((u, None, y) for u, y in zip(pictures, answers, strict=True))
 (made,) = designed(Spec("MY_CORNER", examples=examples, mismatch=(0.02, 0.10)), engine)
 template, proof = made.entry.template, made.entry.proof
-print(f"{proof.examples} neighbourhoods; no mismatch below {100 * proof.relative_margin:.1f} %")
-print(f"of its weights flips a cell, and no template has more than {100 * proof.bound:.1f} %")
+print(f"{proof.examples} neighbourhoods; relative margin {100 * proof.relative_margin:.1f} %,")
+print(f"and no template has more than {100 * proof.bound:.1f} %")
+print(f"worst case: all weights off at once by less than {100 * proof.worst_case:.1f} %")
 
 # chips: every weight is off by a normal share of itself; each is run at every trim of its bias
 off = {

@@ -28,8 +28,9 @@ state. The file also holds the check that the template must pass, and its measur
 
 *Settles*: time constants until the outputs rest, on squares of 8, 12 and 16 cells. A fixed duration
 is run twice as long, to see the rest. For a missing time, `cnnum templates show NAME` says why.
-*Margin*: how much may be added to the bias, and taken from it, with no wrong cell. A gray answer
-has none. Both are of the pictures of the check: a wave with a longer way to go takes longer.
+*Margin*: how much may be added to the bias, and taken from it, with no wrong cell at the end of the
+run. A gray answer has none. Both are of the pictures of the check, on which an uncoupled template
+meets every neighbourhood; a wave with a longer way to go takes longer.
 
 ## One wrong weight
 

@@ -16,7 +16,7 @@ from cnnum.cli.options import json_option
 from cnnum.cli.output import Output, console, number, quantity, table, verdict
 from cnnum.cli.progress import progress
 from cnnum.cli.stopping import until_stopped
-from cnnum.errors import CnnumError, NotSupportedError, UnknownNameError
+from cnnum.errors import CnnumError, NotSupportedError, OneColourError, UnknownNameError
 from cnnum.safety.names import visible
 
 if TYPE_CHECKING:
@@ -73,7 +73,8 @@ def check(
     NAMES are templates of the library, template files, folders of them, or tactile programs. Unless
     given, they are all that have a check. A template with measured figures must also agree with
     them. Of a single file, the stability, steps, robustness and cost of the template are shown too.
-    Exits with 1 if one fails.
+    A check whose right answers all have one colour shows nothing, and is refused. Exits with 1 if
+    one fails or is refused.
     """
     used = _engines(engines, device, precision)
     jobs, left_out = _planned(names, used, shape, seed, method, repeats)
@@ -85,15 +86,24 @@ def check(
     if alone is not None and alone.template.check is None:
         report(alone.template, plain, output)
     results: list[CheckResult] = []
+    refused = dict[str, None]()
     with until_stopped() as stop, progress("checks", len(jobs), as_json=as_json) as steps:
         for job in jobs:
-            results.append(job.run())
-            output.record(asdict(results[-1]))
+            try:
+                results.append(job.run())
+            except OneColourError as error:
+                if len({each.name for each in jobs}) == 1:
+                    raise
+                refused[str(error)] = None
+            else:
+                output.record(asdict(results[-1]))
             steps.advance(job.name)
     failed = sum(not result.passed for result in results)
     total = quantity(time.perf_counter() - begin, "s")
     passed = f"{len(results) - failed} of {len(results)} passed. The checks took {total}."
     output.show(_table(results), passed, *_notes(results))
+    for sentence in refused:
+        click.echo(sentence, err=True)
     if stop.stopped:
         return stop.say(len(results), len(jobs), "checks", as_json=as_json)
     for item in left_out:
@@ -102,7 +112,7 @@ def check(
         output.show(item.text)
     if alone is not None and not as_json:
         report(alone.template, plain, output)
-    return CHECKS_FAILED if failed else 0
+    return CHECKS_FAILED if failed or refused else 0
 
 
 def _alone(names: tuple[str, ...]) -> "Entry | None":

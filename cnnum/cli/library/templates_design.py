@@ -1,5 +1,6 @@
 """`cnnum templates design`: a template from its specification, or the figures of one."""
 
+import math
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -65,7 +66,8 @@ def _design(name: str, engine: "Engine", folder: Path, output: Output, force: bo
     from cnnum.safety.files import make_folder, sentences
     from cnnum.templating.files import save_entry
 
-    shown = table("Template", ">examples", ">margin", ">relative", ">at most", ">flips at", "file")
+    columns = (">examples", ">margin", ">relative", ">at most", ">worst case", ">flips at", "file")
+    shown = table("Template", *columns)
     for one in designed(load_spec(name), engine):
         proof, template = one.entry.proof, one.entry.template
         assert proof is not None
@@ -84,6 +86,7 @@ def _design(name: str, engine: "Engine", folder: Path, output: Output, force: bo
             number(proof.margin),
             number(proof.relative_margin, 4),
             "?" if proof.bound is None else number(proof.bound, 4),
+            "?" if proof.worst_case is None else f"{_below(proof.worst_case)} %",
             rates,
             str(path),
         )
@@ -94,7 +97,7 @@ def report(
     template: "Template", engine: "Engine", output: Output, *, weights: bool = False
 ) -> None:
     """Print the figures of a template on an engine."""
-    from cnnum.design.found_again import worst_case
+    from cnnum.design.worst_case import worst_case
     from cnnum.integrators.stability import stability_bound
     from cnnum.templating.checks.measuring import measure, settle_times
     from cnnum.templating.checks.robustness import flips, tolerances
@@ -119,7 +122,9 @@ def report(
     measured = measure(template, engine)
     changes = flips(template, engine, draws=_DRAWS)
     found |= {"settle": measured.settle, "margin": measured.margin}
-    found["worst_case"] = worst_case(template)
+    worst = worst_case(template)
+    found["worst_case"] = None if worst is None else worst.share
+    found["worst_case_weights"] = "" if worst is None else worst.words
     output.record(found | {"flips": [asdict(change) for change in changes]})
     output.show(facts(_lines(found)))
     shown = table("change of the weights", ">templates that flip", ">wrong cells")
@@ -162,7 +167,7 @@ def _lines(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("largest Euler step", f"{number(found['euler_step'])} τ"),
         ("settles within", settle or "not measured"),
         ("margin of the bias", _margin(found)),
-        ("worst case", _worst(found.get("worst_case"))),
+        ("worst case", _worst(found.get("worst_case"), found.get("worst_case_weights", ""))),
         ("cost of a cell", _spent(found)),
     ]
 
@@ -174,10 +179,17 @@ def _margin(found: dict[str, Any]) -> str:
     return "none: a gray answer" if margin is None else number(margin)
 
 
-def _worst(share: float | None) -> str:
+def _worst(share: float | None, weights: str) -> str:
     if share is None:
         return "no bound is known"
-    return f"all weights off at once by less than {100 * share:.3g} % flip no cell at rest"
+    bound = f"with all weights off at once by less than {_below(share)} %, no cell ends wrong"
+    return f"{bound}; beyond it one does with {weights}" if share < 1.0 else bound
+
+
+def _below(share: float) -> str:
+    """Return a bound in per cent with three digits, never rounded up."""
+    digits = 2 - math.floor(math.log10(100.0 * share)) if share > 0.0 else 0
+    return f"{math.floor(100.0 * share * 10.0**digits) / 10.0**digits:g}"
 
 
 def _spent(found: dict[str, Any]) -> str:

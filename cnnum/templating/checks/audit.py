@@ -7,7 +7,7 @@ import numpy as np
 from cnnum.arrays import Shape
 from cnnum.templating.boundary import parse_boundary
 from cnnum.templating.checks.measuring import WRONG
-from cnnum.templating.checks.registry import form_of
+from cnnum.templating.checks.registry import form_of, posed
 from cnnum.templating.checks.running import Engine, run_case
 from cnnum.templating.template import Template
 
@@ -40,8 +40,7 @@ def audit(template: Template, engine: Engine, shape: Shape = (12, 12)) -> Audit 
     form = form_of(template)
     if not form.digital:
         return None
-    case = form.cases(template, np.random.default_rng(0), shape)
-    expected = form.expected(template, case)
+    case, expected = posed(template, 0, shape)
     wrong = list[int]()
     for boundary in BOUNDARIES:
         rim = parse_boundary(boundary)

@@ -11,7 +11,7 @@ from cnnum.arrays import Floats, Shape
 from cnnum.errors import CnnumError
 from cnnum.templating.checks.pictures import binary_case
 from cnnum.templating.checks.records import Case, ClosedForm
-from cnnum.templating.checks.registry import form_of
+from cnnum.templating.checks.registry import form_of, posed
 from cnnum.templating.checks.running import Engine, Result, run_case
 from cnnum.templating.files.measured import Measured
 from cnnum.templating.reads import autonomous
@@ -28,8 +28,11 @@ _CHUNKS = 40
 _AT_REST = 0.8
 """Of a run that is cut off, at rest for the fifth that is left."""
 _BIASES = np.geomspace(0.01, 8.0, 30)
-_STEP = 1.3
-"""Between a bias of the ladder and the next one, 1.26, with room for an engine's own errors."""
+_FINER = 23
+"""Steps of one per cent between two biases of the ladder."""
+
+_STEP = 1.05
+"""Beyond the finer steps, with room for an engine's own errors."""
 
 _RTOL = 1e-4
 
@@ -49,7 +52,7 @@ def measure(template: Template, engine: Engine) -> Measured:
         If the template has no check.
     """
     form = form_of(template)
-    case = _case(template, SHAPE)
+    case, _ = posed(template, 0, SHAPE)
     mean, rms = summary(run_case(template, engine, case, form.rtol).state)
     return Measured(
         template.digest,
@@ -109,16 +112,25 @@ def wrong_at(
 
 
 def _margin(template: Template, engine: Engine, form: ClosedForm, case: Case) -> float:
-    ladder = np.concatenate([_BIASES, -_BIASES])
-    wrong = wrong_at(template, engine, form, case, ladder)
-    half = len(_BIASES)
-    return min(_before_first(wrong[:half]), _before_first(wrong[half:]))
+    """Return the largest bias tried that flips no cell in either direction, 0 where none is right.
+
+    Once the ladder says between which two numbers it lies, finer steps find it to one per cent.
+    """
+    low = _last_right(template, engine, form, case, _BIASES)
+    if not 0.0 < low < _BIASES[-1]:
+        return low
+    between = low * np.geomspace(1.0, float(_BIASES[1] / _BIASES[0]), _FINER + 1)[:-1]
+    return _last_right(template, engine, form, case, between)
 
 
-def _before_first(wrong: list[bool]) -> float:
+def _last_right(
+    template: Template, engine: Engine, form: ClosedForm, case: Case, biases: Floats
+) -> float:
     """Return the last bias before the first that makes a cell wrong, 0 where none is right."""
-    first = wrong.index(True) if True in wrong else len(wrong)
-    return float(_BIASES[first - 1]) if first else 0.0
+    wrong = np.array(wrong_at(template, engine, form, case, np.concatenate([biases, -biases])))
+    either = wrong[: len(biases)] | wrong[len(biases) :]
+    first = int(np.argmax(either)) if either.any() else len(biases)
+    return float(biases[first - 1]) if first else 0.0
 
 
 def _settle(template: Template, engine: Engine, shape: Shape) -> float | None:
@@ -208,15 +220,15 @@ def drift(template: Template, result: Result, measured: Measured) -> str:
 def shifted(template: Template, engine: Engine, measured: Measured) -> str:
     """Return how margin or settle time differ from the measured ones, in a sentence; empty if not.
 
-    A margin is right if nine tenths of it flip no cell, and 1.3 times it flips one.
+    A margin is right if 0.95 times it flips no cell, and 1.05 times it flips one.
     """
     form, case = form_of(template), _case(template, SHAPE)
     margin = measured.margin
     if margin is not None and form.digital and margin > 0.0:
-        tries = np.array([0.9 * margin, -0.9 * margin, _STEP * margin, -_STEP * margin])
+        tries = np.array([margin / _STEP, -margin / _STEP, _STEP * margin, -_STEP * margin])
         wrong = wrong_at(template, engine, form, case, tries)
         if any(wrong[:2]):
-            return f"a bias of {0.9 * margin:.3g} more or less flips a cell"
+            return f"a bias of {margin / _STEP:.3g} more or less flips a cell"
         if margin < _BIASES[-1] and not any(wrong[2:]):
             return f"a bias of {_STEP * margin:.3g} more or less flips no cell"
     known = dict(measured.settle).get(SHAPE[0])

@@ -4,6 +4,7 @@ import numpy as np
 from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
+from cnnum.templating.checks.neighbourhoods import covering
 from cnnum.templating.checks.records import Case
 from cnnum.templating.template import Template
 
@@ -61,9 +62,16 @@ def binary_input(template: Template, rng: np.random.Generator, shape: Shape) -> 
     return Case(input=binary(rng, shape))
 
 
-def binary_pair(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
-    """Return a case of unrelated black-and-white pictures as input and as initial state."""
-    return Case(input=binary(rng, shape), state=rng.permutation(binary(rng, shape)))
+def every_neighbourhood(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
+    """Return a case whose input shows every 3×3 neighbourhood, also at the rim."""
+    return Case(input=covering(rng, shape, template.input_boundary))
+
+
+def every_pair(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
+    """Return a case with every neighbourhood in the input, under a white and a black state."""
+    pictures = covering(rng, shape, template.input_boundary)
+    state = as_picture(rng.random(pictures.shape) < 0.5)
+    return Case(input=np.concatenate([pictures, pictures]), state=np.concatenate([state, -state]))
 
 
 def binary_case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:

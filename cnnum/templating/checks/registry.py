@@ -3,7 +3,10 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from cnnum.errors import TemplateError, name_error
+import numpy as np
+
+from cnnum.arrays import Floats, Shape
+from cnnum.errors import OneColourError, TemplateError, name_error
 from cnnum.templating.checks.analytic import (
     anisotropic,
     cell,
@@ -27,7 +30,7 @@ from cnnum.templating.checks.digital import (
     propagation,
     ranks,
 )
-from cnnum.templating.checks.records import ClosedForm
+from cnnum.templating.checks.records import Case, ClosedForm
 from cnnum.templating.checks.rules import forms as rules
 from cnnum.templating.template import Template
 
@@ -85,6 +88,30 @@ def form_of(template: Template) -> ClosedForm:
             f"{_listed(form.needs)} and takes {_listed(form.takes)}, got {_listed(given)}."
         )
     return form
+
+
+def posed(template: Template, seed: int, shape: Shape) -> tuple[Case, Floats]:
+    """Return the case of a template's check and its right answers.
+
+    Raises
+    ------
+    TemplateError
+        If the template has no check.
+    OneColourError
+        If all right answers have one colour: a template that gives it to every cell would pass.
+    """
+    form = form_of(template)
+    case = form.cases(template, np.random.default_rng(seed), shape)
+    with np.errstate(over="ignore", invalid="ignore"):  # of a field that grows until it settles
+        expected = form.expected(template, case)
+    if form.digital and (expected > 0.0).all() | (expected < 0.0).all():
+        colour = "black" if (expected > 0.0).all() else "white"
+        raise OneColourError(
+            f"The check '{form.name}' of '{template.name}' shows nothing on {shape[0]}×{shape[1]} "
+            f"cells with seed {seed}: every right answer is {colour}, expected both colours; take "
+            "a larger array or another seed, or mend the parameters of the check."
+        )
+    return case, expected
 
 
 def _listed(names: tuple[str, ...] | set[str]) -> str:

@@ -9,9 +9,9 @@ from cnnum.arrays import Floats
 from cnnum.errors import CnnumError
 from cnnum.templating.batch import TemplateBatch
 from cnnum.templating.checks.intervals import wilson
-from cnnum.templating.checks.measuring import SHAPE
+from cnnum.templating.checks.measuring import SHAPE, WRONG
 from cnnum.templating.checks.records import Case, ClosedForm
-from cnnum.templating.checks.registry import form_of
+from cnnum.templating.checks.registry import form_of, posed
 from cnnum.templating.checks.running import Engine, run_case
 from cnnum.templating.numbers import numbers_of, weights_of, with_numbers
 from cnnum.templating.template import Template
@@ -115,12 +115,12 @@ class Judge:
     def __init__(self, template: Template, engine: Engine) -> None:
         self.template, self.engine = template, engine
         self.form: ClosedForm = form_of(template)
-        self.case: Case = self.form.cases(template, np.random.default_rng(0), SHAPE)
-        self.expected = self.form.expected(template, self.case)
+        self.case: Case
+        self.case, self.expected = posed(template, 0, SHAPE)
 
     def wrong(self, changed: Template) -> float:
         """Return the share of cells that are wrong: off by half a colour, or the tolerance."""
-        allowed = 0.5 if self.form.digital else self.form.tolerance
+        allowed = WRONG if self.form.digital else self.form.tolerance
         try:
             result = run_case(changed, self.engine, self.case, self.form.rtol)
         except CnnumError:
@@ -137,7 +137,7 @@ class Judge:
             result = run_case(batch, self.engine, self.case, self.form.rtol)
         except CnnumError:
             return [self.wrong(one) for one in changed]  # one of them diverges
-        allowed = 0.5 if self.form.digital else self.form.tolerance
+        allowed = WRONG if self.form.digital else self.form.tolerance
         found = np.asarray(result.output, dtype=np.float64)
         wrong = ~(np.abs(found - self.expected) <= allowed)
         return [float(one.mean()) for one in wrong]

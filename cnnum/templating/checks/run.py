@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from cnnum.arrays import Floats, as_shape
 from cnnum.templating.checks.measuring import SHAPE, drift, shifted
 from cnnum.templating.checks.records import Case, CheckResult
-from cnnum.templating.checks.registry import form_of
+from cnnum.templating.checks.registry import form_of, posed
 from cnnum.templating.checks.running import Engine, Result, run_case
 from cnnum.templating.files.measured import Measured
 from cnnum.templating.template import Template
@@ -62,14 +62,16 @@ def run_check(
     ------
     TemplateError
         If the template has no check, or its parameters are not the form's.
+    OneColourError
+        If all right answers have one colour: the check would show nothing.
     UnknownNameError
         If there is no such closed form.
     """
     form = form_of(template)
-    case = form.cases(template, np.random.default_rng(seed), as_shape(shape))
+    case, expected = posed(template, seed, as_shape(shape))
     result, first = _timed(template, engine, case, method, form.rtol)
     seconds = _time_of(first, repeats, lambda: _timed(template, engine, case, method, form.rtol)[1])
-    error = _error(getattr(result, form.compares), form.expected(template, case))
+    error = _error(getattr(result, form.compares), expected)
     known = measured if seed == 0 and tuple(shape) == SHAPE else None
     note = drift(template, result, known) if known else ""
     if known and thorough and not note:

@@ -4,6 +4,7 @@
 differs.
 """
 
+import math
 from dataclasses import dataclass
 from typing import cast
 
@@ -11,7 +12,9 @@ from cnnum.errors import TemplateError
 from cnnum.templating.files.toml_values import number, table, text, whole, wrong
 
 REQUIRED = ("digest", "method", "examples", "margin", "relative_margin")
-KEYS = (*REQUIRED, "bound", "settle", "area", "flips")
+KEYS = (
+    *REQUIRED, "bound", "settle", "worst_case", "worst_case_weights", "area", "flips",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +55,19 @@ class Proof:
     margin : float
         Least drive of a cell, towards its right colour; below 0 where an example is decided wrong.
     relative_margin : float
-        The same over the sum of all weights that decide, each times the size of its input: no
-        mismatch below it flips a cell.
+        The same over the sum of all weights that decide, each times the size of its input. It
+        compares weights of one form; `worst_case` says how far they may be off.
     bound : float or None
         No weights have a larger relative margin; None where that is not known.
     settle : float or None
         Time constants until every cell of exact weights is black or white. None where cells wait
         for each other, or never are.
+    worst_case : float or None
+        With every weight off by less than this share of itself, each by itself, every cell of every
+        neighbourhood is within half a colour of the right one at the end of the template's run.
+        None where no such bound is known.
+    worst_case_weights : str
+        The mismatch that makes a cell wrong beyond it, as in "A[1, 1] up, z down".
     flips : tuple of FlipRate
     area : float or None
         Of a learned decision: the area under the curve on examples that it did not learn from.
@@ -71,6 +80,8 @@ class Proof:
     relative_margin: float
     bound: float | None = None
     settle: float | None = None
+    worst_case: float | None = None
+    worst_case_weights: str = ""
     flips: tuple[FlipRate, ...] = ()
     area: float | None = None
 
@@ -95,6 +106,8 @@ def read_proof(file: str, key: str, value: object) -> Proof:
         number(file, f"{key}.relative_margin", found["relative_margin"]),
         optional("bound"),
         optional("settle"),
+        optional("worst_case"),
+        text(file, f"{key}.worst_case_weights", found.get("worst_case_weights", "")),
         tuple(_flip(file, f"{key}.flips", row) for row in _rows(found.get("flips", []))),
         optional("area"),
     )
@@ -112,6 +125,9 @@ def proof_toml(proof: Proof) -> list[str]:
     ]
     optional = {"bound": proof.bound, "settle": proof.settle, "area": proof.area}
     lines += [f"{key} = {value:.9g}" for key, value in optional.items() if value is not None]
+    if proof.worst_case is not None:
+        lines.append(f"worst_case = {math.floor(proof.worst_case * 1e9) / 1e9:.9g}")
+        lines.append(f'worst_case_weights = "{proof.worst_case_weights}"')
     if proof.flips:
         rows = (
             f"[{f.mismatch:g}, {f.rate:.6g}, {f.low:.6g}, {f.high:.6g}, {f.draws}]"

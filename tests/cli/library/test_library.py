@@ -64,7 +64,11 @@ def test_check_of_a_file_without_a_check_says_what_is_known(call, tmp_path):
 
 def test_design_shows_the_worst_case_where_there_is_a_bound(call, records):
     (found,) = records(call("templates", "design", "LOGAND", "--json").stdout)
-    assert found["worst_case"] == pytest.approx(1 / 3)  # two weights and a bias of 1, a margin of 1
+    # a black cell falls while −1 + 2 (1 + δ) − 2 (1 − δ) is below 0, and does so in time
+    assert 0.249 < found["worst_case"] < 0.25
+    assert found["worst_case_weights"] == "B[1, 1] and z down, A[1, 1] up"
+    text = call("templates", "design", "LOGAND").stdout
+    assert "less than 24.9 %" in " ".join(text.split())  # never rounded up
     (found,) = records(call("templates", "design", "HOLE", "--json").stdout)
     assert found["worst_case"] is None
 
@@ -146,3 +150,15 @@ def test_every_page_has_the_settle_time_or_why_there_is_none(call, tmp_path):
         ("ECHO", "still on its way"),
     ):
         assert stated in call("templates", "show", name).stdout
+
+
+def test_a_check_that_shows_nothing_is_refused_and_the_others_run(call, records):
+    """No row of seven cells holds the pattern of MATCH, whose right answers are all white."""
+    options = ("--engine", "numba", "--shape", "1x7", "--json")
+    both = call("templates", "check", "MATCH", "EDGE", *options)
+    assert both.exit_code == 1
+    assert [one["template"] for one in records(both.stdout)] == ["EDGE"]
+    assert "'MATCH' shows nothing on 1×7 cells" in both.stderr
+    alone = call("templates", "check", "MATCH", *options)
+    assert alone.exit_code == 2
+    assert "every right answer is white" in alone.stderr

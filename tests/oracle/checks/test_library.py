@@ -9,6 +9,7 @@ import pytest
 
 import cnnum.templating.library as library
 from cnnum.arrays import Floats
+from cnnum.errors import OneColourError
 from cnnum.templating.checks import closed_form_names, form_of, run_check
 from cnnum.templating.function_tables import Table
 from cnnum.templating.template import Template
@@ -25,6 +26,9 @@ ROBUST = ("MATCNN_MINIMIZE", "TRACE")
 """The minimum flows round an edge that repels it, and a layer follows its input regardless."""
 
 SHAPES = [(8, 8), (5, 9), (9, 1)]
+TOO_LARGE = {(5, 9): ("LINCUT7V", "SMKILLER")}
+"""No line of seven cells has room, and nothing is large enough to be kept: no answer is black."""
+
 PAIRS = [
     *((name, shape) for name in NAMES for shape in SHAPES),
     *((name, shape) for name in FIRST if name not in WEAK for shape in [(12, 12), (1, 7)]),
@@ -50,7 +54,12 @@ ANALOG = [name for name in FIRST if form_of(library.get_template(name)).name in 
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize(("name", "shape"), PAIRS, ids=str)
 def test_template_passes_its_check(name: str, shape: tuple[int, int], simulator: Any) -> None:
-    result = run_check(library.get_template(name), simulator, shape=shape, repeats=0)
+    template = library.get_template(name)
+    try:
+        result = run_check(template, simulator, shape=shape, repeats=0)
+    except OneColourError:
+        assert name in TOO_LARGE.get(shape, ()) or min(shape) == 1, name
+        return
     assert result.passed, result
 
 

@@ -7,7 +7,7 @@ from scipy import ndimage
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.digital.form import DISCRETE, digital_form
 from cnnum.templating.checks.parameters import number
-from cnnum.templating.checks.pictures import as_picture, binary, binary_input
+from cnnum.templating.checks.pictures import as_picture, binary, every_neighbourhood
 from cnnum.templating.checks.records import Case
 from cnnum.templating.template import Template
 
@@ -63,7 +63,7 @@ FORMS = (
     ),
     digital_form(
         "life-counts",
-        binary_input,
+        every_neighbourhood,
         _counts,
         "at most three living neighbours; at most two living with oneself",
     ),

@@ -11,7 +11,7 @@ from cnnum.errors import TemplateError
 from cnnum.templating.boundary import Boundary
 from cnnum.templating.checks.digital.form import digital_form
 from cnnum.templating.checks.parameters import has, number, text
-from cnnum.templating.checks.pictures import as_picture, binary_input
+from cnnum.templating.checks.pictures import as_picture, every_neighbourhood
 from cnnum.templating.checks.records import Case
 from cnnum.templating.template import Template
 
@@ -110,19 +110,21 @@ def _black_with_neighbours(template: Template, case: Case) -> Floats:
 
 FORMS = (
     digital_form(
-        "edge", binary_input, _edge, "black cells that the erosion by a 3×3 square removes"
+        "edge", every_neighbourhood, _edge, "black cells that the erosion by a 3×3 square removes"
     ),
-    digital_form("erosion", binary_input, _erosion, "binary erosion by the element", ("element",)),
+    digital_form(
+        "erosion", every_neighbourhood, _erosion, "binary erosion by the element", ("element",)
+    ),
     digital_form(
         "dilation",
-        binary_input,
+        every_neighbourhood,
         _dilation,
         "binary dilation by the reflected element",
         ("element",),
     ),
     digital_form(
         "thinning",
-        binary_input,
+        every_neighbourhood,
         _thinning,
         "black cells but for those whose neighbourhood is the one pattern or the other",
         ("pattern",),
@@ -130,14 +132,14 @@ FORMS = (
     ),
     digital_form(
         "hit-or-miss",
-        binary_input,
+        every_neighbourhood,
         _hit_or_miss,
         "cells whose neighbourhood is the pattern",
         ("pattern",),
     ),
     digital_form(
         "neighbour-count",
-        binary_input,
+        every_neighbourhood,
         _black_with_neighbours,
         "black cells with a number of black ones among their eight neighbours",
         takes=("least", "most"),

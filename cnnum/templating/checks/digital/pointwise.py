@@ -12,8 +12,8 @@ from cnnum.templating.checks.digital.neighbourhood import Bools, local
 from cnnum.templating.checks.parameters import choice, number
 from cnnum.templating.checks.pictures import (
     as_picture,
-    binary_input,
-    binary_pair,
+    every_neighbourhood,
+    every_pair,
     gray,
     with_even,
 )
@@ -95,9 +95,11 @@ def _gray_edge(template: Template, case: Case) -> Floats:
 
 FORMS = (
     digital_form(
-        "logic", binary_pair, _logic, "a Boolean function of input and state", ("operation",)
+        "logic", every_pair, _logic, "a Boolean function of input and state", ("operation",)
     ),
-    digital_form("shift", binary_input, _shift, "the picture, one cell further", ("direction",)),
+    digital_form(
+        "shift", every_neighbourhood, _shift, "the picture, one cell further", ("direction",)
+    ),
     digital_form(
         "threshold",
         _away_from_threshold,

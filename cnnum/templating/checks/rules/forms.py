@@ -8,22 +8,27 @@ from scipy import ndimage
 
 from cnnum.arrays import Floats, Shape
 from cnnum.templating.checks.digital.form import SETTLED, digital_form
+from cnnum.templating.checks.neighbourhoods import Bools, Held, covering, steered
 from cnnum.templating.checks.parameters import choice, has, number, text
 from cnnum.templating.checks.pictures import as_picture, binary
 from cnnum.templating.checks.records import Case
-from cnnum.templating.checks.rules.language import Neighbourhood, Rule, as_black
+from cnnum.templating.checks.rules.language import Neighbourhood, Rule, as_black, reads_wide
+from cnnum.templating.checks.rules.linear import SIDE, narrow_neighbourhoods
 from cnnum.templating.template import Template
 
-_TRIES = 400
-_SQUARE = np.ones((1, 5, 5), dtype=bool)
 _TAKES = ("state", "white", "avoid", "pictures")
 _EIGHT = ndimage.generate_binary_structure(2, 2)
 
 
 def rectangles(rng: np.random.Generator, shape: Shape) -> Floats:
-    """Return pictures of black rectangles at least two cells apart, many of them at the frame."""
+    """Return pictures of black rectangles at least two cells apart, many of them at the frame.
+
+    The first picture is empty, and the second one a single rectangle, as large as the array has
+    room for without its rim: what takes small things away leaves some of it.
+    """
     pictures = np.zeros((12, *shape), dtype=np.bool_)
-    for black in pictures[1:]:
+    pictures[(1, *(slice(1, -1) if n > 2 else slice(None) for n in shape))] = True
+    for black in pictures[2:]:
         for _ in range(rng.integers(2, 9)):
             # Single cells up to squares that outlast a template which removes small things.
             height, width = (int(rng.integers(1, max(n - 1, 2))) for n in shape)
@@ -44,7 +49,9 @@ def _draw(template: Template, rng: np.random.Generator, shape: Shape) -> Floats:
     return drawn(rng, shape)
 
 
-def _states(template: Template, pictures: Floats, rng: np.random.Generator) -> Floats | None:
+def _states(
+    template: Template, black: Bools, other: Bools, rng: np.random.Generator
+) -> Floats | None:
     """Return initial states: none where the template has its own, another picture, or a part.
 
     "other" is unrelated to the input, and "part" is a part of its black cells. "outside" is black
@@ -52,8 +59,7 @@ def _states(template: Template, pictures: Floats, rng: np.random.Generator) -> F
     """
     if not has(template, "state"):
         return None
-    other, black = as_black(rng.permutation(pictures)), as_black(pictures)
-    kinds: Mapping[str, NDArray[np.bool_]] = {
+    kinds: Mapping[str, Bools] = {
         "other": other,
         "part": black & (rng.random(black.shape) < 0.6),
         "outside": ~black & other,
@@ -62,35 +68,65 @@ def _states(template: Template, pictures: Floats, rng: np.random.Generator) -> F
     return as_picture(choice(template, "state", kinds))
 
 
-def _steered(template: Template, rng: np.random.Generator, pictures: Floats, avoid: str) -> Floats:
-    """Return pictures without the neighbourhoods in which a template stands on the fence."""
-    rule = Rule(template.name, avoid)
-    near = _near(rule, template, pictures)
-    for _ in range(_TRIES):
-        if not near.any():
-            return pictures
-        flip = near & (rng.random(pictures.shape) < 0.15)
-        pictures = np.where(flip, -pictures, pictures)
-        near = _near(rule, template, pictures)
-    unclean = np.any(near, axis=(-2, -1), keepdims=True)
-    return np.where(unclean, -1.0, pictures)
+def _avoided(template: Template) -> Held | None:
+    """Return what says where a template stands on the fence, None where it never does."""
+    if not has(template, "avoid"):
+        return None
+    rule = Rule(template.name, text(template, "avoid"))
+
+    def held(black: Bools) -> Bools:
+        seen = Neighbourhood(black, template.input_boundary)
+        return rule(seen, black, seen)
+
+    return held
 
 
-def _near(rule: Rule, template: Template, pictures: Floats) -> NDArray[np.bool_]:
-    """Return the cells that a neighbourhood of the rule reaches."""
-    black = as_black(pictures)
-    seen = Neighbourhood(black, template.input_boundary)
-    return np.asarray(ndimage.binary_dilation(rule(seen, black, seen), _SQUARE), dtype=np.bool_)
+def _wave_case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
+    """Draw pictures of several kinds for a rule that hands something on from cell to cell."""
+    black = steered(rng, as_black(_draw(template, rng, shape)), _avoided(template))
+    state = _states(template, black, rng.permutation(black), rng)
+    white = number(template, "white") if has(template, "white") else -1.0
+    return Case(input=np.where(black, 1.0, white), state=state)
 
 
-def _case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
-    pictures = _draw(template, rng, shape)
-    if has(template, "avoid"):
-        pictures = _steered(template, rng, pictures, text(template, "avoid"))
-    state = _states(template, pictures, rng)
-    if has(template, "white"):
-        pictures = np.where(pictures > 0, 1.0, number(template, "white"))
-    return Case(input=pictures, state=state)
+def _local_case(template: Template, rng: np.random.Generator, shape: Shape) -> Case:
+    """Draw every neighbourhood of 3×3 cells, under both states; of 5×5 the narrowest ones."""
+    if _wide(template):
+        black = steered(rng, as_black(_draw(template, rng, shape)), _avoided(template))
+        black = np.concatenate([black, _planted(template, rng, shape)])
+    else:
+        avoided = _avoided(template)
+        black = as_black(covering(rng, shape, template.input_boundary, avoided))
+    if not has(template, "state"):
+        return Case(input=as_picture(black))
+    other = rng.random(black.shape) < 0.5
+    twice, others = np.concatenate([black, black]), np.concatenate([other, ~other])
+    return Case(input=as_picture(twice), state=_states(template, twice, others, rng))
+
+
+def _wide(template: Template) -> bool:
+    """Return whether a decision reads more than 3×3 cells."""
+    texts = [text(template, name) for name in ("rule", "avoid") if has(template, name)]
+    return template.radius > 1 or any(reads_wide(each) for each in texts)
+
+
+def _planted(template: Template, rng: np.random.Generator, shape: Shape) -> Bools:
+    """Return pictures with a narrow decision each, of either colour, in the middle.
+
+    Of each colour there are those that the template itself decides most narrowly, and those that
+    random weights do. An array that holds no 5×5 cells, or a rule that is too tangled, has none.
+    """
+    if min(shape) < SIDE or template.inputs != 1:
+        return np.zeros((0, *shape), dtype=np.bool_)
+    found = narrow_neighbourhoods(template, rng)
+    top, left = (shape[0] - SIDE) // 2, (shape[1] - SIDE) // 2
+    at = np.s_[:, top : top + SIDE, left : left + SIDE]
+    black, fixed = np.zeros((2, len(found), *shape), dtype=np.bool_)
+    black[at], fixed[at] = found, True
+    crowded = black | ((rng.random(black.shape) < 0.4) & ~fixed)
+    avoided = _avoided(template)
+    pictures = np.concatenate([steered(rng, each, avoided, fixed) for each in (black, crowded)])
+    return pictures[np.any(pictures, axis=(-2, -1))]
 
 
 def _once(template: Template, case: Case) -> Floats:
@@ -130,7 +166,7 @@ def _still(template: Template, case: Case) -> Floats:
 FORMS = (
     digital_form(
         "rule",
-        _case,
+        _local_case,
         _once,
         "cells whose neighbourhood in the input obeys a rule",
         needs=("rule",),
@@ -138,7 +174,7 @@ FORMS = (
     ),
     digital_form(
         "rule-until-still",
-        _case,
+        _wave_case,
         _still,
         "a rule applied to the state again and again until nothing changes",
         needs=("rule",),

@@ -10,6 +10,7 @@ Operators: `and or not`, comparisons, `+ - *` and whole numbers.
 
 import ast
 import operator
+import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -22,15 +23,15 @@ from cnnum.templating.boundary import Boundary
 
 Values = NDArray[Any]
 
-_RADIUS = 2
-_NAMES = {"nw": (-1, -1), "n": (-1, 0), "ne": (-1, 1), "w": (0, -1), "c": (0, 0)} | {
+RADIUS = 2
+NAMES = {"nw": (-1, -1), "n": (-1, 0), "ne": (-1, 1), "w": (0, -1), "c": (0, 0)} | {
     "e": (0, 1),
     "sw": (1, -1),
     "s": (1, 0),
     "se": (1, 1),
 }
-_EDGES, _CORNERS = ("n", "e", "s", "w"), ("nw", "ne", "se", "sw")
-_WEIGHTS = {"#": 1.0, "o": 1.0, ".": 0.0, "+": 0.5, "-": 0.5}
+EDGES, CORNERS = ("n", "e", "s", "w"), ("nw", "ne", "se", "sw")
+WEIGHTS = {"#": 1.0, "o": 1.0, ".": 0.0, "+": 0.5, "-": 0.5}
 _COMPARE: Mapping[type[ast.cmpop], Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
@@ -58,7 +59,7 @@ class Neighbourhood:
 
     def __init__(self, black: NDArray[np.bool_], boundary: Boundary) -> None:
         self.shape = black.shape[-2:]
-        rim = [(0, 0), (_RADIUS, _RADIUS), (_RADIUS, _RADIUS)]
+        rim = [(0, 0), (RADIUS, RADIUS), (RADIUS, RADIUS)]
         if boundary.constant is None:
             self.padded = np.pad(black, rim, mode=boundary.pad_mode)
         else:
@@ -66,17 +67,17 @@ class Neighbourhood:
 
     def at(self, down: int, east: int) -> Values:
         """Return each cell's neighbour that lies some rows down and columns east."""
-        top, left = _RADIUS + down, _RADIUS + east
+        top, left = RADIUS + down, RADIUS + east
         return self.padded[..., top : top + self.shape[0], left : left + self.shape[1]]
 
     def named(self, name: str) -> Values:
         """Return a neighbour, or a count of black ones, by its name in a rule."""
-        if name in _NAMES:
-            return self.at(*_NAMES[name])
+        if name in NAMES:
+            return self.at(*NAMES[name])
         if name == "ring24":
             every = [self.at(d, e).astype(int) for d in range(-2, 3) for e in range(-2, 3)]
             return np.asarray(sum(every) - self.at(0, 0))
-        places = {"edges": _EDGES, "corners": _CORNERS, "ring": _EDGES + _CORNERS}[name]
+        places = {"edges": EDGES, "corners": CORNERS, "ring": EDGES + CORNERS}[name]
         return np.asarray(sum(self.named(place).astype(int) for place in places))
 
     def mismatch(self, pattern: str) -> Values:
@@ -88,10 +89,10 @@ class Neighbourhood:
         total = np.zeros(self.at(0, 0).shape)
         for down, row in enumerate(rows):
             for east, sign in enumerate(row):
-                if sign not in _WEIGHTS:
+                if sign not in WEIGHTS:
                     raise ValueError(f"a pattern is of '#', 'o', '.', '+' and '-', got '{sign}'")
                 seen = self.at(down - radius, east - radius)
-                total += _WEIGHTS[sign] * (seen != (sign in "#+"))
+                total += WEIGHTS[sign] * (seen != (sign in "#+"))
         return total
 
 
@@ -170,6 +171,11 @@ class Rule:
 
 def _number(value: Any) -> Any:
     return value.astype(int) if getattr(value, "dtype", None) == np.bool_ else value
+
+
+def reads_wide(rule: str) -> bool:
+    """Return whether a rule reads 5×5 cells, not 3×3."""
+    return "ring24" in rule or re.search(r"[\"'](?:[^\"'/]*/){4}", rule) is not None
 
 
 def as_black(pictures: Floats) -> NDArray[np.bool_]:
