@@ -26,8 +26,7 @@ def cleared(program: IntegerProgram, batch: int) -> dict[str, Numbers]:
 
 
 def _dtype(program: IntegerProgram) -> np.dtype[Any]:
-    real = any(one.format is None and not one.logic for one in program.arrays.values())
-    return np.dtype(np.float64 if real else np.int64)
+    return np.dtype(np.float64 if program.real else np.int64)
 
 
 @dataclass(slots=True, eq=False)
@@ -53,7 +52,12 @@ class Emulator:
     _cells: int = 1
 
     def run(
-        self, inputs: Mapping[str, Numbers], state: dict[str, Numbers], *, first: bool
+        self,
+        inputs: Mapping[str, Numbers],
+        state: dict[str, Numbers],
+        *,
+        first: bool,
+        batch: int = 1,
     ) -> dict[str, Numbers]:
         """Run a frame and bring the state up to date.
 
@@ -62,20 +66,22 @@ class Emulator:
         inputs : mapping of str to (batch, cells) int or float
         state : mapping of str to (batch, length) int or float
         first : bool
+        batch : int
+            Streams side by side, of a program that reads no channel and keeps nothing.
 
         Returns
         -------
         dict of str to (batch, length) int or float
             By the arrays of the outputs.
         """
-        batch = len(next(iter(inputs.values()))) if inputs else 1
+        batch = max([batch, *(len(one) for one in (*inputs.values(), *state.values()))])
         values: dict[str, Numbers] = {"first": np.full((batch, 1), int(first))}
         dtype = _dtype(self.program)
         for one in self.program.arrays.values():
             if one.kind == "table":
                 assert one.values is not None
                 whole = np.int64 if one.format is not None or one.logic else dtype
-                values[one.name] = self._rounded(np.asarray(one.values, dtype=whole))
+                values[one.name] = self.table(one.name, np.asarray(one.values, dtype=whole))
             elif one.kind in ("work", "output"):
                 kind = np.dtype(np.int64) if one.logic else dtype
                 zeros: Numbers = np.zeros((batch, max(1, one.length)), kind)
@@ -103,9 +109,14 @@ class Emulator:
         found: Numbers = _VALUES[type(expression)](self, expression)
         return found
 
+    def table(self, name: str, values: Numbers) -> Numbers:
+        """Return the numbers of a table."""
+        del name
+        return self._rounded(values)
+
     def literal(self, one: ir.Integer | ir.Number) -> Numbers:
         """Return a number that is written out."""
-        return np.asarray(one.value)
+        return self._rounded(np.asarray(one.value))
 
     def name(self, one: ir.Name) -> Numbers:
         """Return a variable."""
@@ -182,8 +193,14 @@ class Emulator:
         """Take in a value of each cell."""
         name, value = statement.target.text, self.value(statement.value)
         whole = np.broadcast_to(value, np.broadcast_shapes(value.shape, (1, self._cells)))
-        folded = _FOLDS[statement.how](whole, axis=-1, keepdims=True)
-        self.values[name] = _PAIRS[statement.how](self.values[name], folded)
+        if self.single and statement.how == "+" and whole.dtype == np.float64:
+            # one after the other, each rounded, as in the loop over cells
+            whole = np.concatenate([self.values[name] + 0.0 * whole[..., :1], whole], axis=-1)
+            added = np.add.accumulate(whole.astype(np.float32), axis=-1)
+            self.values[name] = added[..., -1:].astype(np.float64)
+        else:
+            folded = _FOLDS[statement.how](whole, axis=-1, keepdims=True)
+            self.values[name] = _PAIRS[statement.how](self.values[name], folded)
         self._note(name, self.values[name])
 
     def loop(self, statement: ir.Loop) -> None:

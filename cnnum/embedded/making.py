@@ -65,7 +65,8 @@ class Made:
         """
         state, found = cleared(self.program, frames.shape[1]), list[dict[str, Floats]]()
         for number, frame in enumerate(frames):
-            answer = self.emulator().run(self.inputs(frame), state, first=number == 0)
+            inputs = self.inputs(frame)
+            answer = self.emulator().run(inputs, state, first=number == 0, batch=len(frame))
             found.append(self.outputs(answer))
         return {name: np.stack([one[name] for one in found]) for name in self.program.outputs}
 
@@ -87,13 +88,13 @@ class Made:
 
         Parameters
         ----------
-        frames : (frames, rows, cols, channels) float
-            One stream: the test vector.
+        frames : (frames, rows, cols, channels) or (frames, streams, rows, cols, channels) float
+            A stream for the test vector, or several among which it is chosen.
         about : sequence of str
             Lines at the head of the program's file.
         """
-        inputs = [self.inputs(frame[np.newaxis]) for frame in frames]
-        return exported(self.program, inputs, about)
+        streams = frames if frames.ndim == 5 else frames[:, np.newaxis]
+        return exported(self.program, [self.inputs(frame) for frame in streams], about)
 
 
 def quantised(array: Array, values: Floats) -> Numbers:

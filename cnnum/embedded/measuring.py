@@ -10,7 +10,7 @@ from cnnum.embedded.emulator import Emulator, cleared
 from cnnum.embedded.formats import Precision, precision_named
 from cnnum.embedded.lowering.schedules import lower
 from cnnum.embedded.needed import needed_sizes
-from cnnum.embedded.program import array_name
+from cnnum.embedded.program import array_names
 from cnnum.embedded.sizes import NoFormats, Sizes
 from cnnum.graph.schedule import Schedule
 from cnnum.integrators.solver import Solver
@@ -62,14 +62,15 @@ def measured(schedule: Schedule, solvers: Mapping[int, Solver], frames: Floats) 
     for number, frame in enumerate(frames):
         emulator = Emulator(program, sizes={})
         assert emulator.sizes is not None
-        emulator.run(inputs_of(schedule, frame), state, first=number == 0)
+        inputs = inputs_of(schedule, frame)
+        emulator.run(inputs, state, first=number == 0, batch=len(frame))
         _raise(found.idle, emulator.sizes)
         emulator.sizes |= needed_sizes(schedule, emulator.values)
         counts = number >= WARMING or number == len(frames) - 1
         _raise(found.later if counts else found.early, emulator.sizes)
-    for name in schedule.channels_read:
+    for name, array in _inputs(schedule).items():
         at = schedule.channels.index(name)
-        found.later[array_name("in", name)] = float(np.abs(frames[..., at]).max())
+        found.later[array] = float(np.abs(frames[..., at]).max())
     return found
 
 
@@ -81,6 +82,12 @@ def _raise(known: dict[str, float], sizes: Mapping[str, float]) -> None:
 def inputs_of(schedule: Schedule, frame: Floats) -> dict[str, Floats]:
     """Return the channels that are read of a batch of frames, (batch, cells) each."""
     return {
-        array_name("in", name): frame[..., schedule.channels.index(name)].reshape(len(frame), -1)
-        for name in schedule.channels_read
+        array: frame[..., schedule.channels.index(name)].reshape(len(frame), -1)
+        for name, array in _inputs(schedule).items()
     }
+
+
+def _inputs(schedule: Schedule) -> dict[str, str]:
+    """Return the arrays of the channels that are read."""
+    arrays = array_names("in", schedule.channels)
+    return {name: arrays[name] for name in schedule.channels_read}

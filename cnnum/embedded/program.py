@@ -1,6 +1,7 @@
 """A program in whole numbers, or in reals: its arrays, and the statements of one frame."""
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -12,9 +13,27 @@ from cnnum.arrays import Shape
 from cnnum.embedded.formats import Format
 
 
-def array_name(prefix: str, name: str) -> str:
-    """Return the name of the array of a channel or an output, which is one that C allows."""
-    return re.sub(r"\W", "_", f"{prefix}_{name}")
+def plain(name: str) -> str:
+    """Return a name with '_' in place of all that no identifier of C holds."""
+    return re.sub(r"[^0-9A-Za-z_]", "_", name)
+
+
+def array_names(prefix: str, names: Iterable[str]) -> dict[str, str]:
+    """Return the names of the arrays of channels or outputs, which C allows; no two are the same.
+
+    Names that C allows stay as they are, those that would meet another one get a number. Macros are
+    made of them, too, so that capital letters make no difference.
+    """
+    found, taken = dict[str, str](), set[str]()
+    for name in sorted(names, key=lambda name: plain(name) != name):
+        array = base = f"{prefix}_{plain(name)}"
+        number = 1
+        while array.lower() in taken:
+            number += 1
+            array = f"{base}_{number}"
+        taken.add(array.lower())
+        found[name] = array
+    return found
 
 
 Kind = Literal["input", "state", "work", "table", "output"]
@@ -38,6 +57,8 @@ class Array:
     values : int or float array, optional
         Of a table.
     logic : bool
+    places : bool
+        Whether its numbers are places in another array.
     """
 
     name: str
@@ -47,6 +68,7 @@ class Array:
     about: str = ""
     values: NDArray[np.generic] | None = None
     logic: bool = False
+    places: bool = False
 
     @property
     def bounds(self) -> ir.Bounds | None:
@@ -56,6 +78,22 @@ class Array:
         if self.values is not None and self.format is not None:
             return int(self.values.min()), int(self.values.max())
         return None if self.format is None else (self.format.least, self.format.largest)
+
+    @property
+    def bits(self) -> int:
+        """Bits of the C type of its whole numbers; that of logic has no sign."""
+        if self.logic or self.format is None:
+            return 8
+        return next(bits for bits in (8, 16, 32) if self.format.bits <= bits)
+
+    @property
+    def held(self) -> ir.Bounds | None:
+        """The interval of all that may lie in it: of inputs and the state, what the type holds."""
+        if self.kind not in ("input", "state") or (self.format is None and not self.logic):
+            return self.bounds
+        if self.logic:
+            return 0, (1 << self.bits) - 1
+        return -1 << (self.bits - 1), (1 << (self.bits - 1)) - 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,6 +119,11 @@ class IntegerProgram:
     body: tuple[ir.Statement, ...]
     outputs: dict[str, str]
     fractions: dict[str, int] = field(default_factory=dict[str, int])
+
+    @property
+    def real(self) -> bool:
+        """Whether it counts in reals."""
+        return any(one.format is None and not one.logic for one in self.arrays.values())
 
     def of_kind(self, kind: Kind) -> list[Array]:
         """Return the arrays of a kind."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from cnnum.kernels.expressions import Element, Expression, Name
 from cnnum.kernels.statements import Accumulate, Assign, Counted, Declare, Loop, Statement, Sweep
-from cnnum.kernels.uses import names_in
+from cnnum.kernels.uses import names_in, names_of_own
 
 
 def live(body: Sequence[Statement], needed: set[str]) -> tuple[Statement, ...]:
@@ -13,14 +13,19 @@ def live(body: Sequence[Statement], needed: set[str]) -> tuple[Statement, ...]:
 
     Numbers of arrays, and variables from outside, are outputs: they are always set.
     """
+    return _live(body, needed, names_of_own(tuple(body)))
+
+
+def _live(body: Sequence[Statement], needed: set[str], own: set[str]) -> tuple[Statement, ...]:
+    """Return the live statements of a block; `own` are the variables that the body declares."""
     kept = list[Statement]()
     for statement in reversed(body):
         if isinstance(statement, Sweep | Loop | Counted):
-            found = _live_block(statement, needed)
+            found = _live_block(statement, needed, own)
         elif isinstance(statement, Declare):
             found = _live_variables(statement, needed)
         else:
-            found = statement if _sets(statement, needed) else None
+            found = statement if _sets(statement, needed, own) else None
         if found is not None:
             kept.append(found)
     return tuple(kept[::-1])
@@ -36,12 +41,12 @@ def _live_variables(new: Declare, needed: set[str]) -> Declare | None:
     return replace(new, variables=tuple(variables)) if variables else None
 
 
-def _sets(statement: Statement, needed: set[str]) -> bool:
+def _sets(statement: Statement, needed: set[str], own: set[str]) -> bool:
     """Return whether a statement has an effect; the names it reads become needed."""
     assert isinstance(statement, Assign | Accumulate)
     target = statement.target
     adds = isinstance(statement, Accumulate) or statement.sign != "="
-    if adds and isinstance(target, Name) and target.text not in needed:
+    if isinstance(target, Name) and target.text not in needed and (adds or target.text in own):
         return False
     needed |= names_in(statement.value)
     if isinstance(target, Element):
@@ -49,22 +54,27 @@ def _sets(statement: Statement, needed: set[str]) -> bool:
     return True
 
 
-def _live_block(statement: Sweep | Loop | Counted, needed: set[str]) -> Statement | None:
+def _live_block(
+    statement: Sweep | Loop | Counted, needed: set[str], own: set[str]
+) -> Statement | None:
     outer = statement.variable.text in needed
     if isinstance(statement, Counted):
         if statement.running is not None:
             needed.add(statement.running.text)
-        # a round may read variables that the one before has set
-        _within(statement.body, needed)
-    inner = _within(statement.body, needed)
+        # a round may read variables that the one before has set, and so on
+        known = -1
+        while known < len(needed):
+            known = len(needed)
+            _within(statement.body, needed, own)
+    inner = _within(statement.body, needed, own)
     if not outer:  # a loop's own variable: one by that name before the loop is another
         needed.discard(statement.variable.text)
     return replace(statement, body=inner) if inner else None
 
 
-def _within(body: Sequence[Statement], needed: set[str]) -> tuple[Statement, ...]:
+def _within(body: Sequence[Statement], needed: set[str], own: set[str]) -> tuple[Statement, ...]:
     """Return the live statements of a block, whose own variables are not known outside."""
     inner = set(needed)
-    found = live(body, inner)
+    found = _live(body, inner, own)
     needed |= inner
     return found

@@ -61,6 +61,11 @@ def names_in(value: Any) -> set[str]:
     return {record.text for record in _records(value) if isinstance(record, Name)}
 
 
+def names_of_own(body: tuple[Statement, ...]) -> set[str]:
+    """Return the names that statements, and those within them, declare themselves."""
+    return set(declared(_records(body)))
+
+
 def declared(records: Any) -> Iterator[str]:
     """Yield the names that statements declare themselves."""
     for record in records:

@@ -1,11 +1,13 @@
 """Powers of fields: products where the exponent is whole, roots, and the device's function."""
 
+import math
 from numbers import Real
 
 from cnnum.errors import ProgramError
 from cnnum.graph import elementwise as op
 from cnnum.graph.nodes import Constant
 from cnnum.programs.fields import Field, combine
+from cnnum.safety.names import shown
 
 LARGEST_POWER = 1024
 """Largest exponent of a power of a field; whole ones take twice its bits of multiplications."""
@@ -28,7 +30,7 @@ def power(base: object, exponent: object) -> Field:
             whole = _product(base, abs(int(power)))
             return whole if power >= 0 else 1.0 / whole
         return combine(op.ROOT, base) if power == 0.5 else combine(op.POWER, base, power)
-    if power is None and number is not None and number > 0:
+    if power is None and number is not None and 0 < number < math.inf:
         return combine(op.POWER, number, exponent)
     raise ProgramError(
         f"Expected a field raised to a number from -{LARGEST_POWER} to {LARGEST_POWER}, or a "
@@ -39,7 +41,7 @@ def power(base: object, exponent: object) -> Field:
 def _shown(operand: object) -> str:
     number = _number(operand)
     if number is not None:
-        return f"{number:g}"
+        return f"{number:g}" if math.isfinite(number) else shown(operand)
     return "a field" if isinstance(operand, Field) else f"{type(operand).__name__}"
 
 
@@ -48,7 +50,12 @@ def _number(operand: object) -> float | None:
     if isinstance(operand, Field):
         held = operand.node.operation
         return held.value if isinstance(held, Constant) else None
-    return float(operand) if isinstance(operand, Real) else None
+    if not isinstance(operand, Real):
+        return None
+    try:
+        return float(operand)
+    except OverflowError:  # of a whole number beyond all doubles, above or below
+        return math.inf
 
 
 def _product(base: object, count: int) -> Field:

@@ -1,7 +1,7 @@
 """A program as a folder of C99 files: the program, a test vector, a stream, and a Makefile."""
 
-import re
-from collections.abc import Mapping, Sequence
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,8 +16,9 @@ from cnnum.embedded.c.program import (
     size_of,
     table_lines,
 )
-from cnnum.embedded.emulator import Emulator, Numbers, cleared
-from cnnum.embedded.program import Array, IntegerProgram
+from cnnum.embedded.c.vector import Frames, Vector, tolerance, vector_of
+from cnnum.embedded.emulator import Numbers
+from cnnum.embedded.program import Array, IntegerProgram, plain
 from cnnum.embedded.ranges import range_lines
 from cnnum.safety.files import write_files
 
@@ -30,6 +31,7 @@ class Exported:
     ----------
     files : mapping of str to str
     memory_bytes, input_bytes, output_bytes, table_bytes : int
+    vector : Vector
     """
 
     files: Mapping[str, str]
@@ -37,6 +39,7 @@ class Exported:
     input_bytes: int
     output_bytes: int
     table_bytes: int
+    vector: Vector
 
     def write(self, folder: Path, *, force: bool = False) -> None:
         """Write the files into a folder, all or none.
@@ -53,9 +56,19 @@ OTHERS = ("vector.c", "stream.c", "Makefile", "ranges.txt")
 """Files that have the same names in every export."""
 
 
+TAKEN = {
+    *("vector", "stream", "board", "firmware", "stdint", "stdio", "con", "prn", "aux", "nul"),
+    *(f"{port}{n}" for port in ("com", "lpt") for n in range(10)),
+}
+"""Names of files next to a program's own, of their headers, and of devices on Windows."""
+
+
 def identifier(name: str) -> str:
-    """Return a name that C allows."""
-    return re.sub(r"\W", "_", name)
+    """Return the name of a program in C: of its files, its functions and its macros."""
+    found = plain(name)
+    if found.lower() in TAKEN or not found[0].isalpha():
+        return f"program_{found}"
+    return found
 
 
 def in_the_way(folder: Path, program: str) -> str | None:
@@ -71,27 +84,25 @@ def _rule(name: str) -> str:
     return f"vector: vector.c {name}.c {name}.h\n"
 
 
-def exported(
-    program: IntegerProgram, frames: Sequence[Mapping[str, Numbers]], about: Sequence[str]
-) -> Exported:
+def exported(program: IntegerProgram, streams: Frames, about: Sequence[str]) -> Exported:
     """Return a program's files.
 
     Parameters
     ----------
     program : IntegerProgram
-    frames : sequence of mapping of str to (1, cells) int or float
-        Inputs of the test vector, one stream.
+    streams : sequence of mapping of str to (batch, cells) int or float
+        Frames of streams side by side, among which the test vector is chosen.
     about : sequence of str
         Lines at the head of the program's own file.
     """
-    name = identifier(program.name)
+    name, vector = identifier(program.name), vector_of(program, streams)
     text = c_text(program)
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
     header = _header(name, program, text.memory, inputs, outputs, text.tables)
     source = [
         "/* " + "\n   ".join(line.replace("*/", "") for line in about) + " */",
         f'#include "{name}.h"',
-        *(_LIBM if _real(program) else []),
+        *(_LIBM if program.real else []),
         "",
         *(line for one in text.helpers for line in (one, "")),
         *(line for one in text.tables for line in (*table_lines(one, "static const"), "")),
@@ -101,6 +112,7 @@ def exported(
         "{",
         "    const int32_t first = m->started ? 0 : 1;",
         "    (void)first;",
+        "    (void)in;",
         *text.body,
         "    m->started = 1;",
         "}",
@@ -108,9 +120,9 @@ def exported(
     files = {
         f"{name}.h": header,
         f"{name}.c": "\n".join([*source, ""]),
-        "vector.c": _vector(name, program, frames),
+        "vector.c": _vector(name, program, vector),
         "stream.c": _stream(name),
-        "Makefile": _makefile(name, math=_real(program)),
+        "Makefile": _makefile(name, math=program.real),
         "ranges.txt": "".join(f"{line}\n" for line in range_lines(program)),
     }
     return Exported(
@@ -119,16 +131,11 @@ def exported(
         bytes_of(inputs),
         bytes_of(outputs),
         size_of(text.tables),
+        vector,
     )
 
 
 _LIBM = ["/* of libm */", *(f"float {name}f(float);" for name in ("sqrt", "exp", "log"))]
-
-
-def _real(program: IntegerProgram) -> bool:
-    return any(one.format is None and not one.logic for one in program.of_kind("output")) or any(
-        one.format is None and not one.logic for one in program.of_kind("input")
-    )
 
 
 def reset_lines(name: str, place: str = "") -> list[str]:
@@ -179,6 +186,12 @@ def _header(
         for one in (*inputs, *outputs)
         if one.format is not None
     ]
+    legal = [
+        f"#define {name.upper()}_{one.name.upper()}_{end} {literal(one, number)}"
+        for one in inputs
+        if one.bounds is not None
+        for end, number in zip(("LEAST", "LARGEST"), one.bounds, strict=True)
+    ]
     lines = [
         f"/* Program '{program.name}' on {rows} x {cols} cells.",
         f"   Memory {bytes_of(memory, memory=True)} bytes, frame {bytes_of(inputs)}, answers "
@@ -192,6 +205,10 @@ def _header(
         f"#define {name.upper()}_COLS {cols}",
         "/* a whole number q stands for q times 2^-FRACTION */",
         *fractions,
+        "/* the range of an input: numbers beyond it are taken as its end */"
+        if legal
+        else "/* inputs are finite numbers */",
+        *legal,
         "",
         *structures(name, memory, inputs, outputs),
         "",
@@ -207,34 +224,38 @@ def _header(
     return "\n".join(lines)
 
 
-def _vector(name: str, program: IntegerProgram, frames: Sequence[Mapping[str, Numbers]]) -> str:
+def _vector(name: str, program: IntegerProgram, vector: Vector) -> str:
     """Return a main program that runs frames and compares the answers."""
     inputs, outputs = program.of_kind("input"), program.of_kind("output")
-    state, answers = cleared(program, 1), list[Mapping[str, Numbers]]()
-    single = _real(program)
-    for number, frame in enumerate(frames):
-        answers.append(Emulator(program, single=single).run(frame, state, first=number == 0))
+    count, begins = len(vector.frames), [str(int(one)) for one in vector.begins]
     lines = [
-        f"/* {len(frames)} frames and the answers of the emulator: 0 is returned if all are",
-        f"   {'near' if single else 'the same to the bit'}. */",
+        f"/* {count} frames of {sum(vector.begins)} streams and the answers of the emulator: 0 is",
+        f"   returned if all are {'near' if program.real else 'the same to the bit'}.",
+        *(f"   {line}" for line in _wrapped(vector.about(program))),
+        "*/",
         f'#include "{name}.h"',
         "",
     ]
     for one in inputs:
-        lines += _rows(f"given_{one.name}", one, [frame[one.name] for frame in frames])
+        lines += _rows(f"{one.name}_given", one, [frame[one.name] for frame in vector.frames])
     for one in outputs:
-        lines += _rows(f"wanted_{one.name}", one, [answer[one.name] for answer in answers])
+        lines += _rows(f"{one.name}_wanted", one, [answer[one.name] for answer in vector.answers])
     lines += [
+        "/* before which frames the memory is cleared */",
+        f"static const uint8_t begins[{count}] = {{{', '.join(begins)}}};",
+        "",
         *_kept(name),
-        *(_NEAR if single else []),
+        *(_FAR if program.real else []),
         "",
         *_MAIN,
         "    int wrong = 0;",
-        f"    {name}_reset(&memory);",
-        f"    for (int n = 0; n < {len(frames)}; ++n) {{",
-        *_each(inputs, "input.{n}{i} = given_{n}[n][i];"),
+        f"    for (int n = 0; n < {count}; ++n) {{",
+        "        if (begins[n]) {",
+        f"            {name}_reset(&memory);",
+        "        }",
+        *_each(inputs, lambda _: "input.{n}{i} = {n}_given[n]{at};"),
         f"        {name}_step(&memory, &input, &output);",
-        *_each(outputs, _COMPARED[single]),
+        *_each(outputs, lambda one: _compared(one, vector)),
         "    }",
         "    return wrong != 0;",
         "}",
@@ -243,24 +264,32 @@ def _vector(name: str, program: IntegerProgram, frames: Sequence[Mapping[str, Nu
     return "\n".join(lines)
 
 
+def _wrapped(sentences: Sequence[str]) -> list[str]:
+    return textwrap.wrap(" ".join(sentences), 90, break_long_words=False)
+
+
+def _compared(one: Array, vector: Vector) -> str:
+    if one.format is not None or one.logic:
+        return "wrong += output.{n}{i} != {n}_wanted[n]{at};"
+    off = literal(one, tolerance([answer[one.name] for answer in vector.answers]))
+    return f"wrong += far(output.{{n}}{{i}}, {{n}}_wanted[n]{{at}}, {off});"
+
+
 def _kept(name: str) -> list[str]:
     """Return the static variables of a main program."""
     return [f"static {name}_{one} {one};" for one in ("memory", "input", "output")]
 
 
 _MAIN = ["int main(void)", "{"]
-_NEAR = [
+_FAR = [
     "",
-    "static int far(float a, float b)",
+    "/* whether a number is farther than that from the wanted one; NaN is */",
+    "static int far(float a, float b, float most)",
     "{",
-    "    const float off = a > b ? a - b : b - a, size = b < 0.0f ? -b : b;",
-    "    return off > 1e-3f * (size + 1.0f);",
+    "    const float off = a > b ? a - b : b - a;",
+    "    return !(off <= most);",
     "}",
 ]
-_COMPARED = {
-    False: "wrong += output.{n}{i} != wanted_{n}[n][i];",
-    True: "wrong += far((float)output.{n}{i}, (float)wanted_{n}[n][i]);",
-}
 
 
 def _rows(name: str, array: Array, rows: Sequence[Numbers]) -> list[str]:
@@ -272,15 +301,15 @@ def _rows(name: str, array: Array, rows: Sequence[Numbers]) -> list[str]:
     return [*lines, "};", ""]
 
 
-def _each(arrays: Sequence[Array], text: str) -> list[str]:
+def _each(arrays: Sequence[Array], text: Callable[[Array], str]) -> list[str]:
     lines = list[str]()
     for one in arrays:
         if one.length:
             lines.append(f"        for (int i = 0; i < {one.length}; ++i) {{")
-            lines.append(f"            {text.format(n=one.name, i='[i]')}")
+            lines.append(f"            {text(one).format(n=one.name, i='[i]', at='[i]')}")
             lines.append("        }")
         else:
-            lines.append(f"        {text.format(n=one.name, i='').replace('[n][i]', '[n][0]')}")
+            lines.append(f"        {text(one).format(n=one.name, i='', at='[0]')}")
     return lines
 
 

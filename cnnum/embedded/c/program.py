@@ -1,5 +1,6 @@
 """A program as text: C99 for a compiler, or OpenCL C for a kernel with a work item a frame."""
 
+import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -50,7 +51,8 @@ def c_text(program: IntegerProgram) -> CText:
     )
     lines, used = printer.lines(body, 1), names_in(body)
     text = "\n".join(lines)
-    helpers = [code for name, code in HELPERS.items() if f"{name}(" in text]
+    called = set(re.findall(r"\w+(?=\()", text))
+    helpers = [code for name, code in HELPERS.items() if name in called]
     arrays = [one for one in program.arrays.values() if one.name in used]
     return CText(
         helpers,
@@ -66,8 +68,7 @@ def element_type(array: Array) -> str:
         return "uint8_t"
     if array.format is None:
         return FLOAT32.scalar
-    bits = next(bits for bits in (8, 16, 32) if array.format.bits <= bits)
-    return f"int{bits}_t"
+    return f"int{array.bits}_t"
 
 
 def literal(array: Array, value: float) -> str:

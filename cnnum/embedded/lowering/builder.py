@@ -12,7 +12,7 @@ from cnnum import kernels as ir
 from cnnum.arrays import Shape
 from cnnum.embedded.arithmetic.elements import Arithmetic
 from cnnum.embedded.arithmetic.fixed import Fixed, Quantity, nearest
-from cnnum.embedded.arithmetic.whole import item
+from cnnum.embedded.arithmetic.whole import call, item, limited
 from cnnum.embedded.formats import Format
 from cnnum.embedded.program import Array, Kind
 from cnnum.embedded.sizes import Formats
@@ -84,19 +84,36 @@ class Builder:
 
     def places(self, name: str, values: ArrayLike, about: str = "") -> Array:
         """Return a table of whole numbers: places in an array."""
-        return self._table(name, np.asarray(values, dtype=np.int64).ravel(), 0, about)
+        flat = np.asarray(values, dtype=np.int64).ravel()
+        return self._table(name, flat, 0, about, places=True)
 
-    def _table(self, name: str, values: Any, fraction: int, about: str) -> Array:
+    def _table(
+        self, name: str, values: Any, fraction: int, about: str, *, places: bool = False
+    ) -> Array:
         most = int(np.abs(values).max(initial=0))
         bits = next(bits for bits in (8, 16, 32) if most < 1 << (bits - 1))
-        made = Array(name, "table", values.size, Format(bits, fraction), about, values)
+        form = Format(bits, fraction)
+        made = Array(name, "table", values.size, form, about, values, places=places)
         self.arrays[name] = made
         return made
 
     def item(self, array: Array, at: ir.Expression = CELL) -> Quantity:
         """Return a number of an array."""
+        return self.loaded(array, item(array.name, at, array.held))
+
+    def loaded(self, array: Array, value: ir.Expression) -> Quantity:
+        """Return a number that is read of an array; what comes from outside is kept in its format.
+
+        A caller, or a fault of the memory, may leave any bits in inputs and in the state.
+        """
         fraction = 0 if array.format is None else array.format.fraction
-        return Quantity(item(array.name, at, array.bounds), fraction)
+        if array.held is not None and array.bounds is not None and array.held != array.bounds:
+            value = (
+                call("greater", value, ir.Integer(0))
+                if array.logic
+                else limited(value, *array.bounds)
+            )
+        return Quantity(value, fraction)
 
     def let(self, name: str, one: Quantity) -> Quantity:
         """Return a quantity by a new name."""

@@ -11,7 +11,7 @@ from cnnum.embedded.lowering.builder import FINE, Builder
 from cnnum.embedded.lowering.levels import Level, Levels, is_local, levels_of
 from cnnum.embedded.lowering.loops import lower_loop
 from cnnum.embedded.lowering.transients import lower_transient
-from cnnum.embedded.program import Array, IntegerProgram, array_name
+from cnnum.embedded.program import Array, IntegerProgram, array_names
 from cnnum.embedded.sizes import Formats, Sizes
 from cnnum.errors import NotSupportedError
 from cnnum.graph.elementwise import MULTIPLY
@@ -117,6 +117,7 @@ class Lowering:
 
     def sources(self) -> None:
         """Write arrays of inputs, memories and constants."""
+        names = array_names("in", self.schedule.channels)
         for node in self.schedule.nodes:
             operation = node.operation
             if node.maps > 1:
@@ -125,10 +126,10 @@ class Lowering:
                     "the outputs that need it."
                 )
             if isinstance(operation, Input):
-                channel = operation.channel
-                form = self.to.formats.stored(array_name("in", channel))
+                channel, name = operation.channel, names[operation.channel]
+                form = self.to.formats.stored(name)
                 self.maps[node.index] = self.to.array(
-                    array_name("in", channel), "input", self.to.cells, form, f"channel {channel}"
+                    name, "input", self.to.cells, form, f"channel {channel}"
                 )
             elif isinstance(operation, ConstantMap):
                 table, _ = self.to.table(f"k{node.index}", operation.values, "constant map")
@@ -147,18 +148,22 @@ class Lowering:
         form = formats.register(name) if read.scalar else formats.kept(name)
         array = self.to.array(name, "state", length, form, str(read.operation), logic=read.logic)
         if read.scalar:
-            fraction = 0 if array.format is None else array.format.fraction
-            self.numbers[read.index] = self.to.let(
-                f"n{read.index}", Quantity(ir.Name(name, array.bounds), fraction)
-            )
+            value = self.to.loaded(array, ir.Name(name, array.held))
+            self.numbers[read.index] = self.to.let(f"n{read.index}", value)
             return
         self.maps[read.index] = array
         place = self.levels.at.get(store.index, -1)
-        # where no later loop reads the old value, the new one takes its place at once
-        free = is_local(store) and store.index not in self.maps
+        # where nothing reads the old value later, the new one takes its place at once
+        free = is_local(store) and store.index not in self.maps and not self._ends(read)
         if free and self.levels.last.get(read.index, 0) <= place:
             self.maps[store.index] = array
             self._direct.add(number)
+
+    def _ends(self, node: Node) -> bool:
+        """Return whether a value is read after all operations: by an output or a memory."""
+        memories = self.schedule.memories.values()
+        ends = [*self.schedule.outputs.values(), *(one.store for one in memories)]
+        return any(one is node for one in ends)
 
     def level(self, number: int) -> None:
         """Write the operations of a level."""
@@ -320,8 +325,9 @@ class Lowering:
     def ends(self) -> None:
         """Write outputs, and the memories for the next frame."""
         copied = list[tuple[Array, Node]]()
+        names = array_names("out", self.schedule.outputs)
         for name, node in self.schedule.outputs.items():
-            array = self._output(name, node)
+            array = self._output(name, names[name], node)
             self.outputs[name] = array.name
             if node.scalar:
                 self._set(array, node)
@@ -349,11 +355,10 @@ class Lowering:
         value = self.to.stored(self.numbers[node.index], array)
         self.to.body.append(ir.Assign(ir.Name(array.name, array.bounds), value))
 
-    def _output(self, name: str, node: Node) -> Array:
-        form, name_of = self.to.formats, array_name("out", name)
-        length = 0 if node.scalar else self.to.cells
-        wide = form.register(name_of) if node.scalar else form.stored(name_of)
-        return self.to.array(name_of, "output", length, wide, name, logic=node.logic)
+    def _output(self, name: str, array: str, node: Node) -> Array:
+        form, length = self.to.formats, 0 if node.scalar else self.to.cells
+        wide = form.register(array) if node.scalar else form.stored(array)
+        return self.to.array(array, "output", length, wide, name, logic=node.logic)
 
 
 def _divisor(node: Node) -> Node | None:

@@ -114,8 +114,7 @@ def _step(
     if template.output.limited:
         total = work.clipped(total)
     if work.given["mask"]:
-        mask = work.cell(work.given["mask"][0])
-        total = to.arithmetic.select(mask, to.item(state), total, total.fraction)
+        total = work.masked(total, to.item(state))
     if watch.needed:
         new = to.let(f"new{work.index}_{layer}", Quantity(to.stored(total, state), _places(state)))
         to.body.append(watch.noted(new.value, to.item(state).value))

@@ -7,7 +7,7 @@ import numpy as np
 
 from cnnum.arrays import Floats
 from cnnum.embedded.arithmetic.fixed import Quantity, constant
-from cnnum.embedded.lowering.builder import Builder
+from cnnum.embedded.lowering.builder import FINE, Builder
 from cnnum.embedded.lowering.neighbours import Padded, reach
 from cnnum.embedded.program import Array
 from cnnum.errors import NotSupportedError
@@ -35,6 +35,8 @@ class TransientWork:
         Maps that are read of it.
     figures : dict of str to Quantity
         Numbers that are read of it, by name.
+    watched : bool
+        Whether the states of all layers are stored, since a flag says whether they rest.
     """
 
     to: Builder
@@ -43,6 +45,7 @@ class TransientWork:
     given: Given
     picks: Sequence[Node]
     figures: dict[str, Quantity] = field(default_factory=dict[str, Quantity])
+    watched: bool = False
     _padded: dict[tuple[int, float | None], Padded] = field(
         default_factory=dict[tuple[int, "float | None"], Padded]
     )
@@ -63,7 +66,9 @@ class TransientWork:
 
     @property
     def layers(self) -> list[int]:
-        """The layers that anything reads."""
+        """The layers whose end anything reads."""
+        if self.watched:
+            return list(range(self.template.layers))
         return sorted({_pick(one).layer for one in self.picks})
 
     def drive_terms(self, layer: int, share: float) -> Terms:
@@ -132,23 +137,34 @@ class TransientWork:
         return self.to.array(name, "work", self.to.cells, form, f"template {self.template.name}")
 
     def uncoupled(self, kept: Floats) -> dict[int, Array]:
-        """Write x = (1 − k) w + k x₀ of every layer that is read."""
+        """Write x = (1 − k) w + k x₀ of every layer that is read; masked cells stay at x₀."""
         self.prepare()
-        found = dict[int, Array]()
+        found, masks = dict[int, Array](), self.given["mask"]
         for layer in self.layers:
-            share = 1.0 - float(kept[layer])
+            share = float(kept[layer])
             with self.to.within() as body:
-                terms = self.drive_terms(layer, share)
-                start = self.start(layer) if kept[layer] else None
-                if start is not None:
-                    terms.append((float(kept[layer]), start))
-                found |= self.answers(layer, self.to.arithmetic.weighted(terms, 40))
+                terms = self.drive_terms(layer, 1.0 - share)
+                start = self.start(layer) if share or masks else None
+                if start is not None and share:
+                    terms.append((share, start))
+                state = self.to.arithmetic.weighted(terms, FINE)
+                if masks:
+                    state = self.masked(state, start)
+                found |= self.answers(layer, state)
             self.to.loop(body, cols=self.halo > 0, halo=self.halo)
         return found
+
+    def masked(self, new: Quantity, kept: Quantity | None) -> Quantity:
+        """Return a new state where the mask leaves a cell free, and the kept one elsewhere."""
+        mask = self.cell(self.given["mask"][0])
+        stays = constant(0.0) if kept is None else kept
+        return self.to.arithmetic.select(mask, stays, new, new.fraction)
 
     def answers(self, layer: int, state: Quantity) -> dict[int, Array]:
         """Store the state of a layer, and its output where that is another."""
         found = dict[int, Array]()
+        if self.watched:
+            self.to.store(self.target(layer, "state"), state)
         for one in self.picks:
             pick = _pick(one)
             if pick.layer != layer:
@@ -156,7 +172,7 @@ class TransientWork:
             linear = self.template.output.linear or pick.what == "state"
             array = self.target(layer, "state" if linear else "output")
             value = state if linear else self.clipped(state)
-            if array.name not in {self.to.arrays[a.name].name for a in found.values()}:
+            if array not in found.values() and not (linear and self.watched):
                 self.to.store(array, value)
             found[one.index] = array
         return found

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from cnnum.embedded.arithmetic.fixed import Quantity, constant
 from cnnum.embedded.lowering.builder import Builder
-from cnnum.embedded.lowering.products import around_torus, propagated, through_modes
+from cnnum.embedded.lowering.products import around_torus, propagated, rests, through_modes
 from cnnum.embedded.lowering.stepping import stepped
 from cnnum.embedded.lowering.transient_work import Given, TransientWork
 from cnnum.embedded.program import Array
@@ -39,16 +39,20 @@ def lower_transient(
     wanted = {one.index: pick.what for one, pick in read if pick.what in FIGURES}
     maps = [one for one in picks if one.index not in wanted]
     work = TransientWork(to, operation.template, node.index, given, maps)
-    exact = {"steps": 0.0, "settled": float(solver.settle), "time": solver.duration}
+    exact = {"steps": 0.0, "settled": 1.0, "time": solver.duration}
     work.figures = {name: constant(exact[name]) for name in wanted.values()}
+    steps = isinstance(solver.scheme, FixedSteps)
+    work.watched = "settled" in work.figures and not (solver.settle or steps)
     work.check()
     found = _lowered(work, solver)
+    if work.watched:
+        work.figures["settled"] = rests(work, solver)
     return found, {index: work.figures[name] for index, name in wanted.items()}
 
 
 def _lowered(work: TransientWork, solver: Solver) -> dict[int, Array]:
-    scheme, given = solver.scheme, work.given
-    if isinstance(scheme, Decay) and not given["mask"]:
+    scheme = solver.scheme
+    if isinstance(scheme, Decay):
         return work.uncoupled(scheme.kept)
     if isinstance(scheme, Propagator):
         return propagated(work, scheme)

@@ -51,7 +51,8 @@ class Watch:
         """Write the steps and the figures of the run."""
         to, count = work.to, constant(float(scheme.count))
         if self.needed:
-            to.body.append(ir.declare(self.moved, 0))
+            # where there is no step, nothing shows that the array rests
+            to.body.append(ir.declare(self.moved, int(not scheme.count)))
             steps = (ir.Assign(self.moved, ir.Integer(0)), *steps)
         if scheme.settle:
             count = self._until_still(work, scheme, steps)

@@ -57,7 +57,12 @@ class DeviceFrames:
             raise build_failure(self.source, error, queue.device) from error
 
     def run(
-        self, inputs: Mapping[str, Numbers], state: dict[str, Numbers], *, first: bool
+        self,
+        inputs: Mapping[str, Numbers],
+        state: dict[str, Numbers],
+        *,
+        first: bool,
+        batch: int = 1,
     ) -> dict[str, Numbers]:
         """Run a frame of every stream and bring the state up to date, as the emulator does.
 
@@ -66,6 +71,8 @@ class DeviceFrames:
         inputs : mapping of str to (batch, cells) int
         state : mapping of str to (batch, length) int
         first : bool
+        batch : int
+            Streams side by side, of a program that reads no channel and keeps nothing.
 
         Returns
         -------
@@ -78,7 +85,7 @@ class DeviceFrames:
             If the device does not end the run.
         """
         refuse_after_fork()
-        batch = max([1, *(len(one) for one in (*inputs.values(), *state.values()))])
+        batch = max([batch, *(len(one) for one in (*inputs.values(), *state.values()))])
         given = packed(self._inputs, inputs, batch)
         memory = packed(self._parts.memory, state, batch, memory=True)
         answers = np.zeros(batch, dtype=record_type(self._outputs))

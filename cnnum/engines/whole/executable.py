@@ -25,7 +25,12 @@ class Runner(Protocol):
     """Runs the frames of a program."""
 
     def run(
-        self, inputs: Mapping[str, Numbers], state: dict[str, Numbers], *, first: bool
+        self,
+        inputs: Mapping[str, Numbers],
+        state: dict[str, Numbers],
+        *,
+        first: bool,
+        batch: int = 1,
     ) -> dict[str, Numbers]:
         """Run a frame of every stream and bring the state up to date."""
         ...
@@ -122,7 +127,8 @@ class WholeExecutable(OnHost):
             memory.state = cleared(made.program, len(frames))
         inputs = made.inputs(np.asarray(frames, dtype=np.float64))
         runner = self._runner(made.program)
-        found = made.outputs(runner.run(inputs, memory.state, first=first))
+        answer = runner.run(inputs, memory.state, first=first, batch=len(frames))
+        found = made.outputs(answer)
         lost = {name: np.full(len(frames), LOST) for name in self._errors()}
         return {name: found.get(name, lost.get(name)) for name in self.schedule.outputs}  # type: ignore[misc]
 

@@ -1,0 +1,271 @@
+"""The test vector of an export: streams that show as much of the program as they can, and how much.
+
+A vector that a wrong program passes proves nothing. So the streams are chosen among many by the
+answers of the emulator, and constants are flipped in it to see which of them no answer shows.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cnnum import kernels as ir
+from cnnum.embedded.emulator import Emulator, Numbers, cleared
+from cnnum.embedded.program import IntegerProgram
+from cnnum.kernels.expressions import operands
+
+Frames = Sequence[Mapping[str, Numbers]]
+"""Inputs of one frame after another, (batch, cells) each."""
+
+STREAMS = 4
+"""Streams of a vector at most, each after a reset."""
+
+AGAIN = 4
+"""The first part of the first stream comes once more, after a last reset: one in so many frames."""
+
+FLIPPED = 160
+"""Constants that are flipped at most; of more, as many that are evenly spread."""
+
+OFF = 1e-3
+"""Share of an output's largest number by which a float may be off: libraries of mathematics and
+contracted products round otherwise, and a memory hands such roundings on."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Vector:
+    """Frames and their answers.
+
+    Attributes
+    ----------
+    frames, answers : sequence of mapping of str to (1, length) int or float
+    begins : sequence of bool
+        Before which frames the memory is cleared.
+    still : tuple of str
+        Outputs that are the same in all frames: the vector tells nothing of them.
+    remembers : bool
+        Whether an answer differs where the memory is not cleared between the streams.
+    flipped, constants : int
+        Constants whose sign was flipped, and those that there are.
+    unseen : mapping of str to int
+        Flipped constants that no answer shows, by the table or the value in which they stand.
+    """
+
+    frames: Frames
+    answers: Sequence[Mapping[str, Numbers]]
+    begins: Sequence[bool]
+    still: tuple[str, ...]
+    remembers: bool
+    flipped: int
+    constants: int
+    unseen: Mapping[str, int]
+
+    def about(self, program: IntegerProgram) -> list[str]:
+        """Return what the vector shows, and what it does not, a sentence each."""
+        found = list[str]()
+        if self.still:
+            names = ", ".join(f"'{name}'" for name in self.still)
+            found.append(f"It tells nothing of {names}: no frame changes them.")
+        if program.of_kind("state") and not self.remembers:
+            found.append("No answer shows whether the memory is cleared.")
+        seen = self.flipped - sum(self.unseen.values())
+        found.append(
+            f"Of {self.flipped} constants with another sign ({self.constants} there are), {seen} "
+            "change an answer."
+        )
+        if self.unseen:
+            places = ", ".join(
+                name if count == 1 else f"{name} ({count})" for name, count in self.unseen.items()
+            )
+            found.append(f"None shows those of {places}.")
+        return found
+
+
+def vector_of(program: IntegerProgram, streams: Frames) -> Vector:
+    """Return the test vector of a program.
+
+    Parameters
+    ----------
+    program : IntegerProgram
+    streams : sequence of mapping of str to (batch, cells) int or float
+        Frames of streams side by side, among which some are chosen.
+    """
+    batch = max([1, *(len(one) for frame in streams for one in frame.values())])
+    moving = _moving(_answers(program, [(streams, batch)]))
+    lanes = _chosen(moving, batch)
+    parts = [
+        [{n: one[at : at + 1] for n, one in frame.items()} for frame in streams] for at in lanes
+    ]
+    parts.append(parts[0][: max(1, len(streams) // AGAIN)])
+    frames = [frame for part in parts for frame in part]
+    begins = [number == 0 for part in parts for number in range(len(part))]
+    answers = _answers(program, [(part, 1) for part in parts])
+    moves = _moving(answers)
+    still = tuple(name for name, array in program.outputs.items() if not moves[array].any())
+    kept = _answers(program, [(frames, 1)])
+    constants = list(_constants(program))
+    tried = constants[:: -(-len(constants) // FLIPPED) or 1]
+    unseen = _unseen(program, parts, answers, tried)
+    remembers = not _same(program, answers, kept)[0]
+    return Vector(frames, answers, begins, still, remembers, len(tried), len(constants), unseen)
+
+
+def _answers(
+    program: IntegerProgram, parts: Sequence[tuple[Frames, int]]
+) -> list[Mapping[str, Numbers]]:
+    """Return the answers to frames, of which each part begins with a reset."""
+    found = list[Mapping[str, Numbers]]()
+    for frames, batch in parts:
+        state = cleared(program, batch)
+        for number, frame in enumerate(frames):
+            one = Emulator(program, single=program.real)
+            found.append(one.run(frame, state, first=number == 0, batch=batch))
+    return found
+
+
+def _moving(answers: Sequence[Mapping[str, Numbers]]) -> dict[str, Numbers]:
+    """Return how often each output changes from frame to frame, (batch,) each."""
+    found = dict[str, Numbers]()
+    for name in answers[0]:
+        values = np.stack([answer[name] for answer in answers])
+        found[name] = (np.diff(values, axis=0) != 0).any(axis=-1).sum(axis=0)
+    return found
+
+
+def _chosen(moving: Mapping[str, Numbers], batch: int) -> list[int]:
+    """Return the streams that change the most outputs which those before do not."""
+    moves = np.stack([np.broadcast_to(one, batch) for one in moving.values()])
+    left, found = np.ones(len(moves), dtype=bool), list[int]()
+    while len(found) < STREAMS:
+        gain = (moves[left] > 0).sum(axis=0) + moves.mean(axis=0) / (1.0 + moves.max())
+        gain[found] = -1.0
+        best = int(np.argmax(gain))
+        if found and not (moves[left, best] > 0).any():
+            break
+        found.append(best)
+        left &= moves[:, best] == 0
+    return found
+
+
+def _same(
+    program: IntegerProgram,
+    wanted: Sequence[Mapping[str, Numbers]],
+    given: Sequence[Mapping[str, Numbers]],
+) -> np.ndarray:
+    """Return of each lane whether the vector takes its answers for the wanted ones."""
+    same = np.ones(1, dtype=bool)
+    for array in program.of_kind("output"):
+        real = array.format is None and not array.logic
+        most = tolerance([answer[array.name] for answer in wanted]) if real else 0.0
+        for one, other in zip(wanted, given, strict=True):
+            off = np.abs(other[array.name] - one[array.name])
+            same = same & (off <= most).all(axis=-1)
+    return same
+
+
+def tolerance(values: Sequence[Numbers]) -> float:
+    """Return by how much a float of an output may be off."""
+    largest = max(float(np.abs(one).max()) for one in values)
+    return OFF * largest if largest > 0.0 else OFF**2
+
+
+@dataclass(frozen=True, slots=True)
+class _Constant:
+    """A constant: a literal in a value, or a number of a table.
+
+    Attributes
+    ----------
+    place : str
+    literal : Integer or Number, optional
+    at : int
+    """
+
+    place: str
+    literal: ir.Integer | ir.Number | None = None
+    at: int = 0
+
+
+def _constants(program: IntegerProgram) -> Iterator[_Constant]:
+    """Yield the constants of a program that are not 0; places in arrays are none."""
+    for name, value in _values(program.body):
+        for literal in _literals(value):
+            yield _Constant(name, literal)
+    for table in program.of_kind("table"):
+        assert table.values is not None
+        if not table.places:
+            for at in np.flatnonzero(table.values).tolist():
+                yield _Constant(table.name, at=at)
+
+
+def _values(body: Sequence[ir.Statement]) -> Iterator[tuple[str, ir.Expression]]:
+    for one in body:
+        if isinstance(one, ir.Declare) and one.type == "real":
+            yield from ((name.text, value) for name, value in one.variables if value is not None)
+        elif isinstance(one, ir.Assign | ir.Accumulate):
+            target = one.target
+            yield (target.array if isinstance(target, ir.Element) else target).text, one.value
+        elif isinstance(one, ir.Sweep | ir.Loop | ir.Counted):
+            yield from _values(one.body)
+
+
+def _literals(value: ir.Expression) -> Iterator[ir.Integer | ir.Number]:
+    """Yield the literals of an expression: no places, and no numbers of places to shift by."""
+    if isinstance(value, ir.Element):
+        return
+    inner = operands(value)
+    if isinstance(value, ir.Binary) and value.sign == ">>":
+        inner = inner[:1]
+    for one in inner:
+        if isinstance(one, ir.Integer | ir.Number):
+            if one.value:
+                yield one
+        else:
+            yield from _literals(one)
+
+
+@dataclass(slots=True, eq=False)
+class _Flipping(Emulator):
+    """Runs the program with another constant flipped in each lane."""
+
+    flips: dict[int, Numbers] = field(default_factory=dict[int, Numbers])
+    tables: dict[str, Numbers] = field(default_factory=dict[str, Numbers])
+
+    def literal(self, one: ir.Integer | ir.Number) -> Numbers:
+        """Return a number that is written out."""
+        written, flips = Emulator.literal(self, one), self.flips.get(id(one))
+        return written if flips is None else written * flips
+
+    def table(self, name: str, values: Numbers) -> Numbers:
+        """Return the numbers of a table."""
+        written, flips = Emulator.table(self, name, values), self.tables.get(name)
+        return written if flips is None else written * flips
+
+
+def _unseen(
+    program: IntegerProgram,
+    parts: Sequence[Frames],
+    wanted: Sequence[Mapping[str, Numbers]],
+    tried: Sequence[_Constant],
+) -> dict[str, int]:
+    """Return how many of the constants may be flipped without a change, by their places."""
+    batch = len(tried)
+    if not batch:
+        return {}
+    flips, tables = dict[int, Numbers](), dict[str, Numbers]()
+    for lane, one in enumerate(tried):
+        if one.literal is not None:
+            flips.setdefault(id(one.literal), np.ones((batch, 1), dtype=np.int64))[lane] = -1
+        else:
+            length = program.arrays[one.place].length
+            ones = tables.setdefault(one.place, np.ones((batch, length), dtype=np.int64))
+            ones[lane, one.at] = -1
+    given = list[Mapping[str, Numbers]]()
+    for frames in parts:
+        state = cleared(program, batch)
+        for number, frame in enumerate(frames):
+            emulator = _Flipping(program, single=program.real, flips=flips, tables=tables)
+            given.append(emulator.run(frame, state, first=number == 0, batch=batch))
+    same = np.broadcast_to(_same(program, wanted, given), batch)
+    found = dict[str, int]()
+    for one in (tried[at] for at in np.flatnonzero(same).tolist()):
+        found[one.place] = found.get(one.place, 0) + 1
+    return found
