@@ -1,7 +1,8 @@
 """The graph of an analogic program: interned nodes, so that equal operations are one node."""
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from cnnum.arrays import Shape
@@ -38,11 +39,14 @@ class Graph:
         Of a loop's body: the graph that the loop stands in, whose numbers go on here.
     captured : dict
         Of a loop's body: the parent's nodes that it reads, by the number of their parameter.
+    traced : Graph or None
+        Of the outermost graph: the innermost body that is being traced.
     """
 
     shape: Shape
     parent: "Graph | None" = None
     captured: "dict[int, Node]" = field(default_factory=dict[int, "Node"])
+    traced: "Graph | None" = None
     nodes: list[Node] = field(default_factory=list[Node])
     outputs: dict[str, Node] = field(default_factory=dict[str, Node])
     memories: dict[int, Memory] = field(default_factory=dict[int, Memory])
@@ -71,11 +75,26 @@ class Graph:
         self._interned[key] = node
         return node
 
-    def body(self) -> "Graph":
-        """Return a graph for the body of a loop in this one."""
-        inner = Graph(self.shape, parent=self)
+    @property
+    def outermost(self) -> "Graph":
+        """The graph of the program that it belongs to."""
+        return self if self.parent is None else self.parent.outermost
+
+    @property
+    def innermost(self) -> "Graph":
+        """The body that is being traced, in which a loop stands whatever its values are."""
+        return self.outermost.traced or self
+
+    @contextmanager
+    def body(self) -> "Generator[Graph]":
+        """Yield a graph for the body of a loop in this one, while that is traced."""
+        inner, whole = Graph(self.shape, parent=self), self.outermost
         inner._numbers = self._numbers
-        return inner
+        outer, whole.traced = whole.traced, inner
+        try:
+            yield inner
+        finally:
+            whole.traced = outer
 
     @property
     def depth(self) -> int:

@@ -73,7 +73,7 @@ def loop(body: Body, *values: Field, limit: int, until: Until | None = None) -> 
     ProgramError
         If the body does not return as many fields, or a map becomes a number.
     """
-    graph = graph_of(values)
+    graph = graph_of(values).innermost
     start = graph.constant(1.0)
     return _loop(graph, start, body, [as_field(graph, v) for v in values], limit, until)
 
@@ -92,7 +92,7 @@ def branch(flag: Field, body: Body, *values: Field) -> tuple[Field, ...]:
     expect("flag", flag, Field, ProgramError)
     if not (flag.scalar and flag.logic):
         raise ProgramError("A branch needs a flag: one logic value a frame.")
-    graph = graph_of((flag, *values))
+    graph = graph_of((flag, *values)).innermost
     carried = [as_field(graph, value) for value in values]
     looped = _loop(graph, as_field(graph, flag).node, body, carried, 1, _at_once)
     return looped.values
@@ -115,16 +115,16 @@ def _loop(
         raise ProgramError(
             f"A loop's limit must be a whole number from 1 to {LONGEST_LOOP}, got {limit!r:.60}."
         )
-    inner = graph.body()
     for name, function in (("body", body), ("until", until)):
         if not (callable(function) or (function is None and name == "until")):
             raise ProgramError(
                 f"'{name}' of a loop must be a function of its carried fields, got "
                 f"{type(function).__name__}."
             )
-    parameters = [Field(inner, inner.like(v.node, Parameter(k))) for k, v in enumerate(values)]
-    results = _results(inner, body(*parameters), values)
-    again = _again(inner, until, results)
+    with graph.body() as inner:
+        given = [Field(inner, inner.like(v.node, Parameter(k))) for k, v in enumerate(values)]
+        results = _results(inner, body(*given), values)
+        again = _again(inner, until, results)
     nodes = _thinned(inner, [result.node for result in results], again)
     operation = Loop(nodes, tuple(result.node for result in results), again, int(limit))
     captured = [inner.captured[place] for place in sorted(inner.captured)]
@@ -153,6 +153,11 @@ def _results(inner: Graph, returned: Field | Sequence[Field], values: list[Field
         if (was.scalar, was.maps) != (becomes.scalar, becomes.maps):
             raise ProgramError(
                 "A carried value of a loop must stay a map, a stack of as many, or one number."
+            )
+        if was.logic and not becomes.logic:
+            raise ProgramError(
+                "A carried value of a loop that begins as a logic value must stay one: begin with "
+                "cnnum.where(flag, 1.0, 0.0) for numbers, or return a comparison."
             )
     return results
 

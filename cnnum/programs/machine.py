@@ -42,7 +42,8 @@ class LocalMemory:
         Raises
         ------
         ProgramError
-            If it was said before, or a map is stored where one number is held.
+            If it was said before, or a map is stored where one number is held, or numbers where
+            logic values are.
         """
         if value.graph is not self._graph:
             raise ProgramError("A memory is stored once a frame, outside of loops.")
@@ -54,6 +55,11 @@ class LocalMemory:
             raise ProgramError(
                 f"Memory {self._number} holds {held}, got {given}; give scalar= or maps= where it "
                 "is made."
+            )
+        if memory.read.logic and not value.logic:
+            raise ProgramError(
+                f"Memory {self._number} holds logic values, got numbers: compare them first, or "
+                "leave out logic=True where it is made."
             )
         self._graph.memories[self._number] = Memory(memory.read, value.node)
 

@@ -1,6 +1,7 @@
 """The C99 of a program: no warning, clean under sanitizers, the emulator's numbers to the bit."""
 
 import os
+import re
 import shutil
 import subprocess
 
@@ -139,3 +140,56 @@ def test_only_what_is_wanted_is_exported():
     assert "shear" not in one.files["twist.h"]
     assert one.memory_bytes < both.memory_bytes
     assert one.input_bytes == both.input_bytes // 3
+
+
+def test_a_vector_fails_for_a_stub_for_nan_for_a_flip_and_without_a_reset(compiler, tmp_path):
+    """Of whole numbers and of floats; every output changes, and the memory is cleared midway."""
+    for precision in ("q15", "float32"):
+        folder = tmp_path / precision
+        program = made("twist", precision)
+        exported = program.export(streams((8, 8)))
+        exported.write(folder)
+        vector, source = exported.vector, folder / "twist.c"
+        assert not vector.still
+        assert vector.remembers
+        assert sum(vector.begins) > 1
+        assert sum(vector.unseen.values()) < vector.flipped
+        text, head = source.read_text(), (folder / "vector.c").read_text().split("*/")[0]
+        assert f"Of {vector.flipped} constants" in " ".join(head.split())
+        step = text.index("void twist_step(")
+        outputs = program.program.of_kind("output")
+        nan = "\n".join(
+            f"    out->{one.name} = nothing / nothing;" for one in outputs if not one.logic
+        )
+        others = {
+            "as it is": text,
+            "stub": text[:step] + STUB,
+            "no reset": text.replace("bytes[n] = 0;", "bytes[n] = bytes[n];"),
+            "flip": flipped(text),
+        }
+        if precision == "float32":
+            others["NaN"] = text[:step] + STUB.replace(
+                "    (void)out;", f"    volatile float nothing = 0.0f;\n{nan}"
+            )
+        for name, other in others.items():
+            source.write_text(other)
+            main = compiled(compiler, folder, "twist", "vector.c", "-Wno-error")
+            done = subprocess.run([main], check=False)
+            assert done.returncode == int(name != "as it is"), (precision, name)
+
+
+STUB = """void twist_step(twist_memory *m, const twist_input *in, twist_output *out)
+{
+    (void)m;
+    (void)in;
+    (void)out;
+}
+"""
+
+
+def flipped(text):
+    """The text with another sign of the first constant factor of a frame."""
+    found = re.search(r"\* (\(?)(-?)(\d+(?:\.\d+)?f?|INT64_C\(\d+\))(?=[^\]]*;\n)", text)
+    assert found is not None
+    at = found.start(3)
+    return f"{text[:at]}-{text[at:]}" if not found[2] else text[: at - 1] + text[at:]

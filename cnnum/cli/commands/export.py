@@ -9,8 +9,8 @@ import click
 from cnnum.cli.options import force_option, json_option
 from cnnum.cli.output import Output
 
-VECTOR = 48
-"""Frames of the test vector."""
+VECTOR = (48, 160)
+"""Frames of each stream of the test vector; the more where fewer leave an output as it is."""
 
 
 @click.command("export")
@@ -49,7 +49,7 @@ def command(
     Memory is static, and precisions of whole numbers need no mathematics library. The range of
     every value is measured on simulated scenes; values beyond it saturate.
     """
-    from cnnum.lab.embedded.streams import made, vector_frames
+    from cnnum.lab.embedded.streams import made, vector_streams
 
     size = shape_of(shape)
     require_room(out, program, force=force)
@@ -59,8 +59,12 @@ def command(
         f"Program '{program}' on {size[0]} x {size[1]} cells in {precision}, method {method}.",
         "Written by 'cnnum export'.",
     )
-    exported = found.export(vector_frames(size, VECTOR), about)
+    for count in VECTOR:
+        exported = found.export(vector_streams(size, count), about)
+        if not exported.vector.still:
+            break
     exported.write(out, force=True)  # what is in the way was looked for before the work
+    vector = exported.vector
     output = Output(as_json)
     output.record(
         {
@@ -75,12 +79,19 @@ def command(
             "input_bytes": exported.input_bytes,
             "output_bytes": exported.output_bytes,
             "table_bytes": exported.table_bytes,
+            "vector_frames": len(vector.frames),
+            "vector_streams": sum(vector.begins),
+            "outputs_that_stay": list(vector.still),
+            "constants_flipped": vector.flipped,
+            "constants_unnoticed": sum(vector.unseen.values()),
         }
     )
     output.show(
         f"Wrote {', '.join(sorted(exported.files))} to {out}.",
         f"Memory {exported.memory_bytes} bytes, a frame {exported.input_bytes}, its answers "
         f"{exported.output_bytes}, tables {exported.table_bytes}.",
+        f"The test vector has {len(vector.frames)} frames of {sum(vector.begins)} streams.",
+        *vector.about(found.program),
     )
     return 0
 

@@ -245,7 +245,7 @@ def _vector(name: str, program: IntegerProgram, vector: Vector) -> str:
         f"static const uint8_t begins[{count}] = {{{', '.join(begins)}}};",
         "",
         *_kept(name),
-        *(_FAR if program.real else []),
+        *(_FAR if any(one.format is None and not one.logic for one in outputs) else []),
         "",
         *_MAIN,
         "    int wrong = 0;",

@@ -23,7 +23,7 @@ STREAMS = 4
 AGAIN = 4
 """The first part of the first stream comes once more, after a last reset: one in so many frames."""
 
-FLIPPED = 160
+FLIPPED = 64
 """Constants that are flipped at most; of more, as many that are evenly spread."""
 
 OFF = 1e-3
@@ -229,10 +229,11 @@ class _Flipping(Emulator):
     flips: dict[int, Numbers] = field(default_factory=dict[int, Numbers])
     tables: dict[str, Numbers] = field(default_factory=dict[str, Numbers])
 
-    def literal(self, one: ir.Integer | ir.Number) -> Numbers:
-        """Return a number that is written out."""
-        written, flips = Emulator.literal(self, one), self.flips.get(id(one))
-        return written if flips is None else written * flips
+    def value(self, expression: ir.Expression) -> Numbers:
+        """Return the value of an expression, (batch or 1, 1 or cells)."""
+        flips = self.flips.get(id(expression))
+        found = Emulator.value(self, expression)
+        return found if flips is None else found * flips
 
     def table(self, name: str, values: Numbers) -> Numbers:
         """Return the numbers of a table."""

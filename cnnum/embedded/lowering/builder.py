@@ -126,9 +126,10 @@ class Builder:
         """Return the expression that an array holds for a quantity."""
         if array.logic:
             return one.value if one.exact is None else ir.Integer(int(one.exact != 0))
-        if array.format is None:
-            return one.value
-        assert isinstance(self.arithmetic, Fixed)
+        if not isinstance(self.arithmetic, Fixed):
+            # logic values are whole numbers, in reals too
+            return one.value if one.value.bounds is None else call("to_real", one.value)
+        assert array.format is not None
         return self.arithmetic.stored(one, array.format)
 
     def store(self, array: Array, one: Quantity, at: ir.Expression = CELL) -> None:

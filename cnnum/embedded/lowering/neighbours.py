@@ -8,6 +8,7 @@ from cnnum import kernels as ir
 from cnnum.arrays import Floats
 from cnnum.embedded.arithmetic.fixed import Quantity
 from cnnum.embedded.arithmetic.whole import call, item
+from cnnum.embedded.formats import Format
 from cnnum.embedded.lowering.builder import CELL, PLACE, Builder
 from cnnum.embedded.program import Array
 from cnnum.templating.boundary import Boundary, halo_sources
@@ -42,7 +43,8 @@ class Padded:
         """Return a new padded array, and write the rim where that is constant."""
         rows, cols = to.shape
         length = (rows + 2 * halo) * (cols + 2 * halo)
-        array = to.array(name, "work", length, like.format, like.about, logic=like.logic)
+        form, logic = _holding(to, like, boundary.constant if halo else None)
+        array = to.array(name, "work", length, form, like.about, logic=logic)
         padded = cls(to, array, halo, boundary)
         if boundary.constant is not None:
             padded._constant_rim(float(boundary.constant))
@@ -116,3 +118,23 @@ class Padded:
         if names[1] not in self.to.arrays:
             self.to.places(names[1], seen, "the cells that the rim copies")
         return self.to.arrays[names[0]], self.to.arrays[names[1]]
+
+
+def _holding(to: Builder, like: Array, edge: float | None) -> tuple[Format | None, bool]:
+    """Return the format of an array that also holds the rim's value, and whether it is logic."""
+    form = like.format
+    if edge is None or edge in (0.0, 1.0) or (form is None and not like.logic):
+        return form, like.logic
+    if like.logic:
+        size = max(1.0, abs(edge))
+    else:
+        assert form is not None
+        size = max(-form.least * form.step, abs(edge))
+        if abs(edge) <= form.largest * form.step:
+            return form, False
+    if not to.integer:
+        return None, False
+    wider = to.formats.precision.stored(size)
+    fits = abs(edge) <= wider.largest * wider.step
+    # a fixed fraction leaves no room for it: as many bits as a memory has
+    return wider if fits else to.formats.precision.kept(size), False

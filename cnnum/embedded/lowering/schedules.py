@@ -103,6 +103,7 @@ class Lowering:
     outputs: dict[str, str] = field(default_factory=dict[str, str])
     _inverses: dict[int, Quantity] = field(default_factory=dict[int, Quantity])
     _direct: set[int] = field(default_factory=set[int])
+    _held: dict[int, Quantity] = field(default_factory=dict[int, Quantity])
 
     def levelwise(self) -> None:
         """Write all that runs, level by level."""
@@ -293,13 +294,23 @@ class Lowering:
                     str(node.operation),
                     logic=node.logic,
                 )
-            self.to.store(self.maps[node.index], self.numbers[node.index])
+            array = self.maps[node.index]
+            held = self.to.stored(self.numbers[node.index], array)
+            fraction = 0 if array.format is None else array.format.fraction
+            if array.format is not None and not node.logic:
+                self._held[node.index] = self.to.let(f"h{node.index}", Quantity(held, fraction))
+                held = self._held[node.index].value
+            self.to.body.append(self.to.store_to(array, held))
 
     def _folded(self, node: Node) -> Quantity:
         """Write the fold of a read-out; return its variable."""
         operation = node.operation
         assert isinstance(operation, Reduce)
-        one, how = self.operand(node.arguments[0]), FOLDS[operation.function.name]
+        argument, how = node.arguments[0], FOLDS[operation.function.name]
+        one = self.operand(argument)
+        if how != "+":
+            # the largest number is one of those that another loop finds in the map
+            one = self._held.get(argument.index, one)
         if one.exact is not None and isinstance(self.to.arithmetic, Fixed):
             one = self.to.arithmetic.settled(one)
         value = one.value

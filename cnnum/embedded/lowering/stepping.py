@@ -2,6 +2,7 @@
 
 from cnnum import kernels as ir
 from cnnum.embedded.arithmetic.fixed import Quantity
+from cnnum.embedded.lowering.builder import FINE
 from cnnum.embedded.lowering.neighbours import Padded, reach
 from cnnum.embedded.lowering.transient_work import TransientWork
 from cnnum.embedded.lowering.watch import Watch
@@ -43,7 +44,7 @@ def stepped(work: TransientWork, scheme: FixedSteps) -> dict[int, Array]:
             padded.fill(value if template.output.linear else work.clipped(value))
         with to.within() as body:
             for layer, (state, drive) in enumerate(zip(states, drives, strict=True)):
-                _step(work, layer, scheme.step, state, drive, seen, watch)
+                _step(work, layer, scheme, state, drive, seen, watch)
         to.loop(body, cols=halo > 0, halo=halo)
     watch.repeat(work, scheme, steps)
     return _ends(work, states)
@@ -90,14 +91,14 @@ def _drive(work: TransientWork, layer: int, step: float) -> Array | None:
 def _step(
     work: TransientWork,
     layer: int,
-    step: float,
+    scheme: FixedSteps,
     state: Array,
     drive: Array | None,
     seen: list[Padded],
     watch: Watch,
 ) -> None:
     to, template = work.to, work.template
-    share = step / float(template.tau[layer])
+    share = scheme.step / float(template.tau[layer])
     terms = [
         (share * tap.weight, seen[tap.source].at(tap.row, tap.col))
         for tap in taps(template.A, layer)
@@ -108,9 +109,11 @@ def _step(
         terms = _merged(terms, own, seen[layer].at(0, 0))
     elif own:
         terms.append((own, to.item(state)))
-    total = to.arithmetic.weighted(terms, 40)
+    total = to.arithmetic.weighted(terms, FINE)
     if drive is not None:
-        total = to.arithmetic.add(total, to.item(drive), total.fraction)
+        # of a step as long as τ nothing of the state is kept, and the drive is all there is
+        finest = total.fraction if terms else FINE
+        total = to.arithmetic.add(total, to.item(drive), finest)
     if template.output.limited:
         total = work.clipped(total)
     if work.given["mask"]:
@@ -118,7 +121,8 @@ def _step(
     if watch.needed:
         new = to.let(f"new{work.index}_{layer}", Quantity(to.stored(total, state), _places(state)))
         to.body.append(watch.noted(new.value, to.item(state).value))
-        to.body.append(to.store_to(state, new.value))
+        if scheme.count:
+            to.body.append(to.store_to(state, new.value))
         return
     to.store(state, total)
 

@@ -158,7 +158,8 @@ class TransientWork:
         """Return a new state where the mask leaves a cell free, and the kept one elsewhere."""
         mask = self.cell(self.given["mask"][0])
         stays = constant(0.0) if kept is None else kept
-        return self.to.arithmetic.select(mask, stays, new, new.fraction)
+        # the kept state keeps all its places
+        return self.to.arithmetic.select(mask, stays, new, max(new.fraction, stays.fraction))
 
     def answers(self, layer: int, state: Quantity) -> dict[int, Array]:
         """Store the state of a layer, and its output where that is another."""

@@ -51,14 +51,15 @@ class Watch:
         """Write the steps and the figures of the run."""
         to, count = work.to, constant(float(scheme.count))
         if self.needed:
-            # where there is no step, nothing shows that the array rests
-            to.body.append(ir.declare(self.moved, int(not scheme.count)))
+            to.body.append(ir.declare(self.moved, 0))
             steps = (ir.Assign(self.moved, ir.Integer(0)), *steps)
         if scheme.settle:
             count = self._until_still(work, scheme, steps)
             time = to.arithmetic.multiply(count, constant(scheme.step), FINE)
         else:
-            to.body.append(ir.Counted(ir.ROUND, 0, scheme.count, None, tuple(steps)))
+            # a run of no time is watched for one step, which is not stored
+            count_of = scheme.count or int(self.needed)
+            to.body.append(ir.Counted(ir.ROUND, 0, count_of, None, tuple(steps)))
             time = constant(scheme.step * scheme.count)
         known = {"steps": count, "time": time, "settled": Quantity(opposite(self.moved))}
         for name in work.figures:

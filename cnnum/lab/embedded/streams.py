@@ -120,8 +120,31 @@ def _seen(name: str, shape: Shape, method: str, needs: tuple[str, ...] | None) -
     return measured(found, solvers_for(found, method), measuring_frames(shape)[::step])
 
 
+def vector_streams(shape: Shape, count: int) -> Floats:
+    """Return streams among which a test vector is chosen, (count, streams, rows, cols, 3).
+
+    They are parts of the scenes, as fast as they were taken or with frames left out up to the
+    whole scene, and numbers at random, each held for some frames.
+    """
+    found, scenes = list[Floats](), trials(shape, 0, MEASURED)[::MEASURED]
+    for one in scenes:
+        whole = len(one.frames) // count or 1
+        for step in sorted({1, whole}):
+            last = max(0, len(one.frames) - step * count)
+            for start in sorted({0, last // 2, last}):
+                part = one.frames[start::step][:count]
+                rest = np.repeat(part[-1:], count - len(part), axis=0)
+                found.append(np.concatenate([part, rest]))
+    largest = np.max([np.abs(one.frames).max(axis=(0, 1, 2)) for one in scenes], axis=0)
+    random = np.random.default_rng(0)
+    for held in (1, 1, 3, 8):
+        numbers = random.uniform(-1.0, 1.0, (-(-count // held), *shape, 3)) * largest
+        found.append(np.repeat(numbers, held, axis=0)[:count])
+    return np.stack(found, axis=1).astype(np.float64)
+
+
 def vector_frames(shape: Shape, count: int) -> Floats:
-    """Return frames of one stream as a test vector: of a slip, after the rest."""
+    """Return frames of one stream: of a slip, after the rest."""
     frames = trials(shape, 0, MEASURED)[0].frames
     start = max(0, min(len(frames) - count, len(frames) // 2))
     return frames[start : start + count].astype(np.float64)

@@ -1,0 +1,65 @@
+"""Random programs on all engines, in all precisions and as compiled C, against plain NumPy.
+
+A few in the suite; more for as long as `CNNUM_FUZZ` gives, and with the C of `make embedded`.
+"""
+
+import os
+import shutil
+import time
+
+import pytest
+
+from cnnum.errors import NoOpenCLError
+from tests.fuzz.conftest import SECONDS, TESTS
+from tests.fuzz.random_programs import FLOAT32, FLOAT64, WHOLE, Oracle, Shard, V, Writer
+
+LONG = SECONDS > 0.0 or "CNNUM_FRAMES" in os.environ
+
+
+def engines():
+    import cnnum
+
+    try:
+        cnnum.Engine("opencl")
+    except NoOpenCLError:
+        return ("reference", "numba")
+    return ("reference", "opencl", "numba")
+
+
+def test_random_programs_give_what_numpy_gives():
+    shard = Shard(compiler=shutil.which("cc") or shutil.which("gcc"), engines=engines())
+    began, seed = time.monotonic(), 40_000 if LONG else 20_000
+    wait = max(60.0, SECONDS / max(TESTS[0], 1)) if LONG else 0.0
+    for _ in range(4):
+        shard.one(seed)
+        seed += 1
+    while time.monotonic() - began < wait:
+        shard.one(seed)
+        seed += 1
+        if len(shard.pending) > 40:
+            shard.compile()
+    shard.compile()
+    assert not shard.wrong, f"of {shard.tried} programs: {shard.wrong[:5]}"
+    assert shard.exact > shard.compared // 2
+
+
+@pytest.mark.parametrize("rounding", [FLOAT64, FLOAT32, *WHOLE], ids=lambda one: one.name)
+def test_a_wrong_number_is_found(rounding):
+    """An answer that is off by a step, in any frame, is outside the bounds of most programs."""
+    found = 0
+    for seed in range(12):
+        writer = Writer(seed)
+        steps, _, outputs = writer.program()
+        frames = writer.eighths(1, (13, 2, 3, 4, 2))
+        measured = Oracle(steps, outputs)
+        measured.run(frames)
+        answers = Oracle(steps, outputs, rounding, (measured.later, measured.early)).run(frames)
+        shard = Shard()
+        changed = [{name: one.v + 0.5 for name, one in answer.items()} for answer in answers]
+        shapes = [
+            {k: (v[:, 0, 0] if v.shape[-1] == 1 else v) for k, v in one.items()} for one in changed
+        ]
+        shard.compare(seed, "a step away", shapes, answers)
+        found += bool(shard.wrong)
+        assert all(isinstance(one, V) for answer in answers for one in answer.values())
+    assert found >= 10
