@@ -62,7 +62,8 @@ embedded: $(VENV)/dev.stamp
 	{ command -v arm-none-eabi-gcc && command -v qemu-system-arm; } >/dev/null || \
 	    { [ "$$(id -u)" = 0 ] && apt-get install --yes gcc-arm-none-eabi qemu-system-arm; } || \
 	    echo "Install gcc-arm-none-eabi and qemu-system-arm for their counts, too." >&2
-	CNNUM_FRAMES=10000 $(PYTEST) tests/embedded tests/cli/commands/test_bench_embedded.py
+	CNNUM_FRAMES=10000 $(PYTEST) tests/embedded tests/fuzz/test_programs.py \
+	    tests/cli/commands/test_bench_embedded.py
 	$(BIN)/cnnum bench embedded --shape 4x4x3 --shape 8x8x3 --shape 16x16x3 --method auto --method euler \
 	    --force --out bench-results
 
