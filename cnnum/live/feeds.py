@@ -1,10 +1,11 @@
 """Where pictures come from: a scene that runs, an array alone, or a recording that is played."""
 
+import logging
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from threading import Condition, Thread
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeGuard
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from cnnum.drivers.driver import Driver
 from cnnum.errors import CnnumError
 from cnnum.frame import Frame
 from cnnum.live.hub import Hub
+from cnnum.safety.values import is_real
 from cnnum.scenes.conversion import unit_of
 from cnnum.scenes.pipeline import FrameResult, Scene
 
@@ -61,6 +63,10 @@ class _Threaded(ABC):
             self._work()
         except CnnumError as error:
             self.hub.end(str(error))
+        except Exception as error:  # of a driver of the user's own: the page is told, too
+            said = " ".join(f"{type(error).__name__}: {error!s:.300}".split())
+            self.hub.end(f"The source has failed ({said}): see to its driver.")
+            logging.getLogger(__name__).error("The source has failed.", exc_info=error)
         else:
             self.hub.end("The source has ended.")
 
@@ -217,8 +223,8 @@ class RecordingFeed(_Threaded):
             self._woken = False
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and value == value
+def _is_number(value: object) -> TypeGuard[float]:
+    return is_real(value) and not isinstance(value, bool)
 
 
 def hub_of(scene: Scene, duration: float = 0.0) -> Hub:

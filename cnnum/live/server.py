@@ -5,13 +5,14 @@ import contextlib
 import hmac
 import ipaddress
 import json
+import logging
 from collections.abc import AsyncGenerator, Callable, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from http import HTTPStatus
 from importlib import resources
 from typing import TYPE_CHECKING, Any, cast
-from urllib.parse import parse_qs, urlsplit
+from urllib.parse import parse_qs, quote, urlsplit
 
 from cnnum.errors import PortError, SceneError, missing_extra
 from cnnum.live.feeds import Feed
@@ -58,7 +59,7 @@ class Place:
     Raises
     ------
     SceneError
-        If others than this machine could connect and no token is set.
+        If others than this machine could connect and no token is set, or the token is no text.
     """
 
     host: str = "127.0.0.1"
@@ -71,11 +72,19 @@ class Place:
                 f"'{self.host}' can be reached from other machines: set a token, which the page's "
                 "address must then contain."
             )
+        try:
+            self.token.encode()
+        except UnicodeEncodeError:
+            raise SceneError(
+                "The token has bytes that are no text: take letters, digits and signs."
+            ) from None
 
     def address(self, port: int) -> str:
         """Return the page's address in a browser."""
         name = f"[{self.host}]" if ":" in self.host else self.host
-        return f"http://{name}:{port}/" + (f"?token={self.token}" if self.token else "")
+        return f"http://{name}:{port}/" + (
+            f"?token={quote(self.token, safe='')}" if self.token else ""
+        )
 
 
 def is_loopback(host: str) -> bool:
@@ -143,6 +152,12 @@ class Pages:
 
     def answer(self, connection: "ServerConnection", request: "Request") -> "Response | None":
         """Answer a request for a file, or let a WebSocket in."""
+        try:
+            return self._answer(connection, request)
+        except (ValueError, LookupError):  # a host that is none, a header that is there twice
+            return connection.respond(HTTPStatus.BAD_REQUEST, "This request is malformed.\n")
+
+    def _answer(self, connection: "ServerConnection", request: "Request") -> "Response | None":
         wants_socket = request.headers.get("Upgrade", "").lower() == "websocket"
         if not wants_socket:
             if refusal := self._gate.stranger(request.headers.get("Host", "")):
@@ -174,7 +189,7 @@ class Pages:
     def _heed(self, message: str | bytes) -> None:
         try:
             wanted: Any = json.loads(message)
-        except ValueError:
+        except (ValueError, RecursionError):
             return
         if isinstance(wanted, dict):
             self._feed.command(cast("dict[str, Any]", wanted))
@@ -227,6 +242,15 @@ def _headers(kind: str, body: bytes) -> list[tuple[str, str]]:
     ]
 
 
+def _quiet_logger() -> logging.Logger:
+    """Return the logger of the library: what others send is no reason for a traceback here."""
+    logger = logging.getLogger("cnnum.view")
+    logger.setLevel(logging.ERROR)
+    if not logger.filters:
+        logger.addFilter(lambda record: record.msg != "opening handshake failed")
+    return logger
+
+
 @asynccontextmanager
 async def serving(feed: Feed, place: Place) -> "AsyncGenerator[tuple[Server, Pages, int]]":
     """Serve a feed while the block runs; yields the server, its pages and its port.
@@ -253,6 +277,7 @@ async def serving(feed: Feed, place: Place) -> "AsyncGenerator[tuple[Server, Pag
             compression=None,
             close_timeout=1.0,
             server_header=None,
+            logger=_quiet_logger(),
         )
     except OSError as error:
         raise PortError(

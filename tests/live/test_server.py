@@ -7,6 +7,7 @@ from collections.abc import Coroutine
 from itertools import count
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
@@ -99,6 +100,108 @@ def test_other_machines_need_a_token() -> None:
     assert "token" in gate.refusal(at, "/stream")
     assert "token" in gate.refusal(at, "/stream?token=wrong")
     assert "another origin" in gate.refusal({**at, "Origin": "http://a"}, "/stream?token=secret")
+
+
+@pytest.mark.parametrize("token", ["a&b", "a=b#c", "50% +/?", "τ°", " ", "%41"])
+def test_the_address_that_is_printed_is_let_in(token: str) -> None:
+    place = Place(token=token)
+    address = urlsplit(place.address(8765))
+    gate, at = Gate(place), {"Host": "127.0.0.1:8765"}
+    assert gate.refusal(at, f"/stream?{address.query}") == ""
+    assert "token" in gate.refusal(at, f"/stream?{address.query}x")
+    assert address.netloc == "127.0.0.1:8765"
+
+
+def test_a_token_that_is_no_text_is_refused() -> None:
+    with pytest.raises(SceneError, match="no text"):
+        Place(token="\udcff")
+
+
+UPGRADE = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+UPGRADE += "Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n"
+LOCAL = "Host: 127.0.0.1\r\n"
+MALFORMED = {
+    "open bracket": ("/", "Host: [::1\r\n"),
+    "open bracket, socket": ("/stream", "Host: [::1\r\n" + UPGRADE),
+    "two hosts": ("/", LOCAL * 2),
+    "two hosts, socket": ("/stream", LOCAL * 2 + UPGRADE),
+    "two upgrades": ("/stream", LOCAL + UPGRADE + "Upgrade: websocket\r\n"),
+    "two origins": ("/stream", LOCAL + UPGRADE + "Origin: http://127.0.0.1\r\n" * 2),
+    "path of a bracket": ("//[", LOCAL),
+    "path of a bracket, socket": ("//[", LOCAL + UPGRADE),
+    "long port": ("/", f"Host: 127.0.0.1:{'9' * 4000}\r\n"),
+    "long length": ("/", LOCAL + f"Content-Length: {'9' * 5000}\r\n"),
+    "long version": ("/stream", LOCAL + UPGRADE.replace("13", "9" * 5000)),
+    "no host": ("/", ""),
+    "no text": ("/\xff", LOCAL + "X: \xff\r\n"),
+}
+
+
+def test_malformed_requests_and_commands_are_refused_in_silence(
+    capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    from websockets.asyncio.client import connect
+
+    async def work() -> None:
+        async with serving(ArrayFeed("a", Source()), Place(port=0)) as (_, _, port):
+            for name, (path, headers) in MALFORMED.items():
+                reader, writer = await asyncio.open_connection("127.0.0.1", port)
+                writer.write(f"GET {path} HTTP/1.1\r\n{headers}\r\n".encode("latin-1"))
+                head = await asyncio.wait_for(reader.read(200), 5.0)
+                assert b" 101 " not in head, name
+                assert b" 500 " not in head, name
+                writer.close()
+            async with connect(f"ws://127.0.0.1:{port}/stream", proxy=None) as page:
+                for text in ("9" * 4000, f'{{"seek": {"9" * 4000}}}', "[" * 4000, "{", "null"):
+                    await page.send(text)
+                for command in COMMANDS:
+                    await page.send(command)
+                await page.send(b"\xff")
+                for _ in range(5):
+                    await asyncio.wait_for(page.recv(), 5.0)
+
+    run(work())
+    said = capfd.readouterr()
+    assert "Traceback" not in said.err + caplog.text
+    assert not caplog.records
+
+
+COMMANDS = [
+    f'{{"{key}": {value}}}'
+    for key in ("seek", "speed", "paused")
+    for value in ("9" * 4000, "-" + "9" * 4000, "1e999", "NaN", '"x"', "[]", "true", "null")
+]
+
+
+def test_commands_of_any_number_leave_a_recording_playing(tmp_path: Path) -> None:
+    path = tmp_path / "short.npz"
+    Recording(np.zeros((50, 8, 8, 3)), rate=100.0, unit="strain").save(path)
+    array = {"driver": "npz", "path": str(path)}
+    changes = {"array": array, "engine.name": "numba"}
+    feed = RecordingFeed(load_scene("demo", changes=changes))
+    feed.start()
+    for text in COMMANDS:
+        feed.command(json.loads(text))
+    feed.command({"paused": False, "speed": 1.0, "seek": 0})
+    end = time.monotonic() + 30.0
+    while feed.hub.frames < 1 and time.monotonic() < end:
+        time.sleep(0.01)
+    assert feed.hub.frames
+    assert feed.hub.ended == ""
+    feed.stop()
+
+
+def test_the_page_is_told_of_any_error_of_a_driver(caplog: pytest.LogCaptureFixture) -> None:
+    class Broken(Source):
+        def frames(self) -> Any:
+            yield from ()
+            raise ZeroDivisionError("of my\ndriver")
+
+    feed = ArrayFeed("broken", Broken())
+    feed.start()
+    feed._thread.join(10.0)
+    assert "has failed (ZeroDivisionError: of my driver)" in feed.hub.status()["ended"]
+    assert [record.getMessage() for record in caplog.records] == ["The source has failed."]
 
 
 def test_only_the_pages_own_files_are_served() -> None:
