@@ -1,10 +1,13 @@
 # Two commands do it all: `make demo` runs the main job, `make test` passes the tests.
-# Each makes .venv and installs from locked versions (requirements.lock); no root, no GPU.
+# Each makes .venv and installs from locked files, by their hashes (requirements.lock); no root, no GPU.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
-PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint requirements.lock
-export PIP_CONSTRAINT := requirements.lock
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --no-deps
+# the lock up to a section, by hashes: a file that is another than the locked one is refused. The project
+# itself is built by the setuptools that is locked, with nothing from outside
+LOCKED = sed '/^\# $(1):/,$$d' requirements.lock > $(VENV)/locked.txt && \
+    $(PIP) --require-hashes --requirement $(VENV)/locked.txt && $(PIP) --no-build-isolation $(EDITABLE) .
 # a plain path in place of an import hook, which type checkers of a user's scripts cannot follow
 EDITABLE := --config-settings editable_mode=compat --editable
 # one more than the cores: some tests wait for ports, processes and the disk
@@ -16,7 +19,7 @@ QUICK := $(addprefix tests/,cli/commands/test_devices.py cli/commands/test_run.p
     graph/test_tracing.py scenes/test_scene.py)
 SITUATION := sh -c '$(BIN)/cnnum devices --no-measure && $(BIN)/cnnum demo --out cnnum-demo.html --force && $(PYTEST) $(QUICK)'
 
-.PHONY: demo test test-full situations faults arrays embedded fuzz mutate platforms docs lint style mypy pyright bench lock clean
+.PHONY: demo test test-full situations faults arrays embedded fuzz mutate platforms docs lint style mypy pyright bench lock audit clean
 
 demo: $(VENV)/run.stamp
 	$(BIN)/cnnum demo --out cnnum-demo.html --force
@@ -100,19 +103,26 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/run.stamp: pyproject.toml requirements.lock | $(VENV)/bin/python
-	$(PIP) $(EDITABLE) .
+	$(call LOCKED,to develop and test)
 	touch $@
 
 $(VENV)/dev.stamp: pyproject.toml requirements.lock | $(VENV)/bin/python
-	$(PIP) $(EDITABLE) '.[dev]'
+	$(call LOCKED,of other extras)
 	touch $@ $(VENV)/run.stamp
 
-# Resolve anew: everything of the run and dev sets, at the newest versions that fit together.
+# Resolve anew: everything of the run and dev sets, at the newest versions that fit together, with hashes.
 lock:
 	rm -rf $(VENV)-lock && $(PYTHON) -m venv $(VENV)-lock
-	PIP_CONSTRAINT= $(VENV)-lock/bin/python -m pip install --quiet setuptools '.[dev]'
-	$(VENV)-lock/bin/python -m pip freeze --all --exclude cnnum-emulator --exclude pip > requirements.lock
+	$(VENV)-lock/bin/python -m pip install --quiet uv
+	$(VENV)-lock/bin/python tests/house/lock.py
 	rm -rf $(VENV)-lock
+
+# known weaknesses of the locked packages, by name and version: it asks a public database
+audit:
+	rm -rf $(VENV)-audit && $(PYTHON) -m venv $(VENV)-audit
+	$(VENV)-audit/bin/python -m pip install --quiet pip-audit
+	$(VENV)-audit/bin/pip-audit --disable-pip --require-hashes --requirement requirements.lock
+	rm -rf $(VENV)-audit
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache

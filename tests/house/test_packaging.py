@@ -164,3 +164,29 @@ def test_lock_file_pins_every_dependency():
         asked += [item for item in extra if not item.startswith("cnnum-emulator[")]
     names = {item.split(">=")[0].split("[")[0].lower() for item in asked}
     assert names <= locked
+
+
+def test_lock_file_has_hashes_of_every_package_and_its_sections():
+    """pip refuses a lock in which one package has no hash; make reads the file by its sections."""
+    text = (ROOT / "requirements.lock").read_text()
+    entries = re.split(r"\n(?! )", text)
+    packages = [entry for entry in entries if entry and not entry.startswith("#")]
+    assert len(packages) > 100
+    for entry in packages:
+        head, *hashes = entry.split(" \\\n    ")
+        assert re.fullmatch(r"[\w.-]+==[\w.+!]+( ; .+)?", head), head
+        assert hashes
+        assert all(re.fullmatch(r"--hash=sha256:[0-9a-f]{64}", each) for each in hashes), head
+    lines = text.splitlines()
+    places = [
+        lines.index(title)
+        for title in ("# to run:", "# to develop and test:", "# of other extras:")
+    ]
+    assert places == sorted(places)
+    run = [line.partition("==")[0] for line in lines[places[0] : places[1]] if "==" in line]
+    assert {"numpy", "pyopencl", "setuptools"} <= set(run)
+    assert not {"pytest", "mypy"} & set(run)
+    makefile = (ROOT / "Makefile").read_text()
+    assert "--require-hashes" in makefile
+    for title in ("to develop and test", "of other extras"):
+        assert f"$(call LOCKED,{title})" in makefile
